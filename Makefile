@@ -1,5 +1,5 @@
-# make demo flies the synchronised approach, make test proves it. Every target sets up what it needs
-# in .venv by itself, from Python >= 3.11, a C compiler and make.
+# make demo runs the synchronised approach, make test runs all tests. Every target installs what it
+# needs in .venv; it requires Python >= 3.11, a C compiler and make.
 
 PYTHON ?= python3
 VENV   := .venv
@@ -16,22 +16,24 @@ PIP    := $(BIN)/pip install --quiet --disable-pip-version-check
 # cmake and ninja come as wheels into the virtual environment
 RUN    := PATH="$(CURDIR)/$(BIN):$$PATH"
 CMAKE  := $(RUN) cmake -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
-# on all cores; a worker that has nothing left takes over tests of another one. Bytecode is kept, or
-# every worker and each of the thousand processes that tests start would compile all modules anew.
-# Each worker does its linear algebra alone: further threads of OpenBLAS spin while they wait, on
-# processors that the other workers need.
+# on all cores; a worker without tests takes over tests of another one. Bytecode is stored: otherwise
+# every worker and each of the thousand processes that tests start would compile all modules again.
+# OpenBLAS uses one thread per worker: further threads would spin while they wait, on processors
+# that the other workers need.
 PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name '*.toml' \
                      -o -name CMakeLists.txt)
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-browser test-wasm test-wheel test-long test-interop pil targets \
+.PHONY: help build demo test test-browser test-wasm test-wheel test-long test-interop pil processors \
         validation gallery sanitize lint warnings format coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-browser | test-wasm | test-wheel | test-interop | test-long | pil |"
-	@echo "     validation | gallery | figures | lint | warnings | format | coverage | sanitize |"
-	@echo "     bench | site | wheel | sdist | dist | release | clean"
+	@echo "make demo | test | test-browser | test-wasm | test-wheel | test-interop | test-long |"
+	@echo "     oms OMSIMULATOR=CHECKOUT |"
+	@echo "     test-processors | pil |"
+	@echo "     validation | gallery | quoted-values | lint | warnings | format | coverage | sanitize |"
+	@echo "     tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -39,7 +41,7 @@ $(TOOLS): pyproject.toml
 	@echo "Setting up $(VENV), once: Python packages from PyPI (1 GB on disk), then all FMUs from C;"
 	@echo "2 to 5 minutes on two cores."
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.28" lxml "msgspec>=0.19" "pillow>=10.1" \
+	$(PIP) "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.28" lxml "msgspec>=0.22" "pillow>=10.1" \
 	  "setuptools>=70.1" # of dependencies without a wheel; from Python 3.12 on venv brings none
 	@touch $@
 
@@ -47,7 +49,7 @@ $(INSTALLED): $(TOOLS) pyproject.toml
 	$(RUN) $(PIP) --no-build-isolation --editable '.[test]'
 	@touch $@
 
-# the package in .venv reads FMUs and systems from build/: what is edited is rebuilt there alone
+# the package in .venv reads FMUs and systems from build/: an edit needs a build only, no installation
 $(READY): $(INSTALLED) CMakeLists.txt $(SOURCES)
 	@$(RUN) cmake --build build
 	@touch $@
@@ -71,30 +73,39 @@ demo: build
 test: build
 	$(PYTEST)
 
-# pages and the documentation site in a headless Chromium, which the system brings (Debian: apt-get
-# install chromium)
+# opens pages and the documentation site in a headless Chromium, which must be installed (Debian:
+# apt-get install chromium)
 test-browser: build site
-	$(RUN) $(PIP) --no-build-isolation --editable '.[test,browser,fly]'
+	$(RUN) $(PIP) --no-build-isolation --editable '.[test,browser,live]'
 	$(BIN)/pytest -m browser -rs
 
-# every system as a WebAssembly module in node, which the system brings: the bits of a run here
+# compares every system as a WebAssembly module in node, which must be installed, with a run here
 test-wasm: build
-	$(RUN) $(PIP) --no-build-isolation --editable '.[test,fly]'
+	$(RUN) $(PIP) --no-build-isolation --editable '.[test,live]'
 	$(BIN)/pytest -m wasm -rs
 
-# the wheel in dist/, installed by pip into fresh environments without a compiler
+# installs the wheel in dist/ by pip into fresh environments without a compiler
 test-wheel: build
 	$(BIN)/pytest -m wheel -rs tests/site
 
-# long studies, and the property tests with many examples at random; SEED=... draws the same again
+# long studies, and the property tests with many random examples; SEED=... repeats the examples
 test-long: build
 	$(PYTEST) -m "long or hypothesis" --hypothesis-profile=random \
 	  --hypothesis-seed=$${SEED:-$$(date +%s)}
 
-# with tools beyond the test dependencies; writes the table docs/tools.md from the run
+# tests with third-party tools; writes the table docs/tools.md from the run
 test-interop: build
 	$(RUN) $(PIP) --no-build-isolation --editable '.[test,interop]'
 	$(BIN)/pytest -m interop -rs --tool-table=docs/tools.md
+
+# every .ssp in OMSimulator, built in a checkout of its sources: make oms OMSIMULATOR=CHECKOUT
+.PHONY: oms
+oms: build
+	$(RUN) cmake -S $(OMSIMULATOR) -B $(OMSIMULATOR)/build -G Ninja -DCMAKE_BUILD_TYPE=Debug \
+	  -DCMAKE_POLICY_VERSION_MINIMUM=3.5
+	$(RUN) cmake --build $(OMSIMULATOR)/build --target OMSimulator
+	OMSIMULATOR=$(OMSIMULATOR)/build/src/OMSimulator/OMSimulator \
+	  $(BIN)/pytest -m interop -rs tests/interop/test_omsimulator.py
 
 # flight software on emulated processors; on Debian (and Ubuntu) the packages are installed
 PIL_PACKAGES := gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm \
@@ -108,17 +119,27 @@ pil: build
 	     apt-get install -y --no-install-recommends $(PIL_PACKAGES); }
 	$(BIN)/pytest -rs -m "pil or not pil" tests/link
 
-# what every flight FMU takes of every processor; writes the page docs/targets.md from the runs. What
-# has been flown with the same files is not flown again, so it may be interrupted.
-FLIGHT := $(sort $(basename $(notdir $(wildcard fmus/flight/*.c))))
-targets: build
-	$(BIN)/harness target $(FLIGHT) --write docs/targets.md
+# numerical tests with other kernels of OpenBLAS, without vectors of numpy, with FMUs for other
+# instruction sets and on an emulated processor (Linux on x86-64); on Debian (and Ubuntu) the package
+# of the emulator is installed. Writes the page lab/processors.md from the runs
+.PHONY: test-processors
+test-processors: build
+	@command -v qemu-x86_64 > /dev/null || { echo "missing: qemu-x86_64; package of Debian: qemu-user"; \
+	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
+	     apt-get install -y --no-install-recommends qemu-user; }
+	$(RUN) $(BIN)/python .ci/processors.py lab/processors.md
 
-# numbers by others through the FMUs; writes the page docs/validation.md from the run
+# instructions and memory of every flight FMU on every processor; writes docs/processor_figures.md
+# from the runs. A run with the same files is not repeated, so the target may be interrupted.
+FLIGHT_FMUS := $(sort $(basename $(notdir $(wildcard fmus/flight/*.c))))
+processors: build
+	$(BIN)/harness processor $(FLIGHT_FMUS) --write docs/processor_figures.md
+
+# FMUs against published reference values; writes the page docs/validation.md from the run
 validation: build
 	$(BIN)/python .ci/validation.py docs/validation.md
 
-# flies the systems; writes docs/gallery.md and its pictures from the runs
+# runs the systems; writes docs/gallery.md and its pictures from the runs
 gallery: build
 	$(BIN)/python .ci/gallery.py docs
 
@@ -130,13 +151,14 @@ sanitize: build
 	SERVICING_FMUS_BUILD=$(CURDIR)/build/sanitize ASAN_OPTIONS=detect_leaks=0 \
 	  LD_PRELOAD="$$(cc -print-file-name=libasan.so)" $(BIN)/pytest tests/fmu tests/compliance tests/link
 
-# spelling, style and types: seconds, and the same answer on every machine
+# checks spelling, style and types in seconds, with the same result on every machine
 lint: build $(LINTERS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
 	$(BIN)/codespell
 	$(BIN)/python .ci/words.py
+	$(BIN)/python .ci/subjects.py
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/python .ci/licence_lines.py --check $(CODE)
 	$(BIN)/python .ci/size.py
@@ -153,7 +175,7 @@ format: build $(LINTERS)
 	$(BIN)/clang-format -i $(C_FILES)
 
 # lines of Python and of C (build/coverage: FMUs and executor with counters) that the tests reach;
-# a test that has no patience with the counters does not spoil the report
+# a test that fails because the counters slow it down does not prevent the report
 COVERING ?= tests/fmu tests/compliance tests/harness tests/systems
 coverage: build $(LINTERS)
 	$(CMAKE) --preset coverage
@@ -167,26 +189,26 @@ coverage: build $(LINTERS)
 	  --html-details build/coverage/c/index.html
 
 # the documentation pages in build/site: first runs what they quote, then writes the Markdown, then
-# HTML, strictly; they need no network to be read. Of the extra `fly` the compiler of the live pages
+# HTML, strictly; readers need no network. The first package of the extra `live` compiles live pages
 SITE  := $(VENV)/.site
 PAGES := $(shell find .ci/pages docs examples -type f) $(wildcard ssp/*/*.md) mkdocs.yml \
   CONTRIBUTING.md CHANGELOG.md
 $(SITE): $(TOOLS) pyproject.toml
 	$(PIP) $$($(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
-	  e = p['project']['optional-dependencies']; print(*e['site'], e['fly'][0])")
+	  e = p['project']['optional-dependencies']; print(*e['site'], e['live'][0])")
 	@touch $@
 
 build/site-facts/facts.json: $(READY) $(SITE)
 	$(BIN)/python .ci/pages build/site-facts --facts
 
-# figures in pages, from the runs that .ci/pages/quoted.py names, and claims as the site has them;
-# make figures writes them
+# values in pages, from the runs that .ci/pages/quoted.py names, and claims as on the site;
+# make quoted-values writes them
 build/site-facts/quoted.json: $(READY) .ci/pages/quoted.py $(wildcard .ci/pages/results/*.py) \
-  docs/targets.md
+  docs/processor_figures.md
 	$(BIN)/python .ci/pages build/site-facts --quoted
 
-.PHONY: figures
-figures: build/site-facts/facts.json build/site-facts/quoted.json
+.PHONY: quoted-values
+quoted-values: build/site-facts/facts.json build/site-facts/quoted.json
 	$(BIN)/python .ci/pages build/site-facts --fill
 
 build/site/index.html: build/site-facts/facts.json build/site-facts/quoted.json $(PAGES) $(SITE)
@@ -199,7 +221,7 @@ site: build/site/index.html
 bench: build
 	$(BIN)/python -m tests.bench sync_approach
 
-# deliberate faults in harness/, drawn at random: SEED, COUNT; goes on after an interruption
+# tests COUNT random deliberate faults in harness/, drawn with SEED; continues after an interruption
 .PHONY: faults-python
 faults-python: build $(LINTERS)
 	test -f build/faults/costs.json || \
@@ -207,7 +229,22 @@ faults-python: build $(LINTERS)
 	$(BIN)/python -m tests.mutation --python --seed $${SEED:-1} --count $${COUNT:-300} --jobs 2 \
 	  -o build/faults/python-$${SEED:-1}.jsonl
 
-# sin, cos, atan2, exp, log of the models beside those of the C library
+# lists the tests that reach a line: make tests-of harness/files/archive.py:70. make tests-map
+# records this by running all tests once, later only the tests that an edit affects
+.PHONY: tests-of tests-map
+ifeq ($(firstword $(MAKECMDGOALS)),tests-of)
+AT := $(wordlist 2,$(words $(MAKECMDGOALS)),$(MAKECMDGOALS))
+$(eval $(subst :,\:,$(AT)):;@:)
+endif
+tests-of:
+	@$(BIN)/python -m tests.mutation.tests_of $(AT)
+
+tests-map: build $(LINTERS)
+	$(CMAKE) --preset coverage
+	$(RUN) cmake --build --preset coverage
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation.tests_of --record $(FILES)
+
+# compares sin, cos, atan2, exp, log of the models with the C library
 .PHONY: bench-maths
 bench-maths: build
 	$(BIN)/python -m tests.bench.maths
@@ -227,7 +264,7 @@ dist: build
 wheel: build site
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .
 
-# what the tests know of every FMU and parameter set, as resource meta data (.srmd) in one archive
+# verdicts of the tests for every FMU and parameter set, as resource meta data (.srmd), in one archive
 .PHONY: traceability
 traceability: build
 	$(BIN)/python .ci/traceability.py build -o build/traceability.zip
@@ -235,8 +272,8 @@ traceability: build
 sdist: $(TOOLS)
 	cd "$(CURDIR)" && $(BIN)/python -c 'import scikit_build_core.build as b; b.build_sdist("dist")'
 
-# what a release consists of, as far as this machine can make it (docs/release.md): the wheel has the
-# FMUs of all platforms; built in a folder of its own
+# all files of a release that this machine can build (docs/release.md); the wheel contains the FMUs of
+# all platforms and is built in a folder of its own. Ends with a check and the commands that publish.
 .PHONY: sdist release
 release: build site dist sdist
 	$(RUN) SERVICING_FMUS_PACKED=$(CURDIR)/dist $(BIN)/pip wheel --quiet --no-build-isolation \
@@ -245,6 +282,7 @@ release: build site dist sdist
 	$(BIN)/python .ci/reference_systems.py dist
 	$(BIN)/python .ci/traceability.py dist -o dist/traceability.zip
 	$(BIN)/python .ci/release.py dist
+	$(BIN)/python .ci/release.py dist --check
 
 clean:
 	rm -rf build dist $(VENV)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Flies the systems, draws the pictures of docs/gallery.md and README.md, and writes the page.
+"""Run the systems, draw the pictures of docs/gallery.md and README.md, and write the page.
 
 python .ci/gallery.py docs          # make gallery
 """
@@ -20,16 +20,16 @@ from harness.figures.style import SCREEN
 from tests.missions import FIGURES, OVERLAYS
 
 DOTS, COLOURS = 80, 64
-"""Per inch, and of the palette: some ten kB a picture."""
+"""Dots per inch and colours of the palette: a picture has about ten kB."""
 HEAD = """# Gallery
 
-Made by `make gallery` from runs of this tree, pictures and page. `harness plot` and `harness
+`make gallery` writes this page and its pictures from runs of this tree. `harness plot` and `harness
 compare` draw these figures and more, with `--style paper` for print.
 """
 
 
 class Scene(NamedTuple):
-    """Runs of one system and figures of them; several runs by label go into one figure."""
+    """Runs of one system and their figures; several runs, by label, share one figure."""
 
     name: str
     title: str
@@ -41,7 +41,7 @@ class Scene(NamedTuple):
 
 
 def swaps(component: str, *fmus: str) -> dict[str, dict[str, object]]:
-    """Runs with these FMUs in the place of a component."""
+    """Return the changes of one run per FMU that replaces a component, by the name of the FMU."""
     return {fmu: {"swap": {component: fmu}} for fmu in fmus}
 
 
@@ -54,7 +54,7 @@ SCENES = (
         "harness run sync_approach; harness plot results/sync_approach.nc",
         {
             "trajectory": "From 20 m to 4 m on the grasp axis, which tumbles with the target.",
-            "inertia_estimates": "Estimates that track without being true.",
+            "inertia_estimates": "Estimates that allow tracking but differ from the true inertias.",
         },
         ONE,
     ),
@@ -83,7 +83,7 @@ SCENES = (
     ),
     Scene(
         "navigated",
-        "The approach flown on estimates",
+        "The approach on estimates",
         "sync_approach_navigated",
         "harness run sync_approach_navigated --params dropout",
         {"estimate_errors": "Errors of the relative motion and 3-sigma bands; no pose from 600 to "
@@ -107,7 +107,7 @@ SCENES = (
         "Prescribed performance in line-of-sight coordinates",
         "ppc_tracking",
         "harness run ppc_tracking",
-        {"funnel": "Generalised states within the bounds that are prescribed."},
+        {"funnel": "Generalised states within the prescribed bounds."},
         ONE,
     ),
     Scene(
@@ -117,7 +117,7 @@ SCENES = (
         "harness run arch_rendezvous",
         {
             "approach": "From 1 km into the last metre in five hours.",
-            "safety_margins": "Margins of the monitor: in the end a drift would enter the zone.",
+            "safety_margins": "Margins of the monitor: at the end a drift would enter the zone.",
         },
         ONE,
         5,
@@ -129,7 +129,7 @@ SCENES = (
         "harness run transposition --params cluster",
         {
             "bodies": "Base and module over 90 minutes.",
-            "momentum": "Momentum of the gyros: flown as predicted, below saturation.",
+            "momentum": "Momentum of the gyros: as predicted, below saturation.",
         },
         {"": {"params": "cluster"}},
     ),
@@ -148,17 +148,17 @@ SCENES = (
 )  # fmt: skip
 
 
-def flown(scene: Scene) -> dict[str, Result]:
-    """The runs of a scene by label."""
+def simulate(scene: Scene) -> dict[str, Result]:
+    """Return the results of the runs of a scene, by label."""
     with load(scene.system) as system, Simulation(system, every=scene.every) as simulation:
         return {
-            label: simulation.fly(**changes)  # type: ignore[arg-type]
+            label: simulation.run(**changes)  # type: ignore[arg-type]
             for label, changes in scene.runs.items()
         }
 
 
 def drawn(name: str, results: Mapping[str, Result]) -> bytes:
-    """A figure of these runs as a .png with a small palette."""
+    """Return a figure of these runs as a .png with a small palette."""
     known = FIGURES if len(results) == 1 else OVERLAYS
     first, *_ = results.values()
     (figure,) = (f for f in known if f.name == name and f.fits(first))
@@ -173,10 +173,10 @@ def drawn(name: str, results: Mapping[str, Result]) -> bytes:
 
 
 def page(folder: Path) -> Iterator[str]:
-    """Parts of the page, whose pictures are written on the way."""
+    """Yield the parts of the page, and write its pictures."""
     yield HEAD
     for scene in SCENES:
-        results = flown(scene)
+        results = simulate(scene)
         yield f"## {scene.title}\n\n    {scene.command}\n"
         for figure, text in scene.figures.items():
             file = folder / "pictures" / f"{scene.name}_{figure}.png"

@@ -1,4 +1,4 @@
-"""Licence lines (SPDX) in every C and Python file: adds what is missing, or with --check lists it.
+"""Add the licence line (SPDX) to C and Python files without one; --check only lists these files.
 
 Usage: licence_lines.py [--check] FOLDER...
 
@@ -14,7 +14,7 @@ LINE = "SPDX-License-Identifier: BSD-2-Clause"
 
 
 def with_line(text: str, ending: str) -> str:
-    """The text of a file with the licence line in its place."""
+    """Return the text of a file with the licence line in its place."""
     if LINE in text:
         return text
     if ending == ".py":
@@ -24,20 +24,20 @@ def with_line(text: str, ending: str) -> str:
 
 
 def main() -> None:
-    """Command line, see the docstring of the module."""
+    """Run the command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--check", action="store_true")
     parser.add_argument("folders", type=Path, nargs="+")
     a = parser.parse_args()
     files = [p for f in a.folders for p in f.rglob("*") if p.suffix in {".c", ".h", ".py"}]
     texts = {path: path.read_text(encoding="utf-8") for path in sorted(files)}
-    wanting = [path for path, text in texts.items() if LINE not in text]
-    for path in wanting:
+    lacking = [path for path, text in texts.items() if LINE not in text]
+    for path in lacking:
         if a.check:
             print(f"{path}: no licence line: make format")
         else:
             path.write_text(with_line(texts[path], path.suffix), encoding="utf-8")
-    sys.exit(a.check and bool(wanting))
+    sys.exit(a.check and bool(lacking))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Every system of a release a second time, as SSP 2.0 with FMUs of FMI 3.0: NAME.fmi3.ssp beside
-NAME.ssp, with the same bits.
+"""Write every system of a release a second time, as SSP 2.0 with FMUs of FMI 3.0: NAME.fmi3.ssp
+beside NAME.ssp. Both give the same bits.
 
 python .ci/reference_systems.py dist        # make release
 """
@@ -18,7 +18,7 @@ ENDING = ".fmi3.ssp"
 
 
 def write(folder: Path) -> list[Path]:
-    """The files written: one for every system in ssp/, with FMUs from fmus3/."""
+    """Write a file for every system in ssp/, with FMUs from fmus3/, and return their paths."""
     written = []
     for path in sorted((folder / "ssp").glob("*.ssp")):
         if path.name.endswith(ENDING):

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Release artefacts: FMUs and systems with their checksums, and a page that lists them, so that who
-wants one FMU needs no Python.
+"""Release artefacts: FMUs and systems with their checksums, a page that lists them for users
+without Python, and the check that a release is complete.
 
-python .ci/release.py dist          # make release
+python .ci/release.py dist          # write SHA256SUMS and index.html
+python .ci/release.py dist --check  # report what is missing, print the commands that publish
 """
 
 from __future__ import annotations
 
 import hashlib
 import html
+import re
+import subprocess
 import sys
 import tomllib
 import zipfile
@@ -30,30 +33,30 @@ DESCRIPTIONS = {".fmu": "modelDescription.xml", ".ssp": "SystemStructure.ssd"}
 
 
 def version() -> str:
-    """The version, from pyproject.toml."""
+    """Return the version of pyproject.toml."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     return str(project["version"])
 
 
 def artefacts(folder: Path) -> list[Path]:
-    """Files to publish, by kind and name."""
+    """Return the files to publish, sorted by kind and name."""
     found = (p for p in folder.rglob("*") if p.suffix in KINDS)
     return sorted(found, key=lambda p: (list(KINDS).index(p.suffix), p.name))
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file."""
+    """Return the SHA-256 of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def checksums(folder: Path) -> str:
-    """Lines that `sha256sum --check` reads in the folder."""
+    """Return the lines that `sha256sum --check` reads in the folder."""
     return "".join(f"{digest(p)}  {p.relative_to(folder).as_posix()}\n" for p in artefacts(folder))
 
 
 def about(path: Path) -> tuple[str, str]:
-    """What an archive says of itself; its standard with the platforms of its binaries or the number
-    of its components.
+    """Return the description of an archive, and its standard with the platforms of its binaries or
+    the number of its components.
     """
     if path.suffix == ".zip":
         return "equations, sources, validation and verdicts of FMUs and parameter sets", "SRMD 1.1"
@@ -71,7 +74,7 @@ def about(path: Path) -> tuple[str, str]:
 
 
 def index(folder: Path) -> Iterator[str]:
-    """The page."""
+    """Yield the lines of the page."""
     title = f"servicing-fmus {version()}"
     yield f"<!DOCTYPE html><html lang='en'><head><meta charset='utf-8'><title>{title}</title>"
     yield f"<style>{STYLE}</style></head><body><h1>{title}</h1>"
@@ -95,10 +98,101 @@ def index(folder: Path) -> Iterator[str]:
 
 
 def write(folder: Path) -> None:
-    """SHA256SUMS and index.html of a folder of artefacts."""
+    """Write SHA256SUMS and index.html of a folder of artefacts."""
     (folder / "SHA256SUMS").write_text(checksums(folder), encoding="utf-8")
     (folder / "index.html").write_text("\n".join(index(folder)) + "\n", encoding="utf-8")
 
 
+# ---- check of a release
+
+PLATFORMS = 4
+"""Platforms of the binaries of every released FMU."""
+
+
+def problems(folder: Path) -> Iterator[str]:
+    """Yield a line for everything that a release of this tree lacks or contradicts."""
+    yield from _versions()
+    yield from _repository()
+    for name, pattern in expected().items():
+        if not (found := [p for p in folder.glob(pattern) if p.is_file()]):
+            yield f"{folder / name}: missing"
+        elif len(found) > 1:
+            yield f"{folder / name}: {len(found)} files, expected one"
+    for path in sorted(folder.glob("fmus*/*.fmu")):
+        yield from _fmu(path)
+    for path in sorted(folder.glob("*.whl")):
+        yield from _wheel(path)
+    sums = folder / "SHA256SUMS"
+    if sums.is_file() and sums.read_text(encoding="utf-8") != checksums(folder):
+        yield f"{sums}: differs from the files"
+
+
+def expected() -> dict[str, str]:
+    """Return glob patterns of the files of a release in its folder, by the name to report."""
+    kernel = f"servicing_fmus-{version()}"
+    fmus = sorted(
+        p.stem for kind in ("plant", "flight") for p in (ROOT / "fmus" / kind).glob("*.c")
+    )
+    systems = sorted(p.stem for p in (ROOT / "build/ssp").glob("*.ssp"))
+    names = [f"{folder}/{fmu}.fmu" for folder in ("fmus", "fmus3") for fmu in fmus]
+    names += [f"ssp/{system}{end}" for system in systems for end in (".ssp", ".fmi3.ssp")]
+    names += [f"{kernel}.tar.gz", "traceability.zip", "SHA256SUMS", "index.html"]
+    return {f"{kernel}-*.whl": f"{kernel}-*.whl"} | {name: name for name in names}
+
+
+def _versions() -> Iterator[str]:
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    given = dict(re.findall(r"^(version|date-released): (\S+)$", citation, re.MULTILINE))
+    if given.get("version") != version():
+        yield f"CITATION.cff: version {given.get('version')}, pyproject.toml has {version()}"
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    heading = f"[{version()}] - {given.get('date-released')}"
+    if f"## {heading}" != next(iter(re.findall(r"^## .*$", changelog, re.MULTILINE)), ""):
+        yield f"CHANGELOG.md: the first heading must be {heading!r}"
+
+
+def _repository() -> Iterator[str]:
+    if _git("status", "--porcelain"):
+        yield "the working tree has changes that are not committed"
+    tag = f"v{version()}"
+    if _git("tag", "--list", tag) and tag not in _git("tag", "--points-at", "HEAD").split():
+        yield f"the tag {tag} exists and belongs to another commit"
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(ROOT), *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def _fmu(path: Path) -> Iterator[str]:
+    with zipfile.ZipFile(path) as archive:
+        given = ElementTree.fromstring(archive.read(DESCRIPTIONS[".fmu"])).get("version")
+        places = {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")}
+    if given != version():
+        yield f"{path}: version {given}, expected {version()}"
+    if len(places) != PLATFORMS:
+        yield f"{path}: binaries for {len(places)} platforms, expected {PLATFORMS}"
+
+
+def _wheel(path: Path) -> Iterator[str]:
+    with zipfile.ZipFile(path) as archive:
+        if not any(name.endswith("site/index.html") for name in archive.namelist()):
+            yield f"{path}: contains no documentation site"
+
+
+def check(folder: Path) -> int:
+    """Print the problems of a release, or the two commands that publish it; return the status."""
+    if found := list(problems(folder)):
+        print(*(f"release: {line}" for line in found), sep="\n", file=sys.stderr)
+        return 1
+    tag = f"v{version()}"
+    print(f"{folder} is complete. To release it:\n")
+    print(f"    git tag -a {tag} -m 'servicing-fmus {version()}'\n    git push origin {tag}")
+    return 0
+
+
 if __name__ == "__main__":
-    write(Path(sys.argv[1]))
+    place = Path(sys.argv[1])
+    if sys.argv[2:] == ["--check"]:
+        sys.exit(check(place))
+    write(place)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How large the house is: modules and lines of code of `harness/` and `ssp/` (docstrings, comments
-and blank lines not counted), its rooms and floors, lengths of its functions.
+"""Print the size of the code: modules and lines of code of `harness/` and `ssp/` (docstrings,
+comments and blank lines not counted), lengths of functions, packages and their import levels.
 
     python .ci/size.py
 """
@@ -22,7 +22,7 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def docstrings(tree: ast.AST) -> set[int]:
-    """Lines of all texts that stand alone."""
+    """Return the numbers of the lines of docstrings and of other texts that are statements."""
     texts = (
         node
         for node in ast.walk(tree)
@@ -36,14 +36,14 @@ def docstrings(tree: ast.AST) -> set[int]:
 
 
 def code(text: str) -> set[int]:
-    """Numbers of the lines that hold code."""
+    """Return the numbers of the lines that hold code."""
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
     spans = (range(t.start[0], t.end[0] + 1) for t in tokens if t.type not in SILENT)
     return {line for span in spans for line in span} - docstrings(ast.parse(text))
 
 
 def lengths(text: str) -> Iterator[int]:
-    """Lines of code of every function."""
+    """Yield the number of lines of code of every function."""
     lines = code(text)
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, FUNCTIONS):
@@ -51,18 +51,18 @@ def lengths(text: str) -> Iterator[int]:
 
 
 def place(name: str) -> str:
-    """The room of a module, a package; a module at the top of `harness/` is none."""
+    """Return the package of a module; a module at the top of `harness/` is its own place."""
     parts = name.split(".")
     return ".".join(parts[:2]) if parts[0] == "harness" else parts[0]
 
 
-def is_room(name: str) -> bool:
-    """Whether a place is a package."""
+def is_package(name: str) -> bool:
+    """Return whether a place is a package."""
     return (ROOT / name.replace(".", "/")).is_dir()
 
 
 def imports(text: str) -> Iterator[str]:
-    """Modules of ours that a file imports."""
+    """Yield the modules that a file imports."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
@@ -70,8 +70,8 @@ def imports(text: str) -> Iterator[str]:
             yield from (alias.name for alias in node.names)
 
 
-def floors(texts: Mapping[str, str]) -> tuple[int, int]:
-    """Number of rooms, and of rooms on the longest way down through their imports."""
+def import_levels(texts: Mapping[str, str]) -> tuple[int, int]:
+    """Return the number of packages, and the number on the longest chain of their imports."""
     below: dict[str, set[str]] = {}
     for name, text in texts.items():
         known = (i for i in imports(text) if i.partition(".")[0] in ("harness", "ssp"))
@@ -80,13 +80,13 @@ def floors(texts: Mapping[str, str]) -> tuple[int, int]:
 
     @cache
     def height(each: str) -> int:
-        return is_room(each) + max(map(height, below.get(each, ())), default=0)
+        return is_package(each) + max(map(height, below.get(each, ())), default=0)
 
-    return sum(map(is_room, below)), max(map(height, below))
+    return sum(map(is_package, below)), max(map(height, below))
 
 
 def report(folder: str) -> str:
-    """One line about a folder."""
+    """Return a line with the sizes of a folder."""
     texts = [path.read_text(encoding="utf-8") for path in sorted((ROOT / folder).rglob("*.py"))]
     sizes = sorted(n for text in texts for n in lengths(text))
     p90 = sizes[round(0.9 * (len(sizes) - 1))]
@@ -98,7 +98,7 @@ def report(folder: str) -> str:
 
 
 def main() -> None:
-    """Print the figures."""
+    """Print the sizes."""
     for folder in ("harness", "ssp"):
         print(report(folder))
     texts = {
@@ -107,7 +107,7 @@ def main() -> None:
         for path in (ROOT / folder).rglob("*.py")
         if path.name not in ("__init__.py", "__main__.py")
     }
-    print("{} rooms on {} floors".format(*floors(texts)))
+    print("{} packages on {} import levels".format(*import_levels(texts)))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Traceability: a resource meta data file (.srmd of SSP Traceability 1.1) for every FMU and every
-parameter set of every system, made of what the tests know and packed into one archive.
+"""Write an archive with a resource meta data file (.srmd of SSP Traceability 1.1) for every FMU and
+every parameter set of every system, from validation cases, requirements and claims.
 
 python .ci/traceability.py build -o build/traceability.zip      # make traceability
 
-The folder has FMUs in fmus/ and fmus3/ and systems in ssp/. Of an FMU the file tells the equations
-and their source, the hash of its sources, the options of its compiler and what became of the cases
-of `harness validate`; of a parameter set what became of requirements and claims in its run, of
-which the same system with FMUs of the other FMI has none of its own. What is not known is left out.
-The same build gives the same bytes: there is no date and no person.
+The folder has FMUs in fmus/ and fmus3/ and systems in ssp/. The file of an FMU states the equations
+and their source, the hash of its sources, the options of its compiler and the results of the cases
+of `harness validate`. The file of a parameter set states the verdicts of requirements and claims in
+its run. A system with FMUs of the other FMI version is not run again if it begins with the same
+bits: its file names the system that was run. Unknown entries are omitted. The same build gives the
+same bytes: the files contain no date and no person.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import sys
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -27,9 +27,9 @@ from xml.etree import ElementTree
 
 from harness import load, run
 from harness.claims.case import validate
-from harness.claims.report import judged
+from harness.claims.report import judgements
 from harness.errors import HarnessError
-from harness.files.archive import pack
+from harness.files.archive import pack, read_all
 from harness.master.changes import set_names
 from harness.mission.claim import Row
 from harness.results.requirements import findings
@@ -46,14 +46,14 @@ STC = "http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon"
 TYPE = "io.github.servicing-fmus"
 
 BEGIN = 100
-"""Macro steps that systems must have in common."""
+"""Macro steps of which two systems must have the same bits to share a run."""
 
 Entry = tuple[str, str]
-"""A keyword and its value."""
+"""Keyword and its value."""
 
 
 def srmd(name: str, data: str, content: bytes, kind: str, entries: Iterable[Entry]) -> bytes:
-    """The file about a resource of that content; data: where it lies, relative to the file."""
+    """Return the .srmd file of a resource; data: path of the resource relative to the file."""
     for prefix, space in (("srmd", SRMD), ("stc", STC)):
         ElementTree.register_namespace(prefix, space)
     root = ElementTree.Element(f"{{{SRMD}}}SimulationResourceMetaData")
@@ -69,9 +69,8 @@ def srmd(name: str, data: str, content: bytes, kind: str, entries: Iterable[Entr
 
 
 def about_fmu(path: Path, rows: Sequence[Row]) -> Iterator[Entry]:
-    """What is known of an FMU; rows: of all cases of `harness validate`."""
-    with zipfile.ZipFile(path) as archive:
-        files = {name: archive.read(name) for name in sorted(archive.namelist())}
+    """Yield the entries of an FMU; rows: of all cases of `harness validate`."""
+    files = dict(sorted(read_all(path).items()))
     source = files[f"sources/{path.stem}.c"].decode()
     yield "source.equations", opening_comment(source).strip()
     digest = hashlib.sha256()
@@ -81,13 +80,13 @@ def about_fmu(path: Path, rows: Sequence[Row]) -> Iterator[Entry]:
     if build := files.get("sources/buildDescription.xml"):
         for file_set in ElementTree.fromstring(build).iter("SourceFileSet"):
             yield "build.compiler", f"{file_set.get('compiler')} {file_set.get('compilerOptions')}"
-    flown = {case.id: case.fmu for case in cases()}
-    for name in dict.fromkeys(row.case for row in rows if flown[row.case] == path.stem):
+    fmu_of_case = {case.id: case.fmu for case in cases()}
+    for name in dict.fromkeys(row.case for row in rows if fmu_of_case[row.case] == path.stem):
         yield "validation.case", _validated([row for row in rows if row.case == name])
 
 
 def _validated(rows: Sequence[Row]) -> str:
-    """A case: whose numbers, how far we are from them, and the verdict."""
+    """Return a line about a case: source of the values, our differences from them, the verdict."""
     shown = "; ".join(
         f"{r.quantity} {r.difference:.1g} of {r.tolerance:.1g} {r.unit}" for r in rows
     )
@@ -96,7 +95,7 @@ def _validated(rows: Sequence[Row]) -> str:
 
 
 def about_set(system: Path, params: str) -> list[Entry]:
-    """What became of the run of a parameter set."""
+    """Return the entries of the run of a parameter set."""
     return list(_about_run(system, params))
 
 
@@ -109,53 +108,55 @@ def _about_run(system: Path, params: str) -> Iterator[Entry]:
     yield "run", "complete" if result.complete else f"ends early at {result.time[-1]:g} s"
     for found in findings(result):
         yield "requirement.verdict", str(found)
-    for paper, claims, deviations in judged(result):
+    for paper, claims, deviations in judgements(result):
         other = "; not the case of the paper" if deviations else ""
         for claim, judgement in claims:
             verdict = Kind.CLAIM.word(judgement.verdict)
             yield "claim.verdict", f"{paper.title}: {claim.name}: {verdict}{other}"
 
 
-# ---- which systems are flown
+# ---- systems that are run
 
 
-def tellers(files: Sequence[Path]) -> dict[Path, Path]:
-    """Of every system the one whose runs tell about it: itself, or an earlier one that has the same
+def representatives(files: Sequence[Path]) -> dict[Path, Path]:
+    """Return by system the one that is run for it: itself, or an earlier one that has the same
     components, values and connections and begins with the same bits (FMUs of FMI 2.0 and 3.0).
     """
-    flown: list[tuple[Path, object]] = []
+    distinct: list[tuple[Path, object]] = []
     found = {}
     for path in files:
         with load(path) as system:
             content = _content(system)
-        alike = (other for other, known in flown if known == content and _same_begin(other, path))
+        alike = (
+            other for other, known in distinct if known == content and _same_begin(other, path)
+        )
         found[path] = next(alike, path)
         if found[path] == path:
-            flown.append((path, content))
+            distinct.append((path, content))
     return found
 
 
 def _content(system: System) -> object:
-    """All that a run depends on, but for what is in the FMUs."""
+    """Return all that a run depends on, except the contents of the FMUs."""
     parts = [replace(component, fmu=Path(component.fmu.name)) for component in system.components]
     values = system.sets, system.experiment, system.requirements
     return system.name, parts, system.connections, values
 
 
 def _same_begin(one: Path, other: Path) -> bool:
-    """Whether the first steps of two systems with the same content have the same bits."""
+    """Return whether the first steps of two systems with the same content have the same bits."""
     with load(one) as system:
         stop = system.experiment.start + BEGIN * (system.experiment.step or 0.0)
     a, b = (run(path, stop=stop, every=1) for path in (one, other))
     return a.columns == b.columns and a.values.tobytes() == b.values.tobytes()
 
 
-Fly = Callable[[Callable[[Path, str], list[Entry]], Sequence[Path], Sequence[str]], Iterable[Any]]
-"""map(), or that of a pool of processes."""
+Map = Callable[[Callable[[Path, str], list[Entry]], Sequence[Path], Sequence[str]], Iterable[Any]]
+"""Type of map(), and of the map of a process pool."""
 
 
-def contents(folder: Path, rows: Sequence[Row], fly: Fly = map) -> dict[str, bytes]:
-    """Files of the archive by name."""
+def contents(folder: Path, rows: Sequence[Row], mapped: Map = map) -> dict[str, bytes]:
+    """Return the files of the archive by name."""
     found = {}
     for kind, ending in (("fmus", ""), ("fmus3", ".fmi3")):
         for path in sorted((folder / kind).glob("*.fmu")):
@@ -164,13 +165,15 @@ def contents(folder: Path, rows: Sequence[Row], fly: Fly = map) -> dict[str, byt
             found[f"{name}.srmd"] = srmd(
                 name, f"{kind}/{path.name}", path.read_bytes(), "model", about
             )
-    teller = tellers(sorted((folder / "ssp").glob("*.ssp"), key=lambda p: (len(p.name), p.name)))
-    flights = [(path, name) for path in dict.fromkeys(teller.values()) for name in _sets(path)]
-    told = dict(zip(flights, fly(about_set, *_columns(flights)), strict=True))
-    for path, other in sorted(teller.items()):
-        told_by = [("run.of", other.name)] if other != path else []
+    system_run = representatives(
+        sorted((folder / "ssp").glob("*.ssp"), key=lambda p: (len(p.name), p.name))
+    )
+    runs = [(path, name) for path in dict.fromkeys(system_run.values()) for name in _sets(path)]
+    entries = dict(zip(runs, mapped(about_set, *_columns(runs)), strict=True))
+    for path, other in sorted(system_run.items()):
+        origin = [("run.of", other.name)] if other != path else []
         for params in _sets(other):
-            name, about = f"{path.stem}.{params}", told_by + told[other, params]
+            name, about = f"{path.stem}.{params}", origin + entries[other, params]
             found[f"{name}.srmd"] = srmd(
                 name, f"ssp/{path.name}", path.read_bytes(), "parameters", about
             )
@@ -182,12 +185,12 @@ def _sets(path: Path) -> list[str]:
         return set_names(system)
 
 
-def _columns(flights: Sequence[tuple[Path, str]]) -> tuple[list[Path], list[str]]:
-    return [path for path, _ in flights], [name for _, name in flights]
+def _columns(runs: Sequence[tuple[Path, str]]) -> tuple[list[Path], list[str]]:
+    return [path for path, _ in runs], [name for _, name in runs]
 
 
 def main() -> None:
-    """Command line, see the docstring of the module."""
+    """Run the command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)

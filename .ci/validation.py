@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The page docs/validation.md, from a run of all cases of `harness validate`; the exit status says
-whether they agree.
+"""Run all cases of `harness validate` and write the page docs/validation.md from them; the exit
+status is 1 if a case does not agree.
 
 python .ci/validation.py docs/validation.md      # make validation
 """
@@ -17,18 +17,19 @@ from harness.mission.claim import Row
 
 HEAD = """# Validation
 
-Numbers computed and published by others, and how far the FMUs are from them. `make validation`
-writes this page from its run. A difference is the largest over the rows of a case: the Euclidean
-norm of a vector, the angle of the attitude matrix `C`. Repeat a case with `harness validate
-CASE`. The data, the reasons for the tolerances, and wrong models that must miss them:
-`ssp/validation/cases/`; `tests/external/` runs all of them in `make test`. The documentation site
-(`make site`) has a page per source with the differences over time.
+Published reference values, and the differences of the FMUs from them. `make validation` writes this
+page from its run. A difference is the largest over the rows of a case: the Euclidean norm of a
+vector, or the angle of the attitude matrix `C`. Repeat a case with `harness validate CASE`.
+
+`ssp/validation/cases/` holds the data, the reasons for the tolerances, and wrong models that must
+exceed them. `tests/external/` runs all cases in `make test`. The documentation site (`make site`)
+has a page per source with the differences over time.
 
 """
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """The page."""
+    """Return the page."""
     lines = ["| case | what it tests | made by | differences (tolerances) |", "|---|---|---|---|"]
     for name, group in groupby(rows, key=lambda row: row.case):
         of = list(group)

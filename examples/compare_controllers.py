@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Fly two controllers in the same system, print one table, and look into the results.
+"""Run two controllers in the same system, print one table, and look into the results.
 
 python examples/compare_controllers.py
 """
@@ -10,7 +10,7 @@ from harness import compare
 
 
 def main() -> None:
-    """Every variant is flown in a process of its own, which imports this file again."""
+    """Every variant runs in a process of its own, which imports this file again."""
     controllers = {"controller": ["ppc_controller", "theta_d_controller"]}
     comparison = compare("ppc_tracking", "comparison", swap=controllers, stop=60)
     print(comparison.text())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Build my_controller.c into an FMU and fly it in place of the controller of a system.
+"""Build my_controller.c into an FMU and run it in place of the controller of a system.
 
 python examples/own_controller.py
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Run the synchronised approach, read its results and parameters, keep and reload them.
+"""Run the synchronised approach, read its results and parameters, save and reload them.
 
 python examples/run_and_read.py
 """

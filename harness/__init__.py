@@ -25,36 +25,36 @@ if TYPE_CHECKING:
     from harness.results.files import read as read
     from harness.results.result import Result as Result
     from harness.ssp.library import load as load
+    from harness.studies.analyses.boundary import boundary as boundary
+    from harness.studies.analyses.evaluator import Evaluator as Evaluator
+    from harness.studies.analyses.probability import probability as probability
+    from harness.studies.analyses.sensitivity import sensitivity as sensitivity
+    from harness.studies.analyses.tuning import tune as tune
+    from harness.studies.analyses.worst import worst as worst
     from harness.studies.campaign.campaign import campaign as campaign
-    from harness.studies.inquiry.boundary import boundary as boundary
-    from harness.studies.inquiry.flights import Flights as Flights
-    from harness.studies.inquiry.probability import probability as probability
-    from harness.studies.inquiry.sensitivity import sensitivity as sensitivity
-    from harness.studies.inquiry.tuning import tune as tune
-    from harness.studies.inquiry.worst import worst as worst
     from harness.studies.show import show as show
 
     __version__: str
 
 _HOMES = {
-    "Flights": "harness.studies.inquiry.flights",
+    "Evaluator": "harness.studies.analyses.evaluator",
     "HarnessError": "harness.errors",
     "Result": "harness.results.result",
     "Simulation": "harness.master.simulation",
-    "boundary": "harness.studies.inquiry.boundary",
+    "boundary": "harness.studies.analyses.boundary",
     "build": "harness.api",
     "campaign": "harness.studies.campaign.campaign",
     "compare": "harness.api",
     "export": "harness.exports.package",
     "linearize": "harness.api",
     "load": "harness.ssp.library",
-    "probability": "harness.studies.inquiry.probability",
+    "probability": "harness.studies.analyses.probability",
     "read": "harness.results.files",
     "run": "harness.api",
-    "sensitivity": "harness.studies.inquiry.sensitivity",
+    "sensitivity": "harness.studies.analyses.sensitivity",
     "show": "harness.studies.show",
-    "tune": "harness.studies.inquiry.tuning",
-    "worst": "harness.studies.inquiry.worst",
+    "tune": "harness.studies.analyses.tuning",
+    "worst": "harness.studies.analyses.worst",
 }
 """Modules of the public names."""
 
@@ -62,12 +62,12 @@ __all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
-    """The public names, on first use."""
+    """Return a public name, imported on first use."""
     if name == "__version__":
         from importlib.metadata import version
 
         return version("servicing-fmus")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import_module("harness.api")  # where results learn to draw and to save themselves
+    import_module("harness.api")  # adds the methods of results that draw and save
     return getattr(import_module(_HOMES[name]), name)

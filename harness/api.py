@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The public functions that join several rooms, and what a result can do by those who draw it."""
+"""Public functions that join several packages, and the drawing methods of a result."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from harness.files.cache import with_second_try
 from harness.master.changes import Changes, Pairs, pairs, timely
 from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer
 from harness.results.files import save
-from harness.results.requirements import say_inconsistencies
+from harness.results.requirements import log_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.system.graph import say_warnings, say_warnings_of
+from harness.system.graph import log_warnings, log_warnings_of
 from harness.system.interface import read_interface
 from harness.system.model import System
 from harness.system.swap import find_fmu
@@ -55,20 +56,24 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` holds
     the rows recorded before the failure.
     """
-    pacer = None if realtime is None else Pacer(realtime)
-    with load(system) as found:
-        changed = timely(found, changes, realtime, late)
-        say_warnings(changed)
-        say_inconsistencies(changed)
-        return simulate(
-            changed,
-            executor=executor,
-            every=every,
-            progress=progress,
-            in_process=in_process,
-            patience=patience,
-            pacer=pacer,
-        )
+
+    def work() -> Result:
+        pacer = None if realtime is None else Pacer(realtime)
+        with load(system) as found:
+            changed = timely(found, changes, realtime, late)
+            log_warnings(changed)
+            log_inconsistencies(changed)
+            return simulate(
+                changed,
+                executor=executor,
+                every=every,
+                progress=progress,
+                in_process=in_process,
+                patience=patience,
+                pacer=pacer,
+            )
+
+    return with_second_try(work)
 
 
 def compare(  # noqa: PLR0913 - every one is an option of the command line
@@ -142,7 +147,7 @@ def build(
 
 
 def _texts(given: Several) -> list[str]:
-    """Values side by side as the command line writes them."""
+    """Return values side by side as the command line writes them."""
     if not isinstance(given, Mapping):
         return list(given)
     return [f"{name}={','.join(map(str, map(plain, values)))}" for name, values in given.items()]
@@ -151,7 +156,7 @@ def _texts(given: Several) -> list[str]:
 def linearize(
     fmu: str | Path, at: float = 0.0, step: float = 0.1, *, set: Pairs = ()
 ) -> LinearModel:
-    """Linear model of one FMU after it has run alone for `at` seconds.
+    """Return the linear model of one FMU after it has run alone for `at` seconds.
 
     fmu: name or path; at: operating point [s], a multiple of step; step: h [s]; set: parameters and
     held inputs, as texts `name=value` or a mapping. Raises UsageError, FmuError, RunError.
@@ -159,14 +164,14 @@ def linearize(
     from harness.studies import linearize as linear
 
     path, given = find_fmu(fmu), dict(pairs("--set", set))
-    say_warnings_of(read_interface(path))
+    log_warnings_of(read_interface(path))
     model: linear.LinearModel = guarded([path], linear.linearize, path, at, step, given)
     return model
 
 
 def _plot(self: Result, *names: str) -> Any:
-    """A matplotlib Figure: of these variables, the figure of this name, or the first figure of the
-    result. Raises UsageError, ResultsError.
+    """Return a matplotlib Figure of these variables, the figure with this name, or the first figure
+    of the result. Raises UsageError, ResultsError.
     """
     from harness.figures.plots import shown
 
@@ -174,7 +179,9 @@ def _plot(self: Result, *names: str) -> Any:
 
 
 def _report(self: Result, path: str | Path) -> Path:
-    """Write an HTML page with plots, verdicts and a replay; returns its path, HarnessError."""
+    """Write an HTML page with plots, verdicts and a replay, and return its path. Raises
+    HarnessError.
+    """
     from harness.report.html import write
 
     return write(self, path)

@@ -1,42 +1,42 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Every way in which the harness can fail: what is raised is always one of these, and its text is
-for the user.
+"""Errors of the harness. Every failure raises one of these classes, and its text is for the user.
 
-    HarnessError             what the user reads as one line, or a line per problem; status 1
+    HarnessError             one line for the user, or a line per problem; status 1
     ├── UsageError           wrong use of the command line or of run(); exit status 2
     ├── ArchiveError         a .ssp or .fmu is damaged or unsafe to unpack
     ├── StructureError       a system contradicts itself; carries all problems, one line each
     ├── FmuError             an FMU cannot be read, loaded or instantiated
     ├── RunError             an FMU failed in initialization or in a step; carries the rows so far
     │   ├── InterruptionError    the user stopped the run
-    │   └── RefusalError         an FMU refuses values of parameters
+    │   └── RejectedValueError   an FMU rejects values of parameters
     ├── ComparisonError      runs of a comparison ended early, a line each; the others are complete
     ├── RequirementError     requirements are not met, a line each; the results are complete
     └── ResultsError         a results file cannot be written or read
 
-Several problems are several lines of one text. A library that is missing is one line too.
+Several problems are several lines of one text. A missing library is one line as well.
 """
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
 
 def reason_of(error: BaseException) -> str:
-    """Why something failed, in a line."""
+    """Return the reason of a failure in one line."""
     text = getattr(error, "strerror", None) or " ".join(str(error).split())
     return text or type(error).__name__
 
 
 class HarnessError(Exception):
-    """Root of the tree; str() is the message for the user."""
+    """Root of the tree. str() gives the message for the user."""
 
     exit_status = 1
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For the way to another process: as it is, whatever its arguments were; no results."""
+        """Return the parts from which another process rebuilds the error, without results."""
         return _rebuilt, (type(self), self.args, {**self.__dict__, "partial": None})
 
 
@@ -60,7 +60,7 @@ class ArchiveError(HarnessError):
 
 
 class StructureError(HarnessError):
-    """A system contradicts itself; `problems` holds all of them, one line each."""
+    """Contradiction inside a system; `problems` holds all of them, one line each."""
 
     def __init__(self, problems: Iterable[str]) -> None:
         self.problems = tuple(dict.fromkeys(problems))
@@ -72,10 +72,10 @@ class FmuError(HarnessError):
 
 
 class RunError(HarnessError):
-    """An FMU failed while the system was being initialised or stepped.
+    """Failure of an FMU in initialization or in a step.
 
-    component, variable: where (variable is None if the FMU did not say); time: communication point
-    [s]; partial: the Result with everything recorded before the failure, or None if there is
+    component, variable: where (variable is None if the FMU did not name it); time: communication
+    point [s]; partial: the Result with everything recorded before the failure, or None if there is
     nothing.
     """
 
@@ -102,22 +102,22 @@ class InterruptionError(RunError):
         super().__init__(system, time, "interrupted")
 
 
-class RefusalError(RunError):
-    """An FMU refuses values of its parameters; `refusals` holds the rules that are broken, see
-    harness.master.refusals.
+class RejectedValueError(RunError):
+    """Rejection of parameter values by an FMU; `rejections` holds the broken rules, see
+    harness.master.messages.
     """
 
-    def __init__(self, component: str, time: float, refusals: tuple[Any, ...]) -> None:
-        self.refusals = refusals
-        super().__init__(component, time, "; ".join(map(str, refusals)))
+    def __init__(self, component: str, time: float, rejections: tuple[Any, ...]) -> None:
+        self.rejections = rejections
+        super().__init__(component, time, "; ".join(map(str, rejections)))
 
 
 class ComparisonError(HarnessError):
-    """Some runs of a comparison ended early; one line each."""
+    """Early end of some runs of a comparison; one line each."""
 
 
 class RequirementError(HarnessError):
-    """Requirements are not met or cannot be evaluated; one line each.
+    """Requirements that are not met or cannot be evaluated; one line each.
 
     partial: the Campaign whose success cannot be evaluated, else None.
     """
@@ -146,20 +146,56 @@ HOMES = {"erfa": "pyerfa"}
 
 
 def library(name: str, extra: str) -> Any:
-    """A module of an extra of this package; HarnessError if it is not installed."""
+    """Return a module of an extra of this package; raise HarnessError if it is not installed."""
     try:
         return import_module(name)
     except ImportError as error:
         raise HarnessError(_needed(name.partition(".")[0], extra)) from error
 
 
+_MEMORY = "memory", "RLIMIT_AS", "ulimit -v", 1024
+_FILES = "the number of open files", "RLIMIT_NOFILE", "ulimit -n", 1
+_LIMITS: dict[Any, tuple[str, str, str, int]] = {
+    **dict.fromkeys((errno.ENOMEM, MemoryError), _MEMORY),
+    **dict.fromkeys(("new thread", "map segment", "allocate memory"), _MEMORY),
+    **dict.fromkeys((errno.EMFILE, errno.ENFILE), _FILES),
+}
+"""What is exhausted, by the number, the class or a part of the text of an error: its name, its
+limit in the module `resource`, the command that shows the limit, and the unit of that command.
+"""
+
+
+def exhausted(error: BaseException | None) -> str | None:
+    """Return a line about the limit that an error or one of its causes has met; None if it met
+    none.
+    """
+    while error is not None:
+        signs = getattr(error, "errno", None), type(error)
+        about = next((_LIMITS[sign] for sign in signs if sign in _LIMITS), None)
+        texts = (sign for sign in _LIMITS if isinstance(sign, str) and sign in str(error))
+        if about := about or _LIMITS.get(next(texts, None)):
+            return _limit(*about)
+        error = error.__cause__ or error.__context__
+    return None
+
+
+def _limit(name: str, kind: str, command: str, unit: int) -> str:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return f"{name} is exhausted"
+    limit = resource.getrlimit(getattr(resource, kind))[0]
+    value = "unlimited" if limit == resource.RLIM_INFINITY else limit // unit
+    return f"{name} is exhausted: close other programs or raise the limit ({command}: {value})"
+
+
 def missing(error: ModuleNotFoundError) -> str | None:
-    """One line that says how to install what is missing; None if no extra brings it."""
+    """Return a line that states how to install a missing module; None if no extra provides it."""
     name = (error.name or "").partition(".")[0]
     extra = next((extra for extra, names in EXTRAS.items() if name in names), None)
     return None if extra is None else _needed(name, extra)
 
 
 def _needed(name: str, extra: str) -> str:
-    wanted = HOMES.get(name, name)
-    return f"this needs the library {wanted}: pip install 'servicing-fmus[{extra}]'"
+    package = HOMES.get(name, name)
+    return f"this needs the library {package}: pip install 'servicing-fmus[{extra}]'"

@@ -35,8 +35,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def _neighbours(name: str, known: tuple[str, ...]) -> Iterator[str]:
-    """The names before and after it in the order of their beginnings, and of their ends: of many
-    thousands a few, and where one letter is wrong one of the two finds the right one.
+    """Yield the names near a name in the order of their beginnings and of their ends. A few out of
+    many thousands suffice: with one wrong letter one of the two orders finds the right name.
     """
     beginnings, ends = _ordered(known)
     at, end = bisect(beginnings, name), bisect(ends, name[::-1])
@@ -46,7 +46,7 @@ def _neighbours(name: str, known: tuple[str, ...]) -> Iterator[str]:
 
 @lru_cache(maxsize=8)
 def _ordered(known: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Names in order, and in order with their letters turned round."""
+    """Return names in order, and in order with their letters reversed."""
     names = [each for each in known if len(each) <= LONGEST]
     return sorted(names), sorted(each[::-1] for each in names)
 
@@ -56,14 +56,26 @@ SHOWN = 5
 
 
 def some(things: Sequence[object]) -> str:
-    """The first of several things, and how many more there are."""
+    """Return the first of several things, and how many more there are."""
     more = f" and {len(things) - SHOWN} more" if len(things) > SHOWN else ""
     return f"{', '.join(map(str, things[:SHOWN]))}{more}"
 
 
+def first_error(text: str) -> str:
+    """Return the first error line in the output of a compiler, without names of folders, or the
+    last line of a Python program that fails.
+    """
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    lines = lines or ["the compiler gives no reason"]
+    if "Traceback (most recent call last):" in text:
+        return printable(lines[-1])
+    found = (line for line in lines if re.search(r"\berror:|undefined|multiple definition", line))
+    return printable(re.sub(r"(?<!\S)\S*/(?=\S)", "", next(found, lines[0])))
+
+
 def printable(text: str) -> str:
-    """A text without characters that control a terminal or turn the direction of writing; line
-    breaks and tabs stay.
+    """Return a text without characters that control a terminal or reverse the writing direction.
+    Line breaks and tabs remain.
     """
     if text.isascii() and text.isprintable():
         return text
@@ -71,12 +83,12 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """The same for a cell of a table: without line breaks and tabs too."""
+    """Return printable text for a cell of a table, without line breaks and tabs."""
     return printable(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
 def _harmless(character: str) -> str:
-    """The character, or its code if it controls something."""
+    """Return the character, or its code if it is a control character."""
     is_control = unicodedata.category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp")
     if character in "\n\t" or not is_control:
         return character
@@ -85,12 +97,14 @@ def _harmless(character: str) -> str:
 
 
 def file_stem(name: str) -> str:
-    """A name as that of a file in the folder at hand: no path, nothing hidden, nothing odd."""
+    """Return a name that is safe as a file name in the current folder: no path, not hidden, no
+    special characters.
+    """
     return re.sub(r"[^\w.-]+", "_", name).lstrip(".-")[:100] or "system"
 
 
 def is_number(text: str) -> bool:
-    """Whether a text reads as a number."""
+    """Return whether a text reads as a number."""
     try:
         float(text)
     except ValueError:
@@ -99,7 +113,7 @@ def is_number(text: str) -> bool:
 
 
 def columns(rows: Iterable[Sequence[str]]) -> list[str]:
-    """Lines of a table as text, every column as wide as its longest cell."""
+    """Return the lines of a table as text, every column as wide as its longest cell."""
     cells = list(rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The missions of the project: a folder each, with its systems, parameter sets, campaigns,
-equations, and what it hands the engine (`mission.py`). `shared/` is what several missions have in
-common. Installed as the package `ssp`.
+"""Missions of the project: a folder each, with systems, parameter sets, campaigns, equations, and
+the Python of the mission (`mission.py`). `shared/` contains parts of several missions. Installed as
+the package `ssp`.
 """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Libraries that tests compile from C, each once for all workers and all later runs: they stand
-under `build/tests` by what they are made of.
+"""Libraries that tests compile from C, each once for all workers and all later runs: they are
+stored under `build/tests` by the hash of their sources and compiler.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import tempfile
 from hashlib import sha256
 from pathlib import Path
 
-KEPT = Path(__file__).parents[1] / "build" / "tests"
+CACHE = Path(__file__).parents[1] / "build" / "tests"
 
 
 def compiled(source: Path, library: Path, *flags: str, compiler: str = "gcc") -> Path:
@@ -19,14 +19,14 @@ def compiled(source: Path, library: Path, *flags: str, compiler: str = "gcc") ->
     program = shutil.which(compiler) or compiler
     version = Path(program).stat().st_mtime_ns if Path(program).exists() else 0
     about = repr((program, version, source.name, flags)).encode()
-    kept = KEPT / f"{sha256(about + source.read_bytes()).hexdigest()}{library.suffix}"
-    if not kept.exists():
-        KEPT.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=KEPT) as folder:  # its name comes when it is whole
+    cached = CACHE / f"{sha256(about + source.read_bytes()).hexdigest()}{library.suffix}"
+    if not cached.exists():
+        CACHE.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=CACHE) as folder:  # its name comes when it is whole
             made = Path(folder) / library.name
             subprocess.run(
                 [program, "-shared", "-fPIC", *flags, source, "-o", made, "-lm"], check=True
             )
-            made.replace(kept)
-    shutil.copyfile(kept, library)
+            made.replace(cached)
+    shutil.copyfile(cached, library)
     return library

@@ -6,7 +6,7 @@ that break it.
     def rng():
         return Each(range(20)).map(np.random.default_rng)
 
-A fixture that returns an `Each` stands for one value after the other; a fixture that depends on it
+A fixture that returns an `Each` represents one value after the other; a fixture that depends on it
 maps it. A test with two of them is called for every pair. What would be `pytest.mark.parametrize`
 is `each` where the calls may share their fixtures:
 
@@ -46,11 +46,11 @@ class Each:
         assert self.values, "a test of each of nothing would pass"
 
     def map(self, make: Callable[[Any], Any]) -> Each:
-        """What `make` makes of each value."""
+        """Return an Each of `make(value)`."""
         return _Made(self, lambda value, stack: make(value))
 
     def within(self, context: Callable[[Any], AbstractContextManager]) -> Each:
-        """What `context(value)` gives, entered for one call."""
+        """Return an Each of `context(value)`, entered for one call."""
         return _Made(self, lambda value, stack: stack.enter_context(context(value)))
 
     def made(self, chosen: dict[Each, Any], stack: ExitStack) -> Any:
@@ -72,8 +72,8 @@ def each(names: str | tuple[str, ...], values: Iterable[Any]) -> Callable[[Calla
                 call_for_each(test, given | parts)
 
         sought = signature(test)
-        kept = [p for name, p in sought.parameters.items() if name not in listed]
-        called.__signature__ = sought.replace(parameters=kept)  # type: ignore[attr-defined]
+        retained = [p for name, p in sought.parameters.items() if name not in listed]
+        called.__signature__ = sought.replace(parameters=retained)  # type: ignore[attr-defined]
         return called
 
     return decorated

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What all missions of the project offer, for tests that look through all of it."""
+"""Contents of all missions of the project, for tests that check each of them."""
 
 from __future__ import annotations
 
@@ -8,4 +8,4 @@ from harness.mission.library import everything
 FIGURES = everything().figures
 OVERLAYS = everything().overlays
 PAPERS = everything().claims
-MEASURES = everything().measures
+METRICS = everything().metrics

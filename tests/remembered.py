@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a process of the tests has read it does not read again: hundreds of tests take the same few
-FMUs, which lie elsewhere in each of them, and all systems of the project, more than a user has.
+"""Files that a process of the tests has read are not read again: hundreds of tests take the same
+few FMUs, which lie elsewhere in each of them, and all systems of the project, more than a user has.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def remember() -> None:
 
 
 def _by_content(read: Any) -> Any:
-    """Reads an FMU once, whatever its place."""
+    """Reads an FMU once, for any path."""
     known: dict[tuple[str, bytes], interface.Interface] = {}
 
     @lru_cache(maxsize=1024)

@@ -11,7 +11,7 @@ from pytest import TempPathFactory
 
 def shared(factory: TempPathFactory, name: str) -> Path:
     """A folder for what costs much and may be used by many processes at once."""
-    base = factory.getbasetemp()  # of a worker of pytest-xdist it stands inside that of the run
+    base = factory.getbasetemp()  # for a worker of pytest-xdist it is inside the folder of the run
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / f"shared_{name}"
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""FMPy as a judge of many FMUs: what it reads anew for every one of them is read once."""
+"""FMPy as a validator of many FMUs: what it reads anew for every one of them is read once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def grammar(text, **options):
 
 
 def problems(path: Path) -> list[str]:
-    """What FMPy finds in an FMU."""
+    """Return the problems that FMPy finds in an FMU."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(etree, "XMLSchema", schema)
         patch.setattr("lark.Lark", grammar)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The pages of the documentation site: those of docs/, and those made from the code and from runs.
+"""Write the pages of the documentation site: from docs/, from the code and from runs.
 
 python .ci/pages build/site-facts --facts   # runs cases and missions: facts.json and figures
-python .ci/pages build/site-facts --quoted  # runs what user pages quote: quoted.json
-python .ci/pages build/site-facts --fill    # writes that into the pages of docs/ and ssp/
+python .ci/pages build/site-facts --quoted  # runs what pages quote: quoted.json
+python .ci/pages build/site-facts --fill    # writes these values into the pages
 python .ci/pages build/site-facts build/site-pages      # the Markdown that mkdocs reads
 """
 
@@ -35,11 +35,11 @@ FILES = {
     "README.md": "index.md",
     "examples/README.md": "examples/index.md",
 }
-"""Pages by the files of the repository outside docs/ that they show."""
+"""Page by file of the repository, for files outside docs/."""
 
 
 def homes() -> dict[str, str]:
-    """Page of the site by file of the repository; files that pages show belong to it."""
+    """Return the page of the site by file of the repository that it shows."""
     docs = (p for p in (ROOT / "docs").rglob("*") if p.is_file())
     found = {f"docs/{p}": str(p) for p in (d.relative_to(ROOT / "docs") for d in docs)}
     found |= dict(missions.equations().values())
@@ -48,12 +48,12 @@ def homes() -> dict[str, str]:
 
 
 def scripts() -> list[Path]:
-    """Examples that a page shows."""
+    """Return the examples that a page shows."""
     return [p for p in sorted(EXAMPLES.iterdir()) if p.suffix in {".py", ".c", ".ipynb"}]
 
 
 def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
-    """All pages and pictures of the site, from the repository and generated."""
+    """Yield all pages and pictures of the site, from the repository and generated."""
     known = homes()
     for source, page in known.items():
         path = ROOT / source
@@ -76,7 +76,7 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
 
 
 def example(path: Path) -> str:
-    """The page of a script; of a notebook its cells."""
+    """Return the page of a script, or of the code cells of a notebook."""
     kind = {".c": "c", ".py": "python", ".ipynb": "python"}[path.suffix]
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".ipynb":
@@ -94,7 +94,7 @@ def write(folder: Path, facts: Mapping[str, Any]) -> None:
 
 
 def collect(folder: Path, target: str) -> None:
-    """Run what the pages show, or what they quote."""
+    """Run what the pages show, or what they quote, and store the results."""
     folder.mkdir(parents=True, exist_ok=True)
     if target == "--facts":
         found = {"validation": validation.facts(), "missions": missions.facts(folder)}
@@ -110,13 +110,13 @@ def main(facts: Path, target: str) -> None:
         collect(facts, target)
         return
     found = _read(facts / "facts.json")
-    figures = _read(facts / "quoted.json") | missions.claims(found["missions"])
+    values = _read(facts / "quoted.json") | missions.claims(found["missions"])
     if target == "--fill":
-        quoted.fill(figures)
+        quoted.fill(values)
         return
     folder = Path(target)
     shutil.rmtree(folder, ignore_errors=True)
-    write(folder, found | {"quoted": figures})
+    write(folder, found | {"quoted": values})
     shutil.copytree(facts / "figures", folder / "reference/missions/figures")
     if (facts / missions.LIVE).is_dir():
         shutil.copytree(facts / missions.LIVE, folder / missions.LIVE)

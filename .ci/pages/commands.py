@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One page per command of `harness`, from the command line itself."""
+"""Pages of the commands of `harness`, one each, from the command line itself."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from harness.cli.app import app
 
 
 def commands() -> Mapping[str, Any]:
-    """The commands by name, as typer hands them to click."""
+    """Return the commands by name, as typer passes them to click."""
     return dict(sorted(typer.main.get_command(app).commands.items()))  # type: ignore[attr-defined]
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """Pages of the site and their text."""
+    """Yield the pages of the site and their text."""
     known = commands()
     rows = [(f"[`harness {name}`]({name}.md)", summary(c)) for name, c in known.items()]
     yield "reference/commands/index.md", HEAD + table(("Command", "Purpose"), rows) + TAIL
@@ -51,12 +51,12 @@ TAIL = """
 
 
 def summary(command: Any) -> str:
-    """The first paragraph of the help of a command."""
+    """Return the first paragraph of the help of a command."""
     return inspect.cleandoc(command.help or "").partition("\n\n")[0]
 
 
 def page(name: str, command: Any) -> str:
-    """The page of one command."""
+    """Return the page of one command."""
     arguments = [p for p in command.params if p.param_type_name == "argument"]
     options = [p for p in command.params if p.param_type_name == "option"]
     usage = " ".join(["harness", name, "[OPTIONS]", *map(shown, arguments)])
@@ -72,17 +72,17 @@ def page(name: str, command: Any) -> str:
 
 
 def shown(argument: Any) -> str:
-    """What stands for an argument."""
+    """Return the placeholder of an argument."""
     return str(argument.metavar or argument.name.upper())
 
 
 def names(option: Any) -> list[str]:
-    """All spellings of an option."""
+    """Return all spellings of an option."""
     return [*option.opts, *option.secondary_opts]
 
 
 def metavar(option: Any) -> str:
-    """What stands for the value of an option, empty for a flag."""
+    """Return the placeholder of the value of an option, empty for a flag."""
     if option.is_flag:
         return ""
     if choices := getattr(option.type, "choices", None):
@@ -91,7 +91,7 @@ def metavar(option: Any) -> str:
 
 
 def default(option: Any) -> str:
-    """The default value, empty where there is none."""
+    """Return the default value, empty if there is none."""
     value = option.default
     if value is None or value is False or value == () or callable(value):
         return ""

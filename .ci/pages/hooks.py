@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""mkdocs: "folder/*.md" in the navigation becomes the pages of the folder, its index first."""
+"""Hook of mkdocs that replaces "folder/*.md" in the navigation by the pages of the folder."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def on_config(config: Any) -> Any:
-    """Called by mkdocs with the configuration."""
+    """Expand the navigation of the configuration; mkdocs calls this."""
     config["nav"] = _expanded(config["nav"], Path(config["docs_dir"]))
     return config
 

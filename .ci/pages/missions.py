@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One page per mission: its systems with diagrams and sets, figures of a run, verdicts."""
+"""Pages of the missions, one each: systems with diagrams and parameter sets, figures, verdicts."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from harness.system.model import System
 SSP = ROOT / "ssp"
 DOTS = 80
 MOST_CASES = 8
-"""Runs of one mission."""
+"""Largest number of runs on the page of a mission."""
 
 
 def names() -> list[str]:
-    """Missions of the project that have a system."""
+    """Return the missions of the project that have a system."""
     return sorted(
         name for name, place in places().items()
         if place.folder.parent == SSP and systems_in(place.folder)
     )  # fmt: skip
 
 
-LIVE = "fly"
+LIVE = "live"
 """Folder of the pages that run their system in the browser."""
 MOST_BYTES = 32e6
-"""Numbers of a run in such a page."""
+"""Largest size of the recorded values in such a page."""
 
 
 def facts(folder: Path) -> dict[str, Any]:
-    """The runs that the papers describe: verdicts of their claims and requirements, and the figures
-    of the first run as pictures, its page that runs in the browser.
+    """Run the cases that the papers describe. Return by mission the verdicts of claims and
+    requirements, and for the first run its figures and the page that runs in the browser.
     """
     found = {name: [_run(case, folder / "figures" if not i else None, name)
                     for i, case in enumerate(_cases(name))] for name in names()}  # fmt: skip
@@ -47,7 +47,9 @@ def facts(folder: Path) -> dict[str, Any]:
 
 
 def live(name: str, folder: Path) -> str:
-    """File of the page in which a mission runs anew; "" without the compiler of the extra `fly`."""
+    """Write the page in which a mission can be run again; return the name of its file, "" without
+    the compiler of the extra `live`.
+    """
     import importlib.util
 
     from harness import Simulation, load, run
@@ -60,11 +62,11 @@ def live(name: str, folder: Path) -> str:
         simulation = Simulation(system)
         numbers = 8 * simulation.steps * len(simulation.graph.slots)
         result = run(system, every=max(system.experiment.every, int(numbers / MOST_BYTES) + 1))
-    return write(result, folder / f"{name}.html", fly=True).name
+    return write(result, folder / f"{name}.html", live=True).name
 
 
 def _cases(name: str) -> list[Any]:
-    """The default run of a mission and the cases of its papers, those of one claim set once."""
+    """Return the default run of a mission and the cases of its papers, without repetitions."""
     from harness.mission import Case
 
     cases = [Case(name), *_papers(name)]
@@ -73,13 +75,13 @@ def _cases(name: str) -> list[Any]:
 
 def _run(case: Any, pictures: Path | None, name: str) -> dict[str, Any]:
     from harness import run
-    from harness.claims.report import judged
+    from harness.claims.report import judgements
     from harness.results.requirements import findings
     from harness.results.verdict import Kind
 
     result = run(case.system, params=case.params, swap=dict(case.swap))
     drawn = [] if pictures is None else draw_figures(result, pictures, name)
-    wanted = [
+    conditions = [
         (f.name, f.text, Kind.REQUIREMENT.word(f.verdict), f.detail) for f in findings(result)
     ]
     papers = [
@@ -87,21 +89,21 @@ def _run(case: Any, pictures: Path | None, name: str) -> dict[str, Any]:
             "title": each.paper.title,
             "deviations": list(each.deviations),
             "claims": [
-                (c.text, c.where, c.criterion(c.reproduced), j.figure, Kind.CLAIM.word(j.verdict))
+                (c.text, c.where, c.criterion(c.reproduced), j.value, Kind.CLAIM.word(j.verdict))
                 for c, j in each.claims
             ],
         }
-        for each in judged(result)
+        for each in judgements(result)
         if each.paper.cases
     ]
     swaps = "".join(f" --swap {c}={f}" for c, f in case.swap)
     params = "" if case.params == "default" else f" --params {case.params}"
     command = f"harness run {case.system}{params}{swaps} -o out.nc"
-    return {"command": command, "figures": drawn, "requirements": wanted, "papers": papers}
+    return {"command": command, "figures": drawn, "requirements": conditions, "papers": papers}
 
 
 def draw_figures(result: Any, folder: Path, name: str) -> list[tuple[str, str]]:
-    """File and title of the figures of a run."""
+    """Draw the figures of a run; return file and title of each."""
     import io
 
     from PIL import Image
@@ -126,7 +128,7 @@ MOST_FIGURES = 12
 
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
-    """Pages and diagrams."""
+    """Yield the pages and diagrams."""
     from harness.exports.draw import painted
     from harness.ssp.library import load
 
@@ -146,14 +148,14 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
 
 INDEX = """# Missions
 
-A mission is a folder of `ssp/`: its systems and parameter sets, figures, measures, claims and
+A mission is a folder of `ssp/`: its systems and parameter sets, figures, metrics, claims and
 campaigns. `harness list` prints all of them.
 
 """
 
 
 def page(name: str, systems: list[System], runs: Any, parts: Mapping[str, str]) -> str:
-    """The page of one mission."""
+    """Return the page of one mission."""
     here = f"reference/missions/{name}.md"
     equations = next((p for p in parts.values() if p.endswith(f"/{name}.md")), "")
     lines = [f"# {name}\n\n{systems[0].description}\n"]
@@ -188,17 +190,17 @@ def _verdicts(run: Mapping[str, Any]) -> Iterator[str]:
 
 
 def claims(facts: Mapping[str, Any]) -> dict[str, str]:
-    """Tables of claims that pages quote, by name: those of the runs of a mission's own systems."""
+    """Return the tables of claims that pages quote, by name, from runs of the missions' systems."""
     return {f"claims_{name}": _claims(name, facts[name]) for name in claiming() if name in facts}
 
 
 def claiming() -> list[str]:
-    """Missions with a paper whose case is a system of their own."""
+    """Return the missions with a paper whose case is a system of their own."""
     return [name for name in names() if any(c.system in _own(name) for c in _papers(name))]
 
 
 def _papers(name: str) -> list[Any]:
-    """The first case of each paper that has one."""
+    """Return the first case of each paper that has one."""
     found = mission(name)
     assert found is not None
     return [paper.cases[0] for paper in found.claims if paper.cases]
@@ -209,16 +211,16 @@ def _own(name: str) -> Mapping[str, Any]:
 
 
 def _claims(name: str, runs: Any) -> str:
-    """Claim, place in the paper, figure and verdict, run by run."""
+    """Return a table of claim, place in the paper, value and verdict, run by run."""
     own = [run for run in runs if run["papers"] and run["command"].split()[2] in _own(name)]
     rows = []
     for run in own:
         changes = " ".join(run["command"].split()[3:-2])
         case = [f"`{changes}`" if changes else "default"] if len(own) > 1 else []
         rows += [
-            [*case, text, where, figure, verdict]
+            [*case, text, where, value, verdict]
             for paper in run["papers"]
-            for text, where, _, figure, verdict in paper["claims"]
+            for text, where, _, value, verdict in paper["claims"]
         ]
     titles = [*(["Run"] if len(own) > 1 else []), "Claim", "Where", "Here", "Verdict"]
     return f"\n{table(titles, rows)}"
@@ -237,7 +239,7 @@ def _system(system: System) -> Iterator[str]:
     yield table(("Component", "FMU", "Schedule"), rows)
     if system.sets:
         rows = [(f"`{s.name}`", s.description or "") for s in system.sets]
-        yield table(("Parameter set", "What differs"), [r[:2] for r in rows])
+        yield table(("Parameter set", "Differences"), [r[:2] for r in rows])
 
 
 def _rate(component: Any) -> str:
@@ -247,7 +249,7 @@ def _rate(component: Any) -> str:
 
 
 def equations() -> dict[str, tuple[str, str]]:
-    """Letter of docs/models.md: file in the repository and page of the site."""
+    """Return file in the repository and page of the site by letter of docs/models.md."""
     text = (ROOT / "docs/models.md").read_text(encoding="utf-8")
     found = re.findall(r"^\| ([A-Z]) \| \[[^\]]*\]\(\.\./(ssp/(\w+)/(\w+)\.md)\)", text, re.M)
     return {
@@ -257,7 +259,7 @@ def equations() -> dict[str, tuple[str, str]]:
 
 
 def typeset(text: str) -> str:
-    """A page of equations with its indented lines as mathematics; code stands in fences."""
+    """Return a page of equations with its indented lines as mathematics; code must be in fences."""
     block = writer("typeset").block
     parts = re.split(r"^(```.*?^```)", text, flags=re.MULTILINE | re.DOTALL)
     parts[::2] = [

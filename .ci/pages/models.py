@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One page per FMU, from what lies in the .fmu itself, and what it has been checked against."""
+"""Pages of the FMUs, one each, from the contents of the .fmu, with the checks it has passed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MODELS = re.compile(r"docs/models\.md ([A-L])\b(\.\d+)?")
 
 
 def writer(name: str) -> Any:
-    """A module of those that write the page in the .fmu."""
+    """Import a module of fmus/core/build, which writes the page in the .fmu."""
     folder = str(ROOT / "fmus/core/build")
     sys.path.insert(0, folder)
     try:
@@ -34,7 +34,7 @@ def writer(name: str) -> Any:
 
 
 def sides() -> dict[str, list[str]]:
-    """Names of the FMUs of both sides."""
+    """Return the names of the FMUs of both sides, plant and flight."""
     return {
         side: sorted(p.stem for p in (ROOT / "fmus" / side).glob("*.c") if p.stem in paths.fmus())
         for side in ("plant", "flight")
@@ -42,7 +42,7 @@ def sides() -> dict[str, list[str]]:
 
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
-    """Pages and pictures; parts: page of the equations by its letter."""
+    """Yield pages and pictures; parts: page of the equations by its letter."""
     chapters, found = writer("package_fmu").chapters, []
     for side, names in sides().items():
         for name in names:
@@ -62,7 +62,7 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
 
 
 def index(found: Sequence[tuple[str, str, str]]) -> str:
-    """The list of all FMUs."""
+    """Return the page that lists all FMUs."""
     lines = [INDEX]
     for side, title in (("plant", "Plants, actuators, sensors"), ("flight", "Flight software")):
         rows = [(f"[`{name}`]({name}.md)", text) for s, name, text in found if s == side]
@@ -98,7 +98,7 @@ def _linked(found: re.Match[str], page: str, parts: Mapping[str, str]) -> str:
 
 @lru_cache(maxsize=1)
 def components() -> list[tuple[str, str, str]]:
-    """System, component and FMU, of all systems."""
+    """Return system, component and FMU of all components of all systems."""
     from harness.ssp.library import load
 
     rows = []
@@ -109,16 +109,16 @@ def components() -> list[tuple[str, str, str]]:
 
 
 def _uses(name: str) -> Iterator[str]:
-    """The places of an FMU in the systems."""
+    """Yield a line with the components that use an FMU."""
     uses = [f"`{system}.{place}`" for system, place, fmu in components() if fmu == name]
     yield (", ".join(uses) if uses else f"By `--swap COMPONENT={name}`.") + "\n"
 
 
 def _checks(name: str, facts: Mapping[str, Any]) -> Iterator[str]:
-    """Published numbers, flight processors, tests."""
+    """Yield the checks of an FMU: published values, flight processors, tests."""
     cases = [c for c in facts.get("validation", ()) if name in c["fmus"]]
     if cases:
-        yield "Published numbers ([all cases](../../validation.md)):\n"
+        yield "Published reference values ([all cases](../../validation.md)):\n"
         yield table(
             ("Case", "Quantity", "Difference", "Tolerance"),
             (
@@ -129,10 +129,10 @@ def _checks(name: str, facts: Mapping[str, Any]) -> Iterator[str]:
             ),
         )  # fmt: skip
     if rows := _processors(name):
-        yield "On emulated flight processors ([all](../../targets.md)):\n"
+        yield "On emulated flight processors ([all](../../processor_figures.md)):\n"
         yield table(("Processor", "Instructions per step", "Stack [bytes]", "Equal bits"), rows)
     statements = [s for file in _tests(name) for s in _statements(file)]
-    yield f"Tests of this FMU alone (`tests/fmu/`), beside {COMPLIANCE}:\n"
+    yield f"Tests of this FMU alone (`tests/fmu/`), in addition to {COMPLIANCE}:\n"
     yield "".join(f"* {html.escape(s)}\n" for s in statements) or "* none\n"
 
 
@@ -140,8 +140,8 @@ COMPLIANCE = "the life cycle and interface tests of every FMU (`tests/compliance
 
 
 def _processors(name: str) -> list[tuple[str, str, str, str]]:
-    """Rows of docs/targets.md, which `make targets` writes."""
-    lines = (ROOT / "docs/targets.md").read_text(encoding="utf-8").splitlines()
+    """Return the rows of an FMU in docs/processor_figures.md, which `make processors` writes."""
+    lines = (ROOT / "docs/processor_figures.md").read_text(encoding="utf-8").splitlines()
     rows = [[c.strip() for c in line.strip("|").split("|")] for line in lines if line[:1] == "|"]
     titles = next((row for row in rows if "processor" in row), [])
     found = [dict(zip(titles, row, strict=False)) for row in rows if row[0] == name]
@@ -153,13 +153,13 @@ def _tests(name: str) -> list[Path]:
 
 
 def _statements(file: Path) -> Iterator[str]:
-    """What the tests of a file state by their names."""
+    """Yield the names of the tests of a file as sentences."""
     for node in ast.parse(file.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
             yield node.name.removeprefix("test_").replace("_", " ")
 
 
 def case_fmus(case: Any) -> list[str]:
-    """FMUs that a published case runs."""
+    """Return the FMUs that a published case runs."""
     text = json.dumps(dict(case.setup)) + case.tests
     return [n for n in paths.fmus() if n == case.fmu or re.search(rf"\b{n}\b", text)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The papers behind the models, from CITATION.cff."""
+"""Page of the papers behind the models, from CITATION.cff."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ managers: `CITATION.cff`. The printed papers contain errors; each part of
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """The page."""
+    """Yield the page."""
     import yaml
 
     file = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
@@ -26,7 +26,7 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 def line(work: Mapping[str, Any]) -> str:
-    """One reference."""
+    """Return the line of one reference."""
     authors = ", ".join(f"{a['family-names']} {a['given-names']}" for a in work["authors"])
     place = work.get("journal") or work.get("collection-title") or work.get("number", "")
     volume = f" {work['volume']}" if "volume" in work else ""

@@ -24,7 +24,7 @@ PACKAGES = {
 
 
 def names(package: str) -> list[str]:
-    """Public names of a package, but the number of its version and what another page has."""
+    """Return the public names of a package, except its version and names that another page has."""
     module = import_module(package)
     listed = getattr(module, "__all__", None) or [
         name for name, value in vars(module).items()
@@ -36,13 +36,13 @@ def names(package: str) -> list[str]:
 
 
 def home(package: str, name: str) -> str:
-    """Where a public name is defined."""
+    """Return the dotted path where a public name is defined."""
     found: Any = getattr(import_module(package), name)
     return f"{found.__module__}.{found.__qualname__}"
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """Pages of the site and their text."""
+    """Yield the pages of the site and their text."""
     for package, (file, title, text) in PACKAGES.items():
         extra = [CHANGES] if package == "harness" else []
         listed = [home(package, name) for name in names(package)] + extra
@@ -51,4 +51,4 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 CHANGES = "harness.master.changes.Changes"
-"""The keyword arguments of run() and of Simulation."""
+"""Class of the keyword arguments of run() and Simulation."""

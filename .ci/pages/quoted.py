@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures that user pages quote from runs: <!--=NAME-->TEXT<!---->, with NAME one of FIGURES or a
-table of claims, which the page of the mission has, too.
+"""Values that pages quote from runs: <!--=NAME-->TEXT<!---->. NAME is one of VALUES or a table of
+claims, which the page of the mission shows, too.
 
-`make figures` runs what they come from and writes the texts into the pages; `make site` runs it too
-and fails where a page says otherwise or quotes what no run gives.
+`make quoted-values` does these runs and writes the texts into the pages. `make site` does the runs,
+too, and fails if a page quotes another text or a name that no run gives.
 """
 
 from __future__ import annotations
@@ -20,41 +20,44 @@ import results
 from text import ROOT, table
 
 QUOTE = re.compile(r"(<!--=(\w+)-->)(.*?)(<!---->)", re.DOTALL)
-TARGETS = ROOT / "docs/targets.md"
-"""Written by `make targets`."""
+PROCESSOR_VALUES = ROOT / "docs/processor_figures.md"
+"""Page that `make processors` writes."""
 
 
 def pages() -> list[Path]:
-    """Files that may quote figures."""
-    return sorted([*(ROOT / "docs").rglob("*.md"), *(ROOT / "ssp").glob("*/*.md")])
+    """Return the files that may quote values."""
+    places = (("docs", "**/*.md"), ("lab", "*.md"), ("ssp", "*/*.md"))
+    return sorted(p for folder, names in places for p in (ROOT / folder).glob(names))
 
 
 def facts() -> dict[str, str]:
-    """Every figure, from its run."""
-    return {name: measure() for name, measure in FIGURES.items()}
+    """Return the text of every quoted value by name, from its run."""
+    return {name: evaluate() for name, evaluate in VALUES.items()}
 
 
-def plain(text: str, figures: Mapping[str, str], source: str) -> str:
-    """A page without the marks of its quotations; ValueError for one that no run gives."""
+def plain(text: str, values: Mapping[str, str], source: str) -> str:
+    """Return a page without the comments around its quotations; ValueError for a name or text that
+    no run gives.
+    """
 
     def checked(found: re.Match[str]) -> str:
         _, name, quoted, _ = found.groups()
-        if name not in figures:
-            raise ValueError(f"{source}: no run gives {name!r}; there are {', '.join(figures)}")
-        if quoted != figures[name]:
+        if name not in values:
+            raise ValueError(f"{source}: no run gives {name!r}; there are {', '.join(values)}")
+        if quoted != values[name]:
             raise ValueError(
-                f"{source}: {name} is {figures[name]!r}, the page has {quoted!r}: make figures"
+                f"{source}: {name} is {values[name]!r}, the page has {quoted!r}: make quoted-values"
             )
         return quoted
 
     return QUOTE.sub(checked, text)
 
 
-def fill(figures: Mapping[str, str]) -> None:
-    """Write the figures into the pages that quote them; a mark that no run knows stays."""
+def fill(values: Mapping[str, str]) -> None:
+    """Write the values into the pages that quote them; a name that no run gives remains."""
     for page in pages():
         old = page.read_text(encoding="utf-8")
-        new = QUOTE.sub(lambda m: f"{m[1]}{figures.get(m[2], m[3])}{m[4]}", old)
+        new = QUOTE.sub(lambda m: f"{m[1]}{values.get(m[2], m[3])}{m[4]}", old)
         if new != old:
             page.write_text(new, encoding="utf-8")
 
@@ -63,7 +66,7 @@ def fill(figures: Mapping[str, str]) -> None:
 
 
 def closest_approach() -> str:
-    """By how much the approach of the tutorial passes its safe distance of 4 m."""
+    """Return by how much the approach of the tutorial violates its safe distance of 4 m."""
     from harness import run
 
     least = run("sync_approach", params="robust")["guidance.range"].min()
@@ -71,7 +74,7 @@ def closest_approach() -> str:
 
 
 def new_controller() -> str:
-    """Largest position error of a new controller as it is, from the fifth minute on."""
+    """Return the largest position error of an unedited new controller, from the fifth minute on."""
     import numpy as np
 
     from harness import run
@@ -80,14 +83,14 @@ def new_controller() -> str:
         for words in (("new", "controller", "my_pd"), ("build", "my_pd")):
             _printed("-m", "harness", *words, cwd=folder)
         result = run("sync_approach", swap={"controller": f"{folder}/my_pd/my_pd.fmu"})
-    # a row holds what the software commanded one macro step before the states beside it
+    # a row holds the command that the software computed one macro step before the states of the row
     position = result["servicer.r_SN_N"] - result["target.r_TN_N"]
     error = np.linalg.norm(position[:-1] - result["guidance.rho_ref_N"][1:], axis=1)
     return f"{1e3 * error[3000:].max():.1f} mm"
 
 
 def energy_per_step() -> str:
-    """The table of examples/stiff_contact.py."""
+    """Return the table of examples/stiff_contact.py."""
     with TemporaryDirectory() as folder:
         lines = _printed(str(ROOT / "examples/stiff_contact.py"), cwd=folder).splitlines()
     titles, *rows = (re.split(r" {2,}", line.strip()) for line in lines)
@@ -95,11 +98,11 @@ def energy_per_step() -> str:
 
 
 def restitution() -> str:
-    """Error of the restitution of a head-on blow at 0.03 m/s, by macro step."""
-    fly = results.of_the_tests("docking_case").fly
+    """Return the error of the restitution of a head-on blow at 0.03 m/s, by macro step."""
+    case = results.of_the_tests("docking_case")
     errors = []
     for step in (0.04, 0.02, 0.01, 0.005):
-        blow = fly(step=step, speed=0.03, **{"mechanism.latch_enable": 0})
+        blow = case.simulate(step=step, speed=0.03, **{"mechanism.latch_enable": 0})
         after = (blow["servicer.v_SN_N"] - blow["target.v_TN_N"])[-1, 0]
         error = f"{abs(after / 0.03 - 0.546854):.1e}".replace("e-0", "e-")
         errors.append(f"{error} at {step:g} s")
@@ -115,8 +118,8 @@ def _printed(*arguments: str, cwd: str) -> str:
 
 
 def rows() -> Iterator[dict[str, str]]:
-    """Rows of the table in docs/targets.md, by title."""
-    lines = TARGETS.read_text(encoding="utf-8").splitlines()
+    """Yield the rows of the table in docs/processor_figures.md, by title."""
+    lines = PROCESSOR_VALUES.read_text(encoding="utf-8").splitlines()
     cells = [[c.strip() for c in line.strip("|").split("|")] for line in lines if line[:1] == "|"]
     titles, _, *found = cells
     for row in found:
@@ -124,12 +127,12 @@ def rows() -> Iterator[dict[str, str]]:
 
 
 def row(fmu: str, processor: str) -> dict[str, str]:
-    """The row of an FMU on a processor."""
+    """Return the row of an FMU on a processor."""
     return next(r for r in rows() if (r["FMU"], r["processor"]) == (fmu, processor))
 
 
 def note() -> str:
-    """What a run with the controller on a processor prints at the end."""
+    """Return the note that a run with the controller on a processor prints at the end."""
     r = {k: v.replace("\u202f", "").replace(" ", "") for k, v in row(*NOTED).items()}
     recorded = re.search(r"\d+", r["equal bits"])
     assert recorded is not None
@@ -145,7 +148,7 @@ NOTED = ("adaptive_controller", "cortex-m7")
 
 
 def compared() -> str:
-    """How many flight FMUs have been compared, on how many processors."""
+    """Return how many flight FMUs have been compared, on how many processors."""
     found = list(rows())
     assert all(r["equal bits"].startswith("yes") for r in found)
     fmus, processors = ({r[key] for r in found} for key in ("FMU", "processor"))
@@ -154,7 +157,7 @@ def compared() -> str:
 
 
 def overloads() -> str:
-    """FMUs whose steps do not fit into their period, as a list."""
+    """Return the FMUs whose steps do not fit into their period, as a list."""
     lines = []
     for r in rows():
         if (share := float(r["share [%]"])) > 100:
@@ -167,7 +170,7 @@ def overloads() -> str:
     return "\n\n" + "".join(lines) + "\n"
 
 
-FIGURES: dict[str, Callable[[], str]] = {
+VALUES: dict[str, Callable[[], str]] = {
     "closest_approach": closest_approach,
     "new_controller": new_controller,
     "energy_per_step": energy_per_step,
@@ -177,4 +180,4 @@ FIGURES: dict[str, Callable[[], str]] = {
     "overloads": overloads,
 }
 for _mission in results.MISSIONS:
-    FIGURES |= importlib.import_module(f"results.{_mission}").FIGURES
+    VALUES |= importlib.import_module(f"results.{_mission}").VALUES

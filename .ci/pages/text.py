@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pieces of Markdown: tables, and links of the repository turned into those of the site."""
+"""Pieces of Markdown: tables, and links of the repository turned into links of the site."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ FENCE = re.compile(r"^(```.*?^```|(?: {4}[^\n]*\n?)+)", re.MULTILINE | re.DOTALL
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of Markdown."""
+    """Return a table of Markdown."""
     lines = [titles, ["---"] * len(titles), *rows]
     return "\n".join("| " + " | ".join(map(cell, line)) + " |" for line in lines) + "\n"
 
 
 def cell(text: str) -> str:
-    """A text that stays in its cell."""
+    """Return a text as one line with escaped separators, for a cell of a table."""
     return " ".join(text.split()).replace("|", "\\|") or " "
 
 
 def between(page: str, target: str) -> str:
-    """The link from one page of the site to another file of it."""
+    """Return the link from a page of the site to another file of the site."""
     return os.path.relpath(target, PurePosixPath(page).parent).replace(os.sep, "/")
 
 
 def relinked(text: str, source: str, page: str, homes: Mapping[str, str]) -> str:
-    """A page of the repository with the links that it has in the site.
+    """Return a page of the repository with its links turned into links of the site.
 
-    source: its path in the repository; page: in the site; homes: pages of the site by the file of
-    the repository that they show. ValueError for a link to something that the site does not show.
+    source: path of the page in the repository; page: path in the site; homes: pages of the site by
+    the file of the repository that they show. ValueError for a link to a file that the site does
+    not show.
     """
 
     def new(found: re.Match[str]) -> str:
@@ -42,10 +43,10 @@ def relinked(text: str, source: str, page: str, homes: Mapping[str, str]) -> str
             return found[0]
         path = os.path.normpath(PurePosixPath(source).parent / target).replace(os.sep, "/")
         if path not in homes and path.startswith("docs/"):
-            return found[0]  # a generated page; mkdocs looks whether it is there
+            return found[0]  # a generated page; mkdocs checks that it exists
         if path not in homes:
             raise ValueError(f"{source}: the link to {target} leads out of the site")
         return f"{opening}{between(page, homes[path])}{place}{closing}"
 
-    parts = FENCE.split(text)  # code stands at the odd places
+    parts = FENCE.split(text)  # code is at the odd indices
     return "".join(part if i % 2 else LINK.sub(new, part) for i, part in enumerate(parts))

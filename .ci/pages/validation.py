@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Published cases: our difference row by row, and a page per family of sources with plots."""
+"""Pages of the published cases, one per family of sources, with plots of our differences."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from models import case_fmus
 from text import table
 
 from ssp.validation.case import FOLDER, Case, cases
-from ssp.validation.flights import expected, fly
-from ssp.validation.judge import difference
 from ssp.validation.library import Library
+from ssp.validation.simulations import difference, expected, simulate
 
 TITLES = {
     "jeod": "NASA JEOD",
@@ -28,7 +27,7 @@ TITLES = {
 
 
 def facts() -> list[dict[str, Any]]:
-    """Every case, run: its differences over time."""
+    """Run every case; return their differences over time."""
     families = {
         case.id: path.stem for path in sorted(FOLDER.glob("*.json")) for case in _of(path.stem)
     }
@@ -44,8 +43,8 @@ def _of(family: str) -> list[Case]:
 
 
 def measured(case: Case, family: str, library: Library) -> dict[str, Any]:
-    """One case, run: what it is and the differences of its quantities."""
-    answer = fly(case, library)
+    """Run one case; return its description and the differences of its quantities."""
+    answer = simulate(case, library)
     quantities: dict[str, Any] = {
         name: {"time": [], "difference": [], "tolerance": limit, "unit": case.units[name]}
         for name, limit in case.tolerance.items()
@@ -62,7 +61,7 @@ def measured(case: Case, family: str, library: Library) -> dict[str, Any]:
 
 
 def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
-    """A page per family, a plot per case."""
+    """Yield a page per family and a plot per case."""
     found = facts.get("validation", [])
     for family in sorted(path.stem for path in FOLDER.glob("*.json")):
         mine = [case for case in found if case["family"] == family]
@@ -105,7 +104,7 @@ def _section(case: Mapping[str, Any]) -> str:
 
 
 def plot(case: Mapping[str, Any]) -> bytes:
-    """One panel per quantity: difference over time, dashed the tolerance."""
+    """Return a plot as .svg, a panel per quantity: difference over time, the tolerance dashed."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

@@ -10,8 +10,8 @@
  *   eta = [J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33],   Y(b) s = S b,   X(a,b) s = a x (S b)
  *
  * Without wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded
- * torque. Sampled: the command uses the estimates before their explicit Euler update, the published
- * estimates are those after it.
+ * torque. Sampled: the command uses the estimates before their explicit Euler update; the published
+ * estimates are the updated ones.
  * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4,
  * A.5, A.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -83,15 +83,15 @@ static const Variable variables[] = {
     POSITIVE(m_hat_0, "kg", "start value of the mass estimate"),
     NONNEGATIVE(
         K_att, "N.m",
-        "attitude gain, per body axis; equal on all axes keeps the Lyapunov function continuous"),
+        "attitude gain, per body axis; with equal gains the Lyapunov function is continuous"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
     NONNEGATIVE(Gamma_eta, "kg.m2.s2",
                 "adaptation gains of the inertia estimates, order of eta_hat"),
     PARAMETER(eta_hat_0, "kg.m2", "start value: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
     NONNEGATIVE(Gamma_scale, "1", "factor on Gamma_eta"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
-    PARAMETER(t_att, "s", "attitude control and its adaptation rest before this time"),
-    SWITCH(projection, "1: estimates are kept in the ranges below"),
+    PARAMETER(t_att, "s", "attitude control and its adaptation start at this time"),
+    SWITCH(projection, "1: estimates are limited to the ranges below"),
     NONNEGATIVE(m_hat_range, "1",
                 "projection: largest relative change of the mass estimate from its start value"),
     NONNEGATIVE(eta_hat_range, "1",
@@ -100,7 +100,7 @@ static const Variable variables[] = {
                 "projection: largest change of the off-diagonal body inertia estimates"),
     NONNEGATIVE(A_offdiag_max, "kg.m2",
                 "projection: largest change of the off-diagonal wheel inertia estimates"),
-    SWITCH(damping_in_regressor, "1: P e2 also drives the mass estimate"),
+    SWITCH(damping_in_regressor, "1: P e2 is part of the regressor of the mass estimate"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -122,7 +122,7 @@ static const Variable variables[] = {
     OUTPUT(F_cmd_H, "N", "commanded force, Hill axes"),
 };
 
-static mat3 full(Symmetric s)
+static mat3 full_matrix(Symmetric s)
 {
     return rows(vec(s.v[0], s.v[1], s.v[2]), vec(s.v[1], s.v[3], s.v[4]),
                 vec(s.v[2], s.v[4], s.v[5]));
@@ -130,8 +130,8 @@ static mat3 full(Symmetric s)
 
 static void check(const Parameters *p, Problems *problems)
 {
-    if (determinant(full(p->eta_hat_0.A)) <= 0 && p->use_wheels)
-        refuse(problems, "eta_hat_0", determinant(full(p->eta_hat_0.A)),
+    if (determinant(full_matrix(p->eta_hat_0.A)) <= 0 && p->use_wheels)
+        reject(problems, "eta_hat_0", determinant(full_matrix(p->eta_hat_0.A)),
                "the wheel inertia estimate must have a positive determinant (use_wheels = 1)");
 }
 
@@ -171,8 +171,8 @@ static void control_translation(const Parameters *p, const Input *u, State *x, O
 
 /* ---- attitude ---- */
 
-/* Y(b)^T d and X(a,b)^T d: what a unit of each element of the symmetric matrix S adds to d.(S b)
- * and d.(a x S b) */
+/* Y(b)^T d and X(a,b)^T d: derivatives of d.(S b) and d.(a x S b) with respect to the elements of
+ * the symmetric matrix S */
 static Symmetric Y_transposed(vec3 b, vec3 d)
 {
     return (Symmetric){{b.x * d.x, b.y * d.x + b.x * d.y, b.z * d.x + b.x * d.z, b.y * d.y,
@@ -203,7 +203,8 @@ static void control_attitude(const Parameters *p, const Input *u, State *x, Outp
 {
     quat q_SN = canonical(u->S.q), q_DN = canonical(u->ref.q),
          q_SD = product(conjugate(q_DN), q_SN);
-    mat3 C_SD = dcm_of_quat(q_SD), J_hat = full(x->eta_hat.J), A_hat = full(x->eta_hat.A);
+    mat3 C_SD = dcm_of_quat(q_SD), J_hat = full_matrix(x->eta_hat.J),
+         A_hat = full_matrix(x->eta_hat.A);
     vec3 wd = mul(C_SD, u->ref.omega), wdd = mul(C_SD, u->ref.alpha), Omega = u->wheel_speed;
     vec3 epsilon = mrp_of_quat(q_SD), dw = sub(u->S.omega, wd);
 
@@ -225,23 +226,24 @@ static void control_attitude(const Parameters *p, const Input *u, State *x, Outp
     adapt(p, &x->eta_hat.A, &p->Gamma_eta.A, Wt_dw.A, period);
 }
 
-/* ---- projection, an option beyond the paper ---- */
-static double near(double value, double centre, double distance)
+/* ---- projection, an option that is not in the paper ---- */
+static double limited_about(double value, double centre, double range)
 {
-    return clamp(value, centre - distance, centre + distance);
+    return clamp(value, centre - range, centre + range);
 }
 
 static void project_symmetric(Symmetric *s, const Symmetric *s_0, double range, double off_diagonal)
 {
     for (int i = 0; i < 6; i++) {
         int on_diagonal = i == 0 || i == 3 || i == 5;
-        s->v[i] = near(s->v[i], s_0->v[i], on_diagonal ? range * fabs(s_0->v[i]) : off_diagonal);
+        s->v[i] =
+            limited_about(s->v[i], s_0->v[i], on_diagonal ? range * fabs(s_0->v[i]) : off_diagonal);
     }
 }
 
 static void project(const Parameters *p, State *x)
 {
-    x->m_hat = near(x->m_hat, p->m_hat_0, p->m_hat_range * p->m_hat_0);
+    x->m_hat = limited_about(x->m_hat, p->m_hat_0, p->m_hat_range * p->m_hat_0);
     project_symmetric(&x->eta_hat.J, &p->eta_hat_0.J, p->eta_hat_range, p->J_offdiag_max);
     project_symmetric(&x->eta_hat.A, &p->eta_hat_0.A, p->eta_hat_range, p->A_offdiag_max);
 }
@@ -250,9 +252,9 @@ static void project(const Parameters *p, State *x)
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t,
                     double period)
 {
-    State resting = *x; /* before t_att the attitude law is evaluated for its errors only */
+    State unchanged = *x; /* before t_att only the errors of the attitude law are published */
     control_translation(p, u, x, y, period);
-    control_attitude(p, u, reached(t, p->t_att) ? x : &resting, y, period);
+    control_attitude(p, u, reached(t, p->t_att) ? x : &unchanged, y, period);
     if (!reached(t, p->t_att)) y->wheel_accel_cmd = y->M_cmd_S = vec(0, 0, 0);
     if (p->projection) project(p, x);
 }

@@ -1,5 +1,6 @@
-/* arm_controller.c - computed torque for an arm on a free base, in the path of the commands of the
- * base: feed-forward of the arm's reaction, balanced about C, and brakes once the target is held.
+/* arm_controller.c - computed torque for an arm on a free base, between the controller of the base
+ * and its actuators: feed-forward of the arm's reaction, balanced about C, and joint
+ * brakes after the capture.
  *
  *   v = ddq_ref + 2 zeta o (dq_ref - dq) + o^2 (q_ref - q),   o = omega_joint, in REST omega_rest
  *   [F_r; M_r] = H_0m ddq_ref + b_0(w, dq) - b_0(w, 0)              reaction of the arm at S
@@ -8,17 +9,17 @@
  *   Q_0 = [F_sum; M_sum - A_w wheel_accel_sum - w x A_w Omega],   du_0 = H_00^-1 (Q_0 - b_0 - H_0m v)
  *   tau = H_0m^T du_0 + H_mm v + b_m + damping dq_ref + friction dq_ref/sqrt(dq_ref^2 + r^2)
  *
- * Every joint error obeys e'' + 2 zeta o e' + o^2 e = 0 whatever the base is told to do, and the
- * planned motion does not turn the base: forces at S turn a vehicle whose centre is C. Feedback
- * stays out of the feed-forward: a joint that stands in its friction must not turn the base.
- * Sampled. Equations: docs/models.md K.4. */
+ * Every joint error obeys e'' + 2 zeta o e' + o^2 e = 0 for any command of the base, and the
+ * planned motion does not turn the base (forces act at S and turn a base with centre of mass C).
+ * The feed-forward does not contain the feedback, so that a joint held by friction does not turn
+ * the base. Sampled. Equations: docs/models.md K.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_dynamics.h"
 #include "arm_rows.h"
 #include "mat3.h"
 #include "time_grid.h"
 
-enum { STOWED = 0, REST = 4 }; /* of arm_guidance */
+enum { STOWED = 0, REST = 4 }; /* modes of arm_guidance */
 
 typedef struct {
     Arm arm;
@@ -36,7 +37,7 @@ typedef struct {
     double arm_mode;
     vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
 } Input;
-typedef struct { double resting, t_R, locked; } State;
+typedef struct { double resting, t_rest, locked; } State;
 typedef struct {
     double joint_torque[ARM_JOINTS], joint_lock[ARM_JOINTS];
     vec3 F_sum_S, M_sum_S, wheel_accel_sum, F_ff_S, M_ff_S;
@@ -70,12 +71,13 @@ static const Variable variables[] = {
     NONNEGATIVE(omega_rest, "rad/s", "bandwidth of the joints in REST"),
     NONNEGATIVE(zeta, "1", "damping ratio of the joints"),
     NONNEGATIVE(T_lock, "s", "REST: the brakes close after this time"),
-    NONNEGATIVE(lock_rate, "rad/s", "REST: and below this rate of all joints"),
-    SWITCH(compensate_torque, "1: the base takes up the torque of the arm's motion"),
-    SWITCH(compensate_force, "1: the base takes up the force of the arm's motion"),
+    NONNEGATIVE(lock_rate, "rad/s", "REST: the brakes close below this rate of all joints"),
+    SWITCH(compensate_torque, "1: feed-forward torque of the base against the arm's motion"),
+    SWITCH(compensate_force, "1: feed-forward force of the base against the arm's motion"),
     NONNEGATIVE(M_ff_max, "N.m", "largest feed-forward torque, per axis; 0 = no limit"),
     SWITCH(use_wheels, "1: feed-forward torque by wheels, 0: by thrusters"),
-    SWITCH(base_rest, "1: the base gets no command in REST; 0 where a selector decides"),
+    SWITCH(base_rest, "1: the commands of the base are 0 in REST; 0: they pass, for systems with a "
+                      "command_selector"),
     SAMPLE_PERIOD,
 
     INPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
@@ -86,18 +88,18 @@ static const Variable variables[] = {
     INPUT(joint_rate_ref, "rad/s", "reference of the joint rates"),
     INPUT(joint_accel_ref, "rad/s2", "reference of the joint accelerations"),
     INPUT(arm_mode, "1", "0 STOWED, 1 DEPLOY, 2 ALIGN, 3 CLOSE, 4 REST, 5 FOLD"),
-    INPUT(F_cmd_S, "N", "force that the base's controller commands, body axes"),
-    INPUT(M_cmd_S, "N.m", "torque that the base's controller commands, body axes"),
-    INPUT(wheel_accel_cmd, "rad/s2", "wheel acceleration that the base's controller commands"),
+    INPUT(F_cmd_S, "N", "force commanded by the controller of the base, body axes"),
+    INPUT(M_cmd_S, "N.m", "torque commanded by the controller of the base, body axes"),
+    INPUT(wheel_accel_cmd, "rad/s2", "wheel acceleration commanded by the controller of the base"),
 
     OUTPUT(joint_torque, "N.m", "torque at the joints"),
-    FLAG(joint_lock, "1: the brakes are closed; all alike"),
+    FLAG(joint_lock, "1: the brakes are closed, equal for all joints"),
     OUTPUT(F_sum_S, "N", "force command with the feed-forward, body axes"),
     OUTPUT(M_sum_S, "N.m", "torque command with the feed-forward, body axes"),
     OUTPUT(wheel_accel_sum, "rad/s2", "commanded wheel acceleration with the feed-forward"),
     OUTPUT(F_ff_S, "N", "feed-forward force"),
     OUTPUT(M_ff_S, "N.m", "feed-forward torque"),
-    FLAG(saturated, "1: the torque is cut to its limit, per joint"),
+    FLAG(saturated, "1: the torque is at its limit, per joint"),
     NONNEGATIVE_OUTPUT(joint_error, "rad", "largest error of a joint angle"),
 };
 
@@ -109,8 +111,8 @@ static void check(const Parameters *p, Problems *problems)
     check_positive_definite(problems, "J_S - A_w", minus(p->J_S, p->A_w));
 }
 
-/* ---- the command of the base: 0, 3, 4 ---- */
-static void pass_on(const Parameters *p, const Input *u, Output *y)
+/* ---- force, torque and wheel acceleration of the base ---- */
+static void copy_base_command(const Parameters *p, const Input *u, Output *y)
 {
     int resting = u->arm_mode == REST && p->base_rest;
     vec3 none = vec(0, 0, 0);
@@ -119,13 +121,13 @@ static void pass_on(const Parameters *p, const Input *u, Output *y)
                   .wheel_accel_sum = resting ? none : u->wheel_accel_cmd};
 }
 
-/* planned motion only, w and dq as measured */
+/* reaction of the planned motion, evaluated at the measured w and dq */
 static Wrench reaction_of_arm(const Input *u, const Tree *t, const Forces *b)
 {
     Speeds planned = {.w = {0, 0, 0}};
     memcpy(planned.joint, u->joint_accel_ref, sizeof u->joint_accel_ref);
     Wrench r = plus_wrench(base_rows(t, &planned), 1, b->base);
-    return plus_wrench(r, -1, turning_terms(&t->whole, u->omega_SN_S));
+    return plus_wrench(r, -1, gyroscopic_wrench(&t->whole, u->omega_SN_S));
 }
 
 static void feed_forward(const Parameters *p, Wrench reaction, vec3 c, Output *y)
@@ -140,8 +142,8 @@ static void feed_forward(const Parameters *p, Wrench reaction, vec3 c, Output *y
     else y->M_sum_S = add(y->M_sum_S, y->M_ff_S);
 }
 
-/* ---- torques: 2, 5, 6 ---- */
-static Speeds wanted_accelerations(const Parameters *p, const Input *u, int joints)
+/* ---- joint torques ---- */
+static Speeds commanded_accelerations(const Parameters *p, const Input *u, int joints)
 {
     Speeds v = {.w = {0, 0, 0}};
     double o = u->arm_mode == REST ? p->omega_rest : p->omega_joint;
@@ -152,55 +154,55 @@ static Speeds wanted_accelerations(const Parameters *p, const Input *u, int join
     return v;
 }
 
-/* du = [du_0; v]: what the base does under the commands while the joints do v */
-static Speeds motion_with(const Parameters *p, const Input *u, const Tree *t, const Forces *b,
-                          const Output *y)
+/* du = [du_0; v]: acceleration of the base under its commands while the joints accelerate with v */
+static Speeds predicted_acceleration(const Parameters *p, const Input *u, const Tree *t,
+                                     const Forces *b, const Output *y)
 {
     Mobility base = mobility_of(&t->whole, 1);
     vec3 w = u->omega_SN_S;
     vec3 wheels = add(mul(p->A_w, y->wheel_accel_sum), cross(w, mul(p->A_w, u->wheel_speed)));
-    Speeds du = wanted_accelerations(p, u, (int)t->joints);
+    Speeds du = commanded_accelerations(p, u, (int)t->joints);
     Wrench Q_0 = {y->F_sum_S, sub(y->M_sum_S, wheels)};
 
     Twist du_0 =
-        base_answer(&base, plus_wrench(Q_0, -1, plus_wrench(base_rows(t, &du), 1, b->base)));
+        base_response(&base, plus_wrench(Q_0, -1, plus_wrench(base_rows(t, &du), 1, b->base)));
     du.v = du_0.v;
     du.w = du_0.w;
     return du;
 }
 
-static void drive_joints(const Parameters *p, const Input *u, const Tree *t, const Forces *b,
-                         Output *y)
+static void set_joint_torques(const Parameters *p, const Input *u, const Tree *t, const Forces *b,
+                              Output *y)
 {
-    Speeds du = motion_with(p, u, t, b, y);
+    Speeds du = predicted_acceleration(p, u, t, b, y);
     int joints = (int)t->joints;
     double row[COLUMNS];
     set_joint_rows(row, t, &du);
     for (int i = 0; i < joints; i++) {
-        double wanted = row[i] + b->joint[i] + friction_torque(&p->joint, i, u->joint_rate_ref[i]);
-        y->joint_torque[i] = limited(wanted, p->joint.torque_max[i]);
-        y->saturated[i] = y->joint_torque[i] != wanted;
+        double torque = row[i] + b->joint[i] + friction_torque(&p->joint, i, u->joint_rate_ref[i]);
+        y->joint_torque[i] = limited(torque, p->joint.torque_max[i]);
+        y->saturated[i] = y->joint_torque[i] != torque;
         y->joint_error = larger(y->joint_error, fabs(u->joint_angle_ref[i] - u->joint_angle[i]));
     }
 }
 
-/* ---- brakes: 1 ---- */
-static void brake(const Parameters *p, const Input *u, State *x, double t)
+/* ---- joint brakes ---- */
+static void update_brakes(const Parameters *p, const Input *u, State *x, double t)
 {
     int resting = u->arm_mode == REST;
     double fastest = 0;
     int joints = (int)p->arm.joints;
     for (int i = 0; i < joints; i++) fastest = larger(fastest, fabs(u->joint_rate[i]));
-    if (resting && !x->resting) x->t_R = t;
+    if (resting && !x->resting) x->t_rest = t;
     x->resting = resting;
     x->locked =
-        resting && (x->locked || (reached(t, x->t_R + p->T_lock) && fastest <= p->lock_rate));
+        resting && (x->locked || (reached(t, x->t_rest + p->T_lock) && fastest <= p->lock_rate));
 }
 
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    brake(p, u, x, t);
-    pass_on(p, u, y);
+    update_brakes(p, u, x, t);
+    copy_base_command(p, u, y);
     int locked = u->arm_mode == STOWED || x->locked;
     for (int i = 0; i < ARM_JOINTS; i++) y->joint_lock[i] = locked;
     if (locked) return;
@@ -210,16 +212,16 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     Links links;
     Speeds measured = {.w = u->omega_SN_S};
     Composite base = body_at_S(p->mass_0, p->J_S);
-    const Tide none = {.at_S = {0, 0, 0}};
+    const TidalField none = {.at_S = {0, 0, 0}};
     memcpy(measured.joint, u->joint_rate, sizeof u->joint_rate);
     set_chain(&arm, &p->arm);
-    place(&tree, &links, &arm, u->joint_angle);
-    weigh(&links, &arm);
+    place_links(&tree, &links, &arm, u->joint_angle);
+    set_link_inertias(&links, &arm);
     set_mass_matrix(&tree, &links, &base);
     Forces b = velocity_forces(&tree, &links, &base, &measured, &none);
     if (u->arm_mode != REST)
         feed_forward(p, reaction_of_arm(u, &tree, &b), centre_of(&tree.whole), y);
-    drive_joints(p, u, &tree, &b, y);
+    set_joint_torques(p, u, &tree, &b, y);
 }
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)

@@ -6,12 +6,12 @@
  *   ALIGN, CLOSE   e_r = e_0 + S (goal - e_0),   phi = (1 - S) phi_0
  *                  x_r = r_T + C_TN^T p_QT_T + C_QN^T e_r,   q_r = q_QN q_m rotq(phi)
  *                  xd = C_SN [v_r - v_S + K_E[1] (x_r - r_E); w_r + K_E[2] rotvec(q_r q_EN*)]
- *   REST           the measured joint rates fade to zero over T_rest
+ *   REST           the measured joint rates decrease linearly to zero over T_rest
  *
- * E: end effector, Q: grapple fixture on T; mated X_E = -X_Q, roll as it is. v_r, w_r: motion of
- * T's material at the reference and the derivatives of e_r, phi. Joint rates from xd by
- * resolved_rate.h; q_ref is integrated from the reference, not from the measured angle.
- * Sampled. Equations: docs/models.md K.3. */
+ * E: end effector, Q: grapple fixture on T; aligned: X_E = -X_Q, with the roll angle at the start
+ * of ALIGN. v_r, w_r: velocity of the point of T at the reference plus the derivatives of e_r, phi.
+ * Joint rates follow from xd by resolved_rate.h; q_ref is integrated from the previous reference,
+ * not from the measured angle. Sampled. Equations: docs/models.md K.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_rows.h"
 #include "body_rows.h"
@@ -38,7 +38,7 @@ typedef struct {
     double joint_angle[ARM_JOINTS], joint_rate[ARM_JOINTS], arm_mode_cmd, capture_phase;
 } Input;
 typedef struct {
-    double mode, t_m, grip, inside, t_inside;
+    double mode, t_mode, grip, in_grip_window, t_grip_window;
     double q_ref[ARM_JOINTS], q_a[ARM_JOINTS], dq_a[ARM_JOINTS];
     vec3 e_0, phi_0;
     quat q_m;
@@ -95,31 +95,35 @@ static const Variable variables[] = {
     MATRIX(J_S, "kg.m2", "inertia of the base body about S, wheels locked, body axes"),
     PARAMETER(p_QT_T, "m", "grapple fixture from the centre of mass of the target, target axes"),
     PARAMETER(q_QT, "1", "attitude of the grapple fixture relative to the target, scalar first"),
-    PARAMETER(standoff, "m", "where ALIGN ends, in front of the fixture"),
-    PARAMETER(seat_depth, "m", "where CLOSE ends, inside the fixture"),
+    PARAMETER(standoff, "m",
+              "distance of the end effector in front of the fixture at the end of ALIGN"),
+    PARAMETER(seat_depth, "m", "depth of the end effector inside the fixture at the end of CLOSE"),
     PARAMETER(joint_angle_stowed, "rad", "joint angles of the stowed arm"),
     PARAMETER_AS("joint_angle_ready", law.ready, "rad", "joint angles of the deployed arm"),
     POSITIVE(T_deploy, "s", "duration of DEPLOY and of FOLD"),
     POSITIVE(T_align, "s", "duration of ALIGN"),
     POSITIVE(T_close, "s", "duration of CLOSE"),
     POSITIVE(T_rest, "s", "time in which REST stops the joints"),
-    PARAMETER(deploy_from, "s", "DEPLOY from this time on, by the clock"),
-    PARAMETER(track_from, "s", "ALIGN from this time on, by the clock"),
+    PARAMETER(deploy_from, "s", "with arm_mode_cmd = -1: DEPLOY from this time on"),
+    PARAMETER(track_from, "s", "with arm_mode_cmd = -1: ALIGN from this time on"),
     NONNEGATIVE(gate_distance, "m", "largest distance from the standoff for CLOSE"),
     NONNEGATIVE(gate_angle, "rad", "largest misalignment for CLOSE"),
     NONNEGATIVE(K_E, "1/s", "feedback of position and of attitude of the end effector"),
-    NONNEGATIVE_AS("K_posture", law.K_posture, "1/s", "pull towards joint_angle_ready"),
-    NONNEGATIVE_AS("K_limit", law.K_limit, "1/s", "largest rate towards a limit, per distance"),
-    NONNEGATIVE_AS("damping_max", law.damping_max, "1",
-                   "damping of the inverse in a singular pose"),
-    NONNEGATIVE_AS("manipulability_min", law.manipulability_min, "1", "damped below this measure"),
+    NONNEGATIVE_AS("K_posture", law.K_posture, "1/s",
+                   "gain of the null-space motion towards joint_angle_ready"),
+    NONNEGATIVE_AS("K_limit", law.K_limit, "1/s",
+                   "largest rate towards an angle limit, per distance from it"),
+    NONNEGATIVE_AS("damping_max", law.damping_max, "1", "damping of the inverse at a singularity"),
+    NONNEGATIVE_AS("manipulability_min", law.manipulability_min, "1",
+                   "manipulability below which the inverse is damped"),
     PARAMETER_AS("joint_angle_min", law.angle_min, "rad", "least joint angles"),
     PARAMETER_AS("joint_angle_max", law.angle_max, "rad", "largest joint angles"),
     NONNEGATIVE_AS("joint_rate_max", law.rate_max, "rad/s", "largest joint rates"),
     ROW_AS(PARAMETER_ROW, p, "base_floats", law.base_floats, 1, "1",
-           "1: generalized Jacobian of a floating base, 0: motion of the base as measured",
+           "1: generalized Jacobian of a free-floating base, 0: Jacobian of the arm with the "
+           "measured motion of the base",
            SWITCH_VALUE),
-    NONNEGATIVE(grip_distance, "m", "gripper closes: largest distance from the seat"),
+    NONNEGATIVE(grip_distance, "m", "gripper closes: largest distance from the seated position"),
     NONNEGATIVE(grip_angle, "rad", "gripper closes: largest misalignment"),
     NONNEGATIVE(grip_speed, "m/s", "gripper closes: largest speed of the tip"),
     NONNEGATIVE(grip_rate, "rad/s", "gripper closes: largest relative angular velocity"),
@@ -130,9 +134,10 @@ static const Variable variables[] = {
     BODY_INPUTS("S", S, "servicer"),
     INPUT(joint_angle, "rad", "joint angles"),
     INPUT(joint_rate, "rad/s", "joint rates"),
-    OPTIONAL_INPUT(arm_mode_cmd, "1", "0 stow, 1 deploy, 2 grasp, 3 rest; -1 by the clock"),
+    OPTIONAL_INPUT(arm_mode_cmd, "1",
+                   "0 stow, 1 deploy, 2 grasp, 3 rest; -1: by deploy_from and track_from"),
     OPTIONAL_INPUT(capture_phase, "1",
-                   "phase of the docking mechanism; 2 and 3: the target is held"),
+                   "phase of the docking mechanism; 2 and 3: the target is captured"),
 
     OUTPUT(joint_angle_ref, "rad", "reference of the joint angles"),
     OUTPUT(joint_rate_ref, "rad/s", "reference of the joint rates"),
@@ -148,7 +153,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(angle_error, "rad", "angle of the end effector from its reference"),
     NONNEGATIVE_OUTPUT(manipulability, "1", "sqrt(det(J J^T)) of the Jacobian in use"),
     NONNEGATIVE_OUTPUT(damping, "1", "damping of the inverse"),
-    FLAG(limited, "1: held at a limit of its angle, per joint"),
+    FLAG(limited, "1: the reference is at a limit of the joint angle, per joint"),
     NONNEGATIVE_OUTPUT(rate_scale, "1", "factor on all joint rates"),
 };
 
@@ -159,29 +164,29 @@ static void check(const Parameters *p, Problems *problems)
     check_unit_quaternion(problems, "|q_QT|", p->q_QT);
     for (int i = 0; i < joints; i++)
         if (!(p->law.angle_min[i] < p->law.angle_max[i]))
-            refuse_row(problems, "joint_angle_max", i, p->law.angle_max[i],
+            reject_row(problems, "joint_angle_max", i, p->law.angle_max[i],
                        "must be above joint_angle_min");
 }
 
-/* ---- where E is, seen from Q ---- */
+/* ---- motion of E relative to Q ---- */
 typedef struct {
     Chain arm;
     Tree tree;
     Links links;
     mat3 C_SN, C_QN;
     quat q_QN, q_EN, q_EQ;
-    vec3 port, tip, w_T; /* Q and E from T, rate of T; N axes */
-    vec3 e, X;           /* tip and X of E, Q axes */
+    vec3 port, tip, w_T; /* positions of Q and E from T, angular velocity of T; N axes */
+    vec3 e, X;           /* position and X axis of E, Q axes */
     double misalignment, speed, rate;
-} View;
+} RelativePose;
 
-static void set_view(View *v, const Parameters *p, const Input *u)
+static void set_relative_pose(RelativePose *v, const Parameters *p, const Input *u)
 {
     quat q_SN = canonical(u->S.q), q_TN = canonical(u->T.q);
     Speeds measured = {.w = u->S.omega};
     memcpy(measured.joint, u->joint_rate, sizeof u->joint_rate);
     set_chain(&v->arm, &p->arm);
-    place(&v->tree, &v->links, &v->arm, u->joint_angle);
+    place_links(&v->tree, &v->links, &v->arm, u->joint_angle);
     mat3 C_TN = dcm_of_quat(q_TN);
     Twist motion = tip_twist(&v->tree, &measured);
 
@@ -203,34 +208,37 @@ static void set_view(View *v, const Parameters *p, const Input *u)
 }
 
 /* ---- modes ---- */
-static vec3 stand(const Parameters *p) { return vec(p->standoff, 0, 0); }
-static vec3 seat(const Parameters *p) { return vec(-p->seat_depth, 0, 0); }
+static vec3 standoff_tip(const Parameters *p) { return vec(p->standoff, 0, 0); }
+static vec3 seated_tip(const Parameters *p) { return vec(-p->seat_depth, 0, 0); }
 
-static int is_held(const Input *u) { return u->capture_phase == 2 || u->capture_phase == 3; }
+static int is_captured(const Input *u) { return u->capture_phase == 2 || u->capture_phase == 3; }
 
-static double commanded(const Parameters *p, const Input *u, double t)
+static double commanded_mode(const Parameters *p, const Input *u, double t)
 {
     if (u->arm_mode_cmd >= 0) return u->arm_mode_cmd;
     return reached(t, p->track_from) ? 2 : reached(t, p->deploy_from);
 }
 
-/* all conditions for grip_dwell, from the first good sample on */
-static int may_grip(const Parameters *p, const View *v, State *x, double t)
+/* true if all conditions have held for grip_dwell */
+static int may_grip(const Parameters *p, const RelativePose *v, State *x, double t)
 {
-    int good = norm(sub(v->e, seat(p))) <= p->grip_distance && v->misalignment <= p->grip_angle &&
-               v->speed <= p->grip_speed && v->rate <= p->grip_rate;
-    if (good && !x->inside) x->t_inside = t;
-    x->inside = good;
-    return good && reached(t, x->t_inside + p->grip_dwell);
+    int inside = norm(sub(v->e, seated_tip(p))) <= p->grip_distance &&
+                 v->misalignment <= p->grip_angle && v->speed <= p->grip_speed &&
+                 v->rate <= p->grip_rate;
+    if (inside && !x->in_grip_window) x->t_grip_window = t;
+    x->in_grip_window = inside;
+    return inside && reached(t, x->t_grip_window + p->grip_dwell);
 }
 
-static int next_mode(const Parameters *p, const Input *u, const View *v, State *x, double t)
+static int next_mode(const Parameters *p, const Input *u, const RelativePose *v, State *x, double t)
 {
-    int mode = (int)x->mode, held = is_held(u);
-    int deployed = reached(t, x->t_m + p->T_deploy), aligned = reached(t, x->t_m + p->T_align);
-    int near = norm(sub(v->e, stand(p))) <= p->gate_distance && v->misalignment <= p->gate_angle;
+    int mode = (int)x->mode, captured = is_captured(u);
+    int deployed = reached(t, x->t_mode + p->T_deploy),
+        aligned = reached(t, x->t_mode + p->T_align);
+    int at_standoff =
+        norm(sub(v->e, standoff_tip(p))) <= p->gate_distance && v->misalignment <= p->gate_angle;
     int gripped = mode == CLOSE && may_grip(p, v, x, t);
-    double cmd = commanded(p, u, t);
+    double cmd = commanded_mode(p, u, t);
     const struct {
         int from, to, when;
     } change[CHANGES] = {
@@ -239,16 +247,16 @@ static int next_mode(const Parameters *p, const Input *u, const View *v, State *
         {DEPLOY, ALIGN, cmd == 2 && deployed},
         {ALIGN, DEPLOY, cmd == 1},
         {ALIGN, FOLD, cmd == 0},
-        {ALIGN, CLOSE, aligned && near},
+        {ALIGN, CLOSE, aligned && at_standoff},
         {CLOSE, DEPLOY, cmd == 1},
         {CLOSE, FOLD, cmd == 0},
         {CLOSE, REST, gripped},
-        {REST, DEPLOY, cmd == 1 && !held},
-        {REST, FOLD, cmd == 0 && !held},
+        {REST, DEPLOY, cmd == 1 && !captured},
+        {REST, FOLD, cmd == 0 && !captured},
         {FOLD, DEPLOY, cmd >= 1},
         {FOLD, STOWED, deployed},
     };
-    if (mode != STOWED && mode != REST && (cmd == 3 || held)) return REST;
+    if (mode != STOWED && mode != REST && (cmd == 3 || captured)) return REST;
     for (int i = 0; i < CHANGES; i++) {
         if (change[i].from != mode || !change[i].when) continue;
         if (change[i].to == REST) x->grip = 1;
@@ -257,63 +265,65 @@ static int next_mode(const Parameters *p, const Input *u, const View *v, State *
     return mode;
 }
 
-/* E turned by the shortest arc to X_E = -X_Q, roll as it is */
-static quat mated(const View *v)
+/* q_EQ rotated along the shortest arc to X_E = -X_Q; the roll angle stays the same */
+static quat aligned_attitude(const RelativePose *v)
 {
     double g = sqrt(larger(0, (1 - v->X.x) / 2));
     quat arc = g < 1e-6 ? (quat){0, 0, 0, 1} : (quat){g, 0, -v->X.z / (2 * g), v->X.y / (2 * g)};
     return canonical(product(arc, v->q_EQ));
 }
 
-static void enter(const Parameters *p, const Input *u, const View *v, State *x, int mode)
+static void begin_mode(const Parameters *p, const Input *u, const RelativePose *v, State *x,
+                       int mode)
 {
     const double *from = mode == REST ? u->joint_angle : x->q_ref;
     memcpy(x->q_a, from, sizeof x->q_a);
     memcpy(x->dq_a, u->joint_rate, sizeof x->dq_a);
     if (mode == ALIGN) {
         x->e_0 = v->e;
-        x->q_m = mated(v);
+        x->q_m = aligned_attitude(v);
         x->phi_0 = rotation_vector(product(conjugate(x->q_m), v->q_EQ));
     } else {
-        x->e_0 = stand(p);
+        x->e_0 = standoff_tip(p);
         x->phi_0 = vec(0, 0, 0);
     }
     if (mode == DEPLOY || mode == FOLD) x->grip = 0;
-    x->inside = 0;
+    x->in_grip_window = 0;
 }
 
-static void change_mode(const Parameters *p, const Input *u, const View *v, State *x, double t)
+static void change_mode(const Parameters *p, const Input *u, const RelativePose *v, State *x,
+                        double t)
 {
     int mode = next_mode(p, u, v, x, t);
     if (mode == x->mode) return;
-    enter(p, u, v, x, mode);
+    begin_mode(p, u, v, x, mode);
     x->mode = mode;
-    x->t_m = t;
+    x->t_mode = t;
 }
 
 /* ---- references ---- */
-typedef struct { double s, d, dd; } Rise; /* S and its time derivatives */
+typedef struct { double s, d, dd; } Polynomial; /* S(x) and its time derivatives */
 
-static Rise rise(double since, double T)
+static Polynomial rise_at(double elapsed, double T)
 {
-    double x = clamp(since / T, 0, 1), y = 1 - x;
-    return (Rise){x * x * x * (10 - x * (15 - 6 * x)), 30 * x * x * y * y / T,
-                  60 * x * y * (y - x) / (T * T)};
+    double x = clamp(elapsed / T, 0, 1), y = 1 - x;
+    return (Polynomial){x * x * x * (10 - x * (15 - 6 * x)), 30 * x * x * y * y / T,
+                        60 * x * y * (y - x) / (T * T)};
 }
 
-static void move_joints(const State *x, const double goal[], Rise r, int joints, Output *y)
+static void set_joint_path(const State *x, const double goal[], Polynomial r, int joints, Output *y)
 {
     for (int i = 0; i < joints; i++) {
-        double way = goal[i] - x->q_a[i];
-        y->joint_angle_ref[i] = x->q_a[i] + r.s * way;
-        y->joint_rate_ref[i] = r.d * way;
-        y->joint_accel_ref[i] = r.dd * way;
+        double path = goal[i] - x->q_a[i];
+        y->joint_angle_ref[i] = x->q_a[i] + r.s * path;
+        y->joint_rate_ref[i] = r.d * path;
+        y->joint_accel_ref[i] = r.dd * path;
     }
 }
 
-static void rest_joints(const State *x, double T, double since, int joints, Output *y)
+static void set_joint_stop(const State *x, double T, double elapsed, int joints, Output *y)
 {
-    double f = smaller(since / T, 1);
+    double f = smaller(elapsed / T, 1);
     for (int i = 0; i < joints; i++) {
         y->joint_angle_ref[i] = x->q_a[i] + x->dq_a[i] * T * (f - f * f / 2);
         y->joint_rate_ref[i] = x->dq_a[i] * (1 - f);
@@ -321,24 +331,24 @@ static void rest_joints(const State *x, double T, double since, int joints, Outp
     }
 }
 
-static void track(const Parameters *p, const Input *u, View *v, const State *x, double since,
-                  Output *y)
+static void track_fixture(const Parameters *p, const Input *u, RelativePose *v, const State *x,
+                          double elapsed, Output *y)
 {
     int closing = x->mode == CLOSE;
-    Rise r = rise(since, closing ? p->T_close : p->T_align);
-    vec3 way = sub(closing ? seat(p) : stand(p), x->e_0);
-    vec3 from_T = add(v->port, tmul(v->C_QN, add(x->e_0, scale(r.s, way)))); /* x_r - r_T */
-    vec3 dphi = scale(-r.d, x->phi_0), turning = tmul(v->C_QN, tmul(dcm_of_quat(x->q_m), dphi));
-    quat q_r = product(v->q_QN, product(x->q_m, turn(scale(1 - r.s, x->phi_0))));
+    Polynomial r = rise_at(elapsed, closing ? p->T_close : p->T_align);
+    vec3 path = sub(closing ? seated_tip(p) : standoff_tip(p), x->e_0);
+    vec3 from_T = add(v->port, tmul(v->C_QN, add(x->e_0, scale(r.s, path)))); /* x_r - r_T */
+    vec3 dphi = scale(-r.d, x->phi_0), rate_of_phi = tmul(v->C_QN, tmul(dcm_of_quat(x->q_m), dphi));
+    quat q_r = product(v->q_QN, product(x->q_m, quat_of_rotation_vector(scale(1 - r.s, x->phi_0))));
 
-    vec3 v_r = sum3(u->T.v, cross(v->w_T, from_T), tmul(v->C_QN, scale(r.d, way)));
-    vec3 w_r = add(v->w_T, turning), miss = sub(from_T, v->tip);
-    vec3 angle = rotation_vector(product(q_r, conjugate(v->q_EN)));
-    vec3 linear = add(sub(v_r, u->S.v), scale(p->K_E[0], miss));
-    vec3 angular = add(w_r, scale(p->K_E[1], angle));
+    vec3 v_r = sum3(u->T.v, cross(v->w_T, from_T), tmul(v->C_QN, scale(r.d, path)));
+    vec3 w_r = add(v->w_T, rate_of_phi), position_error = sub(from_T, v->tip);
+    vec3 attitude_error = rotation_vector(product(q_r, conjugate(v->q_EN)));
+    vec3 linear = add(sub(v_r, u->S.v), scale(p->K_E[0], position_error));
+    vec3 angular = add(w_r, scale(p->K_E[1], attitude_error));
     Twist xd = {mul(v->C_SN, linear), mul(v->C_SN, angular)};
     Composite base = body_at_S(p->mass_0, p->J_S);
-    weigh(&v->links, &v->arm);
+    set_link_inertias(&v->links, &v->arm);
     set_mass_matrix(&v->tree, &v->links, &base);
     JointRates rates =
         joint_rates(&p->law, &v->tree, u->S.omega, u->joint_angle, u->joint_rate, xd);
@@ -346,8 +356,8 @@ static void track(const Parameters *p, const Input *u, View *v, const State *x, 
     memcpy(y->joint_angle_ref, x->q_ref, sizeof x->q_ref);
     memcpy(y->joint_rate_ref, rates.dq, sizeof rates.dq);
     memcpy(y->limited, rates.limited, sizeof rates.limited);
-    y->position_error = norm(miss);
-    y->angle_error = norm(angle);
+    y->position_error = norm(position_error);
+    y->angle_error = norm(attitude_error);
     y->manipulability = rates.manipulability;
     y->damping = rates.damping;
     y->rate_scale = rates.rate_scale;
@@ -355,12 +365,12 @@ static void track(const Parameters *p, const Input *u, View *v, const State *x, 
 
 static void guide(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
 {
-    View v;
-    set_view(&v, p, u);
+    RelativePose v;
+    set_relative_pose(&v, p, u);
     int joints = (int)v.tree.joints;
     change_mode(p, u, &v, x, t);
     int mode = (int)x->mode, tracking = mode == ALIGN || mode == CLOSE;
-    double since = t - x->t_m;
+    double elapsed = t - x->t_mode;
 
     *y = (Output){.arm_mode = mode,
                   .grip = x->grip,
@@ -369,10 +379,11 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
                   .tip_speed = v.speed,
                   .tip_rate = v.rate};
     if (mode == STOWED) memcpy(y->joint_angle_ref, p->joint_angle_stowed, sizeof x->q_ref);
-    if (mode == DEPLOY) move_joints(x, p->law.ready, rise(since, p->T_deploy), joints, y);
-    if (mode == FOLD) move_joints(x, p->joint_angle_stowed, rise(since, p->T_deploy), joints, y);
-    if (mode == REST) rest_joints(x, p->T_rest, since, joints, y);
-    if (tracking) track(p, u, &v, x, since, y);
+    if (mode == DEPLOY) set_joint_path(x, p->law.ready, rise_at(elapsed, p->T_deploy), joints, y);
+    if (mode == FOLD)
+        set_joint_path(x, p->joint_angle_stowed, rise_at(elapsed, p->T_deploy), joints, y);
+    if (mode == REST) set_joint_stop(x, p->T_rest, elapsed, joints, y);
+    if (tracking) track_fixture(p, u, &v, x, elapsed, y);
     for (int i = 0; i < ARM_JOINTS; i++) {
         if (i >= joints) y->joint_angle_ref[i] = 0;
         x->q_ref[i] = y->joint_angle_ref[i] + (tracking ? period * y->joint_rate_ref[i] : 0);

@@ -5,14 +5,13 @@
  *   h'_ff = -J_A (A_e omega_ref' - d_omega x A_e omega_ref) - J_A' omega_0 - h_m'
  *           - omega_0 x (J_A omega_0 + h_m + h) + tau_gg + tau_aero
  *
- * so that the error obeys theta'' + k1 theta' + k2/2 theta = 0. The command is held for a sample,
- * while h'_ff moves on: with use_plan_rate the feed-forward is the mean rate of the plan over the
- * coming sample, plus what the model says about the difference between measured and reference
- * state. Without errors the momentum then is that of the plan at every sample, not late by half a
- * sample. law 0 is the law of the patent as printed: h' = k1 J_A (omega_0 - omega_orb) + k2_printed
- * (eps - eps_b).
- * Sampled controller: one sample reads the inputs once and holds the command. Source: patent
- * CN106020225A, corrected (docs/models.md E.5). */
+ * so that the error obeys theta'' + k1 theta' + k2/2 theta = 0. The command is constant over a
+ * sample, while h'_ff changes: with use_plan_rate the feed-forward is the mean rate of the plan
+ * over the coming sample, plus the difference of the model's rates at the measured and at the
+ * reference state. Without errors the momentum then equals the planned one at every sample, without
+ * a delay of half a sample. law = 0 is the law of the patent as printed: h' = k1 J_A (omega_0 -
+ * omega_orb) + k2_printed (eps - eps_b). Sampled controller: one sample reads the inputs once and
+ * holds the command. Source: patent CN106020225A, corrected (docs/models.md E.5). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
@@ -27,7 +26,7 @@ typedef struct {
     Arm arm;
     AttitudeReference ref;
 } Input;
-typedef struct { double none; } State;
+typedef struct { double unused; } State;
 typedef struct {
     vec3 hdot_cmd_S, eps_e, domega_S, dh_S;
     double attitude_error;
@@ -50,9 +49,8 @@ static const Variable variables[] = {
     NONNEGATIVE(k1, "1/s", "gain on the angular velocity, 2 zeta omega_c"),
     NONNEGATIVE(k2, "1/s2", "gain on the attitude, 2 omega_c^2"),
     NONNEGATIVE(k2_printed, "N.m", "gain on the attitude in the law as printed"),
-    SWITCH(use_plan_rate,
-           "1: feed-forward for the mean of the coming sample, from the plan; 0: for "
-           "the sample instant, from the model alone"),
+    SWITCH(use_plan_rate, "1: feed-forward for the mean over the coming sample, from the plan; 0: "
+                          "for the sample instant, from the model only"),
     SAMPLE_PERIOD,
 
     INPUT(q_SH, "1", "attitude of the base relative to H, scalar first"),
@@ -66,7 +64,7 @@ static const Variable variables[] = {
     OUTPUT(hdot_cmd_S, "N.m", "commanded rate of change of the momentum of the gyros, body axes"),
     OUTPUT(eps_e, "1", "attitude error, vector part of the quaternion"),
     OUTPUT(domega_S, "rad/s", "error of the angular velocity, body axes"),
-    OUTPUT(dh_S, "N.m.s", "momentum of the gyros less the prediction, body axes"),
+    OUTPUT(dh_S, "N.m.s", "momentum of the gyros minus the prediction, body axes"),
     ANGLE_OUTPUT(attitude_error, "angle of the attitude error"),
 };
 
@@ -95,9 +93,10 @@ static vec3 torque_at(const Parameters *p, const Configuration *c, quat q_So)
     return environment_torque(&p->assembly, c, dcm_of_quat(q_So));
 }
 
-/* the plan's mean rate less the model's rate on the plan now */
-static vec3 rest_of_sample(const Parameters *p, const Configuration *c, quat q_Do,
-                           const AttitudeReference *r)
+/* mean rate of the plan over the sample minus the rate of the model at the present reference
+ * state */
+static vec3 mean_rate_correction(const Parameters *p, const Configuration *c, quat q_Do,
+                                 const AttitudeReference *r)
 {
     vec3 now = momentum_rate(c, r->omega, r->alpha, r->h, torque_at(p, c, q_Do));
     return sub(r->dh, now);
@@ -109,7 +108,7 @@ static vec3 feed_forward(const Parameters *p, const Input *u, const Configuratio
     vec3 domega = sub(mul(e->A_e, u->ref.alpha), cross(e->domega, e->omega_ref));
     vec3 now = momentum_rate(c, u->omega_SN_S, domega, u->h_cmg_S, torque_at(p, c, e->q_So));
     if (p->use_plan_rate == 0) return now;
-    return add(now, mul(e->A_e, rest_of_sample(p, c, e->q_Do, &u->ref)));
+    return add(now, mul(e->A_e, mean_rate_correction(p, c, e->q_Do, &u->ref)));
 }
 
 static vec3 corrected_law(const Parameters *p, const Input *u, const Configuration *c,

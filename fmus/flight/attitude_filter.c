@@ -2,8 +2,8 @@
  * star tracker.
  *
  *   q = q_hat rot(theta),  error state (theta, b)
- *   propagation by an increment    phi = dtheta - T b,   q <- q turn(phi)
- *   star tracker of sample m       q_m = q_AN q_AS* D,   D the turn since then,   y = err(q* q_m)
+ *   propagation by an increment    phi = dtheta - T b,   q <- q quat_of_rotation_vector(phi)
+ *   star tracker of sample m       q_m = q_AN q_AS* D,   D: rotation since m,   y = err(q* q_m)
  *
  * The published rate is the mean of the last period. Source: Lefferts, Markley & Shuster 1982,
  * Farrenkopf 1978; equations: docs/models.md F.4. */
@@ -35,10 +35,10 @@ typedef struct {
     double P[STATES * STATES];
 } Estimate;
 typedef struct {
-    Estimate hat;
-    double started, first, index, gyro_last; /* samples: the first one, the last one */
+    Estimate estimate;
+    double started, first, index, gyro_last; /* index: number of the last sample */
     Track star;
-    quat turn[HISTORY]; /* by sample: the turn since the one before */
+    quat rotations[HISTORY]; /* per sample: rotation since the previous sample */
 } State;
 typedef struct {
     quat q_SN;
@@ -60,7 +60,7 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    GRID(sample_period, "sample period of the software, that of the gyro"),
+    GRID(sample_period, "sample period of the software, equal to the period of the gyro"),
     NONNEGATIVE(sigma_v, "1", "angle random walk of the gyro [rad/s^0.5]"),
     NONNEGATIVE(sigma_u, "1", "rate random walk of the gyro [rad/s^1.5]"),
     NONNEGATIVE(sigma_A, "rad", "noise about the axes of the star tracker, X is the boresight"),
@@ -71,7 +71,7 @@ static const Variable variables[] = {
                 "standard deviation of the bias at the start and at acquisition, per axis"),
     GATE_ROWS(gate),
 
-    INPUT(dtheta_S, "rad", "rotation vector of the turn over the last period, body axes"),
+    INPUT(dtheta_S, "rad", "rotation vector over the last period, body axes"),
     INPUT(gyro_time, "s", "time at which the increment ends"),
     INPUT(gyro_valid, "1", "1: an increment ends at gyro_time"),
     INPUT(q_AN, "1", "measured attitude of the star tracker relative to N, scalar first"),
@@ -86,7 +86,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(star_nis, "1", "normalised innovation squared of the last measurement"),
     NONNEGATIVE_OUTPUT(star_rejected, "1", "measurements rejected since the start"),
     OUTPUT(star_age, "s", "time since the last measurement used"),
-    FLAG(attitude_valid, "1: acquired, and the last measurement used is young enough"),
+    FLAG(attitude_valid, "1: acquired, and the last measurement used is at most age_max old"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -96,10 +96,10 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- propagation ---- */
 
-/* F = Phi - I,  Phi = [C(turn(phi)), -T (I - phi~/2 + phi~ phi~/6); 0, I] */
+/* F = Phi - I,  Phi = [C(quat_of_rotation_vector(phi)), -T (I - phi~/2 + phi~ phi~/6); 0, I] */
 static void transition(vec3 phi, double T, double *F)
 {
-    mat3 C = dcm_of_quat(turn(phi)), cross_phi = tilde(phi);
+    mat3 C = dcm_of_quat(quat_of_rotation_vector(phi)), cross_phi = tilde(phi);
     mat3 mean = plus(identity(1),
                      plus(scaled(-0.5, cross_phi), scaled(1.0 / 6, matmul(cross_phi, cross_phi))));
     put_block(F, STATES, THETA, THETA, plus(C, identity(-1)));
@@ -116,76 +116,76 @@ static void add_noise(const Parameters *p, double *P)
     add_block(P, STATES, BIAS, BIAS, identity(u * T));
 }
 
-/* returns the turn */
-static quat propagate(const Parameters *p, vec3 dtheta, Estimate *hat)
+/* propagates the estimate over a period and returns the rotation over the period */
+static quat propagate(const Parameters *p, vec3 dtheta, Estimate *estimate)
 {
     double F[3 * STATES];
-    vec3 phi = sub(dtheta, scale(p->sample_period, hat->bias));
-    quat step = turn(phi);
-    hat->q = canonical(product(hat->q, step));
+    vec3 phi = sub(dtheta, scale(p->sample_period, estimate->bias));
+    quat step = quat_of_rotation_vector(phi);
+    estimate->q = canonical(product(estimate->q, step));
     transition(phi, p->sample_period, F);
-    propagate_covariance(hat->P, F, 3, STATES);
-    add_noise(p, hat->P);
-    symmetrise(hat->P, STATES);
+    propagate_covariance(estimate->P, F, 3, STATES);
+    add_noise(p, estimate->P);
+    symmetrise(estimate->P, STATES);
     return step;
 }
 
 /* ---- star tracker ---- */
 
 /* R = C^T diag(sigma_A^2) C + n T sigma_v^2 I,   C = C_AS C(D)^T */
-static mat3 star_noise(const Parameters *p, quat D, double late)
+static mat3 star_noise(const Parameters *p, quat D, double delay)
 {
     mat3 C = matmul_t(dcm_of_quat(canonical(p->q_AS)), dcm_of_quat(D));
     vec3 s = times(p->sigma_A, p->sigma_A);
     mat3 R = matmul(transpose(C), matmul(diagonal(s.x, s.y, s.z), C));
-    return plus(R, identity(late * p->sample_period * p->sigma_v * p->sigma_v));
+    return plus(R, identity(delay * p->sample_period * p->sigma_v * p->sigma_v));
 }
 
-/* the turn over the samples m+1 .. k */
-static quat turn_since(const State *x, double m, double k)
+/* rotation over the samples m+1 .. k */
+static quat rotation_since(const State *x, double m, double k)
 {
     quat D = {1, 0, 0, 0};
-    while (m++ < k) D = product(D, x->turn[place_of(m)]);
+    while (m++ < k) D = product(D, x->rotations[place_of(m)]);
     return D;
 }
 
-static void acquire(const Parameters *p, Estimate *hat, quat q, mat3 R)
+static void acquire(const Parameters *p, Estimate *estimate, quat q, mat3 R)
 {
-    hat->q = canonical(q);
-    memset(hat->P, 0, sizeof hat->P);
-    put_block(hat->P, STATES, THETA, THETA, R);
-    put_block(hat->P, STATES, BIAS, BIAS, identity(p->sigma_bias_0 * p->sigma_bias_0));
-    symmetrise(hat->P, STATES);
+    estimate->q = canonical(q);
+    memset(estimate->P, 0, sizeof estimate->P);
+    put_block(estimate->P, STATES, THETA, THETA, R);
+    put_block(estimate->P, STATES, BIAS, BIAS, identity(p->sigma_bias_0 * p->sigma_bias_0));
+    symmetrise(estimate->P, STATES);
 }
 
-static double update(Estimate *hat, quat q, mat3 R)
+static double update(Estimate *estimate, quat q, mat3 R)
 {
     double dx[STATES];
-    Residual m = {.y = rotation_error(product(conjugate(hat->q), q)), .R = R, .count = 1};
+    Residual m = {.y = rotation_error(product(conjugate(estimate->q), q)), .R = R, .count = 1};
     m.block[0].at = THETA;
     m.block[0].H = identity(1);
-    double nis = update_covariance(hat->P, STATES, &m, dx);
-    hat->q = canonical(product(hat->q, rotation(three(dx + THETA))));
-    hat->bias = add(hat->bias, three(dx + BIAS));
+    double nis = update_covariance(estimate->P, STATES, &m, dx);
+    estimate->q = canonical(product(estimate->q, rotation(three(dx + THETA))));
+    estimate->bias = add(estimate->bias, three(dx + BIAS));
     return nis;
 }
 
-static void use_star(const Parameters *p, const Input *u, State *x, double k)
+static void update_by_star(const Parameters *p, const Input *u, State *x, double k)
 {
     double m = nearest_whole(u->star_time / p->sample_period);
     if (m > k || k - m >= HISTORY || m < x->first) return;
-    quat D = turn_since(x, m, k), q_AN = canonical(u->q_AN), q_AS = canonical(p->q_AS);
+    quat D = rotation_since(x, m, k), q_AN = canonical(u->q_AN), q_AS = canonical(p->q_AS);
     quat q = product(product(q_AN, conjugate(q_AS)), D);
     mat3 R = star_noise(p, D, k - m);
-    Estimate copy = x->hat;
-    Judgement verdict =
-        x->star.acquired ? judge(&p->gate, &x->star, update(&copy, q, R)) : ACQUISITION;
+    Estimate copy = x->estimate;
+    Decision verdict =
+        x->star.acquired ? decide(&p->gate, &x->star, update(&copy, q, R)) : ACQUISITION;
     if (verdict == REJECTED) return;
     note_used(&x->star, u->star_time);
     if (verdict == ACCEPTED) {
-        x->hat = copy;
+        x->estimate = copy;
     } else {
-        acquire(p, &x->hat, q, R);
+        acquire(p, &x->estimate, q, R);
         note_acquired(&x->star);
     }
 }
@@ -197,21 +197,21 @@ static State start_state(const Parameters *p, double k)
                .index = k - 1,
                .gyro_last = -1,
                .star = new_track(&p->gate, -1),
-               .hat = {.q = quat_of_mrp(p->sigma_SN_0)}};
-    put_block(x.hat.P, STATES, THETA, THETA, identity(p->sigma_att_0 * p->sigma_att_0));
-    put_block(x.hat.P, STATES, BIAS, BIAS, identity(p->sigma_bias_0 * p->sigma_bias_0));
+               .estimate = {.q = quat_of_mrp(p->sigma_SN_0)}};
+    put_block(x.estimate.P, STATES, THETA, THETA, identity(p->sigma_att_0 * p->sigma_att_0));
+    put_block(x.estimate.P, STATES, BIAS, BIAS, identity(p->sigma_bias_0 * p->sigma_bias_0));
     return x;
 }
 
 static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)
 {
-    y->q_SN = x->hat.q;
+    y->q_SN = x->estimate.q;
     y->omega_SN_S = vec(0, 0, 0);
     if (u->gyro_valid > 0)
-        y->omega_SN_S = sub(scale(1 / p->sample_period, u->dtheta_S), x->hat.bias);
-    y->bias_hat_S = x->hat.bias;
-    y->sigma_theta_S = sigma_at(x->hat.P, STATES, THETA);
-    y->sigma_bias_S = sigma_at(x->hat.P, STATES, BIAS);
+        y->omega_SN_S = sub(scale(1 / p->sample_period, u->dtheta_S), x->estimate.bias);
+    y->bias_hat_S = x->estimate.bias;
+    y->sigma_theta_S = sigma_at(x->estimate.P, STATES, THETA);
+    y->sigma_bias_S = sigma_at(x->estimate.P, STATES, BIAS);
     y->star_nis = x->star.nis;
     y->star_rejected = x->star.rejected;
     y->star_age = age(&x->star, t);
@@ -224,12 +224,12 @@ static void filter(const Parameters *p, const Input *u, State *x, Output *y, Sam
         *x = start_state(p, s.index);
         x->started = 1;
     }
-    while (x->index < s.index) x->turn[place_of(++x->index)] = (quat){1, 0, 0, 0};
+    while (x->index < s.index) x->rotations[place_of(++x->index)] = (quat){1, 0, 0, 0};
     if (u->gyro_valid > 0 && u->gyro_time > x->gyro_last) {
         x->gyro_last = u->gyro_time;
-        x->turn[place_of(s.index)] = propagate(p, u->dtheta_S, &x->hat);
+        x->rotations[place_of(s.index)] = propagate(p, u->dtheta_S, &x->estimate);
     }
-    if (is_new(&x->star, u->star_time, u->star_valid)) use_star(p, u, x, s.index);
+    if (is_new(&x->star, u->star_time, u->star_valid)) update_by_star(p, u, x, s.index);
     publish(p, u, x, y, s.t);
 }
 

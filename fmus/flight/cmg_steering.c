@@ -5,8 +5,9 @@
  *   lam = lam_0 exp(-m),   E = [1 e3 e2; e3 1 e1; e2 e1 1],   e_j = 0.01 sin(pi t/2 + phi_j)
  *   dm/dd_i = m dA_i . (A A^T)^-1 A_i,   dA_i = -s_i cos d_i - t_i sin d_i
  *
- * phi = 0, pi/2, pi. A^+ drops singular values below 1e-3 of the largest. All rates are scaled
- * together if one exceeds the limit. Sampled: one sample reads the inputs once and holds the rates.
+ * phi = 0, pi/2, pi. A^+ omits singular values below 1e-3 of the largest. All rates are scaled by
+ * one factor if one exceeds the limit. Sampled: one sample reads the inputs once and holds the
+ * rates.
  * Source: docs/models.md E.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "cmg_cluster.h"
@@ -21,7 +22,7 @@ typedef struct {
     vec3 hdot_cmd_S;
     double gimbal_angle[GYROS];
 } Input;
-typedef struct { double none; } State;
+typedef struct { double unused; } State;
 typedef struct {
     double gimbal_rate_cmd[GYROS], singularity, damping, rate_limited;
     vec3 hdot_missing_S;
@@ -34,7 +35,7 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    SWITCH(use_cluster, "1: steer; 0: the gimbals rest"),
+    SWITCH(use_cluster, "1: gimbal rates by this law; 0: all gimbal rates are 0"),
     POSITIVE(h_w, "N.m.s", "momentum of the wheel of one gyro"),
     POSITIVE(gimbal_rate_max, "rad/s", "largest gimbal rate"),
     NONNEGATIVE(lambda_0, "1", "damping at the singularity"),
@@ -49,8 +50,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(damping, "1", "lam, damping of the inverse"),
     FLAG(rate_limited, "1: the rates are scaled down to the limit"),
     OUTPUT(hdot_missing_S, "N.m",
-           "part of the wanted rate of momentum that the gimbal rates leave "
-           "out, body axes"),
+           "commanded rate of momentum minus the rate that the gimbal rates achieve, body axes"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -59,9 +59,10 @@ static void check(const Parameters *p, Problems *problems)
     (void)problems;
 }
 
-#define SINGULAR       1e-9 /* a measure m below this is 0: there is no gradient */
-#define SMALLEST_SHARE 1e-3 /* of the largest singular value; below, A^+ drops it */
-#define DITHER         0.01 /* amplitude of e_j */
+#define SINGULAR 1e-9 /* m below this counts as 0, with gradient 0 */
+#define SMALLEST_SHARE \
+    1e-3            /* part of the largest singular value below which A^+ omits a singular value */
+#define DITHER 0.01 /* amplitude of e_j */
 
 typedef struct { vec3 A[GYROS], dA[GYROS]; } Columns;
 
@@ -69,8 +70,8 @@ static Columns columns_at(const double d[GYROS])
 {
     Columns c;
     for (int i = 0; i < GYROS; i++) {
-        c.A[i] = torque_axis(gyro(i), d[i]);
-        c.dA[i] = neg(spin_axis(gyro(i), d[i]));
+        c.A[i] = torque_axis(gyro_axes(i), d[i]);
+        c.dA[i] = neg(spin_axis(gyro_axes(i), d[i]));
     }
     return c;
 }
@@ -82,17 +83,17 @@ static mat3 dither(double t) /* E */
     return rows(vec(1, e3, e2), vec(e3, 1, e1), vec(e2, e1, 1));
 }
 
-/* grad m less its part that moves the momentum */
+/* grad m minus its part that changes the momentum */
 static void null_motion(const Columns *c, mat3 AAt, double m, double rate[GYROS])
 {
     double gradient[GYROS];
-    vec3 moved = vec(0, 0, 0);
+    vec3 momentum_rate = vec(0, 0, 0);
     for (int i = 0; i < GYROS; i++) {
         gradient[i] = m > SINGULAR ? m * dot(c->dA[i], solve(AAt, c->A[i])) : 0;
-        moved = add(moved, scale(gradient[i], c->A[i]));
+        momentum_rate = add(momentum_rate, scale(gradient[i], c->A[i]));
     }
-    vec3 back = mul(pseudo_inverse(AAt, SMALLEST_SHARE * SMALLEST_SHARE), moved);
-    for (int i = 0; i < GYROS; i++) rate[i] = gradient[i] - dot(c->A[i], back);
+    vec3 correction = mul(pseudo_inverse(AAt, SMALLEST_SHARE * SMALLEST_SHARE), momentum_rate);
+    for (int i = 0; i < GYROS; i++) rate[i] = gradient[i] - dot(c->A[i], correction);
 }
 
 static double largest_rate(const double rate[GYROS])
@@ -119,10 +120,11 @@ static void steer(const Parameters *p, const Input *u, Output *y, double t)
     double rate[GYROS];
     y->singularity = singularity_measure(u->gimbal_angle);
     y->damping = p->lambda_0 * exponential(-y->singularity);
-    vec3 wanted = solve(plus(AAt, scaled(y->damping, dither(t))), scale(1 / p->h_w, u->hdot_cmd_S));
+    vec3 multiplier =
+        solve(plus(AAt, scaled(y->damping, dither(t))), scale(1 / p->h_w, u->hdot_cmd_S));
     null_motion(&c, AAt, y->singularity, rate);
     for (int i = 0; i < GYROS; i++)
-        rate[i] = p->use_cluster * (dot(c.A[i], wanted) + p->k_null * rate[i]);
+        rate[i] = p->use_cluster * (dot(c.A[i], multiplier) + p->k_null * rate[i]);
     publish(p, u, rate, y);
 }
 

@@ -1,19 +1,20 @@
-/* command_selector.c - whose force and whose torque fly: one set of thrusters and wheels, five laws.
+/* command_selector.c - selection of one force, one torque and one wheel acceleration from the
+ * commands of five laws.
  *
  *   F* = {0: 0, 1: F_1, 2: F_close, 3: F_sync, 4: 0, 5: F_retreat}
  *   M* = {0: 0, 1: M_1, 2: M_close, 3: M_sync, 4: M_unload}
  *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
- * With k_unload > 0 the wheels are unloaded in laws 1 to 3, too, by a torque M_w of its own:
+ * With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional torque M_w:
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
- * on from unload_on to unload_off of wheel_speed_max; in law 1, where the wheels rest, at once.
- * The throttles th of the relays are orders to virtual engines, which the allocation distributes
- * over the real ones:
+ * which is switched on above unload_on and off below unload_off of wheel_speed_max; in law 1, which
+ * does not command the wheels, it is always on. The throttles th of the relays command virtual
+ * engines, whose force and torque the allocation distributes to the thrusters:
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
- * Bumpless between laws, at once to and from nothing and to the retreat: where the selection
- * changes from law to law, D is what was commanded less F* now, and fades,
- *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not kept)
- * A selection outside its list is refused. docs/models.md J.5 */
+ * The change between laws is bumpless, the change to and from no law and to the retreat immediate:
+ * when the selection changes from law to law, D is set to the last command minus F*, and decreases,
+ *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not in D)
+ * A selection that is not in the list is rejected. Equations: docs/models.md J.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 #include "mat3.h"
@@ -42,8 +43,8 @@ typedef struct {
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
-    double begun, force, torque; /* selected at the last sample */
-    Command out, D;              /* commanded there but for the push, what fades of it */
+    double started, force, torque; /* selections at the last sample */
+    Command out, D; /* command of the last sample without the push; decreasing difference */
     double unloading;
 } State;
 typedef struct {
@@ -69,21 +70,21 @@ static const Variable variables[] = {
     NONNEGATIVE(relay_torque, "N.m", "torque of the virtual attitude engines, per body axis"),
     MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, body axes"),
     NONNEGATIVE(push_force, "N", "force along +X after contact"),
-    NONNEGATIVE(blend_time, "s", "time constant from law to law; 0 = at once"),
+    NONNEGATIVE(blend_time, "s", "time constant of the change from law to law; 0 = immediate"),
     SAMPLE_PERIOD,
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     NONNEGATIVE_AS("unload_on", unload.on, "1",
                    "unloading in laws 2 and 3 begins at this part of wheel_speed_max"),
     NONNEGATIVE_AS("unload_off", unload.off, "1",
                    "unloading in laws 1 to 3 ends at this part of wheel_speed_max"),
-    NONNEGATIVE_AS("k_unload", unload.k, "1/s", "rate of unloading in laws 1 to 3; 0: none"),
+    NONNEGATIVE_AS("k_unload", unload.k, "1/s", "gain of the unloading in laws 1 to 3; 0: none"),
     NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
                    "largest torque of unloading in laws 1 to 3, per body axis"),
-    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "wheel speeds that unloading leads to"),
+    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "target wheel speeds of the unloading"),
 
     INPUT(select_force, "1",
-          "source of the force: 0 nobody, 1 far, 2 close, 3 sync, 4 nobody, 5 retreat"),
-    INPUT(select_torque, "1", "source of the torque: 0 nobody, 1 far, 2 close, 3 sync, 4 stack"),
+          "source of the force: 0 none, 1 far, 2 close, 3 sync, 4 none, 5 retreat"),
+    INPUT(select_torque, "1", "source of the torque: 0 none, 1 far, 2 close, 3 sync, 4 stack"),
     INPUT(push, "1", "1: push after contact"),
     INPUT(throttle, "1", "throttles of the relay controller: P1..P8, P'1..P'4, P'5, none"),
     INPUT(F_close_S, "N", "force commanded by the law of the closing, servicer axes"),
@@ -101,9 +102,9 @@ static const Variable variables[] = {
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
     OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),
     NONNEGATIVE_OUTPUT(force_law, "1",
-                       "selection of the force that flies; one outside the list is refused"),
+                       "source of the commanded force; an invalid selection is rejected"),
     NONNEGATIVE_OUTPUT(torque_law, "1",
-                       "selection of the torque that flies; one outside the list is refused"),
+                       "source of the commanded torque; an invalid selection is rejected"),
     FLAG(wheels_unloading, "1: the wheels are unloaded in laws 1 to 3"),
 };
 
@@ -124,21 +125,21 @@ static vec3 relay_torque(const Parameters *p, const double th[])
     return times(p->relay_torque, engines);
 }
 
-/* the selection nearest to the value; -1: no such, which the rule of the output refuses */
+/* the selection nearest to the value; -1: invalid, which the rule of the output rejects */
 static int selection(double value, int count)
 {
     double nearest = nearest_whole(value);
     return nearest >= 0 && nearest < count ? (int)nearest : -1;
 }
 
-/* in law 1 the wheels have no other task: unloaded as long as there is anything */
-static double unloads_now(const Parameters *p, const Input *u, int torque, double before)
+/* in law 1 the wheels have no other task and are always unloaded */
+static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
     int law = torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
-    return law ? unloads(&p->unload, u->wheel_speed, torque == FAR_LAW ? 1 : before) : 0;
+    return law ? unloading_is_on(&p->unload, u->wheel_speed, torque == FAR_LAW ? 1 : before) : 0;
 }
 
-static Command selected(const Parameters *p, const Input *u, int force, int torque)
+static Command selected_command(const Parameters *p, const Input *u, int force, int torque)
 {
     vec3 none = vec(0, 0, 0), unload = solve(p->A_w, u->M_unload_S);
     const vec3 F[SELECTIONS] = {
@@ -151,7 +152,7 @@ static Command selected(const Parameters *p, const Input *u, int force, int torq
                      W[torque > 0 ? torque : NONE]};
 }
 
-/* thrusters and wheels against each other: the body feels nothing */
+/* adds opposite torques of thrusters and wheels, whose sum on the body is 0 */
 static Command with_unloading(const Parameters *p, const Input *u, double on, Command now)
 {
     if (!on) return now;
@@ -161,8 +162,8 @@ static Command with_unloading(const Parameters *p, const Input *u, double on, Co
 
 static int is_law(double selection, int last) { return selection >= FAR_LAW && selection <= last; }
 
-/* how much of the difference to the command of the sample before stays after a change */
-static double from_law_to_law(const Parameters *p, double before, double now, int last)
+/* factor on the difference from the last command after a change: 1 from law to law, else 0 */
+static double blend_factor(const Parameters *p, double before, double now, int last)
 {
     return p->blend_time > 0 && is_law(before, last) && is_law(now, last);
 }
@@ -171,26 +172,26 @@ static void blend(const Parameters *p, State *x, Command now, int force, int tor
 {
     double fade = p->blend_time > 0 ? exponential(-period / p->blend_time) : 0;
     x->D = (Command){scale(fade, x->D.F), scale(fade, x->D.M), scale(fade, x->D.W)};
-    if (x->begun && force != x->force) {
-        double share = from_law_to_law(p, x->force, force, SYNC_LAW);
-        x->D.F = scale(share, sub(x->out.F, now.F));
+    if (x->started && force != x->force) {
+        double factor = blend_factor(p, x->force, force, SYNC_LAW);
+        x->D.F = scale(factor, sub(x->out.F, now.F));
     }
-    if (x->begun && torque != x->torque) {
-        double share = from_law_to_law(p, x->torque, torque, STACK_LAW);
-        x->D.M = scale(share, sub(x->out.M, now.M));
-        x->D.W = scale(share, sub(x->out.W, now.W));
+    if (x->started && torque != x->torque) {
+        double factor = blend_factor(p, x->torque, torque, STACK_LAW);
+        x->D.M = scale(factor, sub(x->out.M, now.M));
+        x->D.W = scale(factor, sub(x->out.W, now.W));
     }
 }
 
-static void choose(const Parameters *p, const Input *u, State *x, Output *y, double period)
+static void select_commands(const Parameters *p, const Input *u, State *x, Output *y, double period)
 {
     int force = selection(u->select_force, SELECTIONS);
     int torque = selection(u->select_torque, RETREAT_LAW);
-    x->unloading = unloads_now(p, u, torque, x->unloading);
-    Command now = with_unloading(p, u, x->unloading, selected(p, u, force, torque));
+    x->unloading = unloading_active(p, u, torque, x->unloading);
+    Command now = with_unloading(p, u, x->unloading, selected_command(p, u, force, torque));
     blend(p, x, now, force, torque, period);
     x->out = (Command){add(now.F, x->D.F), add(now.M, x->D.M), add(now.W, x->D.W)};
-    x->begun = 1;
+    x->started = 1;
     x->force = force;
     x->torque = torque;
 
@@ -208,13 +209,13 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     State first = {0}, nothing = {0};
     (void)t;
     *x = nothing;
-    choose(p, u, &first, y, p->sample_period);
+    select_commands(p, u, &first, y, p->sample_period);
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        choose(p, u, x, y, s.period);
+        select_commands(p, u, x, y, s.period);
 }
 
 FMU_MODEL("command_selector",

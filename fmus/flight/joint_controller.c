@@ -29,7 +29,7 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    PARAMETER(joint_angle_ref, "rad", "joint angles to go to"),
+    PARAMETER(joint_angle_ref, "rad", "reference of the joint angles"),
     NONNEGATIVE(Kp, "N.m/rad", "proportional gain, per joint"),
     NONNEGATIVE(Kd, "N.m.s/rad", "derivative gain, per joint"),
     NONNEGATIVE(torque_max, "N.m", "largest torque, per joint; 0 = no limit"),
@@ -41,8 +41,8 @@ static const Variable variables[] = {
     INPUT(joint_rate, "rad/s", "joint rates"),
 
     OUTPUT(joint_torque, "N.m", "torque at the joints"),
-    FLAG(joint_lock, "1: the joints shall be locked"),
-    FLAG(saturated, "1: the torque is cut to its limit, per joint"),
+    FLAG(joint_lock, "1: the joints are to be locked"),
+    FLAG(saturated, "1: the torque is at its limit, per joint"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -56,11 +56,11 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     x->locked = p->use_lock != 0 && reached(t, p->lock_from);
     y->joint_lock = x->locked;
     for (int j = 0; j < JOINTS; j++) {
-        double wanted =
+        double torque =
             p->Kp[j] * (p->joint_angle_ref[j] - u->joint_angle[j]) - p->Kd[j] * u->joint_rate[j];
-        double tau = limited(wanted, p->torque_max[j]);
+        double tau = limited(torque, p->torque_max[j]);
         y->joint_torque[j] = x->locked ? 0 : tau;
-        y->saturated[j] = !x->locked && tau != wanted;
+        y->saturated[j] = !x->locked && tau != torque;
     }
 }
 

@@ -1,16 +1,17 @@
-/* limited_roll.h - a reference attitude whose axis i is given and which turns about it within limits.
+/* limited_roll.h - a reference attitude whose axis i is given and which turns about it within
+ * limits.
  *
  *   i, k, j = k x i: axes of D,   w = i x i' + r i,   |r| <= rate_max,   |dr/dt| <= acceleration_max
  *
- * D follows a rule that may turn at any rate, or jump. As long as the rule keeps the limits, D is
- * what it says. Where it does not, or is held, D leaves it: k is carried along with i without turning
- * about it, plus the roll of r; r strives for the rate of the rule and for the roll angle psi that is
- * missing,
+ * D follows a rule (an attitude that may turn at any rate, or jump). As long as the rule satisfies
+ * the limits, D is equal to the rule. If it violates the limits, or is held, D moves on its own: k
+ * follows i on the shortest arc and rolls at the rate r, which is controlled towards the rate of
+ * the rule plus a rate that removes the roll angle psi from D to the rule,
  *
  *   r_d = r* + v(psi),   v = psi/tau,  beyond |psi| = a tau^2:  +-sqrt(2 a (|psi| - a tau^2/2)),
  *
- * a = acceleration_max/2, tau = ten samples; while the rule is held r_d = 0. Where D and the rule
- * agree it follows the rule again. Derivation: docs/models.md A.4.6. */
+ * a = acceleration_max/2, tau = ten samples; while the rule is held r_d = 0. D follows the rule
+ * again when both agree. Derivation: docs/models.md A.4.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LIMITED_ROLL_H
 #define LIMITED_ROLL_H
@@ -20,8 +21,8 @@
 #include "portable_math.h"
 
 #define ROLL_SAMPLES 10   /* tau */
-#define AGREED       1e-6 /* rad and rad/s: D and the rule are one */
-#define NEARLY_BACK  3.0  /* rad: beyond, the way round is the one on which D already turns */
+#define AGREED       1e-6 /* rad and rad/s: D agrees with the rule */
+#define NEARLY_BACK  3.0  /* rad: beyond, D continues in its sense of rotation */
 
 typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;
 typedef struct { double rate_max, acceleration_max; } RollLimits;
@@ -34,22 +35,22 @@ typedef struct {
     Roll D;
 } RollState;
 
-/* k goes with its axis from a to b, without turning about it: the shortest turn */
-static inline vec3 carried_along(vec3 k, vec3 a, vec3 b)
+/* k rotated by the shortest rotation that takes its axis from a to b */
+static inline vec3 rotated_with_axis(vec3 k, vec3 a, vec3 b)
 {
     return sub(k, scale(dot(k, b) / (1 + dot(a, b)), add(a, b)));
 }
 
-/* D a time h later, with the axis i */
-static inline Roll rolled_on(Roll D, vec3 i, double h)
+/* D after a time h, with the axis i */
+static inline Roll propagated_roll(Roll D, vec3 i, double h)
 {
-    vec3 k = carried_along(D.k, D.i, i);
+    vec3 k = rotated_with_axis(D.k, D.i, i);
     SineCosine turn = sine_and_cosine((D.rate + 0.5 * D.acceleration * h) * h);
     k = add(scale(turn.c, k), scale(turn.s, cross(i, k)));
     return (Roll){i, unit(sub(k, scale(dot(k, i), i))), D.rate + D.acceleration * h, 0};
 }
 
-/* the roll angle from D to the rule; near half a turn the way that D already goes */
+/* roll angle from D to the rule; near half a turn in the sense in which D already turns */
 static inline double missing_roll(Roll D, Roll rule)
 {
     double psi = arc_tangent(dot(cross(D.k, rule.k), D.i), dot(D.k, rule.k));
@@ -58,7 +59,7 @@ static inline double missing_roll(Roll D, Roll rule)
     return psi;
 }
 
-/* the rate at which a roll angle goes to 0 with half of the acceleration */
+/* rate that reduces a roll angle psi to 0 with the acceleration a */
 static inline double closing_rate(double psi, double a, double tau)
 {
     double linear = a * tau * tau;
@@ -67,13 +68,13 @@ static inline double closing_rate(double psi, double a, double tau)
     return psi > 0 ? rate : -rate;
 }
 
-static inline int keeps(RollLimits limits, Roll rule, double h)
+static inline int satisfies(RollLimits limits, Roll rule, double h)
 {
     return fabs(rule.rate + rule.acceleration * h) <= limits.rate_max &&
            fabs(rule.acceleration) <= limits.acceleration_max;
 }
 
-/* the acceleration until the next sample */
+/* roll acceleration until the next sample */
 static inline double roll_acceleration(RollLimits limits, Roll D, Roll rule, int held, double h)
 {
     if (h == 0) return 0;
@@ -85,12 +86,12 @@ static inline double roll_acceleration(RollLimits limits, Roll D, Roll rule, int
     return clamp((wanted - D.rate) / h, -limits.acceleration_max, limits.acceleration_max);
 }
 
-/* D at a sample: as the rule says, or on its own within the limits; h: time to the next sample */
+/* D at a sample: equal to the rule, or on its own within the limits; h: time to the next sample */
 static inline Roll limited_roll(RollLimits limits, RollState *x, Roll rule, int held, double t,
                                 double h)
 {
-    Roll D = x->mode == ROLL_NONE ? rule : rolled_on(x->D, rule.i, t - x->t);
-    int may = !held && keeps(limits, rule, h), agreed = x->mode != ROLL_FREE;
+    Roll D = x->mode == ROLL_NONE ? rule : propagated_roll(x->D, rule.i, t - x->t);
+    int may = !held && satisfies(limits, rule, h), agreed = x->mode != ROLL_FREE;
     if (!agreed) agreed = fabs(missing_roll(D, rule)) < AGREED && fabs(D.rate - rule.rate) < AGREED;
     if (may && agreed) {
         *x = (RollState){ROLL_BY_RULE, t, rule};

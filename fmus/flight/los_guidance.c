@@ -8,11 +8,10 @@
  * with first and second derivatives as seen in N. The target turns torque-free, or under gravity
  * gradient if use_gravity_gradient. The relative acceleration behind alpha_DN_D is differential
  * gravity minus the last command, without manoeuvres of the target, which the servicer does not
- * know. The sign of y never changes in flight, nor does that of q_DN from sample to sample. Where
- * the Sun stands within guard_angle of the line of sight, the last y is held, made normal to x.
+ * know. y and q_DN never change sign from sample to sample. Where
+ * the Sun is within guard_angle of the line of sight, the last y is held, made normal to x.
  * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range
- * of zero is refused. A sample with active = 0 is as if before the first: nothing is kept, flags
- * are 0.
+ * of zero is rejected. A sample with active = 0 resets the state; its flags are 0.
  * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
@@ -38,7 +37,7 @@ typedef struct {
 typedef struct {
     vec3 y_N;
     quat q_DN;
-} State; /* y outside the guard and q_DN, of the last sample; 0: none yet */
+} State; /* y of the last sample outside the guard, q_DN of the last sample; 0: none yet */
 typedef struct {
     Reference ref;
     double range;
@@ -106,9 +105,9 @@ static void check(const Parameters *p, Problems *problems)
     check_inertia(problems, "J_T", p->J_T);
     check_up_axis(problems, p->up_axis);
     check_unit_vector(problems, "p_T", p->p_T);
-    if (!(norm(p->sun_N) > 0)) refuse(problems, "sun_N", norm(p->sun_N), "must have a direction");
+    if (!(norm(p->sun_N) > 0)) reject(problems, "sun_N", norm(p->sun_N), "must not have norm 0");
     if (p->guard_angle >= 1.5)
-        refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
+        reject(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
 }
 
 /* C.2: n' = w x n, n'' = dw x n + w x n' */
@@ -132,8 +131,8 @@ static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
                     neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
 }
 
-/* divisions are by at least 0.1 m; at range 0 the result is refused anyway, any direction keeps the
- * other outputs finite */
+/* at least 0.1 m in divisions: range 0 is rejected anyway, and with any direction the other outputs
+ * stay finite */
 static Motion direction(Motion r)
 {
     double range = norm(r.x);
@@ -156,12 +155,12 @@ static Motion panel_axis(const Parameters *p, Motion x, State *held, double *gua
     Motion w = {cross(chi, x.x), cross(chi, x.d), cross(chi, x.dd)};
     *guarded = norm(w.x) < sine(p->guard_angle);
     if (*guarded && norm(held->y_N) == 0) held->y_N = some_normal(x.x);
-    Motion y = normalised(*guarded ? normal_part(held->y_N, x) : w);
+    Motion y = normalised(*guarded ? perpendicular_part(held->y_N, x) : w);
     if (!*guarded) held->y_N = y.x;
     return y;
 }
 
-static quat continued(quat q, quat last)
+static quat with_continuous_sign(quat q, quat last)
 {
     double same = q.w * last.w + q.x * last.x + q.y * last.y + q.z * last.z;
     return same < 0 ? (quat){-q.w, -q.x, -q.y, -q.z} : q;
@@ -170,7 +169,7 @@ static quat continued(quat q, quat last)
 static void reference_attitude(const Parameters *p, Motion r, State *held, Output *y)
 {
     Motion i = direction(r), j = panel_axis(p, i, held, &y->attitude_guard), k = cross_motion(i, j);
-    held->q_DN = continued(quat_of_dcm(rows(i.x, j.x, k.x)), held->q_DN);
+    held->q_DN = with_continuous_sign(quat_of_dcm(rows(i.x, j.x, k.x)), held->q_DN);
     y->ref.q = held->q_DN;
     y->ref.omega = frame_rate(i, j, k);
     y->ref.alpha = frame_acceleration(i, j, k);
@@ -198,8 +197,8 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, vec3
     reference_attitude(p, r, x, y);
 }
 
-/* nothing has been commanded yet, so start values that travel from software to software close no
- * loop */
+/* without the last command, which is 0 at the start: initial outputs then form no algebraic loop
+ * with the controller */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0};
@@ -209,8 +208,8 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     if (!u->active) y->attitude_guard = y->los_guard = 0;
 }
 
-/* active = 0: a first sample in flight, where a command may have been given */
-static void rest(const Parameters *p, const Input *u, State *x, Output *y)
+/* active = 0: resets the state; unlike in initialize, the last command is used */
+static void publish_inactive(const Parameters *p, const Input *u, State *x, Output *y)
 {
     State first = {0}, nothing = {0};
     guide(p, u, &first, y, u->F_cmd_S);
@@ -222,7 +221,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
         if (u->active) guide(p, u, x, y, u->F_cmd_S);
-        else rest(p, u, x, y);
+        else publish_inactive(p, u, x, y);
     }
 }
 

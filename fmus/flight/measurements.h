@@ -1,10 +1,9 @@
-/* measurements.h - what every filter keeps of a sensor: which measurement is new, gate,
- * acquisition, age.
+/* measurements.h - measurements of a sensor in a filter: which is new, gate, acquisition, age.
  *
- * A measurement is new where it is valid and its time exceeds that of the last new one. Its
- * residuals go into a copy of the estimate; where the sum of their normalised squares exceeds the
- * gate, the copy is dropped. Acquisition sets the measured part of the estimate: at the first
- * measurement, and after reset_after rejections in a row. Equations: docs/models.md F.3. */
+ * A measurement is new if it is valid and later than the last new one. Its residuals update a copy
+ * of the estimate; if the sum of their normalised squares (nis) exceeds the gate, the copy is
+ * dropped. Acquisition sets the measured part of the estimate: at the first measurement, and after
+ * reset_after rejections in a row. Equations: docs/models.md F.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MEASUREMENTS_H
 #define MEASUREMENTS_H
@@ -12,24 +11,26 @@
 #include "fmu.h"
 #include "time_grid.h"
 
-enum { HISTORY = 16 }; /* samples that a late measurement can be carried over */
+enum { HISTORY = 16 }; /* a measurement must be less than this number of samples late */
 
 typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
 
-#define GATE_ROWS(member)                                                                   \
-    NONNEGATIVE_AS("gate", member.gate, "1",                                                \
-                   "largest sum of normalised squared residuals of a measurement"),         \
-        NONNEGATIVE_AS("reset_after", member.reset_after, "1",                              \
-                       "acquire anew after so many rejections in a row; 0 = never"),        \
-        NONNEGATIVE_AS("age_max", member.age_max, "s",                                      \
-                       "oldest last measurement of a valid "                                \
-                       "estimate"),                                                         \
-        ROW_AS(PARAMETER_ROW, p, "acquire", member.acquire, 1, "1",                         \
-               "1: the first measurement sets what it measures, 0: the start values count", \
-               SWITCH_VALUE)
+#define GATE_ROWS(member)                                                                         \
+    NONNEGATIVE_AS("gate", member.gate, "1",                                                      \
+                   "largest sum of normalised squared residuals of a measurement"),               \
+        NONNEGATIVE_AS("reset_after", member.reset_after, "1",                                    \
+                       "acquire anew after so many rejections in a row; 0 = never"),              \
+        NONNEGATIVE_AS("age_max", member.age_max, "s",                                            \
+                       "oldest last measurement of a valid "                                      \
+                       "estimate"),                                                               \
+        ROW_AS(                                                                                   \
+            PARAMETER_ROW, p, "acquire", member.acquire, 1, "1",                                  \
+            "1: the first measurement sets the measured states, 0: they have their start values", \
+            SWITCH_VALUE)
 
 typedef struct {
-    double last, stamp, used; /* times of the last new and the last used one [s]; 1: some used */
+    double last, stamp,
+        used; /* times of the last new and last used measurement [s]; 1: one was used */
     double nis, rejected, in_row, acquired;
 } Track;
 
@@ -45,9 +46,9 @@ static inline int is_new(Track *track, double time, double valid)
     return 1;
 }
 
-typedef enum { REJECTED, ACCEPTED, ACQUISITION } Judgement;
+typedef enum { REJECTED, ACCEPTED, ACQUISITION } Decision;
 
-static inline Judgement judge(const GateParameters *p, Track *track, double nis)
+static inline Decision decide(const GateParameters *p, Track *track, double nis)
 {
     track->nis = nis;
     if (nis <= p->gate) {
@@ -76,7 +77,7 @@ static inline int is_valid(const GateParameters *p, const Track *track, double t
     return track->acquired > 0 && track->used > 0 && age(track, t) <= p->age_max;
 }
 
-/* place of a sample in a ring of the last HISTORY */
+/* index of a sample in a ring buffer of the last HISTORY samples */
 static inline int place_of(double index)
 {
     return (int)(index - HISTORY * floor_of(index / HISTORY));

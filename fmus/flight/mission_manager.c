@@ -1,18 +1,18 @@
 /* mission_manager.c - one mission from 500 m to a stack at rest: phases, holds with go and no-go,
- * what ends an approach, the range profile on the grasp axis, and the retreat.
+ * reasons to end an approach, the range profile on the grasp axis, and the retreat.
  *
  * One sample, in this order, with at most one change of phase:
- *   1 the last valid relative state is kept
- *   2 clocks of "too far off the axis" (near the target) and "too fast" (before capture)
+ *   1 the last valid relative state is stored
+ *   2 timers of "too far off the axis" (near the target) and "too fast" (before capture)
  *   3 abort of the monitor -> ABORTED; else, before capture, the first reason to retreat -> RETREAT
- *   4 else the row of the phase: its condition has held for dwell -> next phase
- *   5 outputs of the phase now in force
+ *   4 else the condition of the phase: if it has held for dwell -> next phase
+ *   5 outputs of the resulting phase
  *
  * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|: on and off the grasp
  * axis. Speeds are as seen in H (far, closing), in T (fly-around to mating). Inputs of ground are
- * levels; a level that comes and goes leaves no trace. Phases 8 to 10 are not left by a retreat. With
- * by_arm the arm mates from L_3: the servicer stays there, nobody pushes.
- * Equations, numbers: docs/models.md J. */
+ * levels: a level that is no longer set has no effect. Phases 8 to 10 are not left by a retreat.
+ * With by_arm the arm mates from L_3: the servicer stays there and does not push. Equations,
+ * numbers: docs/models.md J. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
 #include "mission_profile.h"
@@ -21,15 +21,17 @@
 typedef MissionParameters Parameters;
 typedef MissionInput Input;
 
-typedef struct { double runs, since; } Clock;
+typedef struct {
+    double runs, since;
+} Timer; /* since: start of the time in which a condition holds */
 typedef struct {
     double begun, phase, t_phase, reason, attempt, torque;
     double t_valid;
-    RelativeState valid;              /* the last one */
-    Clock good, touched, error, fast; /* condition of the row, first contact of this attempt */
+    RelativeState valid;              /* the last valid one */
+    Timer good, touched, error, fast; /* hold timers: condition of the phase, contact, ... */
     Profile profile;
     vec3 dv_N;
-    double planned, clearance; /* of the last retreat, once there was one */
+    double planned, clearance; /* plan of the last retreat: 1 if there was one, least range */
 } State;
 typedef struct {
     double phase, t_phase, reason, attempt;
@@ -43,17 +45,17 @@ typedef struct {
 } Output;
 MODEL_STRUCT;
 
-/* ---- the phases ---- */
+/* ---- phases ---- */
 enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, AS_BEFORE };
-enum { STOW, DEPLOY, GRASP, REST }; /* of the arm */
+enum { STOW, DEPLOY, GRASP, REST }; /* commands to the arm */
 enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
 
 static const struct {
     int force, torque, next;
-    int near;    /* on the grasp axis: errors count, navigation may be lost for nav_near only */
-    int before;  /* capture: may retreat */
-    int profile; /* begins a range profile */
-    int arm;     /* what it is told, where mating is by the arm */
+    int near; /* 1: on the grasp axis; errors are monitored, limit of navigation loss is nav_near */
+    int before;  /* 1: before capture, a retreat is possible */
+    int profile; /* 1: the phase begins a range profile */
+    int arm;     /* command to the arm, where mating is by the arm */
 } phases[PHASES] = {
     /* clang-format off */
     /*             force      torque     to         near before profile arm */
@@ -75,17 +77,17 @@ static const struct {
     /* clang-format on */
 };
 
-static int now(const State *x) { return (int)x->phase; }
+static int phase_of(const State *x) { return (int)x->phase; }
 
-/* before the grasp: what the pair turns with afterwards is decided */
-static int may_be_held(const Parameters *p, const Geometry *g)
+/* whether the angular momentum of both bodies, which the stack retains, is below its limit */
+static int may_grasp(const Parameters *p, const Geometry *g)
 {
     return p->momentum_max == 0 || g->momentum <= p->momentum_max;
 }
 
-/* what must hold for `dwell` seconds before the phase is left for the next one */
-static int row_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
-                     double t)
+/* condition that must hold for `dwell` seconds before the next phase begins */
+static int condition_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
+                           double t)
 {
     int valid = u->relative_valid > 0;
     double psi = p->line_angle, off_R_1 = fabs(g->R - p->R_1), v_H = norm(g->drho_H);
@@ -103,7 +105,7 @@ static int row_holds(const Parameters *p, const Input *u, const State *x, const 
         [FLYAROUND] = valid && g->los <= p->angle_2 && fabs(g->R - p->R_2) <= p->tol_2 &&
                       g->v_rel <= p->v_2 && g->pointing <= p->angle_abort,
         [FINAL]     = at_hold_3,
-        [HOLD_3]    = at_hold_3 && u->go_3 > 0 && may_be_held(p, g),
+        [HOLD_3]    = at_hold_3 && u->go_3 > 0 && may_grasp(p, g),
         [MATING]    = 0, /* `mate` */
         [RIGIDISE]  = u->hard > 0,
         [DETUMBLE]  = u->done > 0 && norm(u->S.omega) <= p->settle_rate,
@@ -114,7 +116,7 @@ static int row_holds(const Parameters *p, const Input *u, const State *x, const 
         [ABORTED]   = 0,
         /* clang-format on */
     };
-    return holds[now(x)];
+    return holds[phase_of(x)];
 }
 
 static const Model start = {
@@ -217,44 +219,45 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems) { check_mission(p, problems); }
 
-/* ---- clocks: start at the first sample at which something holds, forgotten when it does not ---- */
-static Clock kept(Clock c, int holds, double t)
+/* ---- hold timers: start at the first sample at which a condition holds, reset when it does not
+ * ---- */
+static Timer hold_timer(Timer c, int holds, double t)
 {
-    if (!holds) return (Clock){0, 0};
-    return c.runs ? c : (Clock){1, t};
+    if (!holds) return (Timer){0, 0};
+    return c.runs ? c : (Timer){1, t};
 }
-static int has_run(Clock c, double duration, double t)
+static int has_held(Timer c, double duration, double t)
 {
     return c.runs && reached(t, c.since + duration);
 }
-static int longer_ago(double since, double duration, double t)
+static int is_longer_ago(double since, double duration, double t)
 {
     return !reached(since + duration, t);
 }
 
-/* 2: error near the target, speed before capture */
-static void run_clocks(const Parameters *p, const Geometry *g, State *x, double t)
+/* step 2: error near the target, speed before capture */
+static void update_timers(const Parameters *p, const Geometry *g, State *x, double t)
 {
-    int near = phases[now(x)].near, before = phases[now(x)].before;
+    int near = phases[phase_of(x)].near, before = phases[phase_of(x)].before;
     double d_most = p->d_abort[0] + p->d_abort[1] * larger(g->l - p->L_3, 0);
     double v_most = p->v_0[near] + p->v_slope[near] * g->R;
-    x->error = kept(x->error, near && (g->d > d_most || g->pointing > p->angle_abort), t);
-    x->fast = kept(x->fast, before && norm(g->drho_H) > v_most, t);
+    x->error = hold_timer(x->error, near && (g->d > d_most || g->pointing > p->angle_abort), t);
+    x->fast = hold_timer(x->fast, before && norm(g->drho_H) > v_most, t);
 }
 
 /* ---- changes of phase ---- */
-static void enter(const Parameters *p, State *x, const Geometry *g, double phase, double reason,
-                  double t)
+static void enter_phase(const Parameters *p, State *x, const Geometry *g, double phase,
+                        double reason, double t)
 {
     x->phase = phase;
     x->reason = reason;
     x->t_phase = t;
-    x->good = x->touched = (Clock){0, 0};
+    x->good = x->touched = (Timer){0, 0};
     if (phase == MATING) x->attempt++;
     if (phase == FAR) x->attempt = 0;
-    if (phases[now(x)].profile) x->profile = (Profile){phase, t, g->l};
-    if (phases[now(x)].torque != AS_BEFORE && phases[now(x)].torque != NONE)
-        x->torque = phases[now(x)].torque;
+    if (phases[phase_of(x)].profile) x->profile = (Profile){phase, t, g->l};
+    if (phases[phase_of(x)].torque != AS_BEFORE && phases[phase_of(x)].torque != NONE)
+        x->torque = phases[phase_of(x)].torque;
     if (phase != RETREAT) return;
     Escape escape = plan_escape(p, &x->valid);
     x->dv_N = escape.dv_N;
@@ -262,18 +265,18 @@ static void enter(const Parameters *p, State *x, const Geometry *g, double phase
     x->planned = 1;
 }
 
-/* 3: the first of the reasons to retreat, 0: none */
+/* step 3: the first of the reasons to retreat, 0: none */
 static int reason_to_retreat(const Parameters *p, const Input *u, const State *x, double t)
 {
-    double lost = phases[now(x)].near ? p->nav_near : p->nav_far;
-    double longest = now(x) == MATING ? 0 : p->time_out[now(x)];
+    double lost = phases[phase_of(x)].near ? p->nav_near : p->nav_far;
+    double longest = phase_of(x) == MATING ? 0 : p->time_out[phase_of(x)];
     const int holds[ATTEMPTS] = {
         /* clang-format off */
         [GROUND]     = u->retreat > 0,
-        [NAVIGATION] = longer_ago(x->t_valid, lost, t),
+        [NAVIGATION] = is_longer_ago(x->t_valid, lost, t),
         [PROPELLANT] = u->mass - p->mass_dry < p->reserve,
-        [ERROR]      = has_run(x->error, p->error_dwell, t),
-        [TOO_FAST]   = has_run(x->fast, p->speed_dwell, t),
+        [ERROR]      = has_held(x->error, p->error_dwell, t),
+        [TOO_FAST]   = has_held(x->fast, p->speed_dwell, t),
         [TIME_OUT]   = longest > 0 && reached(t, x->t_phase + longest),
         /* clang-format on */
     };
@@ -282,27 +285,30 @@ static int reason_to_retreat(const Parameters *p, const Input *u, const State *x
     return NO_REASON;
 }
 
-/* 4, MATING: soft capture, or the attempt has failed */
-static void mate(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
+/* step 4 in MATING: soft capture, or the attempt has failed */
+static void update_mating(const Parameters *p, const Input *u, State *x, const Geometry *g,
+                          double t)
 {
     double longest = p->time_out[MATING];
-    x->touched = kept(x->touched, x->touched.runs || u->contact > 0, t);
+    x->touched = hold_timer(x->touched, x->touched.runs || u->contact > 0, t);
     if (u->soft > 0) {
-        enter(p, x, g, RIGIDISE, NO_REASON, t);
+        enter_phase(p, x, g, RIGIDISE, NO_REASON, t);
         return;
     }
-    if (!has_run(x->touched, p->capture_time, t) &&
+    if (!has_held(x->touched, p->capture_time, t) &&
         !(longest > 0 && reached(t, x->t_phase + longest)))
         return;
-    if (x->attempt < p->attempts) enter(p, x, g, BACKOFF, NO_REASON, t);
-    else enter(p, x, g, RETREAT, ATTEMPTS, t);
+    if (x->attempt < p->attempts) enter_phase(p, x, g, BACKOFF, NO_REASON, t);
+    else enter_phase(p, x, g, RETREAT, ATTEMPTS, t);
 }
 
-/* 4: the row of the phase */
-static void follow_row(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
+/* step 4 in other phases: next phase after dwell */
+static void advance_phase(const Parameters *p, const Input *u, State *x, const Geometry *g,
+                          double t)
 {
-    x->good = kept(x->good, row_holds(p, u, x, g, t), t);
-    if (has_run(x->good, p->dwell[now(x)], t)) enter(p, x, g, phases[now(x)].next, NO_REASON, t);
+    x->good = hold_timer(x->good, condition_holds(p, u, x, g, t), t);
+    if (has_held(x->good, p->dwell[phase_of(x)], t))
+        enter_phase(p, x, g, phases[phase_of(x)].next, NO_REASON, t);
 }
 
 static int may_abort(const State *x)
@@ -312,11 +318,11 @@ static int may_abort(const State *x)
 
 static void change_phase(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
 {
-    int reason = phases[now(x)].before ? reason_to_retreat(p, u, x, t) : NO_REASON;
-    if (u->abort > 0 && may_abort(x)) enter(p, x, g, ABORTED, ABORT, t);
-    else if (reason) enter(p, x, g, RETREAT, reason, t);
-    else if (x->phase == MATING) mate(p, u, x, g, t);
-    else follow_row(p, u, x, g, t);
+    int reason = phases[phase_of(x)].before ? reason_to_retreat(p, u, x, t) : NO_REASON;
+    if (u->abort > 0 && may_abort(x)) enter_phase(p, x, g, ABORTED, ABORT, t);
+    else if (reason) enter_phase(p, x, g, RETREAT, reason, t);
+    else if (x->phase == MATING) update_mating(p, u, x, g, t);
+    else advance_phase(p, u, x, g, t);
 }
 
 /* ---- outputs ---- */
@@ -331,7 +337,7 @@ static void publish_phase(const State *x, Output *y)
 
 static void publish_selection(const State *x, Output *y)
 {
-    int force = phases[now(x)].force, torque = phases[now(x)].torque;
+    int force = phases[phase_of(x)].force, torque = phases[phase_of(x)].torque;
     if (torque == AS_BEFORE) torque = (int)x->torque;
     y->select_force = force;
     y->select_torque = torque;
@@ -341,7 +347,8 @@ static void publish_selection(const State *x, Output *y)
     y->active_stack = force == STACK_LAW || torque == STACK_LAW;
 }
 
-/* who opens the zone closes it behind: a retreat out of it is not to be judged as an entry */
+/* The keep-out zone is open while `approaching`. During a retreat within R_2 monitor_valid is 0:
+ * otherwise the monitor would report the position as an entry into the zone. */
 static void publish_switches(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                              Output *y)
 {
@@ -352,11 +359,11 @@ static void publish_switches(const Parameters *p, const Input *u, const State *x
     y->latch_enable = x->phase == MATING || docked;
     y->release = 0;
     y->push = !p->by_arm && x->phase == MATING && x->touched.runs;
-    y->arm_mode_cmd = p->by_arm ? phases[now(x)].arm : STOW;
+    y->arm_mode_cmd = p->by_arm ? phases[phase_of(x)].arm : STOW;
     y->momentum = g->momentum;
 }
 
-/* V: the Hill frame turned to the line of the hold points, C_VN = Rz(psi) C_HN */
+/* V: the Hill frame rotated to the line of the hold points, C_VN = Rz(psi) C_HN */
 static void publish_virtual_target(const Parameters *p, const Geometry *g, Output *y)
 {
     SineCosine psi = sine_and_cosine(p->line_angle);
@@ -381,7 +388,7 @@ static void manage(const Parameters *p, const Input *u, State *x, Output *y, dou
     if (!x->begun)
         *x = (State){.begun = 1, .t_phase = t, .torque = FAR_LAW, .t_valid = t, .valid = seen};
     if (u->relative_valid > 0) x->t_valid = t, x->valid = seen;
-    run_clocks(p, &g, x, t);
+    update_timers(p, &g, x, t);
     change_phase(p, u, x, &g, t);
 
     publish_phase(x, y);

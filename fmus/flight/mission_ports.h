@@ -1,5 +1,5 @@
-/* mission_ports.h - what the mission manager is told: phases, parameters, inputs, and the relative
- * state in the frames of its conditions. */
+/* mission_ports.h - phases, parameters and inputs of the mission manager, and the relative state in
+ * the frames of its conditions. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_PORTS_H
 #define MISSION_PORTS_H
@@ -40,7 +40,7 @@ typedef struct {
     double dwell[PHASES], time_out[PHASES];
     double attempts, mass_dry, reserve, nav_far, nav_near;
     double d_abort[2], angle_abort, error_dwell, v_0[2], v_slope[2], speed_dwell;
-    double by_arm, momentum_max, mass_T; /* momentum of the pair that may be grasped */
+    double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp */
     mat3 J_T, J_S;
     double sample_period;
 } MissionParameters;
@@ -105,7 +105,7 @@ typedef struct {
 
 #define MISSION_INPUTS                                                                           \
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                              \
-        NONNEGATIVE_INPUT(mass, "kg", "mass of the servicer, by its gauge"),                     \
+        NONNEGATIVE_INPUT(mass, "kg", "mass of the servicer, as measured"),                      \
         INPUT(relative_valid, "1", "1: the states can be relied on"),                            \
         INPUT(abort, "1", "1: the safety monitor has taken over"),                               \
         INPUT(retreat, "1", "1: ground orders the retreat"),                                     \
@@ -116,11 +116,11 @@ typedef struct {
         INPUT(soft, "1", "1: soft capture"), INPUT(hard, "1", "1: hard capture"),                \
         INPUT(done, "1", "1: the guidance of the stack has come to its end")
 
-/* ---- refusals ---- */
+/* ---- checks of parameters ---- */
 static inline void check_below(Problems *problems, const char *name, double value, double limit,
                                const char *rule)
 {
-    if (!(value < limit)) refuse(problems, name, value, rule);
+    if (!(value < limit)) reject(problems, name, value, rule);
 }
 
 static inline void check_mission(const MissionParameters *p, Problems *problems)
@@ -132,7 +132,7 @@ static inline void check_mission(const MissionParameters *p, Problems *problems)
     check_below(problems, "L_3", p->L_3, p->R_2, "must be below R_2");
     check_below(problems, "L_end", p->L_end, p->L_3, "must be below L_3");
     if (p->drift_time > 1e5 * p->drift_step)
-        refuse(problems, "drift_step", p->drift_step, "must not be below drift_time / 1e5");
+        reject(problems, "drift_step", p->drift_step, "must not be below drift_time / 1e5");
 }
 
 /* ---- relative state ---- */
@@ -141,7 +141,7 @@ typedef struct {
     mat3 C_SN;
     vec3 rho_H, drho_H;                          /* drho as seen in H */
     double R, l, d, los, v_rel, pointing, w_rel; /* v_rel as seen in T */
-    double momentum;                             /* of the pair about its centre, without wheels */
+    double momentum; /* of both bodies about their centre of mass, without wheels */
 } Geometry;
 
 static inline Geometry geometry(const MissionParameters *p, const MissionInput *u)

@@ -1,18 +1,20 @@
 /* mission_profile.h - distance on the grasp axis over time: final approach, mating, backing off.
  *
- *   s(x) = 10 x^3 - 15 x^4 + 6 x^5 in 0..1: the fifth-order step, at rest at both ends
+ *   s(x) = 10 x^3 - 15 x^4 + 6 x^5 in 0..1: fifth-order step, at rest at both ends
  *   FINAL, BACKOFF   L = a + (L_3 - a) s(tau/T),  T = 1.875 |a - L_3|/v: peak speed v
- *   MATING           dL = -v s(tau/T), then -v, until L_end; by the arm: at rest at L_3 */
+ *   MATING           dL = -v s(tau/T), then -v, until L_end; with by_arm: at rest at L_3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_PROFILE_H
 #define MISSION_PROFILE_H
 
 #include "mission_ports.h"
 
-typedef struct { double phase, t, from; } Profile; /* that began it, when, and l there */
+typedef struct {
+    double phase, t, from;
+} Profile; /* phase and time of its beginning, l at that time */
 typedef struct { double L, d, dd; } Distance;
 
-static inline Distance at_rest(double L) { return (Distance){L, 0, 0}; }
+static inline Distance constant_distance(double L) { return (Distance){L, 0, 0}; }
 
 static inline double profile_duration(const MissionParameters *p, const Profile *a)
 {
@@ -28,7 +30,7 @@ static inline Distance fifth_order_step(double from, double to, double T, double
                       way * 30 * x * x * y * y / T, way * 60 * x * y * (y - x) / (T * T)};
 }
 
-static inline Distance mating(const MissionParameters *p, double tau)
+static inline Distance mating_distance(const MissionParameters *p, double tau)
 {
     double T = p->ramp_mate, v = p->v_mate, x = tau / T, y = 1 - x;
     Distance steady = {p->L_3 - v * (tau - T / 2), -v, 0};
@@ -40,12 +42,12 @@ static inline Distance mating(const MissionParameters *p, double tau)
 static inline Distance profile_at(const MissionParameters *p, const Profile *a, double t)
 {
     double tau = t - a->t, T = profile_duration(p, a);
-    if (a->phase == FAR) return at_rest(p->R_2);
+    if (a->phase == FAR) return constant_distance(p->R_2);
     if (a->phase == MATING && !p->by_arm) {
-        Distance now = mating(p, tau);
-        return now.L <= p->L_end ? at_rest(p->L_end) : now;
+        Distance now = mating_distance(p, tau);
+        return now.L <= p->L_end ? constant_distance(p->L_end) : now;
     }
-    return tau < T ? fifth_order_step(a->from, p->L_3, T, tau) : at_rest(p->L_3);
+    return tau < T ? fifth_order_step(a->from, p->L_3, T, tau) : constant_distance(p->L_3);
 }
 
 #endif

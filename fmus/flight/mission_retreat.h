@@ -1,20 +1,25 @@
-/* mission_retreat.h - the retreat: outwards now, along the track for ever.
+/* mission_retreat.h - retreat: a velocity outwards, and along the track for a drift that does not
+ * return.
  *
- *   v = v_retreat rho/|rho| +- v_drift y_H: the sign that leads away further,
- *   by the motion of Clohessy and Wiltshire about a circular orbit, n = |w_H|, s, c of n t:
+ *   v = v_retreat rho/|rho| +- v_drift y_H
+ *
+ * with the sign whose drift has the larger least distance by the equations of Clohessy and
+ * Wiltshire for a circular orbit, n = |w_H|, s = sin(n t), c = cos(n t):
+ *
  *   x(t) = (4 - 3c) x + s/n x' + 2 (1 - c)/n y'
  *   y(t) = 6 (s - n t) x + y - 2 (1 - c)/n x' + (4 s - 3 n t)/n y'
  *   z(t) = c z + s/n z'
- * A velocity outwards alone returns after an orbit; with a part along the track the drift is
- * 3 |v_y| per unit of time for good. */
+ *
+ * A purely outward velocity returns after an orbit. A component along the track causes a permanent
+ * drift of 3 |v_y| per unit of time. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_RETREAT_H
 #define MISSION_RETREAT_H
 
 #include "mission_ports.h"
 
-#define ROUNDED_DOWN 1e-12 /* what the number of steps may lack to a whole one */
-#define SPENT        1e-12 /* m/s: no more of an increment is left */
+#define ROUNDED_DOWN 1e-12 /* relative rounding error of the number of steps */
+#define SPENT        1e-12 /* m/s: a smaller rest of an increment counts as 0 */
 
 typedef struct {
     mat3 C_HN;
@@ -31,7 +36,7 @@ static inline vec3 drift_position(double n, vec3 r, vec3 v, double t)
                c * r.z + s / n * v.z);
 }
 
-/* least distance at the instants k drift_step, k = 1, 2, ...; without any the distance now */
+/* least distance at the instants k drift_step, k = 1, 2, ...; without an instant the present one */
 static inline double least_distance(const MissionParameters *p, const RelativeState *from, vec3 v)
 {
     double steps = floor_of(p->drift_time / p->drift_step * (1 + ROUNDED_DOWN)),
@@ -58,7 +63,7 @@ static inline Escape plan_escape(const MissionParameters *p, const RelativeState
     return (Escape){tmul(from->C_HN, sub(v, from->drho_H)), larger(clear_ahead, clear_behind)};
 }
 
-/* one sample of the burn: what is left of the increment, and the force that was taken from it */
+/* force over one sample of the burn; reduces the remaining increment dv_N accordingly */
 static inline vec3 burn(const MissionParameters *p, double mass, double period, vec3 *dv_N)
 {
     double left = norm(*dv_N), most = period > 0 ? mass * left / period : 0;

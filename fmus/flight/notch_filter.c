@@ -1,22 +1,22 @@
-/* notch_filter.c - takes the frequencies of flexible modes out of the commands of a controller.
+/* notch_filter.c - removes the frequencies of flexible modes from the commands of a controller.
  *
  *   H(s) = (s^2 + 2 z w s + w^2)/(s^2 + 2 Z w s + w^2),   s = k (1 - 1/q)/(1 + 1/q),
  *   k = w/tan(w T/2)
  *
- * Two notches in a row, the same on all axes, for torque and wheel acceleration alike, and two for
- * the force, which excites other modes: wings that swing alike turn the hub, wings that swing against
- * each other shift it. Bilinear (Tustin), prewarped so that a notch lies at w exactly, whatever the
- * sample period T. At w the gain is z/Z, far from it 1, at rest exactly 1: the steady command passes.
- * Price: phase lag below w, some 2 Z u/(1 - u^2) rad at u = omega/w, so a notch goes above the
- * bandwidth of the loop. Frequency 0: no notch. Starts at rest. Sampled: a step reads the inputs once
- * and holds the outputs. Equations: docs/models.md L.7. */
+ * Two notches in series, the same on all axes, for torque and wheel acceleration, and two for the
+ * force, which excites other modes: antisymmetric bending of the wings turns the hub, symmetric
+ * bending shifts it. Bilinear (Tustin), prewarped so that a notch is at w exactly for any sample
+ * period T. The gain is z/Z at w, 1 far from it, and exactly 1 for a constant command. A notch
+ * causes a phase lag below w of about 2 Z u/(1 - u^2) rad at u = omega/w, so it belongs above the
+ * bandwidth of the loop. Frequency 0: no notch. The filter starts at rest. Sampled: a step reads
+ * the inputs once and holds the outputs. Equations: docs/models.md L.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "exact.h"
 #include "fmu.h"
 #include "time_grid.h"
 #include "vec3.h"
 
-enum { NOTCHES = 2 }; /* one after the other */
+enum { NOTCHES = 2 }; /* in series */
 
 typedef struct {
     double frequency[NOTCHES], force_frequency[NOTCHES];
@@ -58,7 +58,7 @@ static void check_frequency(const Parameters *p, const char *list, int i, double
     char name[40];
     if (frequency * p->sample_period < PI) return;
     snprintf(name, sizeof name, "%s[%d]", list, i + 1);
-    refuse(problems, name, frequency, "must be below pi/sample_period, half of the sample rate");
+    reject(problems, name, frequency, "must be below pi/sample_period, half of the sample rate");
 }
 
 static void check(const Parameters *p, Problems *problems)
@@ -69,11 +69,11 @@ static void check(const Parameters *p, Problems *problems)
         check_frequency(p, "force_frequency", i, p->force_frequency[i], problems);
         snprintf(name, sizeof name, "width[%d]", i + 1);
         if (p->frequency[i] + p->force_frequency[i] > 0 && p->width[i] == 0)
-            refuse(problems, name, 0, "must be > 0 where there is a notch");
+            reject(problems, name, 0, "must be > 0 where there is a notch");
     }
 }
 
-/* ---- one notch: b and a over a_0, a_1 = b_1 ---- */
+/* ---- one notch: coefficients divided by a_0; a_1 = b_1 ---- */
 typedef struct { double b0, b1, b2, a2; } Notch;
 
 static Notch notch_of(const Parameters *p, int i, double w)

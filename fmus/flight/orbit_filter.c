@@ -2,8 +2,9 @@
  *
  *   dr/dt = v,   dv/dt = gravity with J2 + C_SN^T F_cmd_S/mass_hat,   white acceleration sigma_a
  *
- * F_cmd_S at a sample is the command held since the sample before, in the attitude of that sample.
- * A late fix is carried to now by one step without thrust. Equations: docs/models.md F.5. */
+ * The input F_cmd_S at a sample is the command that was held since the previous sample; it is
+ * applied with the attitude at the previous sample. A late fix is propagated to the present by one
+ * step without thrust. Equations: docs/models.md F.5. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "covariance.h"
 #include "measurements.h"
@@ -31,7 +32,7 @@ typedef struct {
 typedef struct {
     Estimate hat;
     double started, index; /* of the last sample */
-    quat q;                /* attitude then */
+    quat q;                /* attitude at that sample */
     Track fix;
 } State;
 typedef struct {
@@ -99,20 +100,20 @@ static void check(const Parameters *p, Problems *problems)
 typedef struct {
     const Parameters *p;
     vec3 thrust_N; /* m/s2 */
-} Flight;
+} Dynamics;
 
-static void derivative(const Flight *f, double t, const PosVel *s, PosVel *ds)
+static void derivative(const Dynamics *f, double t, const PosVel *s, PosVel *ds)
 {
     (void)t;
     *ds = (PosVel){s->v, add(gravity(&f->p->orbit, f->p->use_J2, s->r), f->thrust_N)};
 }
 
-RK4(fly, derivative, Flight, PosVel)
+RK4(integrate, derivative, Dynamics, PosVel)
 
-static PosVel flown(const Parameters *p, PosVel s, vec3 thrust_N, double h)
+static PosVel propagated(const Parameters *p, PosVel s, vec3 thrust_N, double h)
 {
-    const Flight context = {p, thrust_N};
-    fly(&context, 0, h, &s);
+    const Dynamics context = {p, thrust_N};
+    integrate(&context, 0, h, &s);
     return s;
 }
 
@@ -131,7 +132,7 @@ static void propagate(const Parameters *p, Estimate *hat, vec3 thrust_N)
 {
     double F[STATES * STATES];
     transition(p, hat->s.r, F);
-    hat->s = flown(p, hat->s, thrust_N, p->sample_period);
+    hat->s = propagated(p, hat->s, thrust_N, p->sample_period);
     propagate_covariance(hat->P, F, STATES, STATES);
     add_white_acceleration(hat->P, STATES, R_AT, V_AT, p->sigma_a * p->sigma_a, p->sample_period);
     symmetrise(hat->P, STATES);
@@ -171,10 +172,10 @@ static void use_fix(const Parameters *p, const Input *u, State *x, double k)
     double late = k - nearest_whole(u->fix_time / p->sample_period);
     if (late < 0 || late >= HISTORY) return;
     PosVel fix = {u->r_fix_N, u->v_fix_N};
-    if (late > 0) fix = flown(p, fix, vec(0, 0, 0), late * p->sample_period);
+    if (late > 0) fix = propagated(p, fix, vec(0, 0, 0), late * p->sample_period);
     Estimate copy = x->hat;
-    Judgement verdict =
-        x->fix.acquired ? judge(&p->gate, &x->fix, update_both(p, &copy, fix)) : ACQUISITION;
+    Decision verdict =
+        x->fix.acquired ? decide(&p->gate, &x->fix, update_both(p, &copy, fix)) : ACQUISITION;
     if (verdict == REJECTED) return;
     note_used(&x->fix, u->fix_time);
     if (verdict == ACCEPTED) {

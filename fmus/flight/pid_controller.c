@@ -6,10 +6,9 @@
  *   attitude, per body axis      M = -(Kp e + Ki I + Kd w),   e: vector part of q_SD, w: rate error
  *   anti-windup                  dI/dt = e + (u - sat(u))/(Ki T_aw)
  *
- * Sampled: explicit Euler, I is updated after its use. The back-calculation of one sample goes no
- * further than to the limit (T_aw counts as no less than the period), since beyond it explicit
- * Euler would overshoot and then diverge.
- * Equations: docs/models.md C.5; the usual back-calculation gain is 1/(Ki T_aw). */
+ * Sampled: explicit Euler, I is updated after its use. T_aw counts as at least the period, so that
+ * the back-calculation of one sample ends at the limit; beyond it explicit Euler would overshoot
+ * and diverge. Equations: docs/models.md C.5; the usual back-calculation gain is 1/(Ki T_aw). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
@@ -88,7 +87,7 @@ static double back_calculation(double excess, double T_aw, double Ki, double per
     return Ki > 0 && T_aw > 0 ? smaller(period / T_aw, 1) / Ki * excess : 0;
 }
 
-/* I += T e + T (u - sat u)/(Ki T_aw); bounded like an input, so that it stays finite for ever */
+/* I += T e + T (u - sat u)/(Ki T_aw), bounded as inputs are, so that it always stays finite */
 static vec3 integrated(const Gains3 *k, vec3 integral, vec3 e, vec3 excess, double period)
 {
     vec3 back = vec(back_calculation(excess.x, k->T_aw.x, k->Ki.x, period),

@@ -4,7 +4,8 @@
  *                                                         C_KN C_TN^T, 0]
  *   y_2 = err(q_TN* q_SN q_KS q_TK),               H_2 = [0 0 I 0 0 0 0]
  *
- * Noise by the range that is predicted before the update. Equations: docs/models.md F.6. */
+ * The noise follows from the range that is predicted before the update. Equations: docs/models.md
+ * F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef POSE_UPDATE_H
 #define POSE_UPDATE_H
@@ -29,7 +30,7 @@ typedef struct {
 
 typedef struct {
     vec3 r; /* r_GK_K */
-    quat q; /* q_TN that was measured */
+    quat q; /* measured q_TN */
     mat3 C_KN;
     vec3 lever_S; /* C_SN^T p_KS_S */
 } Pose;
@@ -108,7 +109,7 @@ static inline double update_both(const PoseModel *p, Estimate *x, const Pose *m)
 
 static inline mat3 squared(vec3 s) { return diagonal(s.x * s.x, s.y * s.y, s.z * s.z); }
 
-/* what a pose does not measure: covariance of the start */
+/* covariance of the start, for the states that a pose does not measure */
 static inline void start_covariance(const StartSigmas *s, double *P)
 {
     memset(P, 0, ERRORS * ERRORS * sizeof *P);
@@ -126,7 +127,7 @@ static inline void put_pair(double *P, size_t row, size_t column, mat3 block)
     put_block(P, ERRORS, column, row, transpose(block));
 }
 
-/* rho = C_TN^T d - C_KN^T r_GK_K - C_SN^T p_KS_S and q_TN with the covariance that follows */
+/* sets rho = C_TN^T d - C_KN^T r_GK_K - C_SN^T p_KS_S and q_TN, and the resulting covariance */
 static inline void acquire(const PoseModel *p, const StartSigmas *s, Estimate *x, const Pose *m)
 {
     mat3 R_1 = position_covariance(p, norm(m->r)), R_2 = attitude_covariance(p, norm(m->r));

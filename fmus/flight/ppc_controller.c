@@ -1,8 +1,8 @@
 /* ppc_controller.c - low-complexity prescribed performance control of line of sight and attitude,
  * without a model.
  *
- * Each channel i (range, elevation, azimuth; three of attitude) keeps its generalised state inside
- * a shrinking funnel:
+ * The generalised state of each channel i (range, elevation, azimuth; three of attitude) is held
+ * inside a shrinking funnel:
  *   z = x1 + lambda x2,   L alpha < z < U alpha,
  *           alpha(t) = (alpha_0 - alpha_inf) exp(-beta (t - t_0)) + alpha_inf
  *   (L, U) = (-delta, 1) if z(t_0) >= 0, else (-1, delta)
@@ -17,17 +17,17 @@
  * all three channels
  *
  * Without saturation, in continuous time, with 0 < lambda beta < 1 and kappa(t_0) < 1, no channel
- * ever leaves its funnel and kappa stays below 1. Sampled or saturated, theta is kept 1e-3 (U - L)
- * inside its bounds and kappa below 0.98, so the law stays finite for every input and brings the
- * state back; `violation` tells. A sample period T should keep lambda g k eta T < 1 (law 0: 16 k
- * eta/((U - L) alpha)^2 for k eta), g = 1, 1/rho, 1/(rho cos eps). A start that breaks kappa(t_0) <
- * 1 or lies outside the funnel is refused in the first step: start_margin must be > 0.
- * Source: Yin, Luo, Wei & Yuan 2017, equations (8) to (20); docs/models.md C.4. */
+ * ever leaves its funnel and kappa stays below 1. For sampled or saturated control, theta is
+ * limited to 1e-3 (U - L) inside its bounds and kappa to 0.98: the law stays finite for every input
+ * and brings the state back, and `violation` is set. The sample period T should satisfy lambda g k
+ * eta T < 1 (law 0: 16 k eta/((U - L) alpha)^2 for k eta), g = 1, 1/rho, 1/(rho cos eps). A start
+ * outside the funnel, or with kappa(t_0) >= 1, is rejected in the first step: start_margin must be
+ * > 0. Source: Yin, Luo, Wei & Yuan 2017, equations (8) to (20); docs/models.md C.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
-#define KEPT_INSIDE   1e-3 /* part of its width by which theta stays inside its funnel */
-#define LARGEST_KAPPA 0.98 /* the law stays finite */
+#define INSIDE        1e-3 /* theta is limited to this part of the width inside its funnel */
+#define LARGEST_KAPPA 0.98 /* limit of kappa, below 1, with which the law stays finite */
 
 typedef struct { double k, eta, lambda, alpha_0, alpha_inf, beta, delta; } Channel;
 
@@ -144,10 +144,10 @@ static const Variable variables[] = {
 static void check_channel(Problems *problems, const char *names[3], const Channel *c)
 {
     if (c->lambda * c->beta >= 1)
-        refuse(problems, names[0], c->lambda * c->beta, "must be below 1");
-    if (c->delta > 1) refuse(problems, names[1], c->delta, "must be in (0, 1]");
+        reject(problems, names[0], c->lambda * c->beta, "must be below 1");
+    if (c->delta > 1) reject(problems, names[1], c->delta, "must be in (0, 1]");
     if (c->alpha_0 < c->alpha_inf)
-        refuse(problems, names[2], c->alpha_0, "must not be below alpha_inf");
+        reject(problems, names[2], c->alpha_0, "must not be below alpha_inf");
 }
 
 #define CHANNEL_NAMES(member) \
@@ -157,7 +157,7 @@ static void check_channel(Problems *problems, const char *names[3], const Channe
 
 static void check_law(Problems *problems, const char *name, double law)
 {
-    if (law != 0 && law != 1 && law != 2) refuse(problems, name, law, "must be 0, 1 or 2");
+    if (law != 0 && law != 1 && law != 2) reject(problems, name, law, "must be 0, 1 or 2");
 }
 
 static void check(const Parameters *p, Problems *problems)
@@ -176,7 +176,7 @@ typedef struct {
     double theta, s, alpha, gain, margin, unkept_s;
 } Mapped; /* u = -gain s/(1 - kappa); margin > 0 inside */
 
-/* (15); outside the funnel the margin speaks */
+/* s of (15); outside the funnel theta is limited, and only the margin shows the violation */
 static double mapped(double theta, double L, double U)
 {
     return theta > L && theta < U ? logarithm((theta - L) / (U - theta)) : 0;
@@ -191,15 +191,15 @@ static Mapped map(const Channel *c, double law, double rising, double z, double 
 {
     double L = rising ? -c->delta : -1, U = rising ? 1 : c->delta, width = U - L;
     double alpha = (c->alpha_0 - c->alpha_inf) * exponential(-c->beta * age) + c->alpha_inf;
-    double theta = z / alpha,
-           inside = clamp(theta, L + KEPT_INSIDE * width, U - KEPT_INSIDE * width);
+    double theta = z / alpha, inside = clamp(theta, L + INSIDE * width, U - INSIDE * width);
     double r = width / ((inside - L) * (U - inside) * alpha);
     double gain = c->k * c->eta * power(law, r, alpha * width / 4);
     return (Mapped){theta, mapped(inside, L, U),          alpha,
                     gain,  smaller(theta - L, U - theta), mapped(theta, L, U)};
 }
 
-/* ---- three channels: the control u and its telemetry; its side is decided at the start ---- */
+/* ---- three channels: control u and telemetry; the start decides between both forms of the funnel
+ * ---- */
 static void begin(Funnel *x, vec3 z, double t)
 {
     if (x->begun) return;
@@ -216,7 +216,7 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
            d = map(c[2], law, x->rising.z, z.z, age);
     double kappa = c[0]->eta * a.s * a.s + c[1]->eta * b.s * b.s + c[2]->eta * d.s * d.s;
     double inside = smaller(a.margin, smaller(b.margin, d.margin));
-    if (first) { /* (18) is judged by theta as it is, not as it is kept inside */
+    if (first) { /* (18) is checked with theta before it is limited */
         vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s),
              eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
         x->margin = smaller(1 - dot(s, times(eta, s)), inside);
@@ -247,7 +247,7 @@ static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel 
     return T_transposed(e->q_SD, barrier(channels, p->law_att, x, z, t, y));
 }
 
-/* before t_att the funnel of the attitude is kept at its start, and nothing is commanded */
+/* before t_att the funnel of the attitude stays at its start, and no torque is commanded */
 static void control_attitude(const Parameters *p, const TrackingError *e, Funnel *x, double t,
                              Output *y)
 {
@@ -268,8 +268,8 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     control_attitude(p, &e, &x->attitude, t, y);
 }
 
-/* While start values travel through a system the inputs may be anything: nothing is judged before
- * the first step. */
+/* While the initial values of a system are computed, inputs may have any value: the start is
+ * checked in the first step only. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0};

@@ -1,5 +1,5 @@
-/* pursuit_guidance.c - pursuit of a drifting target with a body-fixed thrust axis X: where to
- * point, how fast to go.
+/* pursuit_guidance.c - pursuit of a drifting target with a body-fixed thrust axis X: required
+ * direction and velocity.
  *
  *   d      required direction of X: line of sight dr = r_T - r_S,
  *           or the velocity error before and during a burn
@@ -13,7 +13,7 @@
  *          and the modes COAST (thrust off), ALIGN (turn X to the velocity error), BURN (thrust on)
  *          v_close > 0:  s = clip(k_r (range - zeta1), -v_close/2, v_close)
  *
- * A sample with active = 0 is as if before the first: nothing is kept, no thrust permitted.
+ * A sample with active = 0 resets the state and permits no thrust.
  * The controller needs (v_T + drho_ref - v_S) . X only. |v_T| is relative to the frame of the law:
  * N in deep space, else one that moves with a point on a circular orbit. rho_ref is the hold point
  * on the line of sight, not the integral of drho_ref, and the rate is a command, not the derivative
@@ -82,7 +82,7 @@ static const Variable variables[] = {
     SWITCH(text_speed, "scalar law below zeta1: 0 half the speed of the target (formula), 1 its "
                        "full speed (text)"),
     NONNEGATIVE(v_close, "m/s",
-                "vector law: largest closing speed, half of it backwards; 0: by the speed of the "
+                "vector law: largest closing speed, half as fast backwards; 0: by the speed of the "
                 "target"),
     NONNEGATIVE(k_r, "1/s", "vector law: gain from range error to closing speed"),
     NONNEGATIVE(rho1, "m/s", "vector law: below this velocity error a burn is given up"),
@@ -90,9 +90,9 @@ static const Variable variables[] = {
     POSITIVE(alpha_fire, "rad", "vector law: largest pointing error at ignition"),
     POSITIVE(omega_fire, "rad/s", "vector law: ignition below this angular rate"),
     NONNEGATIVE(t_burn_min, "s", "vector law: a burn lasts longer than this"),
-    POSITIVE(main_thrust, "N", "vector law: nominal thrust along +X; 1 % of it is burning"),
+    POSITIVE(main_thrust, "N", "vector law: nominal thrust along +X; burning: above 1 %"),
     POSITIVE(brake_thrust, "N",
-             "vector law: nominal thrust along -X, all brakes; 1 % of it is burning"),
+             "vector law: nominal thrust along -X, all brakes; burning: above 1 %"),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
     NONNEGATIVE(
         frame_radius, "m",
@@ -120,14 +120,14 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems)
 {
-    if (p->rho1 >= p->rho2) refuse(problems, "rho1", p->rho1, "must be below rho2");
-    if (p->zeta2 >= p->zeta1) refuse(problems, "zeta2", p->zeta2, "must be below zeta1");
-    if (p->zhys > p->zeta1) refuse(problems, "zhys", p->zhys, "must not be above zeta1");
+    if (p->rho1 >= p->rho2) reject(problems, "rho1", p->rho1, "must be below rho2");
+    if (p->zeta2 >= p->zeta1) reject(problems, "zeta2", p->zeta2, "must be below zeta1");
+    if (p->zhys > p->zeta1) reject(problems, "zhys", p->zhys, "must not be above zeta1");
     if (p->alpha_fire >= 1.5)
-        refuse(problems, "alpha_fire", p->alpha_fire, "must be below 1.5 rad");
-    if (p->mu > 0 && p->law == 0) refuse(problems, "law", p->law, "must be 1 when mu > 0");
+        reject(problems, "alpha_fire", p->alpha_fire, "must be below 1.5 rad");
+    if (p->mu > 0 && p->law == 0) reject(problems, "law", p->law, "must be 1 when mu > 0");
     if (p->mu > 0 && p->frame_radius == 0 && p->v_close == 0)
-        refuse(problems, "frame_radius", 0, "must be > 0 when mu > 0 and v_close = 0");
+        reject(problems, "frame_radius", 0, "must be > 0 when mu > 0 and v_close = 0");
 }
 
 /* velocity of the frame of the law: n R [-sin nt, cos nt, 0], n^2 = mu/R^3 */
@@ -139,7 +139,7 @@ static vec3 frame_velocity(const Parameters *p, double t)
     return vec(-v * nt.s, v * nt.c, 0);
 }
 
-static vec3 direction(vec3 a, vec3 otherwise) /* unit vector; at zero length the other one */
+static vec3 direction(vec3 a, vec3 otherwise) /* unit vector of a; `otherwise` if a is 0 */
 {
     double n = norm(a);
     return n > 0 ? scale(1 / n, a) : otherwise;
@@ -153,13 +153,12 @@ static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
     mat3 A = rows(d, vec(-q, d.x * cb, d.x * sb), vec(0, -sb, cb));
-    return canonical(product(
-        conjugate(q_SN), quat_of_dcm(A))); /* half a turn with L1 > 0: what the motion selects */
+    return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* sign of a half turn: L1 > 0 */
 }
 
-/* B.4.2: turn X to b, d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X: half a
- * turn about Y. Backward, where 1 + b1 cancels: sine k of half the angle, c = s/(2k), s = |(b2,
- * b3)| */
+/* B.4.2: rotation of X to b = d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X:
+ * half a turn about Y. Backward, where 1 + b1 cancels: sine k of half the angle, c = s/(2k), s =
+ * |(b2, b3)| */
 static quat shortest_arc(quat q_SN, vec3 d)
 {
     vec3 b = mul(dcm_of_quat(q_SN), d);
@@ -178,7 +177,7 @@ static vec3 required_rate(const Parameters *p, quat L)
     return p->omega_max > 0 && size > p->omega_max ? scale(p->omega_max / size, omega) : omega;
 }
 
-static void point(const Parameters *p, quat q_SN, vec3 d, Output *y)
+static void publish_pointing(const Parameters *p, quat q_SN, vec3 d, Output *y)
 {
     y->q_DS = p->att ? shortest_arc(q_SN, d) : two_turns(q_SN, d);
     y->ref.q = canonical(product(q_SN, y->q_DS));
@@ -188,7 +187,8 @@ static void point(const Parameters *p, quat q_SN, vec3 d, Output *y)
 
 /* ---- velocity ---- */
 
-/* B.4.4: far beyond zeta1, with hysteresis from the second sample on */
+/* B.4.4: required speed by range; `far` switches at zeta1, with hysteresis after the first
+ * sample */
 static double scalar_speed(const Parameters *p, State *x, double range, double v_T)
 {
     double width = x->started ? p->zhys : 0;
@@ -198,8 +198,8 @@ static double scalar_speed(const Parameters *p, State *x, double range, double v
     return range <= p->zeta2 || p->text_speed ? v_T : 0.5 * v_T;
 }
 
-/* B.4.5: state of the engines before this sample's command */
-static int firing(const Parameters *p, const Input *u)
+/* B.4.5: whether engines burn, before the command of this sample */
+static int is_burning(const Parameters *p, const Input *u)
 {
     return u->translation_firing > 0 || u->F_S.x > 0.01 * p->main_thrust ||
            -u->F_S.x > 0.01 * p->brake_thrust;
@@ -225,7 +225,7 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     }
     if (x->mode == BURN) {
         d = x->d_burn;
-        if (!reached(x->t_burn + p->t_burn_min, t) && !firing(p, u) &&
+        if (!reached(x->t_burn + p->t_burn_min, t) && !is_burning(p, u) &&
             fabs(dot(e_v, X)) < p->rho2) {
             x->mode = COAST;
             d = sight;
@@ -242,7 +242,7 @@ static double closing_speed(const Parameters *p, double range, double v_T)
     return clamp(wanted, -v_T, 2 * v_T);
 }
 
-/* v_S = v_T + drho_ref is wanted: along X only (scalar law), or in all three axes */
+/* required: v_S = v_T + drho_ref, along X only (scalar law), or in all three axes */
 static vec3 require_velocity(const Parameters *p, const Input *u, State *x, Output *y, vec3 sight,
                              vec3 X, double t)
 {
@@ -263,7 +263,7 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
     y->pointing_angle = angle(X, dr);
     y->ref.rho = scale(-p->zeta1, sight);
     y->ref.ddrho = vec(0, 0, 0);
-    point(p, q_SN, require_velocity(p, u, x, y, sight, X, t), y);
+    publish_pointing(p, q_SN, require_velocity(p, u, x, y, sight, X, t), y);
     x->started = 1;
     y->mode = x->mode;
     y->translate = x->mode == BURN;

@@ -3,10 +3,11 @@
  *
  *   r_GK_K = C_KN (C_TN^T d - rho) - C_KS p_KS_S + noise,    q_TK = (q_SN q_KS)* q_TN rot(noise)
  *
- * A pose belongs to the sample of its time stamp. The anchor is the estimate at the last pose used
- * or older, the head the estimate now; a pose moves the anchor to its sample, and where it is used,
- * the head starts anew from there, through the last 16 samples of the servicer. So delayed poses in
- * the order of their stamps are filtered exactly. Equations: docs/models.md F.6. */
+ * A pose belongs to the sample of its time stamp. The anchor is the estimate at the last pose, or
+ * at the oldest stored sample if that is later; the head is the estimate at the present sample. A
+ * pose moves the anchor to its sample. If the pose is used, the head is propagated again from the
+ * anchor, over at most 16 stored samples of the servicer. So delayed poses in the order of their
+ * stamps are filtered exactly. Equations: docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "earth.h"
@@ -35,7 +36,7 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, index, anchor_index, late; /* samples: the last one, that of the anchor */
+    double started, index, anchor_index, late; /* numbers of the last sample and of the anchor's */
     Track pose;
     Servicer ring[HISTORY];
 } State;
@@ -209,15 +210,15 @@ static void restart_head(const Parameters *p, State *x, double k)
         propagate_relative(&p->model, sample_of(x, j), &x->head, p->sample_period);
 }
 
-/* at the anchor; returns whether the anchor changed */
+/* updates the anchor by a pose; returns whether the anchor changed */
 static int use_pose(const Parameters *p, const Input *u, State *x)
 {
     quat q_SN = sample_of(x, x->anchor_index)->q;
     Pose m = pose_at(&p->pose, u->r_GK_K, u->q_TK, q_SN, x->anchor.q);
-    Judgement verdict = ACQUISITION;
+    Decision verdict = ACQUISITION;
     if (x->pose.acquired > 0) {
         Estimate copy = x->anchor;
-        verdict = judge(&p->gate, &x->pose, update_both(&p->pose, &copy, &m));
+        verdict = decide(&p->gate, &x->pose, update_both(&p->pose, &copy, &m));
         if (verdict == REJECTED) return 0;
         if (verdict == ACCEPTED) x->anchor = copy;
     }
@@ -257,8 +258,8 @@ static Servicer coasted(Servicer s, double T)
     return s;
 }
 
-/* The anchor leaves the oldest sample before the newest takes its place in the ring. One by one,
- * should the rounding of a master's time have lost a sample. */
+/* moves the anchor off the oldest sample before the newest replaces it in the ring buffer; sample
+ * by sample, in case rounding in the time of the master has skipped one */
 static void advance(const Parameters *p, const Input *u, State *x, double k)
 {
     Servicer *last = sample_of(x, x->index);

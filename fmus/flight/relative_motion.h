@@ -1,14 +1,14 @@
 /* relative_motion.h - model of a free target seen from the servicer: position and velocity in N
- * axes, attitude and rate of the target, ratios of its inertias, and the covariance of all that.
+ * axes, attitude and rate of the target, ratios of its inertias, and their covariance.
  *
  *   rho' = v,   v' = g(r_S) - g(r_S - rho) + a_thrust + a,    r_S = r_j + s v_j,
  *           s from sample j on
- *   q' = q [0, w]/2,   B w' = -w x B w + 3 mu/r^3 e x B e,    B = J/J11, e the direction of the
- *                                                             target from the planet, its axes
+ *   q' = q [0, w]/2,   B w' = -w x B w + 3 mu/r^3 e x B e,    B = J/J11, e: direction of the
+ *                                                             target from the planet, T axes
  *
- * Errors are truth minus estimate, of the attitude q_TN = q_hat rot(theta), in the order rho, v,
- * theta, w, kappa, d, a. A part with neither start covariance nor noise is not estimated: its rows
- * of P stay 0. Equations: docs/models.md F.6. */
+ * Errors are truth minus estimate, in the order rho, v, theta, w, kappa, d, a; the attitude error
+ * theta is defined by q_TN = q_hat rot(theta). A part with neither start covariance nor noise is
+ * not estimated: its rows of P stay 0. Equations: docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RELATIVE_MOTION_H
 #define RELATIVE_MOTION_H
@@ -43,7 +43,7 @@ typedef struct {
     vec3 r, v;
     quat q;
     vec3 thrust_N; /* m/s2, held until the next sample */
-} Servicer;        /* at a sample */
+} Servicer;        /* servicer at a sample */
 typedef struct {
     Orbit planet; /* mu, R_E, J2 */
     double use_J2, use_gravity_gradient;
@@ -67,7 +67,7 @@ static inline vec3 torque_of(mat3 B, vec3 w, double tide, vec3 e)
     return sub(scale(tide, cross(e, mul(B, e))), cross(w, mul(B, w)));
 }
 
-/* direction of the target from the planet, target axes; any in deep space */
+/* direction of the target from the planet, target axes; arbitrary in deep space */
 static inline vec3 radial_T(quat q_TN, vec3 r_T)
 {
     double r = norm(r_T);
@@ -78,7 +78,7 @@ typedef struct {
     vec3 rho, v;
     quat q;
     vec3 w;
-} Moving; /* what is integrated: the first members of Estimate */
+} Moving; /* integrated states, which are the first members of Estimate */
 typedef struct {
     const MotionModel *model;
     const Servicer *S;
@@ -210,7 +210,7 @@ static inline void add_motion_noise(const MotionModel *m, vec3 thrust_N, double 
     add_diagonal(P, ACC_AT, ERRORS, m->sigma_acc * m->sigma_acc * T);
 }
 
-/* from the sample of S to the next */
+/* propagates the estimate from the sample S to the next */
 static inline void propagate_relative(const MotionModel *model, const Servicer *S, Estimate *x,
                                       double T)
 {

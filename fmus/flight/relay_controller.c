@@ -3,7 +3,7 @@
  *
  *   sigma_v = Kp_v e + Kd_v de/dt,   e = (v_T + drho_ref - v_S) . X          0 while translate is 0
  *             law 0: de/dt = -d(v_S . X)/dt,
- *                     because the steps of the required speed are not to be differentiated
+ *                     which does not differentiate the steps of the required speed
  *   sigma_w = Kp_w dw + Kd_w ddw/dt,   dw = C_SD omega_D - omega_S
  *           per axis; differences over a sample, 0 at first
  *
@@ -35,13 +35,13 @@ typedef struct {
 } Input;
 typedef struct {
     double started, e[4], on[ENGINES];
-} State; /* e: what was differentiated at the last sample; relays */
+} State; /* differentiated quantity at the last sample; relays */
 typedef struct {
     double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v;
 } Output;
 MODEL_STRUCT;
 
-/* what switches each engine: axis of the rate error or speed, and sign */
+/* signal that switches each engine: axis of the rate error or speed, and sign */
 static const struct {
     int channel;
     double sign;
@@ -99,10 +99,10 @@ static const Variable variables[] = {
 static void check(const Parameters *p, Problems *problems)
 {
     char name[16];
-    if (p->rho1 >= p->rho2) refuse(problems, "rho1", p->rho1, "must be below rho2");
+    if (p->rho1 >= p->rho2) reject(problems, "rho1", p->rho1, "must be below rho2");
     for (int i = 0; i < 3; i++) {
         snprintf(name, sizeof name, "xi1[%d]", i + 1);
-        if (p->xi1[i] >= p->xi2[i]) refuse(problems, name, p->xi1[i], "must be below xi2");
+        if (p->xi1[i] >= p->xi2[i]) reject(problems, name, p->xi1[i], "must be below xi2");
     }
 }
 

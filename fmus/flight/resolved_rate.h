@@ -1,4 +1,4 @@
-/* resolved_rate.h - joint rates that give the end effector a wanted motion: generalized Jacobian of
+/* resolved_rate.h - joint rates for a required motion of the end effector: generalized Jacobian of
  * a floating base, damping near singular poses, posture, limits of angle and rate.
  *
  *   J = J_m - J_0 H_00^-1 H_0m     (base_floats 0: J_m)          Umetani & Yoshida 1989
@@ -6,9 +6,10 @@
  *   lambda = damping_max (1 - m/manipulability_min) where m < manipulability_min, else 0
  *   m = sqrt(det J J^T), 0 with fewer than six columns
  *
- * A joint may have K_limit (min - q) <= dq <= K_limit (max - q). Those that break it are fixed at
- * their bound, all of a pass at once, and the others solved anew without them; then all are scaled
- * by the one that exceeds its rate most. Equations: docs/models.md K.3. */
+ * A joint must satisfy K_limit (min - q) <= dq <= K_limit (max - q). Joints that violate it are
+ * fixed at their bound, all of a pass at once, and the others are solved again without them. Then
+ * all rates are scaled by one factor so that none exceeds its limit. Equations: docs/models.md
+ * K.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RESOLVED_RATE_H
 #define RESOLVED_RATE_H
@@ -47,7 +48,7 @@ static inline void set_reaction(Reaction *restrict base, const Tree *restrict t)
 {
     const Mobility mobility = mobility_of(&t->whole, 1);
     for (int i = 0; i < COLUMNS; i++) {
-        Twist answer = base_answer(&mobility, column_at(t, i));
+        Twist answer = base_response(&mobility, column_at(t, i));
         put_vec(&base->v, i, neg(answer.v));
         put_vec(&base->w, i, neg(answer.w));
     }
@@ -108,25 +109,25 @@ static inline void solve_pass(const RateLaw *law, const Jacobian *J, const doubl
     }
     const Gram G = gram_of(J, r, y);
     double x[6];
-    Gram left = G;
-    int regular = solve_upper(left.at, 6, x);
-    double m = regular && columns >= 6 ? manipulability_of(&left) : 0;
+    Gram factor = G;
+    int regular = solve_upper(factor.at, 6, x);
+    double m = regular && columns >= 6 ? manipulability_of(&factor) : 0;
     double least = law->manipulability_min;
     double lambda = m < least ? law->damping_max * (1 - m / least) : 0;
     if (lambda > 0) {
-        left = G;
-        for (int i = 0; i < 6; i++) left.at[i][i] += lambda * lambda;
-        regular = solve_upper(left.at, 6, x);
+        factor = G;
+        for (int i = 0; i < 6; i++) factor.at[i][i] += lambda * lambda;
+        regular = solve_upper(factor.at, 6, x);
     }
     r->manipulability = m;
     r->damping = lambda;
-    if (!regular) return; /* singular and undamped: the posture alone */
+    if (!regular) return; /* singular and undamped: only the posture term is left */
     Twist load = {vec(x[0], x[1], x[2]), vec(x[3], x[4], x[5])};
     for (int i = 0; i < joints; i++)
         if (!r->limited[i]) r->dq[i] += dot_twist(motion_at(J, i), load);
 }
 
-/* fixes the joints that break a limit of angle; how many */
+/* fixes the joints that violate a limit of angle; returns their number */
 static inline int fix_joints(const RateLaw *law, const double q[], int joints, JointRates *r)
 {
     int broken = 0;
@@ -150,13 +151,14 @@ static inline void scale_rates(const RateLaw *law, int joints, JointRates *r)
     for (int i = 0; i < joints; i++) r->dq[i] *= r->rate_scale;
 }
 
-/* xd: wanted motion of E relative to the motion of S, base axes; w: rate of the base */
+/* xd: required motion of E relative to the motion of S, base axes; w: rate of the base */
 static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, const double q[],
                                      const double dq[], Twist xd)
 {
     int joints = (int)t->joints;
     Jacobian J;
-    Twist base = {vec(0, 0, 0), w}; /* v_0: base without arm motion, or with the same momentum */
+    Twist base = {vec(0, 0, 0),
+                  w}; /* motion of the base without arm motion, at the same momentum */
     Reaction reaction = {.v = {{0}, {0}, {0}}};
     double z[ARM_JOINTS];
     if (law->base_floats) set_reaction(&reaction, t);
@@ -169,15 +171,15 @@ static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, 
     set_jacobian(&J, t, &reaction);
     Twist y = plus_twist(xd, -1, tip_motion(base, t->p_E));
 
-    JointRates found = {.rate_scale = 1};
-    solve_pass(law, &J, z, y, &found);
-    double m = found.manipulability, lambda = found.damping;
-    for (int pass = 0; pass < ARM_JOINTS && fix_joints(law, q, joints, &found); pass++)
-        solve_pass(law, &J, z, y, &found);
-    found.manipulability = m;
-    found.damping = lambda;
-    scale_rates(law, joints, &found);
-    return found;
+    JointRates solution = {.rate_scale = 1};
+    solve_pass(law, &J, z, y, &solution);
+    double m = solution.manipulability, lambda = solution.damping;
+    for (int pass = 0; pass < ARM_JOINTS && fix_joints(law, q, joints, &solution); pass++)
+        solve_pass(law, &J, z, y, &solution);
+    solution.manipulability = m;
+    solution.damping = lambda;
+    scale_rates(law, joints, &solution);
+    return solution;
 }
 
 #endif

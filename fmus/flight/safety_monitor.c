@@ -1,30 +1,32 @@
-/* safety_monitor.c - watches an approach: keep-out zone, corridor, speed, passive safety, plume,
- * and orders the abort.
+/* safety_monitor.c - monitoring of an approach: keep-out zone, corridor, speed, passive safety,
+ * plume; commands the abort.
  *
  *   1 keep-out    ellipsoid or box about the target, Hill or target axes
  *   2 corridor    cone about the direction of approach, Hill or target axes
  *   3 speed       |drho_H| <= v_0 + k |rho|
- *   4 passive     the drift without thrust for the next passive_time keeps out of the zone
+ *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
- *   6 navigation  no longer than lost_time without a valid relative state; with use_range one that
- *                 disagrees with an independent range is not valid (range_alone: nothing else counts)
+ *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
+ *                 that disagrees with an independent range is invalid (range_alone: only such)
  *
- * Rules 1, 2, 3 and 5 are judged in continuous time: between two samples the servicer moves on the
- * cubic arc through both states, and what was in force at the first (approaching, F_cmd_S) is in
- * force until the second. Published margins are the least since the last sample, never above the
- * true least of the arc and below it by no more than 1e-7; a rule that is off or rests has margin
- * 1e9. Rule 4 is judged at samples, passive_period apart or more (with passive_opens not while
- * approaching); if it fails, the instant is found by halving the arc. The first violation of each rule is kept with its time; `abort` is latched.
+ * Rules 1, 2, 3 and 5 are evaluated in continuous time: between two samples the servicer moves on
+ * the cubic arc through both states, and the inputs approaching and F_cmd_S of the first sample
+ * hold until the second. Published margins are the least since the last sample, never above the
+ * true least of the arc and below it by no more than 1e-7; a rule that is off or does not apply has
+ * margin 1e9. Rule 4 is evaluated at samples, passive_period apart or more (with passive_opens not
+ * while approaching); if it fails, the instant is found by bisection of the arc. The first
+ * violation of each rule is stored with its time; `abort` is latched.
  *
- * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the abort
- * it is abort_force along a velocity increment, until that is spent: abort_dv_H or, if that is zero,
- * abort_speed outwards along the corridor, both as they point in the last valid state. Without one
- * (target lost) and before t_armed (filters settle) nothing is judged, margins keep their values,
- * and the next valid state begins a new arc. At zero range the zone is violated, corridor and plume
- * are on their edge. Inputs that are not numbers are refused by the interface. Equations: docs/models.md G. */
+ * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the
+ * abort it is abort_force along a velocity increment, until that is spent. The increment is
+ * abort_dv_H or, if that is zero, abort_speed outwards along the corridor, with the axes at the
+ * last valid state. While there is no valid state, and before t_armed (filters settle), rules 1 to
+ * 5 are not evaluated, margins retain their values, and the next valid state begins a new arc. At
+ * zero range the zone is violated, and the margins of corridor and plume are zero. The adapter
+ * rejects inputs that are not finite. Equations: docs/models.md G. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
-#include "safety_judgement.h"
+#include "safety_evaluation.h"
 #include "safety_range.h"
 
 typedef SafetyParameters Parameters;
@@ -32,9 +34,9 @@ typedef SafetyInput Input;
 
 typedef struct {
     double begun, seen, t, t_valid; /* t: of the last sample, t_valid: of the last valid state */
-    Input last;                     /* valid one; seen: it was that of the last sample */
+    Input last;                     /* the last valid one; seen: it belongs to the last sample */
     double foreseen, t_foreseen;    /* the drift has been predicted since the target was lost */
-    Pair from;                      /* its state */
+    TwoOrbits from;                 /* state at the last prediction */
     double margin[RULES], least[RULES], t_first[RULES];
     double abort;
     vec3 dv_N;
@@ -92,28 +94,28 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems) { check_safety(p, problems); }
 
-/* ---- what has been found ---- */
-static void keep_first(State *x, int rule, Finding f)
+/* ---- findings ---- */
+static void record(State *x, int rule, Finding f)
 {
     x->margin[rule] = f.margin;
     x->least[rule] = smaller(x->least[rule], f.margin);
     if (f.t != NEVER && x->t_first[rule] == NOT_YET) x->t_first[rule] = f.t;
 }
 
-static void judge(const Interval *i, State *x)
+static void evaluate(const Interval *i, State *x)
 {
     for (int rule = 0; rule < NAVIGATION; rule++)
-        if (rules[rule].in_force) keep_first(x, rule, found(i, rule));
+        if (rules[rule].in_force) record(x, rule, evaluate_rule(i, rule));
 }
 
-static int passive_rests(const Parameters *p, const Input *u)
+static int passive_is_off(const Parameters *p, const Input *u)
 {
     return p->passive_opens && u->approaching;
 }
 
-static void predict(const Parameters *p, const Input *u, State *x, Output *y, double t)
+static void predict_drift(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    if (passive_rests(p, u)) {
+    if (passive_is_off(p, u)) {
         x->margin[PASSIVE] = RESTING;
         y->passive_entry = NOT_YET;
         return;
@@ -121,38 +123,39 @@ static void predict(const Parameters *p, const Input *u, State *x, Output *y, do
     int due = !x->foreseen || reached(t, x->t_foreseen + p->passive_period);
     if (p->passive_time == 0 || !due) return;
     double t0 = x->foreseen ? x->t_foreseen : t, entry;
-    Course c = {x->foreseen ? x->from : pair(u), pair(u), t0, t - t0};
-    keep_first(x, PASSIVE, passive(p, &c, x->t_first[PASSIVE] != NOT_YET, &entry));
+    Course c = {x->foreseen ? x->from : two_orbits(u), two_orbits(u), t0, t - t0};
+    record(x, PASSIVE, passive_finding(p, &c, x->t_first[PASSIVE] != NOT_YET, &entry));
     y->passive_entry = entry == NEVER ? NOT_YET : entry;
     x->from = c.to;
     x->t_foreseen = t;
 }
 
-static int armed(const Parameters *p, double t)
+static int is_armed(const Parameters *p, double t)
 {
     return p->t_armed == 0 || reached(t, p->t_armed);
 }
 
-/* the states can be relied on: their source says so, and the independent range */
-static int valid(const Parameters *p, const Input *u, State *x, double t)
+/* whether the states are valid: by their source, and by the independent range */
+static int has_valid_states(const Parameters *p, const Input *u, State *x, double t)
 {
-    if (!p->use_range || !armed(p, t)) return u->relative_valid != 0;
-    x->range = checked(p, u, x->range, t);
+    if (!p->use_range || !is_armed(p, t)) return u->relative_valid != 0;
+    x->range = updated_check(p, u, x->range, t);
     return u->relative_valid && !x->range.distrusted;
 }
 
-/* with range_alone a state that its source calls invalid is the business of the source */
-static void judge_navigation(const Parameters *p, const Input *u, State *x, int is_valid, double t)
+/* with range_alone a state that its source declares invalid does not count as lost */
+static void evaluate_navigation(const Parameters *p, const Input *u, State *x, int is_valid,
+                                double t)
 {
     if (is_valid || (p->range_alone && !u->relative_valid)) x->t_valid = t;
-    if (p->lost_time == 0 || !armed(p, t)) return;
+    if (p->lost_time == 0 || !is_armed(p, t)) return;
     double since = p->t_armed > 0 ? larger(x->t_valid, p->t_armed) : x->t_valid;
     double left = since + p->lost_time - t;
-    keep_first(x, NAVIGATION, (Finding){left, left < 0 ? since + p->lost_time : NEVER});
+    record(x, NAVIGATION, (Finding){left, left < 0 ? since + p->lost_time : NEVER});
 }
 
-/* the rule with the least margin over its size, 1 keep-out ...; 0: none applies */
-static double nearest(const Parameters *p, const Input *u, const State *x)
+/* number of the rule with the least margin relative to its size, 1 keep-out ...; 0: none applies */
+static double nearest_rule(const Parameters *p, const Input *u, const State *x)
 {
     double least = INFINITY, which = 0, range = norm(sub(u->S.r, u->T.r));
     for (int rule = 0; rule < NAVIGATION; rule++) {
@@ -165,7 +168,8 @@ static double nearest(const Parameters *p, const Input *u, const State *x)
 }
 
 /* ---- abort ---- */
-/* u: the last valid state; if there never was one, the servicer drifts */
+/* u: inputs at the last valid state; without such a state the increment is 0 and the servicer
+ * drifts */
 static vec3 abort_increment_N(const Parameters *p, const Input *u)
 {
     if (!u->relative_valid) return vec(0, 0, 0);
@@ -175,7 +179,7 @@ static vec3 abort_increment_N(const Parameters *p, const Input *u)
     return tmul(p->corridor_axes == TARGET_AXES ? C_TN : C_HN, out);
 }
 
-static void decide(const Parameters *p, State *x)
+static void latch_abort(const Parameters *p, State *x)
 {
     int due = 0;
     for (int rule = 0; rule < RULES; rule++)
@@ -184,7 +188,8 @@ static void decide(const Parameters *p, State *x)
     x->abort = x->abort || due;
 }
 
-/* the increment with abort_force, the last sample with what is left of it */
+/* abort_force along the increment; less at the last sample, so that the increment is exactly
+ * spent */
 static vec3 abort_force_S(const Parameters *p, const Input *u, State *x, double period)
 {
     double left = norm(x->dv_N), most = period > 0 ? p->mass * left / period : 0;
@@ -195,7 +200,7 @@ static vec3 abort_force_S(const Parameters *p, const Input *u, State *x, double 
 }
 
 /* ---- outputs ---- */
-static void publish_first(const State *x, Output *y)
+static void publish_violations(const State *x, Output *y)
 {
     y->t_violation = NOT_YET;
     y->rule_violated = 0;
@@ -214,10 +219,10 @@ static void publish(const State *x, Output *y)
     memcpy(y->margin, x->margin, sizeof y->margin);
     y->abort = x->abort;
     y->dv_left_N = x->dv_N;
-    publish_first(x, y);
+    publish_violations(x, y);
 }
 
-static State begun(double t)
+static State initial_state(double t)
 {
     State x = {.begun = 1, .t = t, .t_valid = t, .range = unchecked};
     for (int rule = 0; rule < RULES; rule++)
@@ -225,34 +230,35 @@ static State begun(double t)
     return x;
 }
 
-static void watch(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
+static void monitor(const Parameters *p, const Input *u, State *x, Output *y, double t,
+                    double period)
 {
-    if (!x->begun) *x = begun(t);
-    int is_valid = valid(p, u, x, t), judged = is_valid && armed(p, t);
-    if (judged) {
+    if (!x->begun) *x = initial_state(t);
+    int is_valid = has_valid_states(p, u, x, t), active = is_valid && is_armed(p, t);
+    if (active) {
         double t0 = x->seen ? x->t : t;
         Interval i = interval(p, x->seen ? &x->last : u, u, t0, t - t0);
-        judge(&i, x);
-        predict(p, u, x, y, t);
-        y->nearest = nearest(p, u, x);
+        evaluate(&i, x);
+        predict_drift(p, u, x, y, t);
+        y->nearest = nearest_rule(p, u, x);
         x->last = *u;
     }
-    x->seen = judged;
-    x->foreseen = judged && !passive_rests(p, u);
+    x->seen = active;
+    x->foreseen = active && !passive_is_off(p, u);
     x->t = t;
-    judge_navigation(p, u, x, is_valid, t);
-    decide(p, x);
+    evaluate_navigation(p, u, x, is_valid, t);
+    latch_abort(p, x);
     if (p->act && x->abort) y->F_safe_S = abort_force_S(p, u, x, period);
     publish(x, y);
 }
 
-/* While start values travel through a system the inputs may be anything: margins are shown, nothing
- * is kept before the first step. */
+/* While the initial values of a system are computed, inputs may have any value: margins are
+ * published, but no violation is stored before the first step. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    State first = {0}, none = {0}, nothing = begun(t);
+    State first = {0}, none = {0}, nothing = initial_state(t);
     y->passive_entry = NOT_YET;
-    watch(p, u, &first, y, t, 0);
+    monitor(p, u, &first, y, t, 0);
     memcpy(nothing.margin, first.margin, sizeof first.margin);
     memcpy(nothing.least, first.least, sizeof first.least);
     publish(&nothing, y);
@@ -263,7 +269,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        watch(p, u, x, y, s.t, s.period);
+        monitor(p, u, x, y, s.t, s.period);
     if (!(p->act && x->abort)) y->F_safe_S = u->F_cmd_S;
 }
 

@@ -1,4 +1,5 @@
-/* safety_ports.h - what the safety monitor is told: rules, abort manoeuvre, states, command. */
+/* safety_ports.h - parameters and inputs of the safety monitor: rules, abort manoeuvre, states,
+ * command. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_PORTS_H
 #define SAFETY_PORTS_H
@@ -56,14 +57,14 @@ typedef struct {
         POSITIVE(passive_step, "s", "integration step of the drift"),                              \
         NONNEGATIVE(passive_period, "s",                                                           \
                     "the drift is predicted that often; 0 = at every sample"),                     \
-        SWITCH(passive_opens, "1: the drift is not judged while approaching (berthing)"),          \
+        SWITCH(passive_opens, "1: the drift is not evaluated while approaching (berthing)"),       \
         SWITCH(use_plume, "1: the exhaust must not meet the target"),                              \
         POSITIVE(plume_half_angle, "rad", "half angle of the exhaust, below pi/2"),                \
         POSITIVE(plume_range, "m", "the exhaust does no harm beyond this distance"),               \
         NONNEGATIVE(plume_force_min, "N", "smaller forces make no plume"),                         \
         NONNEGATIVE(lost_time, "s", "longest time without a valid relative state; 0 = rule off"),  \
         NONNEGATIVE(t_armed, "s",                                                                  \
-                    "nothing is judged before this time, as while filters settle; 0 = from the "   \
+                    "no rule is evaluated before this time (filters settle); 0 = from the "        \
                     "start"),                                                                      \
         SWITCH(abort_on,                                                                           \
                "1: a violation of this rule aborts; order of the rules: keep-out, corridor, "      \
@@ -99,23 +100,23 @@ typedef struct {
 
 static inline void check_acute(Problems *problems, const char *name, double angle)
 {
-    if (angle >= PI / 2) refuse(problems, name, angle, "must be below pi/2");
+    if (angle >= PI / 2) reject(problems, name, angle, "must be below pi/2");
 }
 
-#define MOST_STEPS 1e5 /* of one drift */
+#define MOST_STEPS 1e5 /* largest number of steps of one drift */
 
 static inline void check_safety(const SafetyParameters *p, Problems *problems)
 {
     double shape = p->keep_out_shape;
     if (shape != NO_ZONE && shape != ELLIPSOID && shape != BOX)
-        refuse(problems, "keep_out_shape", shape, "must be 0, 1 or 2");
+        reject(problems, "keep_out_shape", shape, "must be 0, 1 or 2");
     check_unit_vector(problems, "corridor_axis", p->corridor_axis);
     if (p->passive_time > 0 && shape == NO_ZONE)
-        refuse(problems, "passive_time", p->passive_time, "needs a keep-out zone (keep_out_shape)");
+        reject(problems, "passive_time", p->passive_time, "needs a keep-out zone (keep_out_shape)");
     if (p->passive_time > MOST_STEPS * p->passive_step)
-        refuse(problems, "passive_step", p->passive_step, "must not be below passive_time / 1e5");
+        reject(problems, "passive_step", p->passive_step, "must not be below passive_time / 1e5");
     if (p->use_range && p->lost_time == 0)
-        refuse(problems, "use_range", p->use_range, "needs the rule on navigation (lost_time)");
+        reject(problems, "use_range", p->use_range, "needs the rule on navigation (lost_time)");
     check_acute(problems, "corridor_half_angle", p->corridor_half_angle);
     check_acute(problems, "plume_half_angle", p->plume_half_angle);
 }

@@ -1,38 +1,39 @@
-/* safety_range.h - the estimate against an independent range: a bias that no rule on the estimate
- * can see.
+/* safety_range.h - comparison of the estimate with an independent range, which detects a bias that
+ * no rule on the estimate can detect.
  *
  *   R = |rho|,   R' = rho . v / R                       of the estimate
- *   off   = range_meas - (R - R' (t - t_m))             position: at the time of the measurement
- *   drift = range_meas - (D - R' (t - t_m))             velocity: against dead reckoning
+ *   off   = range_meas - (R - R' (t - t_m))             error of position, at the time t_m
+ *   drift = range_meas - (D - R' (t - t_m))             error of velocity, by dead reckoning D
  *   D' = R',   D <- D + min(1, (t_m - t_m-1)/range_tau) drift,    |drift| limited to most
  *   most = range_at_zero + range_slope range_meas
  *
- * The first range sets D; single outliers hardly move it. Where the velocity is in error by b along
- * the line of sight, off grows with b t if the position follows from it, and drift tends to
- * b range_tau if it does not. The estimate is distrusted when every range of the last range_patience
- * has off or drift above most, until one agrees; without a new range the verdict stays.
- * docs/models.md G.8 */
+ * t_m: time of the measurement. The first range sets D; single outliers hardly change it. If the
+ * velocity has an error b along the line of sight, off grows with b t if the position is integrated
+ * from the velocity, and drift tends to b range_tau if it is not. The estimate is distrusted when
+ * every range of the last range_patience has off or drift above most, until a range agrees. Without
+ * a new range it remains distrusted or not. docs/models.md G.8 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RANGE_H
 #define SAFETY_RANGE_H
 
 #include "safety_ports.h"
 
-#define NOT_YET (-1) /* time of what has not happened */
+#define NOT_YET (-1) /* time of an event that has not happened */
 
-/* start values: ten times the noise of range_sensor, as it starts */
+/* start values: ten times the start values of the noise of range_sensor */
 #define RANGE_CHECK .range_at_zero = 1, .range_slope = 0.01, .range_patience = 5, .range_tau = 10
 
 typedef struct {
-    double begun, t, rate, reckoned; /* D at the last sample, and R' there */
-    double stamp, since;             /* of the last range; of the first in a row that disagrees */
+    double begun, t, rate, reckoned; /* t, R' and D of the last sample */
+    double stamp,
+        since; /* times of the last range and of the first of consecutive ranges that disagree */
     double distrusted;
 } RangeCheck;
 
 static const RangeCheck unchecked = {.stamp = NOT_YET, .since = NOT_YET};
 
-static inline void compare(const SafetyParameters *p, const SafetyInput *u, RangeCheck *c, double R,
-                           double back)
+static inline void compare_range(const SafetyParameters *p, const SafetyInput *u, RangeCheck *c,
+                                 double R, double back)
 {
     double range = u->range_meas, most = p->range_at_zero + p->range_slope * range;
     if (!c->begun) c->reckoned = range + back;
@@ -46,9 +47,9 @@ static inline void compare(const SafetyParameters *p, const SafetyInput *u, Rang
     c->distrusted = c->since != NOT_YET && reached(c->stamp, c->since + p->range_patience);
 }
 
-/* an estimate that its source calls invalid is not compared; dead reckoning begins anew after it */
-static inline RangeCheck checked(const SafetyParameters *p, const SafetyInput *u, RangeCheck c,
-                                 double t)
+/* an estimate that its source declares invalid is not compared; dead reckoning then starts again */
+static inline RangeCheck updated_check(const SafetyParameters *p, const SafetyInput *u,
+                                       RangeCheck c, double t)
 {
     vec3 rho = sub(u->S.r, u->T.r);
     double R = norm(rho), rate = dot(unit_or_zero(rho), sub(u->S.v, u->T.v));
@@ -57,7 +58,7 @@ static inline RangeCheck checked(const SafetyParameters *p, const SafetyInput *u
     c.t = t;
     c.rate = rate;
     if (u->relative_valid && u->range_valid && u->range_time > c.stamp)
-        compare(p, u, &c, R, rate * (t - u->range_time));
+        compare_range(p, u, &c, R, rate * (t - u->range_time));
     return c;
 }
 

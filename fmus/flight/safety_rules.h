@@ -6,15 +6,16 @@
  *   corridor  max(a sin alpha - d cos alpha, a - L)         L = 0: no end
  *   speed     v_0 + k |p| - |v|
  *   plume     max(d cos beta - a sin beta, |p| - R)
- * p: servicer seen from the target (corridor: from the apex); a along the axis of the cone, d away
- * from it. The axis of the plume is the force: the exhaust leaves against it, and the target lies
- * at -p. A margin is positive where all is well, zero on the edge, and changes by no more than 1 m
- * on 1 m of way: it is never more than the distance to the edge (equal to it for sphere and cone,
- * and opposite a face of the smallest half axis of the box).
+ * p: position of the servicer from the target (corridor: from the apex); a: component along the
+ * axis of the cone, d: distance from the axis. The axis of the plume is the direction of the force:
+ * the exhaust leaves against it, and the target is at -p. A margin is positive where the rule is
+ * satisfied, zero on the edge, and changes by at most 1 m per metre of displacement: it is never
+ * more than the distance to the edge (and equal to it for sphere and cone, and opposite a face of
+ * the box at its smallest half axis).
  *
- * Bounds on a part of an arc: a norm is bounded by the Bernstein coefficients of its square, another
- * convex margin lies above its tangent plane at the middle, a concave one has its least value at a
- * control point. docs/models.md G.2, G.3 */
+ * Bounds on a part of an arc: a norm is bounded by the Bernstein coefficients of its square,
+ * another convex margin lies above its tangent plane at the middle, a concave one has its least
+ * value at a control point. docs/models.md G.2, G.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RULES_H
 #define SAFETY_RULES_H
@@ -109,8 +110,8 @@ static inline double speed_value(const void *rule, vec3 p, vec3 v)
     return l->at_zero + l->slope * norm(p) - norm(v);
 }
 
-/* on the arc |p| lies above the chord of the root, (p^2 + lo hi)/(lo + hi), and |v| below that of its
- * ends; the difference of both chords is a polynomial again */
+/* on the arc |p| is above the chord of the root, (p^2 + lo hi)/(lo + hi), and |v| below the chord
+ * between its ends; the difference of both chords is again a polynomial */
 static inline double speed_bound(const void *rule, const Arc *part)
 {
     const SpeedLimit *l = rule;
@@ -124,7 +125,7 @@ static inline double speed_bound(const void *rule, const Arc *part)
     return l->at_zero + least;
 }
 
-/* ---- plume: the outside of a cone with an end, convex in both parts ---- */
+/* ---- plume: the outside of a cone of finite length, convex in both parts ---- */
 typedef struct {
     vec3 force; /* unit vector */
     double half_angle, range;

@@ -1,5 +1,6 @@
-/* stack_guidance.c - detumbling of the docked stack: the rate dies along a smooth profile about the
- * axis it has at the start, as fast as a share of the wheels' torque allows; wheels are unloaded.
+/* stack_guidance.c - detumbling of the docked stack: the rate decreases to 0 along a smooth
+ * profile, about its axis at the start, as fast as a share of the wheels' torque allows; wheels are
+ * unloaded.
  *
  *   T = max(duration_min, 1.875 max_i |(J w_0)_i| / max(lim_i - g_i, 0.1 lim_i))
  *       lim_i = torque_share wheel_accel_max A_w,ii,   g = |w_0 x (J w_0 + A_w Omega)|
@@ -9,8 +10,9 @@
  *   M_unload_S = clip(-k_unload A_w (Omega - wheel_speed_ref)) while unloading
  *
  * J: inertia of the stack. The axis is fixed in N and in D, so rate and acceleration are the exact
- * derivatives. The orbit is left alone: the reference position is the present one. M_unload_S is a
- * torque of thrusters that the wheels take up at the same time. Equations: docs/models.md I.6 */
+ * derivatives. The orbit is not controlled: the reference position is the present one. M_unload_S
+ * is a torque of thrusters; the wheels produce the opposite torque at the same time. Equations:
+ * docs/models.md I.6 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "reference_rows.h"
@@ -112,7 +114,7 @@ static double duration(const Parameters *p, vec3 w, vec3 wheel_speed)
     return larger(p->duration_min, larger(x, larger(y, z)));
 }
 
-static State begun(const Parameters *p, const Input *u, double t)
+static State initial_state(const Parameters *p, const Input *u, double t)
 {
     return (State){.begun = 1,
                    .t_0 = t,
@@ -121,7 +123,7 @@ static State begun(const Parameters *p, const Input *u, double t)
                    .duration = duration(p, u->S.omega, u->wheel_speed)};
 }
 
-static void follow(const State *s, double x, Reference *ref)
+static void set_reference_on_profile(const State *s, double x, Reference *ref)
 {
     double rate = norm(s->w_0), gone = x * x * x * (10 + x * (-15 + 6 * x));
     double way = x + x * x * x * x * (-2.5 + x * (3 - x));
@@ -139,17 +141,17 @@ static void guide(const Parameters *p, const Input *u, const State *s, Output *y
     y->ref.rho = sub(u->S.r, u->T.r);
     y->ref.drho = sub(u->S.v, u->T.v);
     y->ref.ddrho = vec(0, 0, 0);
-    follow(s, x, &y->ref);
+    set_reference_on_profile(s, x, &y->ref);
     y->duration = s->duration;
     y->progress = x;
     y->done = x == 1;
     y->momentum_S = momentum(p, u->S.omega, u->wheel_speed);
 }
 
-/* nothing is kept: also for a sample that is not active */
+/* also for a sample that is not active: stores no state */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    const State first = begun(p, u, t);
+    const State first = initial_state(p, u, t);
     guide(p, u, &first, y, t);
     y->M_unload_S = vec(0, 0, 0);
     y->unloading = 0;
@@ -158,9 +160,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void sample(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    if (!x->begun) *x = begun(p, u, t);
+    if (!x->begun) *x = initial_state(p, u, t);
     guide(p, u, x, y, t);
-    y->unloading = x->unloading = unloads(&p->unload, u->wheel_speed, x->unloading);
+    y->unloading = x->unloading = unloading_is_on(&p->unload, u->wheel_speed, x->unloading);
     y->M_unload_S = unloading_torque(&p->unload, x->unloading, p->A_w, u->wheel_speed);
 }
 

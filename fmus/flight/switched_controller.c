@@ -5,12 +5,12 @@
  *   phase 1 (far)  ->  2  ->  3 (near)  ->  4 (passive: no thrust) from t_abort on
  *
  * A phase ends when the distance along the approach axis, axis_H . rho_H, is no more than its
- * switch_distance (0: it does not end), at most one phase per sample; nothing leads back. The gains
- * come with their sign, so a stable feedback has negative ones. Attitude: M = -K_att q_vec - P_att
- * w about the reference. Per axis the force is limited to F_max of the servicer, the torque to
- * M_max.
+ * switch_distance (0: it does not end), at most one phase per sample, and never begins again. The
+ * gains include their sign: a stable feedback has negative gains. Attitude: M = -K_att q_vec -
+ * P_att w about the reference. Per axis the force is limited to F_max of the servicer, the torque
+ * to M_max.
  *
- * Sampled: force and torque are held in servicer axes. The phases are those of the rendezvous
+ * Sampled: force and torque are held in servicer axes. Source of the phases: the rendezvous
  * benchmark of Chan & Mitra 2017. Equations: docs/models.md H. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "directions.h"
@@ -116,7 +116,7 @@ static double next_phase(const Parameters *p, double phase, double distance, dou
     return end > 0 && distance <= end ? phase + 1 : phase;
 }
 
-/* the last phase that a switching distance leads to */
+/* the last phase that can be reached by switching distances */
 static double last_phase(const Parameters *p)
 {
     return p->switch_distance[0] == 0 ? FAR : p->switch_distance[1] == 0 ? FAR + 1 : NEAR;
@@ -131,7 +131,7 @@ static vec3 force_H(const Parameters *p, double phase, vec3 e, vec3 de)
 }
 
 /* relative state and error: derivatives as seen in N become derivatives as seen in H */
-static void relate(const HillFrame *H, const Input *u, Output *y)
+static void publish_relative_state(const HillFrame *H, const Input *u, Output *y)
 {
     vec3 rho_N = sub(u->S.r, u->T.r), drho_N = sub(u->S.v, u->T.v);
     y->rho_H = mul(H->C_HN, rho_N);
@@ -143,7 +143,7 @@ static void relate(const HillFrame *H, const Input *u, Output *y)
 static void control_position(const Parameters *p, const Input *u, State *x, double t, Output *y)
 {
     HillFrame H = hill_frame(p->mu, u->T.r, u->T.v);
-    relate(&H, u, y);
+    publish_relative_state(&H, u, y);
     x->phase = next_phase(p, x->phase, dot(p->axis_H, y->rho_H), t);
     vec3 F_N = tmul(H.C_HN, force_H(p, x->phase, y->e_H, y->de_H));
     vec3 F_S = mul(dcm_of_quat(u->S.q), F_N);
@@ -171,8 +171,8 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     y->approaching = x->phase == last_phase(p);
 }
 
-/* While start values travel through a system the inputs may be anything: the phase begins with the
- * first step. */
+/* While the initial values of a system are computed, inputs may have any value: the first phase
+ * begins with the first step. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {FAR};

@@ -5,13 +5,14 @@
  *   D:  i = -C_HT p_T,   u = i x z_H,   k = u/|u|,   j = k x i
  *
  * with all derivatives, published as seen in N. With range_input L and its derivatives are inputs;
- * with frame = 1 D is the carried frame of carried_frame.h. A sample with active = 0 is as if before
- * the first: nothing is kept. Where the grasp axis comes within guard_angle of
- * the orbit normal, k stays where it was at the last sample outside, turned perpendicular to i, and
- * jumps back; with roll_rate_max and roll_accel_max D is continuous instead and turns about i within
- * these limits (limited_roll.h). The software knows the model of the target (inertia, gravity gradient, Keplerian orbit rate), not its
- * disturbances unless know_M_dist.
- * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
+ * with frame = 1 D is the carried frame of carried_frame.h. A sample with active = 0 resets the
+ * state: the next active sample is a first sample. Where the grasp axis is within guard_angle of
+ * the orbit normal, k is held in H as at the last sample outside, made perpendicular to i, and
+ * jumps when the axis leaves the guard. With roll_rate_max and roll_accel_max D is continuous
+ * instead and turns about i within these limits (limited_roll.h). The software knows the model of
+ * the target (inertia, gravity gradient, Keplerian orbit rate), but its disturbances only with
+ * know_M_dist. Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md
+ * A.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "carried_frame.h"
@@ -39,7 +40,7 @@ typedef struct {
 } Input;
 typedef struct {
     vec3 k_H; /* k of the last sample outside the guard */
-    Carried D;
+    CarriedFrame D;
     RollState roll;
 } State;
 typedef struct {
@@ -83,8 +84,8 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("roll_accel_max", roll.acceleration_max, "rad/s2",
                    "largest roll acceleration of the reference attitude, with roll_rate_max"),
     SAMPLE_PERIOD,
-    SWITCH(range_input, "1: the distance on the axis is L_ref, 0: that of the paper"),
-    SWITCH(frame, "1: carried frame, for a fly-around (needs range_input), 0: that of the paper"),
+    SWITCH(range_input, "1: the distance on the axis is L_ref, 0: as in the paper"),
+    SWITCH(frame, "1: carried frame, for a fly-around (needs range_input), 0: as in the paper"),
     POSITIVE_AS("spin_time", steering.spin_time, "s",
                 "carried frame: from turning with H to turning with the target"),
     NONNEGATIVE_AS("k_steer", steering.k_steer, "1/s",
@@ -118,12 +119,12 @@ static void check(const Parameters *p, Problems *problems)
     check_inertia(problems, "J_T", p->J_T);
     check_unit_vector(problems, "p_T", p->p_T);
     if (p->guard_angle >= 1.5)
-        refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
+        reject(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
     if ((p->roll.rate_max > 0) != (p->roll.acceleration_max > 0))
-        refuse(problems, "roll_accel_max", p->roll.acceleration_max,
+        reject(problems, "roll_accel_max", p->roll.acceleration_max,
                "must be above 0 with roll_rate_max, and 0 without");
     if (p->frame == 1 && p->range_input != 1)
-        refuse(problems, "frame", p->frame, "needs range_input = 1");
+        reject(problems, "frame", p->frame, "needs range_input = 1");
 }
 
 /* A.4.3: dw_T as the software knows it, T axes */
@@ -141,15 +142,15 @@ static Motion grasp_axis(const Parameters *p, const Body *T, const HillFrame *H,
     vec3 torque = p->know_M_dist ? sinusoid(&p->M_dist_T, t, t) : vec(0, 0, 0);
     vec3 domega = acceleration_of_target(p, T, C_TN, torque);
 
-    vec3 wH_T = mul(C_TH, H->w_H); /* w: angular velocity of T relative to H in T components */
-    vec3 w = sub(T->omega, wH_T);
+    vec3 wH_T = mul(C_TH, H->w_H);
+    vec3 w = sub(T->omega, wH_T); /* angular velocity of T relative to H, T axes */
     vec3 dw = add(sub(domega, mul(C_TH, H->dw_H)), cross(w, wH_T));
     vec3 dp = cross(w, p->p_T);
     return (Motion){tmul(C_TH, p->p_T), tmul(C_TH, dp),
                     tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
-/* (10), or as ordered */
+/* (10), or L and its derivatives from the inputs */
 static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {
     if (p->range_input) return (Radius){u->L_ref, u->dL_ref, u->ddL_ref};
@@ -188,7 +189,7 @@ static void reference_attitude(const Parameters *p, const HillFrame *H, Motion a
 {
     Motion i = neg_motion(axis), u = roll_vector(i);
     y->attitude_guard = norm(u.x) < sine(p->guard_angle);
-    if (y->attitude_guard) u = normal_part(*held, i);
+    if (y->attitude_guard) u = perpendicular_part(*held, i);
     Motion k = normalised(u);
     publish_attitude(H, i, cross_motion(k, i), k, &y->ref);
     if (!y->attitude_guard) *held = k.x;
@@ -201,7 +202,7 @@ static Motion in_N(const HillFrame *H, Motion a)
                     tmul(H->C_HN, add(a.dd, transport(H, a.x, a.d)))};
 }
 
-/* A.4.6: D as limited_roll.h has it in place of the rule; w = i x i' + r i, in D axes */
+/* A.4.6: replaces the D of the rule by the D of limited_roll.h; w = i x i' + r i, in D axes */
 static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, RollState *x,
                        Output *y, double t, double period)
 {
@@ -238,26 +239,26 @@ static void publish_relative_state(const Input *u, const HillFrame *H, vec3 axis
     y->normal_angle = arc_tangent(norm(vec(axis_H.x, axis_H.y, 0)), fabs(axis_H.z));
 }
 
-/* carried_frame.h: reference in N axes, then D goes on to the next sample; range 0 has no direction
- * and is refused */
-static void carry(const Parameters *p, const Input *u, const HillFrame *H, Carried *D, Output *y,
-                  double t, double period)
+/* publishes the reference of carried_frame.h in N axes and integrates D to the next sample; range 0
+ * has no direction and is rejected */
+static void guide_by_carried_frame(const Parameters *p, const Input *u, const HillFrame *H,
+                                   CarriedFrame *D, Output *y, double t, double period)
 {
     const Body *T = &u->T;
     mat3 C_TN = dcm_of_quat(canonical(T->q)), C_SN = dcm_of_quat(canonical(u->S.q));
-    if (!D->carried) *D = (Carried){1, t, carried_start(sub(u->S.r, T->r), C_SN)};
+    if (!D->carried) *D = (CarriedFrame){1, t, carried_start(sub(u->S.r, T->r), C_SN)};
 
     vec3 dw_T = acceleration_of_target(p, T, C_TN, vec(0, 0, 0));
-    Turning with_H = {tmul(H->C_HN, H->w_H), tmul(H->C_HN, H->dw_H)};
-    Turning with_T = {tmul(C_TN, T->omega), tmul(C_TN, dw_T)};
-    Turning W = carried_turning(&p->steering, D, with_H, with_T, tmul(C_TN, p->p_T), t);
+    AngularMotion with_H = {tmul(H->C_HN, H->w_H), tmul(H->C_HN, H->dw_H)};
+    AngularMotion with_T = {tmul(C_TN, T->omega), tmul(C_TN, dw_T)};
+    AngularMotion W = carried_rate(&p->steering, D, with_H, with_T, tmul(C_TN, p->p_T), t);
     mat3 C_DN = dcm_of_quat(D->q_DN);
     Motion ref = carried_position(reference_radius(p, u, t), neg(C_DN.row[0]), W);
 
     y->rho_ref_H = mul(H->C_HN, ref.x);
     y->attitude_guard = 0;
     y->ref = (Reference){ref.x, ref.d, ref.dd, D->q_DN, mul(C_DN, W.w), mul(C_DN, W.dw)};
-    D->q_DN = carried_on(D->q_DN, W, period);
+    D->q_DN = integrate_carried(D->q_DN, W, period);
 }
 
 static void guide(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
@@ -266,7 +267,7 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
     Motion axis = grasp_axis(p, &u->T, &H, t);
     publish_relative_state(u, &H, axis.x, y);
     if (p->frame) {
-        carry(p, u, &H, &x->D, y, t, period);
+        guide_by_carried_frame(p, u, &H, &x->D, y, t, period);
         return;
     }
     publish_position(&H, reference_position(reference_radius(p, u, t), axis), y);
@@ -274,7 +275,7 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
     if (p->roll.rate_max > 0) limit_roll(p, &H, axis, &x->roll, y, t, period);
 }
 
-/* inside the guard the grasp axis is near z of H: a first sample there holds x of H */
+/* a first sample inside the guard, where the grasp axis is near z of H, holds k = x of H */
 static const State none = {.k_H = {1, 0, 0}};
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)

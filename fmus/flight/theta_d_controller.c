@@ -41,7 +41,7 @@ typedef struct {
 } Expansion;
 typedef struct {
     Expansion position, attitude;
-    double rested; /* the last sample was not active */
+    double rested; /* 1: the last sample was not active */
 } State;
 typedef struct { TrackingOutput common; } Output;
 MODEL_STRUCT;
@@ -100,7 +100,7 @@ static const Variable variables[] = {
 
 static void check_part(Problems *problems, const char *name, double k)
 {
-    if (k > 1) refuse(problems, name, k, "must be in [0, 1]");
+    if (k > 1) reject(problems, name, k, "must be in [0, 1]");
 }
 
 static void check(const Parameters *p, Problems *problems)
@@ -177,8 +177,8 @@ static void expand_position(const Parameters *p, Expansion *x)
 
 static double sin_over(double x) { return fabs(x) < STRAIGHT ? 1 : sine(x) / x; }
 
-/* rows 4 to 6 of A: kinematics along the actual motion minus that along the reference, A x = f(x) -
- * f(0) */
+/* rows 4 to 6 of A: kinematics along the actual motion minus kinematics along the reference,
+ * A x = f(x) - f(0) */
 static mat6 kinematic_matrix(const TrackingError *e)
 {
     vec3 d = e->now.q.d, dr = e->ref.q.d;
@@ -199,7 +199,7 @@ static mat6 kinematic_matrix(const TrackingError *e)
     return A;
 }
 
-/* f(0): what dx2/dt would be on the reference without control */
+/* f(0): dx2/dt on the reference without control */
 static vec3 bias(const Parameters *p, const Input *u, const TrackingError *e)
 {
     vec3 gravity = mul(e->now.C_LN, differential_gravity(p->mu, u->T.r, sub(u->S.r, u->T.r)));
@@ -271,7 +271,7 @@ static void control(const Parameters *p, const Input *u, const State *x, Output 
     control_attitude(p, &in, &e, &x->attitude, t, y);
 }
 
-/* the corrections are released from here on */
+/* the corrections begin at time t */
 static void begin(const Parameters *p, State *x, double t)
 {
     x->position.t_0 = t;

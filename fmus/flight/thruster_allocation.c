@@ -4,27 +4,29 @@
  *           a_i = W [P R; (L - D_cm) x P R]
  *
  * The second term chooses among the many x that give the same wrench. With it the solution is
- * unique and continuous in the command, thrusters never work against each other (both could be
- * lowered), and being measured in the thrust it does not depend on how strong a thruster is; with
- * eps = 1e-10 it costs about eps/sigma^2 < 1e-6 of the wrench, sigma the smallest singular value of
- * the columns a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS), at most 100 exchanges.
+ * unique and continuous in the command, and thrusters never work against each other (both could be
+ * reduced). The weight |a_i| makes it independent of the strength of a thruster. With eps = 1e-10
+ * the wrench is wrong by about eps/sigma^2 < 1e-6 of its length, sigma the smallest singular value
+ * of the columns a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS), at most 100
+ * exchanges.
  *
- * A command that is out of reach is scaled to s w with the largest s in reach. The attainable
- * wrenches are convex and contain 0, so the residual r = s w - A x of a point out of reach gives a
+ * A command that is not attainable is scaled to s w with the largest attainable s. The attainable
+ * wrenches are convex and contain 0, so the residual r = s w - A x of a wrench outside gives a
  * plane that separates it: s = r.(A x) / r.w is never too small, and the sequence ends on the facet
- * that w leaves through.
+ * through which w leaves the attainable wrenches.
  *
- * Pulses: once per period each thruster is given x_i times the period plus what was not spent, in
- * whole samples; less than min_on_time waits. So the on-time lags the demand by less than
- * min_on_time or one sample at any time. Thrusters that are known to be lost are left out from
- * lost_from on. Own design; the wrench of a thruster as in docs/models.md B.6. */
+ * Pulses: once per period the on-time of each thruster is x_i times the period plus the remainder
+ * of the period before, in whole samples; an on-time below min_on_time is added to the next period.
+ * So the on-time lags the demand by less than min_on_time or one sample at any time. Thrusters that
+ * are known to have failed are not used from lost_from on. Own design; the wrench of a thruster as
+ * in docs/models.md B.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
 
 enum { EXCHANGES = 100, CUTS = 100, LENGTH = 6 + THRUSTERS };
 #define DAMPING  1e-5 /* sqrt(eps) */
-#define IN_REACH 1e-6 /* a wrench is in reach if it is met within this part of its length */
+#define IN_REACH 1e-6 /* a wrench is attainable if its residual is below this part of its length */
 
 typedef struct {
     Thrusters thrusters;
@@ -35,7 +37,7 @@ typedef struct {
 typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
 typedef struct {
     double on[THRUSTERS], carry[THRUSTERS];
-} State; /* samples: of this period's pulse, not yet spent */
+} State; /* in samples: on-time of this period, remainder */
 typedef struct {
     double throttle[THRUSTERS], infeasible, scale;
     vec3 F_alloc_S, M_alloc_S;
@@ -90,11 +92,11 @@ static void check(const Parameters *p, Problems *problems)
     check_thrusters(problems, &p->thrusters);
     if (!p->pulsed) return;
     if (p->sample_period == 0)
-        refuse(problems, "sample_period", 0, "must be > 0 with pulses (pulsed = 1)");
+        reject(problems, "sample_period", 0, "must be > 0 with pulses (pulsed = 1)");
     else if (!is_multiple(p->pulse_period, p->sample_period))
-        refuse(problems, "pulse_period", p->pulse_period, "must be a multiple of sample_period");
+        reject(problems, "pulse_period", p->pulse_period, "must be a multiple of sample_period");
     if (p->min_on_time > p->pulse_period)
-        refuse(problems, "min_on_time", p->min_on_time, "must not be above pulse_period");
+        reject(problems, "min_on_time", p->min_on_time, "must not be above pulse_period");
 }
 
 /* ---- columns: six weighted wrench components, then one row of damping per thruster ---- */
@@ -149,7 +151,7 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* step of the free x to the minimum with the others held: d = R^-1 Q^T r by modified
+/* step of the free x to the minimum with the others fixed: d = R^-1 Q^T r by modified
  * Gram-Schmidt */
 static void free_step(const Matrix *A, const Iterate *it, Column r, double *d)
 {
@@ -197,15 +199,15 @@ static int variable_to_release(const Matrix *A, const Iterate *it, const Column 
  * reached */
 static int move(const Matrix *A, Iterate *it, const Column *b)
 {
-    double d[THRUSTERS], part = 1, room[THRUSTERS];
+    double d[THRUSTERS], part = 1, step_to_bound[THRUSTERS];
     free_step(A, it, residual(A, *b, it->x), d);
     for (int i = 0; i < THRUSTERS; i++) {
-        room[i] = d[i] > 0 ? (1 - it->x[i]) / d[i] : d[i] < 0 ? -it->x[i] / d[i] : 2;
-        part = smaller(part, room[i]);
+        step_to_bound[i] = d[i] > 0 ? (1 - it->x[i]) / d[i] : d[i] < 0 ? -it->x[i] / d[i] : 2;
+        part = smaller(part, step_to_bound[i]);
     }
     for (int i = 0; i < THRUSTERS; i++) {
         if (it->side[i] != FREE) continue;
-        int stopped = room[i] <= part && part < 1;
+        int stopped = step_to_bound[i] <= part && part < 1;
         it->x[i] = stopped ? d[i] > 0 : clamp(it->x[i] + part * d[i], 0, 1);
         if (stopped) it->side[i] = d[i] > 0 ? AT_ONE : AT_ZERO;
     }
@@ -258,7 +260,8 @@ static void publish_wrench(const Parameters *p, const Input *u, Output *y)
 static void plan_pulse(double demand, double period, double shortest, double *on, double *carry)
 {
     double due = demand * period + *carry;
-    *on = smaller(floor_of(due + 1e-5), period); /* demands are met within IN_REACH */
+    *on =
+        smaller(floor_of(due + 1e-5), period); /* rounds up within the accuracy of the allocation */
     if (*on < shortest) *on = 0;
     *carry = larger(0, due - *on);
 }

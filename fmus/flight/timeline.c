@@ -1,8 +1,9 @@
-/* timeline.c - what ground and faults say when: go, retreat, resume and validity by a table of
- * times.
+/* timeline.c - commands of ground and faults over time: go, retreat, resume and validity by a table
+ * of times.
  *
- * At a call at t the row of the largest i with times[i] reached is in force, before times[1]: go,
- * and nothing else. Columns of a row: go_1, go_2, go_3, retreat, resume, relative_valid. */
+ * At a call at t the row of the largest i with times[i] reached applies. Before times[1] all go are
+ * 1 and no other command is given. Columns of a row: go_1, go_2, go_3, retreat, resume,
+ * relative_valid. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 #include "time_grid.h"
@@ -21,7 +22,7 @@ typedef struct { double none; } State;
 typedef Word Output;
 MODEL_STRUCT;
 
-#define LATER 1e30 /* of a row that is not used */
+#define LATER 1e30 /* time of a row that is not used */
 #define GO    {.go_1 = 1, .go_2 = 1, .go_3 = 1, .relative_valid = 1}
 
 static const Model start = {
@@ -51,7 +52,7 @@ static void check(const Parameters *p, Problems *problems)
     for (int i = 1; i < ROWS; i++) {
         snprintf(name, sizeof name, "times[%d]", i + 1);
         if (!(p->times[i] > p->times[i - 1] || p->times[i] == LATER))
-            refuse(problems, name, p->times[i], "must be above the one before, or 1e30");
+            reject(problems, name, p->times[i], "must be above the previous time, or 1e30");
     }
 }
 

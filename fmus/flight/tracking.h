@@ -1,13 +1,13 @@
-/* tracking.h - what the controllers in line-of-sight (LOS) coordinates share: ports, errors,
+/* tracking.h - shared by the controllers in line-of-sight (LOS) coordinates: ports, errors,
  * limits, command.
  *
- * Position: x1 = (range, elevation, azimuth) minus that of the reference, x2 = dx1/dt. The law
+ * Position: x1 = (range, elevation, azimuth) minus its reference, x2 = dx1/dt. The law
  *   gives a generalised control u, and a_L = Sigma u, Sigma = diag(-1,-1,1), is the acceleration
  *   of the servicer in axes L: then every channel of
  *   dx2/dt = f + g u + d has a positive gain g = (1, 1/rho, 1/(rho cos eps)).
  * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, w = omega_SN_S - C_SD
- * omega_DN_D. Limits per LOS axis and per body axis act here, the limits of the actuators behind
- * it.
+ * omega_DN_D. Limits per LOS axis and per body axis apply here, the limits of the actuators after
+ * them.
  * Equations: docs/models.md C.1, C.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRACKING_H
@@ -91,7 +91,7 @@ typedef struct {
         TRACKING_OUTPUT("domega_S", member.domega_S, "rad/s",                                     \
                         "angular velocity minus the reference one, servicer axes", ANY_VALUE)
 
-/* while the law rests */
+/* outputs while the law is not active */
 static inline void command_nothing(TrackingOutput *y)
 {
     vec3 none = vec(0, 0, 0);
@@ -99,11 +99,11 @@ static inline void command_nothing(TrackingOutput *y)
     y->a_saturated = y->M_saturated = none;
 }
 
-/* ---- inputs: no finite value, however absurd, may lead to a number that is not finite ---- */
+/* ---- inputs: no finite value, however large, may lead to a number that is not finite ---- */
 static inline double bounded(double value) { return clamp(value, -1e30, 1e30); }
 static inline vec3 bounded3(vec3 a) { return vec(bounded(a.x), bounded(a.y), bounded(a.z)); }
 
-/* unit quaternion with scalar part >= 0; four zeros are taken for "not turned" */
+/* unit quaternion with scalar part >= 0; four zeros count as the identity */
 static inline quat attitude_in(quat q)
 {
     double largest = larger(larger(fabs(q.w), fabs(q.x)), larger(fabs(q.y), fabs(q.z)));

@@ -1,19 +1,19 @@
 /* transposition_guidance.c - attitude reference along which a docked assembly swings its module
  * without saturating its gyros.
  *
- * The attitude history is planned in `initialize` (transposition_plan.h) from parameters alone, in
- * working memory of fixed size that stands beside the model and is no part of its state; the state
- * holds its nodes and the total momentum at the nodes. Published at a sample: attitude, rate
- * and acceleration of the history, the momentum h that the gyros will have, and its mean rate over
- * the coming sample,
+ * The attitude history is planned in `initialize` (transposition_plan.h) from parameters only, in
+ * working memory of fixed size that is separate from the model and no part of its state. The state
+ * contains the nodes of the history and the total momentum at the nodes. Published at a sample:
+ * attitude, rate and acceleration of the history, the momentum h that the gyros will have, and its
+ * mean rate over the coming sample,
  *
  *   h = C_DN H_N - (J_A omega + h_m),   H_N = H_N(t_k) + integral(C_ND tau) from node t_k,
  *   dh = (h(t+T) - h(t))/T,
  *
  * the integral by two-point Gauss quadrature on a sixteenth of the grid, so that a controller with
  * the same model meets h to 1e-6 of saturation. Outside the window the reference is the flight
- * attitude and h is held. A task that cannot be done ends in the flight attitude, with a status and
- * an alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
+ * attitude and h is held. If no history satisfies the limits, the reference is the flight attitude,
+ * with a status and an alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
@@ -43,7 +43,7 @@ static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
           .swing = SWING_START,
           .window = 5400,
-          .nodes = 24, /* coarse: starts in milliseconds; systems set 90 */
+          .nodes = 24, /* coarse, for an initialization in milliseconds; systems set 90 */
           .H_sat = 1500,
           .momentum_share = 0.9,
           .rotation_max = 7 * PI / 36,
@@ -78,9 +78,9 @@ static const Variable variables[] = {
            "reference attitude relative to the flight attitude, vector part of the quaternion"),
     ANGLE_OUTPUT(rotation_ref, "angle of the reference rotation from the flight attitude"),
     NONNEGATIVE_OUTPUT(status, "1",
-                       "0: planned; 1: flight attitude asked for; 2: not below the limit; 3: "
-                       "rotation would exceed rotation_max"),
-    ALARM(no_plan, "1: no history keeps the momentum below the limit, the reference is the flight "
+                       "0 planned, 1 flight attitude requested, 2 not below the limit, 3 rotation "
+                       "would exceed rotation_max"),
+    ALARM(no_plan, "1: no history with the momentum below the limit, the reference is the flight "
                    "attitude; see status"),
     NONNEGATIVE_OUTPUT(iterations, "1", "steps that the plan took"),
     NONNEGATIVE_OUTPUT(momentum_max, "N.m.s", "largest predicted momentum of the gyros"),
@@ -94,16 +94,16 @@ static void check_whole(Problems *problems, const char *name, double value, doub
                         const char *rule)
 {
     if (value != nearest_whole(value) || value < low || value > high)
-        refuse(problems, name, value, rule);
+        reject(problems, name, value, rule);
 }
 
 static void check_window(const Parameters *p, Problems *problems)
 {
     const Swing *s = &p->swing;
     if (s->start < p->window_start)
-        refuse(problems, "swing_start", s->start, "must not be before window_start");
+        reject(problems, "swing_start", s->start, "must not be before window_start");
     if (s->start + s->duration > p->window_start + p->window)
-        refuse(problems, "window", p->window, "must not end before swing_start + swing_duration");
+        reject(problems, "window", p->window, "must not end before swing_start + swing_duration");
 }
 
 static void check(const Parameters *p, Problems *problems)
@@ -116,11 +116,11 @@ static void check(const Parameters *p, Problems *problems)
     check_whole(problems, "iterations_max", p->iterations_max, 0, MAX_ITERATIONS,
                 "must be a whole number from 0 to 30");
     if (p->momentum_share > 1)
-        refuse(problems, "momentum_share", p->momentum_share, "must be at most 1");
+        reject(problems, "momentum_share", p->momentum_share, "must be at most 1");
     if (p->rotation_max > 3.05)
-        refuse(problems, "rotation_max", p->rotation_max, "must be below 175 deg");
+        reject(problems, "rotation_max", p->rotation_max, "must be below 175 deg");
     if (norm(p->h_0_S) > p->H_sat)
-        refuse(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
+        reject(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
 }
 
 /* ---- predicted momentum ---- */
@@ -132,7 +132,7 @@ static Configuration configuration_at(const Parameters *p, double t)
 static vec3 torque_N_at(const Parameters *p, const State *x, double t)
 {
     Configuration c = configuration_at(p, t);
-    mat3 C_So = turning(&p->assembly, history_at(&x->history, t)).C_So;
+    mat3 C_So = base_motion(&p->assembly, history_at(&x->history, t)).C_So;
     vec3 torque = environment_torque(&p->assembly, &c, C_So);
     return tmul(dcm_of_quat(q_oN(&p->assembly, t)), tmul(C_So, torque));
 }
@@ -154,15 +154,15 @@ static vec3 impulse_N(const Parameters *p, const State *x, double from, double t
 static vec3 momentum_D(const Parameters *p, const State *x, vec3 H_N, double t)
 {
     Configuration c = configuration_at(p, t);
-    Turning s = turning(&p->assembly, history_at(&x->history, t));
+    BaseMotion s = base_motion(&p->assembly, history_at(&x->history, t));
     mat3 C_DN = matmul(s.C_So, dcm_of_quat(q_oN(&p->assembly, t)));
-    return sub(mul(C_DN, H_N), carried_momentum(&c, s.omega));
+    return sub(mul(C_DN, H_N), momentum_without_gyros(&c, s.omega));
 }
 
 static double node_time(const History *y, int k) { return y->t_0 + k * y->dt; }
 static double window_end(const History *y) { return node_time(y, intervals(y)); }
 
-static vec3 predicted(const Parameters *p, const State *x, double t)
+static vec3 predicted_momentum(const Parameters *p, const State *x, double t)
 {
     const History *y = &x->history;
     if (t <= y->t_0) return p->h_0_S;
@@ -173,15 +173,16 @@ static vec3 predicted(const Parameters *p, const State *x, double t)
     return momentum_D(p, x, H_N, t);
 }
 
-/* H_N at the nodes, momentum after the window; the largest momentum on the grid of the plan */
-static double predict(const Parameters *p, State *x)
+/* sets H_N at the nodes and the momentum after the window; returns the largest momentum on the
+ * grid */
+static double set_node_momenta(const Parameters *p, State *x)
 {
     const History *y = &x->history;
     double part = y->dt / FINE, largest = norm(p->h_0_S);
     Configuration c = configuration_at(p, y->t_0);
-    Turning s = turning(&p->assembly, history_at(y, y->t_0));
+    BaseMotion s = base_motion(&p->assembly, history_at(y, y->t_0));
     mat3 C_DN = matmul(s.C_So, dcm_of_quat(q_oN(&p->assembly, y->t_0)));
-    vec3 H_N = tmul(C_DN, add(carried_momentum(&c, s.omega), p->h_0_S));
+    vec3 H_N = tmul(C_DN, add(momentum_without_gyros(&c, s.omega), p->h_0_S));
     x->H_N[0] = H_N;
     for (int m = 1; m <= FINE * intervals(y); m++) {
         double from = y->t_0 + (m - 1) * part, to = y->t_0 + m * part;
@@ -194,12 +195,12 @@ static double predict(const Parameters *p, State *x)
 }
 
 /* ---- reference ---- */
-static vec3 rate_of_momentum(const Parameters *p, const State *x, const Turning *s, vec3 h,
+static vec3 rate_of_momentum(const Parameters *p, const State *x, const BaseMotion *s, vec3 h,
                              double t)
 {
     double T = p->sample_period;
     if (T > 0 && t >= x->history.t_0 && reached(window_end(&x->history), t + T))
-        return scale(1 / T, sub(predicted(p, x, t + T), h));
+        return scale(1 / T, sub(predicted_momentum(p, x, t + T), h));
     Configuration c = configuration_at(p, t);
     return momentum_rate(&c, s->omega, s->domega, h, environment_torque(&p->assembly, &c, s->C_So));
 }
@@ -207,11 +208,11 @@ static vec3 rate_of_momentum(const Parameters *p, const State *x, const Turning 
 static void guide(const Parameters *p, const State *x, Output *y, double t)
 {
     Motion eps = history_at(&x->history, t);
-    Turning s = turning(&p->assembly, eps);
+    BaseMotion s = base_motion(&p->assembly, eps);
     y->ref.q = q_SH_of_q_So(s.q_So);
     y->ref.omega = s.omega;
     y->ref.alpha = s.domega;
-    y->ref.h = predicted(p, x, t);
+    y->ref.h = predicted_momentum(p, x, t);
     y->ref.dh = rate_of_momentum(p, x, &s, y->ref.h, t);
     y->eps_ref = eps.x;
     y->rotation_ref = rotation_of(eps.x);
@@ -225,7 +226,7 @@ static double largest_rotation(const History *y)
     return largest;
 }
 
-static Result planned(const Parameters *p, History *y, Workspace *w)
+static Result planned_history(const Parameters *p, History *y, Workspace *w)
 {
     Task task = {
         &p->assembly, &p->swing, p->h_0_S,  p->momentum_share * p->H_sat, p->rotation_max,
@@ -242,7 +243,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     x->history.n = p->nodes;
     x->history.t_0 = p->window_start;
     x->history.dt = p->window / p->nodes;
-    Result r = planned(p, &x->history, w);
+    Result r = planned_history(p, &x->history, w);
     y->status = r.status;
     y->no_plan = r.status > FLIGHT_ATTITUDE;
     y->iterations = r.iterations;
@@ -250,7 +251,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
         y->peak[i] = r.peak[i];
         y->rotation[i] = r.rotation[i];
     }
-    y->momentum_max = predict(p, x);
+    y->momentum_max = set_node_momenta(p, x);
     y->rotation_largest = largest_rotation(&x->history);
     guide(p, x, y, t);
 }
@@ -263,4 +264,4 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 }
 
 FMU_MODEL_WITH(Workspace, "transposition_guidance",
-               "Attitude history of a docked assembly that keeps its gyros below saturation");
+               "Attitude history of a docked assembly with its gyros below saturation");

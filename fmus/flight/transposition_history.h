@@ -1,6 +1,6 @@
-/* transposition_history.h - attitude history of the assembly: eps at the nodes of an equidistant grid,
- * between them a cubic spline with zero slope at both ends. Outside its window the assembly is at
- * rest in the flight attitude. Source: docs/models.md E.4. */
+/* transposition_history.h - attitude history of the assembly: eps at the nodes of an equidistant
+ * grid, between them a cubic spline with zero slope at both ends. Outside its window the assembly
+ * is at rest in the flight attitude. Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_HISTORY_H
 #define TRANSPOSITION_HISTORY_H
@@ -28,7 +28,10 @@ static inline Motion history_at(const History *y, double t) /* at rest outside t
     return spline_at(y->dt, y->eps, y->curvature, k, u - k);
 }
 
-static inline void bend(History *y) { spline_curvature(intervals(y), y->dt, y->eps, y->curvature); }
+static inline void update_spline(History *y)
+{
+    spline_curvature(intervals(y), y->dt, y->eps, y->curvature);
+}
 
 static inline void stay_in_flight_attitude(History *y)
 {

@@ -1,11 +1,11 @@
-/* transposition_momentum.h - momentum of the gyros along an attitude history, and how it changes with
- * the nodes. By the balance about N, trapezoidal rule on a quarter of the grid:
+/* transposition_momentum.h - momentum of the gyros along an attitude history, and its derivatives
+ * by the nodes. By the balance about N, trapezoidal rule on a quarter of the grid:
  *
  *   H_N(t) = H_N(0) + integral(C_NS tau),   h_cmg = C_SN H_N - (J_A omega_0 + h_m)
  *
- * J = dh/deps by central differences of what is local, dh/deps, dh/deps' and d(C_NS tau)/deps at one
- * instant, chained with the linear map from the nodes to spline and slope.
- * Source: docs/models.md E.4. */
+ * J = dh/deps by the chain rule: central differences of dh/deps, dh/deps' and d(C_NS tau)/deps at
+ * one instant, times the linear map from the nodes to spline and slope. Source: docs/models.md
+ * E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_MOMENTUM_H
 #define TRANSPOSITION_MOMENTUM_H
@@ -30,7 +30,7 @@ typedef struct {
     Scheme scheme;
 } Task;
 
-/* ---- working memory: what does not depend on the attitude, and the normal equations ---- */
+/* ---- working memory: terms that do not depend on the attitude, and the normal equations ---- */
 typedef struct {
     Configuration at[MAX_FINE + 1];
     mat3 C_oN[MAX_FINE + 1];
@@ -48,7 +48,7 @@ static inline void prepare_basis(const History *shape, Workspace *w)
     for (int j = 0; j < intervals(shape) - 2; j++) {
         stay_in_flight_attitude(&unit_node);
         unit_node.eps[j + 1] = vec(1, 0, 0);
-        bend(&unit_node);
+        update_spline(&unit_node);
         for (int m = 0; m <= FINE * intervals(shape); m++) {
             Motion e = fine_motion(&unit_node, m);
             w->value[m][j] = e.x.x;
@@ -77,15 +77,15 @@ static inline vec3 torque_N(const Task *task, const Workspace *w, int m, vec3 ep
 /* h_cmg for a given total momentum */
 static inline vec3 momentum_of(const Task *task, const Configuration *c, vec3 H_o, Motion eps)
 {
-    Turning s = turning(task->assembly, eps);
-    return sub(mul(s.C_So, H_o), carried_momentum(c, s.omega));
+    BaseMotion s = base_motion(task->assembly, eps);
+    return sub(mul(s.C_So, H_o), momentum_without_gyros(c, s.omega));
 }
 
 static inline void integrate(const Task *task, const History *y, Workspace *w)
 {
     vec3 before = torque_N(task, w, 0, y->eps[0]);
-    Turning first = turning(task->assembly, fine_motion(y, 0));
-    vec3 H_S = add(carried_momentum(&w->at[0], first.omega), task->h_0_S);
+    BaseMotion first = base_motion(task->assembly, fine_motion(y, 0));
+    vec3 H_S = add(momentum_without_gyros(&w->at[0], first.omega), task->h_0_S);
     w->H_N[0] = tmul(w->C_oN[0], tmul(first.C_So, H_S));
     w->h[0] = task->h_0_S;
     for (int m = 1; m <= FINE * intervals(y); m++) {
@@ -121,7 +121,7 @@ static inline mat3 torque_by_eps(const Task *task, const Workspace *w, int m, ve
     return columns_of(up, down, difference);
 }
 
-/* of momentum_of by eps (rate = 0) or eps' (rate = 1) */
+/* derivative of momentum_of by eps (rate = 0) or eps' (rate = 1) */
 static inline mat3 momentum_by(const Task *task, const Workspace *w, int m, Motion eps, int rate)
 {
     vec3 up[3], down[3], H_o = mul(w->C_oN[m], w->H_N[m]);
@@ -150,7 +150,7 @@ static inline void store_block(Workspace *w, int k, int j, mat3 block) /* dh_k/d
 static inline void jacobian_row(const Task *task, const History *y, Workspace *w, int k)
 {
     Motion eps = fine_motion(y, FINE * k);
-    mat3 C_SN = matmul(turning(task->assembly, eps).C_So, w->C_oN[FINE * k]);
+    mat3 C_SN = matmul(base_motion(task->assembly, eps).C_So, w->C_oN[FINE * k]);
     mat3 by_eps = momentum_by(task, w, FINE * k, eps, 0),
          by_rate = momentum_by(task, w, FINE * k, eps, 1);
     for (int j = 0; j < intervals(y) - 2; j++) {

@@ -1,5 +1,5 @@
-/* transposition_patent.h - the patent's own discretisation: differences of the nodes, explicit Euler
- * steps for the momentum.
+/* transposition_patent.h - the patent's own discretisation: differences of the nodes, explicit
+ * Euler steps for the momentum.
  *
  *   eps'  = (e_{k+1} - e_k)/dt
  *   eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2,   printed (e_{k+1} + 2 e_k - e_{k-1})/dt^2
@@ -18,7 +18,7 @@ static inline vec3 patent_rate(const Task *task, const Configuration *c, double 
     double middle = task->scheme == SCHEME_AS_PRINTED ? 2 : -2;
     vec3 dd = scale(1 / (dt * dt), sum3(e[2], scale(middle, e[1]),
                                         task->scheme == SCHEME_AS_PRINTED ? neg(e[0]) : e[0]));
-    Turning s = turning(task->assembly, (Motion){e[1], scale(1 / dt, sub(e[2], e[1])), dd});
+    BaseMotion s = base_motion(task->assembly, (Motion){e[1], scale(1 / dt, sub(e[2], e[1])), dd});
     return momentum_rate(c, s.omega, s.domega, h, environment_torque(task->assembly, c, s.C_So));
 }
 
@@ -64,7 +64,7 @@ static inline void patent_jacobian(const Task *task, const History *y, Workspace
         const Configuration *c = &w->at[FINE * k];
         three_nodes(y, k, e);
         Motion eps = {e[1], scale(1 / y->dt, sub(e[2], e[1])), vec(0, 0, 0)};
-        mat3 spin = tilde(turning(task->assembly, eps).omega);
+        mat3 spin = tilde(base_motion(task->assembly, eps).omega);
         mat3 turn = minus(diagonal(1, 1, 1), scaled(y->dt, spin));
         for (int j = 0; j < unknown_nodes; j++) w->sum[j] = matmul(turn, w->sum[j]);
         for (int i = 0; i < 3; i++) {

@@ -1,5 +1,5 @@
-/* transposition_plan.h - attitude history of an assembly along which the momentum of its gyros stays
- * below a limit.
+/* transposition_plan.h - attitude history of an assembly along which the momentum of its gyros
+ * stays below a limit.
  *
  * Unknown: eps at the nodes 1 .. N-2 of an equidistant grid; eps_0 = eps_{N-1} = eps_N = 0. Until
  * max |h| is below the limit, on a quarter of that grid:
@@ -84,7 +84,7 @@ static inline int descend(const Task *task, History *y, Workspace *w, double lar
         const double *d = &w->step[3 * j];
         y->eps[j + 1] = sub(y->eps[j + 1], scale(task->alpha, vec(d[0], d[1], d[2])));
     }
-    bend(y);
+    update_spline(y);
     return 1;
 }
 
@@ -107,8 +107,8 @@ static inline Result iterate(const Task *task, History *y, Workspace *w)
     }
 }
 
-/* From the flight attitude to a history whose momentum stays below the limit; without one the
- * history is the flight attitude. */
+/* plans a history whose momentum stays below the limit, starting from the flight attitude; if none
+ * is found, the history is the flight attitude */
 static inline Result plan(const Task *task, History *y, Workspace *w)
 {
     stay_in_flight_attitude(y);

@@ -1,11 +1,12 @@
-/* unloading.h - wheels hand their momentum to the thrusters: between two levels of speed, no faster
- * than a rate and a torque allow.
+/* unloading.h - unloading of wheel momentum by thrusters: with a hysteresis in wheel speed, limited
+ * by a rate and a torque.
  *
  *   X = max_i |Omega_i - ref_i| / speed_max:   on from X >= `on` to X <= `off`
  *   M = -k A_w (Omega - ref), each axis at most `most`
  *
- * M is a torque of thrusters. The wheels take it up, A_w dOmega = M, so the body feels nothing while
- * the momentum leaves: (Omega - ref) falls with exp(-k t), and no faster than with `most`. */
+ * M is a torque of thrusters. The wheels produce the opposite torque, A_w dOmega = M, so that no
+ * torque acts on the body: (Omega - ref) decreases with exp(-k t), and no faster than with
+ * `most`. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef UNLOADING_H
 #define UNLOADING_H
@@ -21,11 +22,11 @@ typedef struct {
 
 static inline void check_unloading(const Unloading *p, Problems *problems)
 {
-    if (p->off > p->on) refuse(problems, "unload_off", p->off, "must not be above unload_on");
+    if (p->off > p->on) reject(problems, "unload_off", p->off, "must not be above unload_on");
 }
 
 /* whether the wheels are unloaded now; before: whether they were at the sample before */
-static inline double unloads(const Unloading *p, vec3 wheel_speed, double before)
+static inline double unloading_is_on(const Unloading *p, vec3 wheel_speed, double before)
 {
     vec3 excess = sub(wheel_speed, p->ref);
     double most = larger(fabs(excess.x), larger(fabs(excess.y), fabs(excess.z)));

@@ -8,13 +8,14 @@
  *       + J_E^T [R_E F_contact_E; R_E M_contact_E] + Q_gg
  *   Q_gg = sum_k Jw_k^T 3 g a x (I_k a) + Jv_k^T g m_k (3 a (a.x_k) - x_k),   g = mu/|r_C|^3
  *
- * S is the base body, r_SN_N its centre of mass: sensors, thrusters and wheels are bolted to it. C
- * is the centre of mass of the whole, c = r_CS_S, x_k = c_k - c, a = C_SN r_C/|r_C|. f: gravity
- * with J2, a_dist and the unphysical option of `servicer`, at C. The field acts on all bodies alike
- * and excites no joint; its gradient does. A locked joint leaves the system; one that moves when
- * its lock closes stops at once and hands its momentum over to base and free joints. Before t_att
- * the base does not turn, the joints move. joints = 0 is `servicer`.
- * Equations: docs/models.md K.1, K.2. Classical Runge-Kutta on the grid k * max_step. */
+ * S is the base body, r_SN_N its centre of mass: sensors, thrusters and wheels are fixed to it. C
+ * is the centre of mass of base and arm, c = r_CS_S, x_k = c_k - c, a = C_SN r_C/|r_C|. f: gravity
+ * with J2, a_dist and the unphysical option of `servicer`, at C. f accelerates all bodies alike and
+ * excites no joint; the gravity gradient does. A locked joint is removed from the system of
+ * equations; a joint that moves when it is locked stops at once, and its momentum is transferred to
+ * base and free joints. Before t_att the base does not turn, while the joints move. With joints = 0
+ * the model equals `servicer`. Equations: docs/models.md K.1, K.2. Classical Runge-Kutta on the
+ * grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_dynamics.h"
 #include "arm_rows.h"
@@ -34,22 +35,22 @@ typedef struct {
     vec3 F_contact_E, M_contact_E;
 } Input;
 typedef struct {
-    BaseState base; /* its mass: of the base body */
+    BaseState base; /* mass: of the base body alone */
     double joint_angle[ARM_JOINTS], joint_rate[ARM_JOINTS];
 } Motion;
 typedef struct {
     Tree tree;
     Composite base;
     mat3 C_SN;
-    Speeds u; /* S at rest */
+    Speeds u; /* v = 0: motion relative to S */
     Wrench momentum;
-    vec3 c;   /* centre of mass, from S, base axes */
-    PosVel C; /* and its motion, N axes */
-    Forces b; /* less Q_gg */
+    vec3 c;   /* centre of mass from S, base axes */
+    PosVel C; /* motion of the centre of mass, N axes */
+    Forces b; /* b - Q_gg */
 } Vehicle;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* at that motion: where a step ends the next one begins */
+    Vehicle vehicle; /* evaluated at `now`; the next step starts from it */
 } State;
 typedef struct {
     BaseOutput base;
@@ -77,9 +78,9 @@ static const Variable variables[] = {
     PARAMETER(joint_rate_0, "rad/s", "joint rates at the start"),
 
     BASE_INPUTS,
-    OPTIONAL_INPUT(joint_torque, "N.m",
-                   "torque at the joints, on the outboard body about the axis; without effect on a "
-                   "locked joint"),
+    OPTIONAL_INPUT(
+        joint_torque, "N.m",
+        "torque at the joints, on the outboard body about the axis; no effect on a locked joint"),
     OPTIONAL_SWITCH(joint_lock, "1: the joint is locked"),
     OPTIONAL_INPUT(F_contact_E, "N", "force at the origin of the end effector, its axes"),
     OPTIONAL_INPUT(M_contact_E, "N.m", "torque on the end effector about its origin, its axes"),
@@ -88,8 +89,7 @@ static const Variable variables[] = {
     OUTPUT(joint_angle, "rad", "joint angles"),
     OUTPUT(joint_rate, "rad/s", "joint rates"),
     OUTPUT(joint_accel, "rad/s2", "joint accelerations"),
-    OUTPUT(lock_torque, "N.m",
-           "torque with which the lock holds the joint, on the outboard body; 0 when free"),
+    OUTPUT(lock_torque, "N.m", "torque of the lock on the outboard body; 0 when the joint is free"),
     BODY_OUTPUTS("E", E, "end effector"),
     OUTPUT(r_CS_S, "m", "centre of mass of the whole vehicle from S, body axes"),
     OUTPUT(v_CN_N, "m/s", "velocity of the centre of mass, N axes"),
@@ -101,22 +101,22 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems)
 {
-    check_base(problems, &p->base);
+    check_rigid_base(problems, &p->base);
     check_joints(problems, &p->joint, check_arm(problems, &p->arm));
 }
 
-/* ---- what holds over an internal step ---- */
+/* ---- quantities that are constant over an internal step ---- */
 typedef struct {
     const Parameters *p;
     const Input *u;
     const Chain *arm;
     const Vehicle *begin;
-    const Tree *rigid; /* the arm where all joints are locked and it is part of the base, else 0 */
-    Composite base;    /* without its mass, which is at S */
+    const Tree *rigid; /* the arm as part of the base if all joints are locked, else NULL */
+    Composite base;    /* mass set to 0: the base body has its mass at S */
     Wrench tip;        /* load on the end effector, axes of the last link */
-    Moving moving;
+    DegreesOfFreedom moving;
     vec3 wheel_accel, wheel_torque; /* A_w dOmega */
-    double since;                   /* its start */
+    double step_start;              /* s */
 } Context;
 
 static int locked(const Input *u, int i) { return u->joint_lock[i] != 0; }
@@ -134,7 +134,7 @@ static Context context_at(const Parameters *p, const Input *u, const Chain *arm,
                  .moving = {.turns = reached(t, p->base.t_att)},
                  .wheel_accel =
                      wheel_accels(&p->base, u->base.wheel_accel_cmd, x->now.base.wheel_speed, h),
-                 .since = t};
+                 .step_start = t};
     for (int i = 0; i < arm->joints; i++) {
         c.moving.moves[i] = !locked(u, i);
         c.moving.joints += !locked(u, i);
@@ -144,24 +144,24 @@ static Context context_at(const Parameters *p, const Input *u, const Chain *arm,
 }
 
 /* ---- the vehicle at an instant ---- */
-static Tide tide_on(const Parameters *p, const Vehicle *now)
+static TidalField tidal_field(const Parameters *p, const Vehicle *now)
 {
     if (!p->base.use_gravity_gradient || p->base.orbit.mu == 0)
-        return tide_about(now->c, 0, vec(0, 0, 0));
+        return tidal_field_about(now->c, 0, vec(0, 0, 0));
     double r = norm(now->C.r);
-    return tide_about(now->c, p->base.orbit.mu / (r * r * r),
-                      scale(1 / r, mul(now->C_SN, now->C.r)));
+    return tidal_field_about(now->c, p->base.orbit.mu / (r * r * r),
+                             scale(1 / r, mul(now->C_SN, now->C.r)));
 }
 
-static void place_arm(Tree *t, Links *k, const Chain *arm, const Motion *x)
+static void place_links_of_arm(Tree *t, Links *k, const Chain *arm, const Motion *x)
 {
-    place(t, k, arm, x->joint_angle);
-    weigh(k, arm);
+    place_links(t, k, arm, x->joint_angle);
+    set_link_inertias(k, arm);
 }
 
-/* its arm is in place */
-static void find_vehicle(Vehicle *now, const Links *k, const Parameters *p, const Composite *base,
-                         int turns, const Motion *x)
+/* the vehicle at an instant; now->tree and k already hold the positions of the links */
+static void set_vehicle(Vehicle *now, const Links *k, const Parameters *p, const Composite *base,
+                        int turns, const Motion *x)
 {
     now->base = *base;
     now->base.m += x->base.mass;
@@ -174,17 +174,17 @@ static void find_vehicle(Vehicle *now, const Links *k, const Parameters *p, cons
     vec3 v_c = scale(1 / now->tree.whole.m, now->momentum.F);
     now->C =
         (PosVel){add(x->base.r, tmul(now->C_SN, now->c)), add(x->base.v, tmul(now->C_SN, v_c))};
-    Tide tide = tide_on(p, now);
-    now->b = velocity_forces(&now->tree, k, &now->base, &now->u, &tide);
+    TidalField tidal = tidal_field(p, now);
+    now->b = velocity_forces(&now->tree, k, &now->base, &now->u, &tidal);
 }
 
-/* of the state, at its time */
-static void keep_vehicle(const Parameters *p, const Chain *arm, State *x, double t)
+/* evaluates x->vehicle for the motion x->now at time t */
+static void update_vehicle(const Parameters *p, const Chain *arm, State *x, double t)
 {
     Links links;
     Composite base = body_at_S(0, p->base.J_S);
-    place_arm(&x->vehicle.tree, &links, arm, &x->now);
-    find_vehicle(&x->vehicle, &links, p, &base, reached(t, p->base.t_att), &x->now);
+    place_links_of_arm(&x->vehicle.tree, &links, arm, &x->now);
+    set_vehicle(&x->vehicle, &links, p, &base, reached(t, p->base.t_att), &x->now);
 }
 
 /* ---- loads ---- */
@@ -192,11 +192,11 @@ static Wrench actuator_load(const Context *c, double t, const BaseState *x, vec3
 {
     const BaseParameters *p = &c->p->base;
     vec3 wheels = add(cross(w, mul(p->A_w, x->wheel_speed)), c->wheel_torque);
-    vec3 torque = add(torque_S(&c->u->base), sinusoid(&p->M_dist_S, c->since, t));
+    vec3 torque = add(torque_S(&c->u->base), sinusoid(&p->M_dist_S, c->step_start, t));
     return (Wrench){force_S(&c->u->base), sub(torque, wheels)};
 }
 
-/* base axes, at S */
+/* load on the end effector as a wrench at S, base axes */
 static Wrench tip_load(const Context *c, const Tree *t)
 {
     return wrench_at(t->p_E, mul(t->R_A, c->tip.F), mul(t->R_A, c->tip.M));
@@ -222,22 +222,23 @@ static Forces loads_on(const Context *c, double t, const Motion *x, const Vehicl
 static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 {
     const BaseParameters *p = &c->p->base;
-    Vehicle found;
+    Vehicle computed;
     Links links;
     const Vehicle *now = c->begin;
-    if (t > c->since) {
-        if (c->rigid) found.tree = *c->rigid;
-        else place_arm(&found.tree, &links, c->arm, x);
-        find_vehicle(&found, &links, c->p, &c->base, c->moving.turns, x);
-        now = &found;
+    if (t > c->step_start) {
+        if (c->rigid) computed.tree = *c->rigid;
+        else place_links_of_arm(&computed.tree, &links, c->arm, x);
+        set_vehicle(&computed, &links, c->p, &c->base, c->moving.turns, x);
+        now = &computed;
     }
     Forces y = loads_on(c, t, x, now);
-    Speeds du = solved(&now->tree, &c->moving, &y);
-    vec3 field = add(free_fall_N(p, &now->C.r, &now->C.v, c->since, t),
-                     velocity_turning_N(p, c->moving.turns, &x->base, now->C.v));
+    Speeds du = solve_for_speeds(&now->tree, &c->moving, &y);
+    vec3 field_acceleration = add(free_fall_N(p, &now->C.r, &now->C.v, c->step_start, t),
+                                  velocity_turning_N(p, c->moving.turns, &x->base, now->C.v));
 
-    *dx = (Motion){
-        .base = {.r = x->base.v, .v = add(field, tmul(now->C_SN, du.v)), .mass = -c->u->base.mdot}};
+    *dx = (Motion){.base = {.r = x->base.v,
+                            .v = add(field_acceleration, tmul(now->C_SN, du.v)),
+                            .mass = -c->u->base.mdot}};
     memcpy(dx->joint_angle, x->joint_rate, sizeof x->joint_rate);
     memcpy(dx->joint_rate, du.joint, sizeof x->joint_rate);
     if (!c->moving.turns) return;
@@ -248,30 +249,31 @@ static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 
 RK4(integrate, derivative, Context, Motion)
 
-/* u_f += H_ff^-1 H_fl dq_l,  dq_l = 0: the joints stop, the momenta of base and free joints stay */
+/* u_f += H_ff^-1 H_fl dq_l, dq_l = 0: locked joints stop, the momenta of base and free joints are
+ * conserved */
 static void stop_joints(const Context *c, const Vehicle *now, Motion *x)
 {
-    Speeds lost = {.joint = {0}};
+    Speeds stopped = {.joint = {0}};
     int joints = c->arm->joints;
-    for (int i = 0; i < joints; i++) lost.joint[i] = locked(c->u, i) ? x->joint_rate[i] : 0;
-    Forces handed = {.base = base_rows(&now->tree, &lost)};
-    set_joint_rows(handed.joint, &now->tree, &lost);
-    Speeds gain = solved(&now->tree, &c->moving, &handed);
+    for (int i = 0; i < joints; i++) stopped.joint[i] = locked(c->u, i) ? x->joint_rate[i] : 0;
+    Forces transferred = {.base = base_rows(&now->tree, &stopped)};
+    set_joint_rows(transferred.joint, &now->tree, &stopped);
+    Speeds change = solve_for_speeds(&now->tree, &c->moving, &transferred);
 
-    x->base.v = add(x->base.v, tmul(now->C_SN, gain.v));
-    x->base.omega = add(x->base.omega, gain.w);
+    x->base.v = add(x->base.v, tmul(now->C_SN, change.v));
+    x->base.omega = add(x->base.omega, change.w);
     for (int i = 0; i < joints; i++)
-        x->joint_rate[i] = locked(c->u, i) ? 0 : x->joint_rate[i] + gain.joint[i];
+        x->joint_rate[i] = locked(c->u, i) ? 0 : x->joint_rate[i] + change.joint[i];
 }
 
-static void obey_locks(const Context *c, State *x)
+static void apply_locks(const Context *c, State *x)
 {
     int moving = 0;
     for (int i = 0; i < ARM_JOINTS; i++)
         moving = moving || (locked(c->u, i) && x->now.joint_rate[i] != 0);
     if (!moving) return;
     stop_joints(c, &x->vehicle, &x->now);
-    keep_vehicle(c->p, c->arm, x, c->since);
+    update_vehicle(c->p, c->arm, x, c->step_start);
 }
 
 /* ---- outputs ---- */
@@ -287,7 +289,7 @@ static void publish_tip(const Parameters *p, const State *x, Output *y)
                   canonical(product(y->base.q_SN, q_ES)), mul(dcm_of_quat(q_ES), motion.w)};
 }
 
-/* about C: h = L_S - c x p, T = u.H u/2 - m v_c^2/2 */
+/* momentum and energy about C: h = L_S - c x p, T = u.H u/2 - m v_c^2/2 */
 static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
 {
     int joints = (int)now->tree.joints;
@@ -307,7 +309,7 @@ static void publish_joints(const Context *c, double t, const Motion *x, const Ve
 {
     int joints = (int)now->tree.joints;
     Forces Q = loads_on(c, t, x, now);
-    Speeds du = solved(&now->tree, &c->moving, &Q);
+    Speeds du = solve_for_speeds(&now->tree, &c->moving, &Q);
     memcpy(y->joint_angle, x->joint_angle, sizeof y->joint_angle);
     memcpy(y->joint_rate, x->joint_rate, sizeof y->joint_rate);
     memcpy(y->joint_accel, du.joint, sizeof y->joint_accel);
@@ -340,18 +342,18 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
         x->now.joint_angle[i] = p->joint_angle_0[i];
         x->now.joint_rate[i] = p->joint_rate_0[i];
     }
-    keep_vehicle(p, &arm, x, t);
+    update_vehicle(p, &arm, x, t);
     Context c = context_at(p, u, &arm, x, t, p->base.max_step);
-    obey_locks(&c, x);
+    apply_locks(&c, x);
     publish(&c, x, y, t);
 }
 
-/* all joints locked: the arm is where it is for the whole step, and part of the base */
-static void hold_arm(Context *c, Tree *rigid)
+/* if all joints are locked, the arm is treated as part of the base in this step */
+static void merge_arm_with_base(Context *c, Tree *rigid)
 {
     const Tree *arm = &c->begin->tree;
     *rigid = (Tree){.R_A = arm->R_A, .p_E = arm->p_E};
-    c->base = united(c->base, arm->links);
+    c->base = combined(c->base, arm->links);
     c->rigid = rigid;
 }
 
@@ -362,12 +364,12 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     set_chain(&arm, &p->arm);
     for (Substep s = first_substep(t, h, p->base.max_step); s.h > 0; s = next_substep(s)) {
         Context c = context_at(p, u, &arm, x, s.t, s.h);
-        obey_locks(&c, x);
-        if (c.moving.joints == 0) hold_arm(&c, &rigid);
+        apply_locks(&c, x);
+        if (c.moving.joints == 0) merge_arm_with_base(&c, &rigid);
         integrate(&c, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
-        keep_vehicle(p, &arm, x, s.t + s.h);
-        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0) break; /* refused */
+        update_vehicle(p, &arm, x, s.t + s.h);
+        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0) break; /* rejected by the adapter */
     }
     Context c = context_at(p, u, &arm, x, t + h, p->base.max_step);
     publish(&c, x, y, t + h);

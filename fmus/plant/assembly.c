@@ -1,15 +1,15 @@
-/* assembly.c - large docked assembly while its module is swung: attitude on a circular orbit under
- * gravity gradient and drag, driven by the momentum of control moment gyros.
+/* assembly.c - large docked assembly whose module swings: attitude on a circular orbit under
+ * gravity gradient, drag and the torque of control moment gyros.
  *
  *   J_A omega_0' = tau_gg + tau_aero - J_A' omega_0 - h_m' - h_cmg' - omega_0 x H
  *   H = J_A omega_0 + h_m + h_cmg
  *   q_So' = q_So (x) [0, omega_0 - C_So omega_orb]/2
  *
  * Model, axes and attitude zero: assembly.h. The gyros are either ideal, h_cmg' = hdot_cmd_S in
- * body axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd, cut to their limit.
- * Saturation: an internal step takes the ideal device to h + h' dt, or to the point of the sphere
- * |h| = H_sat nearest to it; the torque on the structure is that of the momentum which it has
- * really taken, so that the total momentum is kept. The cluster cannot leave its envelope.
+ * body axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd within their limit.
+ * Saturation: an internal step brings the ideal device to h + h' dt, or to the nearest point of the
+ * sphere |h| = H_sat; the torque on the structure follows from the momentum that the device has
+ * absorbed, so that the total momentum is conserved. The cluster cannot leave its envelope.
  * Classical Runge-Kutta on the grid k * max_step. Source: docs/models.md E. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
@@ -92,7 +92,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(h_cmg, "N.m.s", "magnitude of the momentum of the gyros"),
     NONNEGATIVE_OUTPUT(momentum_share, "1",
                        "momentum of the gyros as a part of the largest in its direction"),
-    ALARM(saturated, "1: the gyros have less momentum left than commanded"),
+    ALARM(saturated, "1: the gyros cannot absorb the commanded momentum"),
     OUTPUT(gimbal_angle, "rad", "gimbal angles"),
     OUTPUT(gimbal_rate, "rad/s", "gimbal rates"),
     NONNEGATIVE_OUTPUT(singularity, "1", "sqrt(det A A^T) of the cluster, 0: singular"),
@@ -109,9 +109,9 @@ static const Variable variables[] = {
 static void check(const Parameters *p, Problems *problems)
 {
     check_assembly(problems, &p->assembly);
-    if (norm(p->eps_0) > 1) refuse(problems, "eps_0", norm(p->eps_0), "must not be longer than 1");
+    if (norm(p->eps_0) > 1) reject(problems, "eps_0", norm(p->eps_0), "must not be longer than 1");
     if (norm(p->h_0_S) > p->H_sat)
-        refuse(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
+        reject(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
 }
 
 /* ---- torques ---- */
@@ -131,13 +131,13 @@ static vec3 rate_relative_to_H(const Parameters *p, mat3 C_So, vec3 omega)
 /* ---- the gyros over one internal step ---- */
 typedef struct {
     double use_cluster, h_w;
-    vec3 h, dh; /* ideal: h + dh tau, tau from the start of the step */
+    vec3 h, dh; /* ideal device: h + dh tau, tau from the start of the step */
     double saturated, angle[GYROS], rate[GYROS];
-} Drive;
+} GyroMotion;
 
 typedef struct { vec3 h, dh; } Momentum;
 
-static Momentum momentum_at(const Drive *d, double tau)
+static Momentum momentum_at(const GyroMotion *d, double tau)
 {
     double angle[GYROS];
     if (d->use_cluster == 0) return (Momentum){add(d->h, scale(tau, d->dh)), d->dh};
@@ -150,13 +150,13 @@ static double gimbal_rate(const Parameters *p, const Input *u, int i)
     return p->use_cluster != 0 ? limited(u->gimbal_rate_cmd[i], p->gimbal_rate_max) : 0;
 }
 
-static Drive drive_over(const Parameters *p, const Input *u, const State *x, double h)
+static GyroMotion gyro_motion(const Parameters *p, const Input *u, const State *x, double h)
 {
-    Drive d = {.use_cluster = p->use_cluster, .h_w = p->h_w, .h = x->h, .dh = u->hdot_cmd_S};
-    vec3 wanted = add(x->h, scale(h, u->hdot_cmd_S));
-    double size = norm(wanted);
+    GyroMotion d = {.use_cluster = p->use_cluster, .h_w = p->h_w, .h = x->h, .dh = u->hdot_cmd_S};
+    vec3 h_cmd = add(x->h, scale(h, u->hdot_cmd_S));
+    double size = norm(h_cmd);
     d.saturated = p->use_cluster == 0 && size > p->H_sat;
-    if (d.saturated != 0) d.dh = scale(1 / h, sub(scale(p->H_sat / size, wanted), x->h));
+    if (d.saturated != 0) d.dh = scale(1 / h, sub(scale(p->H_sat / size, h_cmd), x->h));
     for (int i = 0; i < GYROS; i++) {
         d.angle[i] = x->gimbal_angle[i];
         d.rate[i] = gimbal_rate(p, u, i);
@@ -164,7 +164,7 @@ static Drive drive_over(const Parameters *p, const Input *u, const State *x, dou
     return d;
 }
 
-static void advance_gyros(const Drive *d, double h, State *x)
+static void advance_gyros(const GyroMotion *d, double h, State *x)
 {
     x->h = momentum_at(d, h).h;
     for (int i = 0; i < GYROS; i++) x->gimbal_angle[i] += h * d->rate[i];
@@ -173,8 +173,8 @@ static void advance_gyros(const Drive *d, double h, State *x)
 /* ---- motion ---- */
 typedef struct {
     const Parameters *p;
-    const Drive *drive;
-    double t_0, inside; /* start of the internal step, and an instant within */
+    const GyroMotion *gyros;
+    double t_0, t_inside; /* start of the internal step, and an instant inside it */
 } Context;
 
 typedef struct {
@@ -184,15 +184,16 @@ typedef struct {
 
 static void derivative(const Context *c, double t, const Motion7 *x, Motion7 *dx)
 {
-    Configuration now = configuration(&c->p->assembly, arm_in_step(&c->p->swing, t, c->inside));
-    Momentum gyros = momentum_at(c->drive, t - c->t_0);
+    Configuration now = configuration(&c->p->assembly, arm_in_step(&c->p->swing, t, c->t_inside));
+    Momentum cmg = momentum_at(c->gyros, t - c->t_0);
     mat3 C_So = dcm_of_quat(x->q);
-    Torques torque = torques(c->p, &now, C_So);
+    Torques environment = torques(c->p, &now, C_So);
 
     vec3 w = rate_relative_to_H(c->p, C_So, x->omega);
     quat dq = product(x->q, (quat){0, w.x, w.y, w.z});
     dx->q = (quat){dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2};
-    dx->omega = acceleration(&now, x->omega, gyros.h, gyros.dh, add(torque.gravity, torque.aero));
+    dx->omega =
+        acceleration(&now, x->omega, cmg.h, cmg.dh, add(environment.gravity, environment.aero));
 }
 
 RK4(integrate, derivative, Context, Motion7)
@@ -204,7 +205,9 @@ static double largest_momentum(const Parameters *p, vec3 h)
     return envelope(p->h_w, norm(h) > 0 ? unit(h) : vec(0, 0, 1));
 }
 
-enum { NEARLY_ALL_PERCENT = 98 }; /* beyond, the cluster is called saturated */
+enum {
+    NEARLY_ALL_PERCENT = 98
+}; /* part of the envelope above which the cluster is reported as saturated */
 
 static void publish_gyros(const Parameters *p, const Input *u, const State *x, double saturated,
                           Output *y)
@@ -220,12 +223,12 @@ static void publish_gyros(const Parameters *p, const Input *u, const State *x, d
     y->singularity = singularity_measure(x->gimbal_angle);
 }
 
-static void publish(const Parameters *p, const State *x, double t, double inside, Output *y)
+static void publish(const Parameters *p, const State *x, double t, double t_inside, Output *y)
 {
     mat3 C_So = dcm_of_quat(x->q);
-    y->arm = arm_in_step(&p->swing, t, inside);
+    y->arm = arm_in_step(&p->swing, t, t_inside);
     Configuration now = configuration(&p->assembly, y->arm);
-    Torques torque = torques(p, &now, C_So);
+    Torques environment = torques(p, &now, C_So);
 
     y->q_SH = q_SH_of_q_So(x->q);
     y->q_SN = canonical(product(q_HN(&p->assembly, t), y->q_SH));
@@ -233,9 +236,9 @@ static void publish(const Parameters *p, const State *x, double t, double inside
     y->omega_SH_S = rate_relative_to_H(p, C_So, x->omega);
     y->eps = vector_part(x->q);
     y->rotation = 2 * arc_tangent(norm(y->eps), x->q.w);
-    y->M_gravity_S = torque.gravity;
-    y->M_aero_S = torque.aero;
-    y->h_total_N = tmul(dcm_of_quat(y->q_SN), add(carried_momentum(&now, x->omega), x->h));
+    y->M_gravity_S = environment.gravity;
+    y->M_aero_S = environment.aero;
+    y->h_total_N = tmul(dcm_of_quat(y->q_SN), add(momentum_without_gyros(&now, x->omega), x->h));
     y->J_A = now.J;
 }
 
@@ -253,21 +256,21 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    double saturated = 0, inside = t, end = t + h;
+    double saturated = 0, t_inside = t, end = t + h;
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
-        Drive drive = drive_over(p, u, x, s.h);
+        GyroMotion gyros = gyro_motion(p, u, x, s.h);
         Motion7 motion = {x->q, x->omega};
-        inside = s.t + s.h / 2;
-        const Context context = {p, &drive, s.t, inside};
+        t_inside = s.t + s.h / 2;
+        const Context context = {p, &gyros, s.t, t_inside};
         integrate(&context, s.t, s.h, &motion);
         x->q = canonical(motion.q);
         x->omega = motion.omega;
-        advance_gyros(&drive, s.h, x);
-        saturated = drive.saturated;
+        advance_gyros(&gyros, s.h, x);
+        saturated = gyros.saturated;
         end = s.end.t;
     }
     publish_gyros(p, u, x, saturated, y);
-    publish(p, x, end, inside, y);
+    publish(p, x, end, t_inside, y);
 }
 
 FMU_MODEL("assembly", "Large docked assembly with a swinging module and control moment gyros");

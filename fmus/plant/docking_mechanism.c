@@ -1,5 +1,5 @@
 /* docking_mechanism.c - probe-drogue mechanism between servicer and target: contact, soft and hard
- * capture, release, break; the load of each step is that of the predicted motion of both bodies.
+ * capture, release, break; the load of each step follows from the predicted motion of both bodies.
  *
  *   free (0), contact (1)   a point in a cone with a floor, in a flat face: Hunt-Crossley, Coulomb
  *   soft (2), hard (3)      spring-damper in six degrees of freedom to a rest point and attitude
@@ -8,13 +8,14 @@
  *   I = integral F_N,  A_S = integral d_S x F_N + M_N,  A_T = -integral d_T x F_N + M_N
  *   F = I/h,   M_S = A_S/h - g/2,   M_T = A_T/h - g/2,   g = (A_S + A_T)/h + m x F
  *
- * A force that is held from t on makes a spring gain energy, (1 + theta^2/2) a step. The mechanism
- * therefore integrates both bodies over the step under its own load alone (gravity, thrust and
- * wheels move them by less than 1e-6 m), and gives out the mean wrench: 1 - theta^4/24. Force and
- * reaction act at one point, the tip; g puts the mean force on one line of action, so that total
- * momenta balance. Events happen at samples: once per call, at its start, before the step. It is
- * the one plant for which two steps of h differ from one of 2 h. latency = 1: outputs are for the
- * step after the next communication point, for masters that hand them on a step late (Jacobi).
+ * The force of a spring of frequency omega that is held constant over a step multiplies the energy
+ * by 1 + theta^2/2, theta = omega h. The mechanism therefore integrates both bodies over the step
+ * under its own load only (gravity, thrust and wheels move them by less than 1e-6 m), and its
+ * outputs are the mean wrench, with a factor of 1 - theta^4/24. Force and reaction act at one
+ * point, the tip. g shifts the mean forces to one line of action, so that the total momentum is
+ * conserved. Phases change at samples: once per call, at its start, before the step. This is the
+ * only plant for which two steps of h differ from one of 2 h. latency = 1: outputs are for the step
+ * after the next communication point, for masters that transfer them one step late (Jacobi).
  * Equations: docs/models.md I. Sources: Hunt & Crossley 1975 (contact). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
@@ -29,8 +30,8 @@ typedef struct {
     double latch_enable, release;
 } Input;
 typedef struct {
-    Capture now;
-    Wrench wrench; /* in force */
+    MechanismState now;
+    Wrench wrench; /* published at the last step */
     double missed, peak;
 } State;
 typedef struct {
@@ -54,7 +55,7 @@ static const Variable variables[] = {
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
     SWITCH_INPUT(latch_enable, "1: the latch is armed"),
-    SWITCH_INPUT(release, "1: let go"),
+    SWITCH_INPUT(release, "1: release"),
 
     OUTPUT(F_contact_S, "N", "force on the servicer, servicer axes"),
     OUTPUT(M_contact_S, "N.m", "torque on the servicer about its centre of mass, servicer axes"),
@@ -90,11 +91,11 @@ static void check(const Parameters *p, Problems *problems) { check_docking(probl
 typedef struct {
     vec3_pair p; /* p_PS_S, p_QT_T */
     quat_pair q; /* q_PS, q_QT */
-} Ports;
+} PortGeometry;
 
-static Ports ports(const Parameters *p)
+static PortGeometry port_geometry(const Parameters *p)
 {
-    Ports of;
+    PortGeometry of;
     set_vec(&of.p, BODY_S, p->p_PS_S);
     set_vec(&of.p, BODY_T, p->p_QT_T);
     set_quat(&of.q, BODY_S, canonical(p->q_PS));
@@ -102,7 +103,7 @@ static Ports ports(const Parameters *p)
     return of;
 }
 
-static PortState port_state(const Ports *restrict p, const TwoBodies *restrict x,
+static PortState port_state(const PortGeometry *restrict p, const TwoBodies *restrict x,
                             const mat3_pair *restrict C)
 {
     PortState s;
@@ -127,14 +128,14 @@ static PortState port_state(const Ports *restrict p, const TwoBodies *restrict x
     return s;
 }
 
-static PortState port_state_of(const Ports *p, const TwoBodies *x)
+static PortState port_state_of(const PortGeometry *p, const TwoBodies *x)
 {
-    mat3_pair at = two_attitudes(x);
+    mat3_pair at = attitude_matrices(x);
     return port_state(p, x, &at);
 }
 
-/* an orbit radius costs seven digits: positions are subtracted first */
-static TwoBodies bodies(const Input *u)
+/* positions are subtracted first, because sums with an orbit radius lose seven digits */
+static TwoBodies relative_motion(const Input *u)
 {
     TwoBodies b = {.rho = sub(u->S.r, u->T.r), .drho = sub(u->S.v, u->T.v)};
     set_quat(&b.q, BODY_S, canonical(u->S.q));
@@ -148,21 +149,21 @@ static TwoBodies bodies(const Input *u)
 typedef struct {
     TwoBodies body;
     vec3 I, couple; /* integrals of F_N, M_N */
-    vec3_pair A;    /* and of both torques */
+    vec3_pair A;    /* integrals of both torques */
     double dissipated, drive;
 } Motion;
 typedef struct {
     const Port *port;
-    const Catch *at;
-    Ports ports;
+    const PhaseEntry *entry;
+    PortGeometry port_geometry;
     TwoMasses m;
 } Context;
 
 static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 {
-    mat3_pair at = two_attitudes(&x->body);
-    PortState s = port_state(&c->ports, &x->body, &at);
-    PortLoad load = port_load(c->port, c->at, &s, t);
+    mat3_pair at = attitude_matrices(&x->body);
+    PortState s = port_state(&c->port_geometry, &x->body, &at);
+    PortLoad load = port_load(c->port, c->entry, &s, t);
     vec3 F_N = tmul(s.C_QN, load.F), M_N = tmul(s.C_QN, load.M);
     Wrench on = {.F = F_N};
     for (int i = 0; i < PAIR; i++) set_vec(&on.M, i, add(cross(vec_of(&s.d, i), F_N), M_N));
@@ -175,7 +176,7 @@ static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
     dx->drive = load.P_drive;
 }
 
-RK4(predict, derivative, Context, Motion)
+RK4(integrate_motion, derivative, Context, Motion)
 
 typedef struct {
     TwoMasses m;
@@ -185,25 +186,26 @@ typedef struct {
 static void held_derivative(const HeldLoad *c, double t, const TwoBodies *x, TwoBodies *dx)
 {
     (void)t;
-    mat3_pair at = two_attitudes(x);
+    mat3_pair at = attitude_matrices(x);
     two_bodies_derivative(&c->m, x, &at, &c->on, dx);
 }
 
-RK4(carry, held_derivative, HeldLoad, TwoBodies)
+RK4(propagate_under_load, held_derivative, HeldLoad, TwoBodies)
 
-/* what the sample shows at an inner instant; a latch has no normal force */
-static void look(const Context *c, State *x, const TwoBodies *b, double t)
+/* normal force and depth of the contact at an inner instant of the step; a latch has no contact */
+static void record_contact(const Context *c, State *x, const TwoBodies *b, double t)
 {
-    if (is_latched(c->at)) return;
-    PortState s = port_state_of(&c->ports, b);
-    PortLoad load = port_load(c->port, c->at, &s, t);
+    if (is_latched(c->entry)) return;
+    PortState s = port_state_of(&c->port_geometry, b);
+    PortLoad load = port_load(c->port, c->entry, &s, t);
     x->now.F_inner = larger(x->now.F_inner, load.normal);
     x->peak = larger(x->peak, load.normal);
     if (load.too_deep) x->missed = 1;
 }
 
-/* one force, one line of action: m is the mean of r_S - r_T while F is held */
-static Wrench balanced(const TwoMasses *m, const TwoBodies *b, const Motion *end, double h)
+/* mean wrench of the step, with both forces on one line of action; `mean` is the mean of r_S - r_T
+ * under a constant F */
+static Wrench balanced_wrench(const TwoMasses *m, const TwoBodies *b, const Motion *end, double h)
 {
     Wrench w = {.F = scale(1 / h, end->I)};
     vec3 M_S = scale(1 / h, vec_of(&end->A, BODY_S)), M_T = scale(1 / h, vec_of(&end->A, BODY_T));
@@ -214,7 +216,7 @@ static Wrench balanced(const TwoMasses *m, const TwoBodies *b, const Motion *end
     return w;
 }
 
-/* C(q_m): mean attitude of the step */
+/* C(q_m), the mean attitude during the step */
 static mat3 mean_attitude(const TwoBodies *b, const TwoBodies *end, int i, double h)
 {
     vec3 a = scale(h / 6, add(scale(2, vec_of(&b->w, i)), vec_of(&end->w, i)));
@@ -225,20 +227,20 @@ static void publish_loads(const TwoBodies *b, const TwoBodies *end, const Wrench
                           Output *y)
 {
     mat3 C_SN = mean_attitude(b, end, BODY_S, h), C_TN = mean_attitude(b, end, BODY_T, h);
-    vec3 none = vec(0, 0, 0); /* no load has no sign, predicted or not */
+    vec3 none = vec(0, 0, 0); /* 0 + x: a zero load is +0, never -0 */
     y->F_contact_S = add(none, mul(C_SN, w->F));
     y->M_contact_S = add(none, mul(C_SN, vec_of(&w->M, BODY_S)));
     y->F_T = sub(none, mul(C_TN, w->F));
     y->M_T = add(none, mul(C_TN, vec_of(&w->M, BODY_T)));
 }
 
-static void act(const Parameters *p, State *x, TwoBodies b, double t, double h, Output *y)
+static void predict_load(const Parameters *p, State *x, TwoBodies b, double t, double h, Output *y)
 {
-    const Context c = {&p->port, &x->now.at, ports(p),
+    const Context c = {&p->port, &x->now.entry, port_geometry(p),
                        two_masses(p->mass_S, p->J_S, p->mass_T, p->J_T)};
     if (p->latency) {
         const HeldLoad before = {c.m, x->wrench};
-        carry(&before, t, h, &b);
+        propagate_under_load(&before, t, h, &b);
         normalise(&b);
         t += h;
     }
@@ -246,13 +248,13 @@ static void act(const Parameters *p, State *x, TwoBodies b, double t, double h, 
     double n = ceiling_of(h / p->max_step - 1e-9), dt = h / n;
     x->now.F_inner = 0;
     for (double i = 0; i < n; i++) {
-        predict(&c, t + i * dt, dt, &x_t);
+        integrate_motion(&c, t + i * dt, dt, &x_t);
         normalise(&x_t.body);
-        look(&c, x, &x_t.body, t + (i + 1) * dt);
+        record_contact(&c, x, &x_t.body, t + (i + 1) * dt);
     }
-    PortState s = port_state_of(&c.ports, &x_t.body);
-    y->energy_elastic = port_load(&p->port, &x->now.at, &s, t + h).U;
-    x->wrench = balanced(&c.m, &b, &x_t, h);
+    PortState s = port_state_of(&c.port_geometry, &x_t.body);
+    y->energy_elastic = port_load(&p->port, &x->now.entry, &s, t + h).U;
+    x->wrench = balanced_wrench(&c.m, &b, &x_t, h);
     x->now.load_force = norm(x->wrench.F);
     x->now.load_moment = norm(scale(1 / h, x_t.couple));
     x->now.dissipated += x_t.dissipated;
@@ -273,7 +275,7 @@ static void publish_pose(const PortState *s, Output *y)
 
 static void publish(const State *x, Output *y)
 {
-    double phase = x->now.at.phase;
+    double phase = x->now.entry.phase;
     y->phase = phase;
     y->contact = phase == CONTACT;
     y->soft = phase == SOFT;
@@ -289,15 +291,15 @@ static void publish(const State *x, Output *y)
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    Ports of = ports(p);
-    TwoBodies b = bodies(u);
+    PortGeometry of = port_geometry(p);
+    TwoBodies b = relative_motion(u);
     PortState s = port_state_of(&of, &b);
-    *x = (State){.now.at = {.phase = FREE, .t_phase = t, .q_R = {1, 0, 0, 0}}};
+    *x = (State){.now.entry = {.phase = FREE, .t_phase = t, .q_R = {1, 0, 0, 0}}};
     publish_pose(&s, y);
     publish(x, y);
 }
 
-static void rest(State *x, Output *y)
+static void clear_loads(State *x, Output *y)
 {
     vec3 none = vec(0, 0, 0);
     x->wrench = (Wrench){.F = none};
@@ -306,36 +308,37 @@ static void rest(State *x, Output *y)
     y->energy_elastic = 0;
 }
 
-/* so far from the mouth, or from the material of T, nothing can act within two steps */
+/* whether the tip is so far from mouth and material of T that no load can act within two steps */
 static int is_far(const Parameters *p, const State *x, const PortState *s, double h)
 {
-    int idle = x->now.at.phase == FREE || x->now.at.phase == BROKEN;
-    double r = sqrt(s->e.y * s->e.y + s->e.z * s->e.z), way = 4 * h * norm(s->u);
+    int idle = x->now.entry.phase == FREE || x->now.entry.phase == BROKEN;
+    double r = sqrt(s->e.y * s->e.y + s->e.z * s->e.z), path = 4 * h * norm(s->u);
     double outside = larger(s->e.x, r - p->port.face_radius);
-    return idle && (norm(s->e) > 1 + way || outside > 0.1 + way);
+    return idle && (norm(s->e) > 1 + path || outside > 0.1 + path);
 }
 
-/* masters add up their times: a step that stands for whole internal steps is exactly that long */
+/* masters accumulate rounding errors in time: a step within the tolerance of a whole number of
+ * internal steps gets exactly that length */
 static double exact_step(double h, double max_step)
 {
     double whole = grid_number(h, max_step);
-    return whole > 0 ? whole * max_step : h; /* NaN: between two */
+    return whole > 0 ? whole * max_step : h; /* NaN: no grid point */
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     t = grid_time(t, p->max_step).t;
     h = exact_step(h, p->max_step);
-    Ports of = ports(p);
-    TwoBodies b = bodies(u);
+    PortGeometry of = port_geometry(p);
+    TwoBodies b = relative_motion(u);
     PortState s = port_state_of(&of, &b);
-    events(p, u->latch_enable > 0, u->release > 0, &x->now, &s, t);
-    PortLoad now = port_load(&p->port, &x->now.at, &s, t);
+    update_phase(p, u->latch_enable > 0, u->release > 0, &x->now, &s, t);
+    PortLoad now = port_load(&p->port, &x->now.entry, &s, t);
     if (now.too_deep) x->missed = 1;
     y->normal_force = now.normal;
     publish_pose(&s, y);
-    if (is_far(p, x, &s, h)) rest(x, y);
-    else act(p, x, b, t, h, y);
+    if (is_far(p, x, &s, h)) clear_loads(x, y);
+    else predict_load(p, x, b, t, h, y);
     publish(x, y);
 }
 

@@ -1,4 +1,4 @@
-/* flexible_servicer.c - servicer whose solar panels swing and whose propellant sloshes.
+/* flexible_servicer.c - servicer with hinged solar panels and sloshing propellant.
  *
  *   [ U    V ] [ A     ]   [ F_S - omega x (omega x s) - N_F - sum g p                          ]
  *   [ V^T  W ] [ alpha ] = [ M - omega x (I omega + A_w Omega) - A_w dOmega/dt - N_M - sum g l ]
@@ -6,11 +6,12 @@
  *   dv/dt = f + C_SN^T A,   domega/dt = alpha,   q_k'' = g_k - (p_k.A + l_k.alpha)/M_k
  *
  * Up to four panels, each hinged to the hub with spring and damper, and up to four masses that
- * slosh along a line; moving_parts.h has M, p, l, g of a coordinate. S is a point of the hub, where
- * the centre of mass C of the undeformed vehicle lies: a force through S turns a deformed vehicle.
- * f: gravity and disturbance at C, the same for all parts; gravity gradient acts on every part. The
- * hub is held before t_att, the coordinates move from the start on. Without panels and slosh it is
- * servicer. Classical Runge-Kutta on the grid k * max_step/n, n of (12) of docs/models.md L. */
+ * slosh along a line; moving_parts.h defines M, p, l, g of a coordinate. S is the point of the hub
+ * where the centre of mass C of the undeformed vehicle lies: a force through S turns a deformed
+ * vehicle. f: gravity and disturbance at C, the same for all parts; the gravity gradient acts on
+ * every part. Before t_att the attitude of the hub is held, while the coordinates move. Without
+ * panels and slosh the model equals `servicer`. Classical Runge-Kutta on the grid k * max_step/n, n
+ * of (12) of docs/models.md L. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "flexible_rules.h"
 #include "rk4.h"
@@ -20,11 +21,11 @@ typedef struct { BaseInput base; } Input;
 typedef struct {
     BaseState base;
     double q[PARTS], dq[PARTS]; /* angles of the panels, displacements of the slosh masses */
-    double dissipated[2]; /* energy that the dampers of panels and of slosh masses have taken */
+    double dissipated[2];       /* energy dissipated by the dampers of panels, of slosh masses */
 } Motion;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* these two of the parameters alone */
+    Vehicle vehicle; /* vehicle and substeps depend on the parameters only */
     double substeps; /* n of (12) */
 } State;
 typedef struct {
@@ -60,14 +61,15 @@ static const Model start = {
                     .travel = {0.15, 0.15, 0.15, 0.15}}},
 };
 
-/* a vector for each panel or mass */
+/* one vector per panel or mass */
 #define TRIPLES(name, member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, name, member, 3, unit, text, ANY_VALUE)
 
 static const Variable variables[] = {
     BASE_PARAMETERS,
     NONNEGATIVE_AS("panel_mass", panel.mass, "kg", "mass of the panels; 0 = no such panel"),
-    TRIPLES("panel_hinge_S", panel.hinge_S, "m", "hinges of the panels, from S, one row each"),
+    TRIPLES("panel_hinge_S", panel.hinge_S, "m",
+            "positions of the hinges of the panels from S, one row each"),
     TRIPLES("panel_arm_S", panel.arm_S, "m",
             "from the hinge to the centre of mass of the panel at angle 0, one row each"),
     TRIPLES("panel_axis_S", panel.axis_S, "1",
@@ -76,27 +78,27 @@ static const Variable variables[] = {
             "moments of inertia of the panels about their centres of mass along arm, axis, and "
             "arm x axis, one row each"),
     PARAMETER_AS("panel_frequency", panel.frequency, "rad/s",
-                 "frequency of the panels on a hub that is held still; 0 = free hinge"),
+                 "natural frequency of the panels on a fixed hub; 0 = free hinge"),
     PARAMETER_AS("panel_damping_ratio", panel.damping_ratio, "1",
-                 "damping of the panels on a hub that is held still, share of critical"),
+                 "damping ratio of the panels on a fixed hub"),
     PARAMETER_AS("panel_angle_0", panel.angle_0, "rad", "angles of the panels at the start"),
     PARAMETER_AS("panel_rate_0", panel.rate_0, "rad/s", "rates of the panels at the start"),
     NONNEGATIVE_AS("slosh_mass_0", slosh.mass_0, "kg", "sloshing masses at the start; 0 = none"),
     TRIPLES("slosh_position_S", slosh.position_S, "m",
-            "places of the sloshing masses at rest, from S, one row each"),
+            "positions of the sloshing masses at rest from S, one row each"),
     TRIPLES("slosh_axis_S", slosh.axis_S, "1",
             "directions of the sloshing masses, any length, one row each"),
     PARAMETER_AS("slosh_frequency", slosh.frequency, "rad/s",
-                 "frequency of the sloshing masses in a hub that is held still"),
+                 "natural frequency of the sloshing masses in a fixed hub"),
     PARAMETER_AS("slosh_damping_ratio", slosh.damping_ratio, "1",
-                 "damping of the sloshing masses in a hub that is held still, share of critical"),
+                 "damping ratio of the sloshing masses in a fixed hub"),
     PARAMETER_AS("slosh_displacement_0", slosh.displacement_0, "m",
                  "displacements of the sloshing masses at the start"),
     PARAMETER_AS("slosh_rate_0", slosh.rate_0, "m/s", "rates of the sloshing masses at the start"),
     PARAMETER_AS("slosh_travel", slosh.travel, "m",
                  "largest displacement that the tank allows, for the alarm; 0 = no limit"),
     PARAMETER_AS("slosh_draw", slosh.draw, "1",
-                 "share of the propellant consumption that a sloshing mass gives"),
+                 "share of the propellant consumption taken from a sloshing mass"),
 
     BASE_INPUTS,
 
@@ -105,10 +107,11 @@ static const Variable variables[] = {
     OUTPUT(panel_rate, "rad/s", "rates of the panels"),
     OUTPUT(slosh_displacement, "m", "displacements of the sloshing masses along their axes"),
     OUTPUT(slosh_rate, "m/s", "rates of the sloshing masses along their axes"),
-    NONNEGATIVE_OUTPUT(slosh_mass, "kg", "sloshing masses with the propellant left"),
+    NONNEGATIVE_OUTPUT(slosh_mass, "kg", "sloshing masses including the remaining propellant"),
     ROW_AS(OUTPUT_ROW, y, "hub_mass", hub_mass, 1, "kg",
-           "mass of the hub with the propellant left, without panels and slosh", POSITIVE_VALUE),
-    OUTPUT(r_CS_S, "m", "centre of mass of the vehicle as it is, from S, body axes"),
+           "mass of the hub including its remaining propellant, without panels and slosh",
+           POSITIVE_VALUE),
+    OUTPUT(r_CS_S, "m", "present centre of mass of the vehicle from S, body axes"),
     OUTPUT(r_CN_N, "m", "position of the centre of mass, N axes"),
     OUTPUT(v_CN_N, "m/s", "velocity of the centre of mass, N axes"),
     OUTPUT(h_N, "N.m.s", "angular momentum about the centre of mass, wheels included, N axes"),
@@ -127,12 +130,12 @@ typedef struct {
     const Parameters *p;
     const Vehicle *v;
     Interval held;
-    vec3 F, M; /* of actuators, contact and accelerating wheels, which hold as well */
+    vec3 F, M; /* load of actuators, contact and wheel acceleration, also constant over the step */
 } Context;
 
 static Context context(const Parameters *p, const State *x, const Input *u, const Substep *s)
 {
-    Context c = {p, &x->vehicle, interval(&p->base, &u->base, &x->now.base, s), {0}, {0}};
+    Context c = {.p = p, .v = &x->vehicle, .held = interval(&p->base, &u->base, &x->now.base, s)};
     c.F = force_S(&u->base);
     c.M = sub(torque_S(&u->base), mul(p->base.A_w, c.held.wheel_accel));
     return c;
@@ -143,23 +146,23 @@ static vec3 hub_rate(int released, const BaseState *x)
     return released ? x->omega : vec(0, 0, 0);
 }
 
-static void place(Placement *at, const Vehicle *v, const Motion *x)
+static void place_vehicle(Placement *at, const Vehicle *v, const Motion *x)
 {
     place_parts(at, v, v->mass_0 - x->base.mass, x->q, x->dq);
 }
 
-/* (8): the centre of mass in N */
+/* (8): motion of the centre of mass, N axes */
 static PosVel centre_of_mass(const Placement *at, const BaseState *x, const mat3 *C_SN, vec3 omega)
 {
     return (PosVel){add(x->r, tmul(*C_SN, at->c)),
                     add(x->v, tmul(*C_SN, add(cross(omega, at->c), at->dc)))};
 }
 
-static Tide tide_at(const BaseParameters *p, const mat3 *C_SN, vec3 r_CN_N)
+static TidalField tidal_field(const BaseParameters *p, const mat3 *C_SN, vec3 r_CN_N)
 {
-    if (!p->use_gravity_gradient || p->orbit.mu == 0) return (Tide){0, {0, 0, 0}};
+    if (!p->use_gravity_gradient || p->orbit.mu == 0) return (TidalField){0, {0, 0, 0}};
     double r = norm(r_CN_N);
-    return (Tide){p->orbit.mu / (r * r * r), scale(1 / r, mul(*C_SN, r_CN_N))};
+    return (TidalField){p->orbit.mu / (r * r * r), scale(1 / r, mul(*C_SN, r_CN_N))};
 }
 
 /* (7) and, from it, (6) */
@@ -170,22 +173,22 @@ static void flexible_rates(const Context *c, double t, const Motion *x, Motion *
     vec3 w = hub_rate(held->released, &x->base);
     mat3 C_SN = dcm_of_mrp(x->base.sigma);
     Placement at;
-    Inertia felt;
-    place(&at, c->v, x);
-    feel_inertia(&felt, c->v, &at);
+    EffectiveInertia effective;
+    place_vehicle(&at, c->v, x);
+    set_effective_inertia(&effective, c->v, &at);
     PosVel C = centre_of_mass(&at, &x->base, &C_SN, w);
-    Tide field = tide_at(p, &C_SN, C.r);
-    Drift own;
-    drift(&own, &at, w, &field);
+    TidalField field = tidal_field(p, &C_SN, C.r);
+    BiasTerms bias;
+    set_bias_terms(&bias, &at, w, &field);
 
-    vec3 momentum = add(sym_mul(felt.I, w), mul(p->A_w, x->base.wheel_speed));
-    vec3 F = sub(sub(c->F, cross(w, cross(w, at.s))), own.F);
-    vec3 M = add(c->M, sinusoid(&p->M_dist_S, held->since, t));
-    if (field.g != 0) M = add(M, tidal_torque(&field, &at, &felt.I));
-    M = sub(sub(M, cross(w, momentum)), own.M);
+    vec3 momentum = add(sym_mul(effective.I, w), mul(p->A_w, x->base.wheel_speed));
+    vec3 F = sub(sub(c->F, cross(w, cross(w, at.s))), bias.F);
+    vec3 M = add(c->M, sinusoid(&p->M_dist_S, held->step_start, t));
+    if (field.g != 0) M = add(M, tidal_torque(&field, &at, &effective.I));
+    M = sub(sub(M, cross(w, momentum)), bias.M);
 
-    Acceleration a = acceleration(&felt, F, M, !held->released);
-    vec3 f = add(free_fall_N(p, &C.r, &C.v, held->since, t),
+    Acceleration a = acceleration(&effective, F, M, !held->released);
+    vec3 f = add(free_fall_N(p, &C.r, &C.v, held->step_start, t),
                  velocity_turning_N(p, held->released, &x->base, C.v));
     *dx = (Motion){.dissipated = {0}};
     dx->base.r = x->base.v;
@@ -195,10 +198,10 @@ static void flexible_rates(const Context *c, double t, const Motion *x, Motion *
     dx->base.mass = -held->u->mdot;
     if (held->released) dx->base.wheel_speed = held->wheel_accel;
     for (int i = 0; i < at.count; i++) {
-        const Placed *b = &at.part[i];
+        const PlacedPart *b = &at.part[i];
         dx->q[b->k] = b->rate;
-        dx->dq[b->k] = own.g[i] - b->of->push * dot(b->t, a.A) - dot(b->L, a.alpha);
-        dx->dissipated[b->k >= PANELS] += b->of->damping * b->M * b->rate * b->rate;
+        dx->dq[b->k] = bias.g[i] - b->part->P_size * dot(b->t, a.A) - dot(b->L, a.alpha);
+        dx->dissipated[b->k >= PANELS] += b->part->damping * b->M * b->rate * b->rate;
     }
 }
 
@@ -211,8 +214,8 @@ static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 RK4(integrate, derivative, Context, Motion)
 
 /* ---- outputs ---- */
-/* (11): of the motion about S, h = I w + sum l q', 2 T = w.(I w) + 2 w.sum l q' + sum M q'^2, less
- * that of C */
+/* (11): momentum and energy about C: the terms of the motion about S, h = I w + sum l q',
+ * 2 T = w.(I w) + 2 w.sum l q' + sum M q'^2, minus the terms of a mass m that moves with C */
 static void publish_momentum(const Parameters *p, const Vehicle *v, const Placement *at,
                              const mat3 *C_SN, Output *y)
 {
@@ -220,10 +223,10 @@ static void publish_momentum(const Parameters *p, const Vehicle *v, const Placem
     vec3 Iw = sym_mul(inertia_about_S(v, at), w), wheels = mul(p->base.A_w, y->base.wheel_speed);
     double twice_T = 0, twice_V = 0;
     for (int i = 0; i < at->count; i++) {
-        const Placed *b = &at->part[i];
+        const PlacedPart *b = &at->part[i];
         of_parts = add(of_parts, scale(b->M * b->rate, b->L));
         twice_T += b->M * b->rate * b->rate;
-        twice_V += b->M * b->of->stiffness * b->q * b->q;
+        twice_V += b->M * b->part->stiffness * b->q * b->q;
     }
     twice_T += dot(w, Iw) + 2 * dot(w, of_parts) - at->m * dot(v_c, v_c);
     vec3 of_C = scale(at->m, cross(at->c, v_c));
@@ -254,7 +257,7 @@ static void publish(const Parameters *p, const State *x, Output *y, double t)
     const Motion *now = &x->now;
     mat3 C_SN = dcm_of_mrp(now->base.sigma);
     Placement at;
-    place(&at, &x->vehicle, now);
+    place_vehicle(&at, &x->vehicle, now);
     publish_base(&p->base, &now->base, &y->base, t);
     PosVel C = centre_of_mass(&at, &now->base, &C_SN, y->base.omega_SN_S);
     y->hub_mass = at.hub_mass;
@@ -283,11 +286,11 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     double grid = p->base.max_step / x->substeps;
     for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s)) {
-        const Context held = context(p, x, u, &s);
-        integrate(&held, s.t, s.h, &x->now);
+        const Context constant = context(p, x, u, &s);
+        integrate(&constant, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
         if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0)
-            break; /* refused: nothing to follow */
+            break; /* the adapter rejects this result */
     }
     publish(p, x, y, t + h);
 }

@@ -1,11 +1,11 @@
-/* gyro.c - rate-integrating gyro, coning compensated: the turn over the last period.
+/* gyro.c - rate-integrating gyro, coning compensated: the rotation over the last period.
  *
  *   phi = rotation vector of q_SN(n-1)* q_SN(n)
  *   b+  = b + sigma_u sqrt(P) z_3..5
  *   m   = (I + M) phi + P (b + b+)/2 + sqrt(sigma_v^2 P + sigma_u^2 P^3/12) z_0..2
  *
- * With a quantum the residue of the rounding is carried to the next increment. The first sample
- * only takes the attitude. Source: Farrenkopf 1978; equations: docs/models.md F.2. */
+ * With a quantum, the rounding residue is added to the next increment. The first sample records the
+ * attitude only. Source: Farrenkopf 1978; equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 #include "small_rotation.h"
@@ -46,13 +46,14 @@ static const Variable variables[] = {
     NONNEGATIVE(sigma_v, "1", "angle random walk [rad/s^0.5]"),
     NONNEGATIVE(sigma_u, "1", "rate random walk [rad/s^1.5]"),
     PARAMETER(bias_0, "rad/s", "bias at the start, body axes"),
-    NONNEGATIVE(sigma_bias_0, "rad/s", "spread of the bias at the start about bias_0, per axis"),
+    NONNEGATIVE(sigma_bias_0, "rad/s",
+                "standard deviation of the bias at the start about bias_0, per axis"),
     MATRIX(misalignment, "1", "scale factor errors (diagonal) and misalignments, body axes"),
     NONNEGATIVE(quantum, "rad", "quantum of the increments; 0 = none"),
 
     INPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
 
-    OUTPUT(dtheta_S, "rad", "measured rotation vector of the turn over the last period, body axes"),
+    OUTPUT(dtheta_S, "rad", "measured rotation vector over the last period, body axes"),
     OUTPUT(gyro_time, "s", "time at which the increment ends; -1 = none yet"),
     FLAG(gyro_valid, "1: an increment ends at gyro_time"),
     OUTPUT(bias_S, "rad/s", "true bias, body axes"),
@@ -64,13 +65,13 @@ static vec3 quantised(double quantum, vec3 m, vec3 *residue)
 {
     if (quantum == 0) return m;
     vec3 a = add(*residue, m);
-    vec3 whole = scale(quantum, vec(nearest_whole(a.x / quantum), nearest_whole(a.y / quantum),
-                                    nearest_whole(a.z / quantum)));
-    *residue = sub(a, whole);
-    return whole;
+    vec3 rounded = scale(quantum, vec(nearest_whole(a.x / quantum), nearest_whole(a.y / quantum),
+                                      nearest_whole(a.z / quantum)));
+    *residue = sub(a, rounded);
+    return rounded;
 }
 
-static vec3 increment(const Parameters *p, vec3 phi, State *x, const Draws *d)
+static vec3 measured_increment(const Parameters *p, vec3 phi, State *x, const Draws *d)
 {
     double P = p->sample_period;
     vec3 before = x->bias;
@@ -87,7 +88,7 @@ static void measure(const Parameters *p, const Input *u, State *x, Output *y, Sa
     quat q = canonical(u->q_SN);
     y->dtheta_S = vec(0, 0, 0);
     if (x->started > 0)
-        y->dtheta_S = increment(p, rotation_vector(product(conjugate(x->q), q)), x, &d);
+        y->dtheta_S = measured_increment(p, rotation_vector(product(conjugate(x->q), q)), x, &d);
     y->gyro_time = s.t;
     y->gyro_valid = x->started;
     y->bias_S = x->bias;

@@ -1,10 +1,10 @@
-/* ideal_propulsion.c - force and torque as commanded, after saturation and a first-order lag.
+/* ideal_propulsion.c - commanded force and torque after saturation and a first-order lag.
  *
  *   c = command limited per axis;   tau dF/dt = c - F   (tau = 0: F = c)
  *   impulse = integral |F| dt per axis,   mdot = (|F_x| + |F_y| + |F_z|) / (Isp g_0)
  *
- * Exact for a command held over the step. A plant that holds this wrench over the next step uses
- * its value at the end of the step; the difference is of first order in step/tau. Equations:
+ * The solution is exact for a command that is constant over the step. A plant applies the wrench of
+ * the end of a step over the next step; the difference is of first order in step/tau. Equations:
  * docs/models.md A.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
@@ -49,32 +49,32 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems) { (void)p, (void)problems; }
 
-/* integral of F over h for a lag from F towards c without a change of sign */
+/* integral of F over h while F approaches c without a change of sign */
 static double lag_integral(double F, double c, double tau, double h)
 {
     return c * h - (F - c) * tau * exponential_less_1(-h / tau);
 }
 
-/* one axis over an internal step: F(t+h) = c + (F-c) exp(-h/tau), and the integral of |F|, split
- * where F crosses zero */
-static void lag(double *F, double *impulse, double c, double tau, double h)
+/* one axis over an internal step: F(t+h) = c + (F-c) exp(-h/tau), and the integral of |F|, split at
+ * the zero crossing of F */
+static void advance_lag(double *F, double *impulse, double c, double tau, double h)
 {
     double before = *F, after = tau > 0 ? before - (before - c) * -exponential_less_1(-h / tau) : c;
     *F = after;
     if (tau == 0) *impulse += fabs(c) * h;
     else if (before * after >= 0) *impulse += fabs(lag_integral(before, c, tau, h));
     else {
-        double zero = tau * logarithm((before - c) / -c);
+        double t_zero = tau * logarithm((before - c) / -c);
         *impulse +=
-            fabs(lag_integral(before, c, tau, zero)) + fabs(lag_integral(0, c, tau, h - zero));
+            fabs(lag_integral(before, c, tau, t_zero)) + fabs(lag_integral(0, c, tau, h - t_zero));
     }
 }
 
-static void lag3(vec3 *F, vec3 *impulse, vec3 c, double tau, double h)
+static void advance_lag_3(vec3 *F, vec3 *impulse, vec3 c, double tau, double h)
 {
-    lag(&F->x, &impulse->x, c.x, tau, h);
-    lag(&F->y, &impulse->y, c.y, tau, h);
-    lag(&F->z, &impulse->z, c.z, tau, h);
+    advance_lag(&F->x, &impulse->x, c.x, tau, h);
+    advance_lag(&F->y, &impulse->y, c.y, tau, h);
+    advance_lag(&F->z, &impulse->z, c.z, tau, h);
 }
 
 static void publish(const Parameters *p, const Input *u, const State *x, Output *y)
@@ -91,18 +91,18 @@ static void publish(const Parameters *p, const Input *u, const State *x, Output 
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    double immediate = p->tau == 0; /* with a lag the thrust starts from zero */
+    double no_lag = p->tau == 0; /* 0: with a lag the thrust starts from zero */
     (void)t;
-    *x = (State){.F = scale(immediate, limited3(u->F_cmd_S, p->F_max)),
-                 .M = scale(immediate, limited3(u->M_cmd_S, p->M_max))};
+    *x = (State){.F = scale(no_lag, limited3(u->F_cmd_S, p->F_max)),
+                 .M = scale(no_lag, limited3(u->M_cmd_S, p->M_max))};
     publish(p, u, x, y);
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
-        lag3(&x->F, &x->impulse, limited3(u->F_cmd_S, p->F_max), p->tau, s.h);
-        lag3(&x->M, &x->torque_impulse, limited3(u->M_cmd_S, p->M_max), p->tau, s.h);
+        advance_lag_3(&x->F, &x->impulse, limited3(u->F_cmd_S, p->F_max), p->tau, s.h);
+        advance_lag_3(&x->M, &x->torque_impulse, limited3(u->M_cmd_S, p->M_max), p->tau, s.h);
     }
     publish(p, u, x, y);
 }

@@ -2,7 +2,7 @@
  *
  *   r_fix = r + sigma_fix_r z_0..2,   v_fix = v + sigma_fix_v z_3..5
  *
- * No fix in an outage or where dropped (u_6 < p_drop). Equations: docs/models.md F.2. */
+ * There is no fix during an outage or a drop-out (u_6 < p_drop). Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 

@@ -5,9 +5,9 @@
  *   r_GK_K = r + sigma_r(|r|) (o) z_0..2,                     q_TK = q rot(sigma_t(|r|) z_3..5)
  *
  * G is the origin of the model of the target that the camera tracks. Outliers, flips (half a turn
- * about flip_axis, for a target that looks the same) and a fault (the position drifts, the attitude
- * is turned) come on top, unseen by pose_valid. A sample is published `latency` later, from a ring
- * of the last 8. Equations: docs/models.md F.2. */
+ * about flip_axis, for a target with this symmetry) and a fault (drift of the position, rotation of
+ * the attitude) are added; pose_valid does not show them. A sample is published after `latency`,
+ * from a ring buffer of the last 8. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "pose_noise.h"
@@ -45,7 +45,7 @@ MODEL_STRUCT;
 enum {
     OUT_OF_VIEW = 1,
     OUT_OF_RANGE = 2,
-    DAZZLED = 4,
+    SUN_IN_CONE = 4,
     IN_OUTAGE = 8,
     DROPPED = 16,
     OUTLIER = 32,
@@ -85,8 +85,7 @@ static const Variable variables[] = {
     NONNEGATIVE(outlier_r, "m", "largest outlier of the position, per axis"),
     NONNEGATIVE(outlier_theta, "rad", "largest outlier of the attitude, per axis"),
     NONNEGATIVE(p_flip, "1",
-                "probability that the target is taken for itself turned by half a "
-                "turn"),
+                "probability of an attitude that is wrong by half a turn about flip_axis"),
     PARAMETER(flip_axis, "1", "axis of the half turn of p_flip, unit vector, target axes"),
     SUN_ROWS(sun),
     OUTAGE_ROWS(outage),
@@ -122,7 +121,7 @@ static void check(const Parameters *p, Problems *problems)
     check_latency(problems, p->latency, p->sample_period);
 }
 
-static vec3 position_seen(const Parameters *p, const Input *u, quat q_KN)
+static vec3 true_position(const Parameters *p, const Input *u, quat q_KN)
 {
     vec3 point = add(sub(u->r_TN_N, u->r_SN_N), tmul(dcm_of_quat(canonical(u->q_TN)), p->p_GT_T));
     return sub(mul(dcm_of_quat(q_KN), point),
@@ -134,7 +133,7 @@ static int status(const Parameters *p, vec3 r, quat q_KN, double t, const Draws 
     double R = norm(r);
     return OUT_OF_VIEW * (angle(r, vec(1, 0, 0)) > p->fov) |
            OUT_OF_RANGE * (R < p->range_min || R > p->range_max) |
-           DAZZLED * dazzled(&p->sun, q_KN) | IN_OUTAGE * in_outage(&p->outage, t) |
+           SUN_IN_CONE * sun_in_cone(&p->sun, q_KN) | IN_OUTAGE * in_outage(&p->outage, t) |
            DROPPED * dropped(&p->outage, uniform(d, 6)) | OUTLIER * (uniform(d, 7) < p->p_outlier) |
            FLIP * (uniform(d, 14) < p->p_flip);
 }
@@ -147,41 +146,42 @@ static Output pose_with_noise(const Parameters *p, vec3 r, quat q, const Draws *
     return (Output){.r_GK_K = add(r, dr), .q_TK = product(q, rotation(dtheta))};
 }
 
-static void spoil(const Parameters *p, Output *pose, int what, const Draws *d)
+static void add_outliers(const Parameters *p, Output *pose, int status_bits, const Draws *d)
 {
-    if (what & OUTLIER) {
-        pose->r_GK_K = add(pose->r_GK_K, scale(p->outlier_r, symmetric(d, 8)));
-        pose->q_TK = product(pose->q_TK, rotation(scale(p->outlier_theta, symmetric(d, 11))));
+    if (status_bits & OUTLIER) {
+        pose->r_GK_K = add(pose->r_GK_K, scale(p->outlier_r, symmetric_uniforms(d, 8)));
+        pose->q_TK =
+            product(pose->q_TK, rotation(scale(p->outlier_theta, symmetric_uniforms(d, 11))));
     }
-    if (what & FLIP)
+    if (status_bits & FLIP)
         pose->q_TK = product(pose->q_TK, (quat){0, p->flip_axis.x, p->flip_axis.y, p->flip_axis.z});
 }
 
-/* a fault of the tracker that nothing in the pose shows */
-static void mislead(const Parameters *p, Output *pose, double t)
+/* fault of the tracker, which pose_valid and pose_status do not show */
+static void add_fault(const Parameters *p, Output *pose, double t)
 {
-    double since = t - p->fault_start;
+    double elapsed = t - p->fault_start;
     if (!reached(t, p->fault_start) || reached(t, p->fault_start + p->fault_duration)) return;
-    pose->r_GK_K = add(pose->r_GK_K, scale(since, p->fault_drift_K));
+    pose->r_GK_K = add(pose->r_GK_K, scale(elapsed, p->fault_drift_K));
     pose->q_TK = product(pose->q_TK, rotation(p->fault_theta_T));
 }
 
-static Output seen(const Parameters *p, const Input *u, Sample s)
+static Output measured_pose(const Parameters *p, const Input *u, Sample s)
 {
     const Draws d = draws_of_sample(&p->random, s.index);
     quat q_KN = canonical(product(u->q_SN, p->camera.q_KS));
-    vec3 r = position_seen(p, u, q_KN);
-    int what = status(p, r, q_KN, s.t, &d), valid = what % OUTLIER == 0;
+    vec3 r = true_position(p, u, q_KN);
+    int status_bits = status(p, r, q_KN, s.t, &d), valid = status_bits % OUTLIER == 0;
     Output pose = {.q_TK = {1, 0, 0, 0}};
     if (valid) {
         pose = pose_with_noise(p, r, product(conjugate(q_KN), canonical(u->q_TN)), &d);
-        spoil(p, &pose, what, &d);
-        mislead(p, &pose, s.t);
+        add_outliers(p, &pose, status_bits, &d);
+        add_fault(p, &pose, s.t);
         pose.q_TK = canonical(pose.q_TK);
     }
     pose.pose_time = s.t;
     pose.pose_valid = valid;
-    pose.pose_status = what;
+    pose.pose_status = status_bits;
     return pose;
 }
 
@@ -192,6 +192,6 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *y = (Output){.q_TK = {1, 0, 0, 0}, .pose_time = -1};
 }
 
-LATE_STEP(seen)
+LATE_STEP(measured_pose)
 
 FMU_MODEL("pose_sensor", "Camera that measures the pose of the target, with noise and latency");

@@ -1,17 +1,17 @@
-/* propulsion.c - propulsion unit of up to 16 thrusters with switching delay, rise and fall, called
+/* propulsion.c - propulsion unit of up to 16 thrusters with switching delay, rise and fall, sampled
  * every T0.
  *
  *   command   P_nom throttle
  *   delay     a new command is adopted once it has been present for more than Tl/T0 calls
- *           (response: exactly Tl later)
+ *             (response: exactly Tl later)
  *   lag       P += k (delayed - P),   k = T0/T2 or 1 - exp(-T0/T2),
  *           T2 = T2up where delayed is not 0, else T2dn
  *   wrench    F = sum P R,   M = sum (L - D_cm) x (P R),   mdot = sum P / (Isp g_0)
  *   impulse   integral of P: each call adds P T0
  *
- * The calls are at k T0 whatever the communication step: a call reads the inputs of the step it
- * falls in. Between calls the thrust is held, so with a communication step above T0 the wrench seen
- * outside is that of the last call.
+ * The calls are at k T0 for any communication step: a call reads the inputs of the step that
+ * contains it. Between calls the thrust is constant, so with a communication step above T0 the
+ * published wrench is the wrench of the last call.
  * Source: Kozlova & Fomichev 2023; fall constant, moment, delay counter corrected, docs/models.md
  * B.8. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -27,7 +27,7 @@ typedef struct {
 } Parameters;
 typedef struct { double throttle[THRUSTERS]; } Input;
 typedef struct {
-    double command, delayed, waited, thrust, impulse, switches;
+    double command, delayed, calls_waited, thrust, impulse, switches;
 } Engine; /* N, N, calls, N, N.s, 1 */
 typedef struct { Engine engine[THRUSTERS]; } State;
 typedef struct {
@@ -50,15 +50,16 @@ static const Variable variables[] = {
     NONNEGATIVE(T2dn, "s", "time constant of the fall; below T0 the Euler lag acts at once"),
     SWITCH(exact_lag,
            "lag: 0 Euler step (its definition in the paper), 1 exact for a command held over T0"),
-    SWITCH(latch, "1: the counter of the delay runs always, as printed: samples the command every "
-                  "Tl/T0 + 1 calls"),
+    SWITCH(latch, "1: the counter of the delay always runs, as printed: it samples the command "
+                  "every Tl/T0 + 1 calls"),
     NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),
     NONNEGATIVE(fault_kind, "1",
                 "fault, per thruster: 0 none, 1 stuck on, 2 stuck off, 3 reduced to fault_factor"),
-    NONNEGATIVE(fault_factor, "1", "thrust left with fault 3, part of nominal, per thruster"),
+    NONNEGATIVE(fault_factor, "1",
+                "remaining part of the commanded thrust with fault 3, per thruster"),
     PARAMETER(fault_time, "s", "the fault acts from this time on, per thruster"),
 
-    INPUT(throttle, "1", "commanded part of the nominal thrust, per thruster, clipped to 0..1"),
+    INPUT(throttle, "1", "commanded part of the nominal thrust, per thruster, limited to 0..1"),
 
     OUTPUT(F_S, "N", "force on the servicer at the last call, body axes"),
     OUTPUT(M_S, "N.m",
@@ -66,7 +67,8 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(mdot, "kg/s", "propellant consumption"),
     NONNEGATIVE_OUTPUT(thrust, "N", "thrust, per thruster"),
     NONNEGATIVE_OUTPUT(impulse, "N.s", "cumulative impulse, per thruster"),
-    NONNEGATIVE_OUTPUT(switches, "1", "how often the command went from off to on, per thruster"),
+    NONNEGATIVE_OUTPUT(switches, "1",
+                       "number of times that the command went from off to on, per thruster"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -77,21 +79,21 @@ static void check(const Parameters *p, Problems *problems)
         double kind = p->fault_kind[i], factor = p->fault_factor[i];
         snprintf(name, sizeof name, "fault_kind[%d]", i + 1);
         if (kind != floor_of(kind) || kind >= FAULT_KINDS)
-            refuse(problems, name, kind, "must be 0, 1, 2 or 3");
+            reject(problems, name, kind, "must be 0, 1, 2 or 3");
         snprintf(name, sizeof name, "fault_factor[%d]", i + 1);
-        if (factor > 1) refuse(problems, name, factor, "must be in [0, 1]");
+        if (factor > 1) reject(problems, name, factor, "must be in [0, 1]");
     }
 }
 
-/* B.6: the counter runs while the command differs from what is delivered (latch: always) */
-static void delay(const Parameters *p, Engine *e)
+/* B.6: the counter runs while the command differs from the delayed command (latch: always) */
+static void apply_delay(const Parameters *p, Engine *e)
 {
-    int settled = e->command == e->delayed && !p->latch,
-        ripe = e->waited >= p->Tl / p->T0 - ROUNDED_OFF;
-    if (settled || ripe) {
+    int no_change = e->command == e->delayed && !p->latch,
+        delay_over = e->calls_waited >= p->Tl / p->T0 - ROUNDED_OFF;
+    if (no_change || delay_over) {
         e->delayed = e->command;
-        e->waited = 0;
-    } else e->waited++;
+        e->calls_waited = 0;
+    } else e->calls_waited++;
 }
 
 static double after_fault(const Parameters *p, int i, double delayed, double t)
@@ -108,15 +110,15 @@ static double lag_factor(const Parameters *p, double T2)
     return T2 >= p->T0 ? p->T0 / T2 : 1;
 }
 
-/* one call of one thruster */
-static void call(const Parameters *p, Engine *e, int i, double throttle, double t)
+/* updates thruster i in its call at time t */
+static void call_thruster(const Parameters *p, Engine *e, int i, double throttle, double t)
 {
     double before = e->command;
     e->command = p->thrusters.nominal[i] * clamp(throttle, 0, 1);
     e->switches += before == 0 && e->command > 0;
-    delay(p, e);
-    double valve = after_fault(p, i, e->delayed, t);
-    e->thrust += lag_factor(p, valve != 0 ? p->T2up : p->T2dn) * (valve - e->thrust);
+    apply_delay(p, e);
+    double delivered = after_fault(p, i, e->delayed, t);
+    e->thrust += lag_factor(p, delivered != 0 ? p->T2up : p->T2dn) * (delivered - e->thrust);
     e->impulse += e->thrust * p->T0;
 }
 
@@ -147,7 +149,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->T0); s.left > 0; s = next_sample(s))
-        for (int i = 0; i < THRUSTERS; i++) call(p, &x->engine[i], i, u->throttle[i], s.t);
+        for (int i = 0; i < THRUSTERS; i++) call_thruster(p, &x->engine[i], i, u->throttle[i], s.t);
     publish(p, x, y);
 }
 

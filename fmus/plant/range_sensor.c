@@ -2,9 +2,9 @@
  *
  *   R = |r_SN - r_TN|,   range_meas = R + b + (sigma_range_0 + sigma_range_1 R) z_0
  *
- * The bias b = bias_0 + sigma_bias_0 z_0 is drawn once per run. No range beyond range_min and
- * range_max, in an outage or where dropped (u_6 < p_drop). A sample is published `latency` later.
- * Equations: docs/models.md F.2. */
+ * The bias b = bias_0 + sigma_bias_0 z_0 is drawn once per run. There is no measurement outside
+ * range_min to range_max, during an outage or a drop-out (u_6 < p_drop). A sample is published
+ * after `latency`. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 
@@ -35,9 +35,10 @@ static const Variable variables[] = {
     SENSOR_PERIOD_ROW,
     RANDOM_ROWS(random),
     NONNEGATIVE(sigma_range_0, "m", "noise of the range at range 0"),
-    NONNEGATIVE(sigma_range_1, "1", "rise of the noise with the range"),
+    NONNEGATIVE(sigma_range_1, "1", "increase of the noise with the range"),
     PARAMETER(bias_0, "m", "bias of the range"),
-    NONNEGATIVE(sigma_bias_0, "m", "spread of the bias about bias_0, from seed to seed"),
+    NONNEGATIVE(sigma_bias_0, "m",
+                "standard deviation of the bias about bias_0, drawn once per seed"),
     NONNEGATIVE(range_min, "m", "smallest range"),
     NONNEGATIVE(range_max, "m", "largest range"),
     LATENCY_ROW,
@@ -65,7 +66,7 @@ static double bias(const Parameters *p)
     return p->bias_0 + p->sigma_bias_0 * normal(&d, 0);
 }
 
-static Output seen(const Parameters *p, const Input *u, Sample s)
+static Output measured_range(const Parameters *p, const Input *u, Sample s)
 {
     const Draws d = draws_of_sample(&p->random, s.index);
     double R = norm(sub(u->r_SN_N, u->r_TN_N));
@@ -84,6 +85,6 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *y = (Output){.range_time = -1};
 }
 
-LATE_STEP(seen)
+LATE_STEP(measured_range)
 
 FMU_MODEL("range_sensor", "Range finder: distance of servicer and target, with noise and latency");

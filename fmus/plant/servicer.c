@@ -8,13 +8,12 @@
  *   dOmega/dt = commanded wheel acceleration, within the limits
  *
  * J_S: whole servicer with wheels locked; Omega: wheel speeds relative to the body; the momentum is
- * J_S omega + A_w Omega. The force stays in body axes: thrusters turn with the body. Before t_att
- * the attitude is frozen: sigma holds its start value, the published rate is zero, wheels stand
- * still. With velocity_follows_attitude the velocity turns with the body for free (no force does
- * that): dv/dt += omega x v, so that d(C_SN v)/dt = F_S / m, the kinematics of Kozlova & Fomichev
- * 2023 (docs/models.md B.2).
- * Source: Zhu & Yang 2009, equations (9), (15), (17). Classical Runge-Kutta on the grid k *
- * max_step. */
+ * J_S omega + A_w Omega. The force is constant in body axes: thrusters turn with the body. Before
+ * t_att the attitude is frozen: sigma has its start value, the published rate is zero, the wheels
+ * do not accelerate. With velocity_follows_attitude the velocity turns with the body although no
+ * force acts: dv/dt += omega x v, so that d(C_SN v)/dt = F_S / m, the kinematics of Kozlova &
+ * Fomichev 2023 (docs/models.md B.2). Source: Zhu & Yang 2009, equations (9), (15), (17). Classical
+ * Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "rk4.h"
 #include "servicer_base.h"
@@ -33,7 +32,7 @@ static const Variable variables[] = {
     BASE_OUTPUTS,
 };
 
-static void check(const Parameters *p, Problems *problems) { check_base(problems, &p->base); }
+static void check(const Parameters *p, Problems *problems) { check_rigid_base(problems, &p->base); }
 
 static void derivative(const Interval *c, double t, const State *x, State *dx)
 {
@@ -53,10 +52,10 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     const BaseParameters *base = &p->base;
     for (Substep s = first_substep(t, h, base->max_step); s.h > 0; s = next_substep(s)) {
-        const Interval held = interval(base, &u->base, &x->base, &s);
-        integrate(&held, s.t, s.h, x);
+        const Interval constant = interval(base, &u->base, &x->base, &s);
+        integrate(&constant, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
-        if (rate_margin(base, &x->base, s.t + s.h) < 0) break; /* refused: nothing to follow */
+        if (rate_margin(base, &x->base, s.t + s.h) < 0) break; /* rejected by the adapter */
     }
     publish_base(base, &x->base, &y->base, t + h);
 }

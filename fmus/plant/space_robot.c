@@ -7,12 +7,12 @@
  *   Q_gg = sum_k Jw_k^T M_k + Jv_k^T f_k,   M_k = 3 g a x I_k a,
  *           f_k = g m_k (3 a (a.rho_k) - rho_k),   g = mu/r^3
  *
- * rho_k: centre of mass of body k from that of the whole robot; a: unit vector from the planet; all
- * in base axes. Both joint axes are parallel to the z axis of the base, joint 1 lies on its x axis.
- * Locked joints keep their angles; a joint that is locked while it moves hands its momentum over to
- * the whole. The centre of mass flies a Kepler orbit that the attitude does not change. Source:
- * Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical Runge-Kutta on the grid k *
- * max_step. */
+ * rho_k: centre of mass of body k from the centre of mass of the robot; a: unit vector from the
+ * planet; all in base axes. Both joint axes are parallel to the z axis of the base, joint 1 lies on
+ * its x axis. Locked joints do not move; the momentum of a joint that is locked while it moves is
+ * transferred to the robot as one body. The centre of mass follows a Kepler orbit that the attitude
+ * does not influence. Source: Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical
+ * Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "orbit_rows.h"
 #include "portable_math.h"
@@ -91,7 +91,7 @@ static const Variable variables[] = {
     INPUT(F_S, "N", "force at the centre of mass of the base, base axes"),
     INPUT(M_S, "N.m", "torque on the base, base axes"),
     INPUT(joint_torque, "N.m",
-          "torque at the joints, on the outboard body about +z; without effect while locked"),
+          "torque at the joints, on the outboard body about +z; no effect while locked"),
     ROW_AS(INPUT_ROW, u, "joint_lock", joint_lock, 1, "1", "1: both joints are locked",
            SWITCH_VALUE),
 
@@ -110,12 +110,12 @@ static const Variable variables[] = {
            "angle from the radial direction to x of the base about z, counted through full turns; "
            "planar motion"),
     OUTPUT(pitch_rate, "rad/s",
-           "angular velocity about z of the base less the rate of the true anomaly"),
+           "angular velocity about z of the base minus the rate of the true anomaly"),
     OUTPUT(true_anomaly, "rad", "true anomaly, counted through full turns"),
     OUTPUT(h_N, "N.m.s", "angular momentum about the centre of mass of the robot, N axes"),
     OUTPUT(kinetic_energy, "J", "kinetic energy of the motion about the centre of mass"),
     OUTPUT(potential_energy, "J", "potential energy of the gravity gradient"),
-    OUTPUT(lock_torque, "N.m", "torque with which the lock holds the joints; 0 when free"),
+    OUTPUT(lock_torque, "N.m", "torque of the lock on the joints; 0 when free"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -125,9 +125,10 @@ static void check(const Parameters *p, Problems *problems)
     check_ellipse(problems, &p->orbit);
     for (int k = 0; k < BODIES; k++) {
         snprintf(name, sizeof name, "Izz[%d]", k + 1);
-        if (!keeps_triangle_rule(diagonal(links->Ixx[k], links->Iyy[k], links->Izz[k])))
-            refuse(problems, name, links->Izz[k],
-                   "Ixx, Iyy, Izz must keep the triangle rule (none above the sum of the others)");
+        if (!satisfies_triangle_inequality(diagonal(links->Ixx[k], links->Iyy[k], links->Izz[k])))
+            reject(problems, name, links->Izz[k],
+                   "Ixx, Iyy, Izz must satisfy the triangle inequality (none above the sum of the "
+                   "others)");
     }
 }
 
@@ -145,19 +146,19 @@ typedef struct {
     double lock_torque[JOINTS];
 } Acceleration;
 
-static Acceleration accelerate(const Parameters *p, const Input *u, const State *x)
+static Acceleration accelerations(const Parameters *p, const Input *u, const State *x)
 {
-    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    Robot robot = robot_at(&p->links, x->joint_angle, x->joint_rate);
     Matrix H = mass_matrix(&robot);
     Column b = inertial_loads(&robot, x->omega, x->joint_rate);
     Column loads = gravity_gradient_loads(&robot, gradient_factor(p, x), radial_S(x));
     int locked = u->joint_lock != 0;
 
-    project(&loads, &robot.part[0], u->M_S, u->F_S);
+    add_generalised_force(&loads, &robot.part[0], u->M_S, u->F_S);
     for (int j = 0; j < JOINTS && !locked; j++) loads.at[3 + j] += u->joint_torque[j];
     for (int i = 0; i < SPEEDS; i++) loads.at[i] -= b.at[i];
 
-    Acceleration found = {.speeds_rate = solved(H, loads, locked ? 3 : SPEEDS)};
+    Acceleration found = {.speeds_rate = solution(H, loads, locked ? 3 : SPEEDS)};
     for (int j = 0; j < JOINTS && locked; j++) {
         found.lock_torque[j] = -loads.at[3 + j];
         for (int i = 0; i < 3; i++)
@@ -180,7 +181,7 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 
     const double *m = p->links.mass;
     quat dq = product(x->q, (quat){0, x->omega.x, x->omega.y, x->omega.z});
-    const double *du = accelerate(p, c->u, x).speeds_rate.at;
+    const double *du = accelerations(p, c->u, x).speeds_rate.at;
     *dx = (State){.r = x->v,
                   .v = add(gravity(&p->orbit, 0, x->r),
                            scale(1 / (m[0] + m[1] + m[2]), tmul(dcm_of_quat(x->q), c->u->F_S))),
@@ -193,22 +194,22 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 
 RK4(integrate, derivative, Context, State)
 
-/* omega+ = H_bb^-1 (H_bb omega + H_bm dq): the joints stop, the angular momentum stays */
+/* omega+ = H_bb^-1 (H_bb omega + H_bm dq): the joints stop, the angular momentum is conserved */
 static void stop_joints(const Parameters *p, State *x)
 {
-    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    Robot robot = robot_at(&p->links, x->joint_angle, x->joint_rate);
     Matrix H = mass_matrix(&robot);
     double speeds[SPEEDS] = {x->omega.x, x->omega.y, x->omega.z, x->joint_rate[0],
                              x->joint_rate[1]};
     Column momentum = {{0}};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < SPEEDS; j++) momentum.at[i] += H.at[i][j] * speeds[j];
-    Column after = solved(H, momentum, 3);
+    Column after = solution(H, momentum, 3);
     x->omega = vec(after.at[0], after.at[1], after.at[2]);
     for (int j = 0; j < JOINTS; j++) x->joint_rate[j] = 0;
 }
 
-static void obey_lock(const Parameters *p, const Input *u, State *x)
+static void apply_lock(const Parameters *p, const Input *u, State *x)
 {
     if (u->joint_lock != 0 && (x->joint_rate[0] != 0 || x->joint_rate[1] != 0)) stop_joints(p, x);
 }
@@ -233,7 +234,7 @@ static mat3 dcm_of_euler(const double angles[3])
     return matmul(Ry, matmul(Rz, Rx));
 }
 
-#define UPRIGHT 1e-9 /* smallest cosine that divides */
+#define UPRIGHT 1e-9 /* smallest cosine used as a divisor */
 
 /* theta = asin(-C10), vartheta = atan2(C12, C11), psi = atan2(C20, C00); omega relative to the
  * orbital frame, base axes: rates from omega = T_Y [dvartheta; dpsi; dtheta], which is singular at
@@ -257,8 +258,8 @@ static vec3 rate_of_euler(const double angles[3], const double rates[3]) /* T_Y 
                y.s * z.c * rates[0] + y.c * rates[2]);
 }
 
-/* the angle of the same direction nearest to an earlier one: counts full turns */
-static double continued(double earlier, double angle)
+/* the angle plus the full turns with which it is nearest to the earlier angle */
+static double unwrapped(double earlier, double angle)
 {
     return angle + 2 * PI * nearest_whole((earlier - angle) / (2 * PI));
 }
@@ -272,7 +273,7 @@ static double pitch_of(const State *x)
 /* ---- outputs ---- */
 static void publish_energies(const Parameters *p, const State *x, Output *y)
 {
-    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    Robot robot = robot_at(&p->links, x->joint_angle, x->joint_rate);
     double g = gradient_factor(p, x);
     vec3 a = radial_S(x), h_S = vec(0, 0, 0);
     y->kinetic_energy = y->potential_energy = 0;
@@ -294,10 +295,10 @@ static void publish_energies(const Parameters *p, const State *x, Output *y)
 static void publish(const Parameters *p, const Input *u, const State *x, Output *y)
 {
     mat3 C_SN = dcm_of_quat(x->q), C_ON = orbital_frame(p, x->r, x->v);
-    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    Robot robot = robot_at(&p->links, x->joint_angle, x->joint_rate);
     const Part *base = &robot.part[0];
     vec3 relative = add(scale(x->joint_rate[0], base->D[0]), scale(x->joint_rate[1], base->D[1]));
-    Acceleration now = accelerate(p, u, x);
+    Acceleration now = accelerations(p, u, x);
 
     y->r_SN_N = add(x->r, tmul(C_SN, base->rho));
     y->v_SN_N = add(x->v, tmul(C_SN, add(cross(x->omega, base->rho), relative)));
@@ -329,19 +330,19 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
                  .joint_rate = {p->joint_rate_0[0], p->joint_rate_0[1]},
                  .nu = p->orbit.nu};
     x->omega = add(rate_of_euler(p->euler_0, p->deuler_0), mul(C_SO, vec(0, 0, anomaly_rate(x))));
-    x->pitch = continued(p->euler_0[2], pitch_of(x));
-    obey_lock(p, u, x);
+    x->pitch = unwrapped(p->euler_0[2], pitch_of(x));
+    apply_lock(p, u, x);
     publish(p, u, x, y);
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     const Context context = {p, u};
-    obey_lock(p, u, x);
+    apply_lock(p, u, x);
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
         integrate(&context, s.t, s.h, x);
         x->q = canonical(x->q);
-        x->pitch = continued(x->pitch, pitch_of(x));
+        x->pitch = unwrapped(x->pitch, pitch_of(x));
     }
     publish(p, u, x, y);
 }

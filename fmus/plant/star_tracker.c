@@ -2,9 +2,9 @@
  *
  *   q_AN = q_SN q_AS rot(sigma_A (o) z_0..2)
  *
- * No measurement where the servicer turns faster than rate_max, with the Sun within sun_cone of the
- * boresight (+X of A), in an outage, or dropped (u_3 < p_drop). Exposure and time stamp are one.
- * Equations: docs/models.md F.2. */
+ * There is no measurement while the servicer turns faster than rate_max, with the Sun within
+ * sun_cone of the boresight (+X of A), during an outage or a drop-out (u_3 < p_drop). The exposure
+ * takes no time. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "sensor.h"
@@ -65,9 +65,9 @@ static void check(const Parameters *p, Problems *problems)
     check_probability(problems, "p_drop", p->outage.p_drop);
 }
 
-static int sees(const Parameters *p, const Input *u, quat q_AN, double t, const Draws *d)
+static int can_measure(const Parameters *p, const Input *u, quat q_AN, double t, const Draws *d)
 {
-    return norm(u->omega_SN_S) <= p->rate_max && !dazzled(&p->sun, q_AN) &&
+    return norm(u->omega_SN_S) <= p->rate_max && !sun_in_cone(&p->sun, q_AN) &&
            !in_outage(&p->outage, t) && !dropped(&p->outage, uniform(d, 3));
 }
 
@@ -77,7 +77,7 @@ static void measure(const Parameters *p, const Input *u, State *x, Output *y, Sa
     quat q_AN = canonical(product(u->q_SN, p->q_AS));
     (void)x;
     *y = (Output){.q_AN = {1, 0, 0, 0}, .star_time = s.t};
-    y->star_valid = sees(p, u, q_AN, s.t, &d);
+    y->star_valid = can_measure(p, u, q_AN, s.t, &d);
     if (y->star_valid)
         y->q_AN = canonical(product(q_AN, rotation(times(p->sigma_A, normals(&d, 0)))));
 }

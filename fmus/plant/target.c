@@ -87,7 +87,7 @@ static vec3 gravity_gradient_T(const Parameters *p, mat3 C_TN, vec3 r)
 typedef struct {
     const Parameters *p;
     const Input *u;
-    double since; /* start of the internal step */
+    double step_start; /* of the internal step, s */
 } Context;
 
 /* (2), (4) */
@@ -96,13 +96,14 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
     const Parameters *p = c->p;
     mat3 C_TN = dcm_of_mrp(x->sigma);
     vec3 contact = scale(1 / p->mass, tmul(C_TN, c->u->F_T));
-    vec3 torque =
-        sum3(gravity_gradient_T(p, C_TN, x->r), sinusoid(&p->M_dist_T, c->since, t), c->u->M_T);
+    vec3 torque = sum3(gravity_gradient_T(p, C_TN, x->r), sinusoid(&p->M_dist_T, c->step_start, t),
+                       c->u->M_T);
 
     dx->r = x->v;
-    dx->v = sum4(gravity(&p->orbit, p->use_J2, x->r),
-                 disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, &x->r, &x->v, c->since, t),
-                 sinusoid(&p->a_manoeuvre_N, c->since, t), contact);
+    dx->v =
+        sum4(gravity(&p->orbit, p->use_J2, x->r),
+             disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, &x->r, &x->v, c->step_start, t),
+             sinusoid(&p->a_manoeuvre_N, c->step_start, t), contact);
     dx->sigma = mrp_rate(x->sigma, x->omega);
     dx->omega = solve(p->J_T, sub(torque, cross(x->omega, mul(p->J_T, x->omega))));
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From one C or Python file to an FMU, inside the tree and from an installed package alike."""
+"""Build of an FMU from one C or Python file, in the source tree and from an installed package."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pathlib import Path
 
 from harness.errors import FmuError, UsageError
 from harness.files import paths
-from harness.files.archive import pack, parsed, serialized
+from harness.files.archive import pack, parsed, read_all, serialized
 from harness.files.output import written
 from harness.system.interface import Interface, read_interface
 
@@ -29,12 +29,12 @@ DESCRIPTION = "modelDescription.xml"
 def build(
     name: str | Path, output: str | Path | None = None, compiler: str = "cc", fmi: int = 2
 ) -> Interface:
-    """Build an FMU from a C or Python file; returns what it says about itself.
+    """Build an FMU from a C or Python file and return its interface.
 
     name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
-    file; compiler: the command for C with its arguments, quoted as in a shell; fmi: version of FMI,
-    2 or 3 (of a C file). Raises UsageError if there is no such file, compiler or package, and
-    FmuError with the words of the compiler.
+    file; compiler: command for C with its arguments, quoted as in a shell; fmi: version of FMI, 2
+    or 3 (3: of a C file). Raises UsageError if the file, the compiler or a package is missing, and
+    FmuError with the message of the compiler.
     """
     source = _source(Path(name))
     target = Path(output) if output is not None else source.with_suffix(".fmu")
@@ -45,7 +45,7 @@ def build(
         if source.suffix == ".c":
             _build_c(source, made, _command(compiler), fmi)
         elif fmi != 2:
-            raise UsageError(f"{source}: an FMU in Python is of FMI 2.0, so is PythonFMU")
+            raise UsageError(f"{source}: Python FMUs support FMI 2.0 only; use --fmi 2")
         else:
             made = _build_python(source, Path(folder))
         with written(target) as file:
@@ -54,7 +54,7 @@ def build(
 
 
 def _source(path: Path) -> Path:
-    """The file that is meant."""
+    """Return the source file at a path, which may be a folder NAME with NAME.c or NAME.py."""
     inside = [path / f"{path.resolve().name}{ending}" for ending in ENDINGS]
     there = [file for file in (path, *inside) if file.suffix in ENDINGS and paths.is_file(file)]
     if len(there) == 1:
@@ -105,8 +105,7 @@ def _complete(path: Path) -> None:
     """Write what FMI 2.0 demands of a description and PythonFMU leaves out: outputs among the
     InitialUnknowns (2.2.8), a guid in braces (2.2.1).
     """
-    with zipfile.ZipFile(path) as file:
-        content = {name: file.read(name) for name in file.namelist() if not name.endswith("/")}
+    content = read_all(path)
     root = parsed(content[DESCRIPTION])
     if not (guid := root.get("guid", "")).startswith("{"):
         root.set("guid", f"{{{guid}}}")
@@ -120,12 +119,12 @@ def _complete(path: Path) -> None:
 
 
 def _run(command: Sequence[str], source: Path) -> None:
-    """Run a builder; FmuError with all that it said if it fails."""
+    """Run a builder; raise FmuError with its complete output if it fails."""
     done = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
         check=False, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     if done.returncode:
-        said = [line for line in done.stdout.splitlines() if line.strip()]
-        between = "\n" if len(said) > 1 else " "
-        raise FmuError(f"{source} does not build:{between}" + "\n".join(said))
+        lines = [line for line in done.stdout.splitlines() if line.strip()]
+        between = "\n" if len(lines) > 1 else " "
+        raise FmuError(f"{source} does not build:{between}" + "\n".join(lines))

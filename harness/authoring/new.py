@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""New controllers and missions: folders that work as they are, filled from `templates/`.
+"""New controllers and missions: folders that run unchanged, filled from `templates/`.
 
-In the place of a controller that commands a wrench a new one is the example of the project under
-another name; anywhere else it has all the ports of the component that it replaces, and its outputs
-stay at the start values of the inputs that read them until its law is written. A new mission
-extends a system and has a figure, a measure and a claim of its own.
+In the place of a controller that commands a wrench, a new controller is the example of the project
+under another name. In any other place it has all ports of the component that it replaces, and its
+outputs remain at the start values of the inputs that read them until its law is written. A new
+mission extends a system and has a figure, a metric and a claim of its own.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ NAME = re.compile(r"[\w.]+(\[\d+\])?", re.ASCII)
 
 
 def _new_folder(kind: str, name: str, folder: str | Path, taken: Collection[str]) -> Path:
-    """Where something new goes; UsageError if it cannot be called so, or is there."""
+    """Return the folder of a new item; raise UsageError if the name is not permitted or exists."""
     if not re.fullmatch(r"[A-Za-z]\w{0,59}", name, re.ASCII) or keyword.iskeyword(name):
         raise UsageError(
             f"{name}: a {kind} is named by a letter, then letters, digits and _, as in my_{kind}"
@@ -59,7 +59,7 @@ def _write(path: Path, text: str) -> None:
 
 
 class Created(NamedTuple):
-    """A new controller: its folder and source, and the commands that build and fly it."""
+    """New controller: its folder and source, and the commands that build and run it."""
 
     folder: Path
     source: Path
@@ -69,10 +69,10 @@ class Created(NamedTuple):
 def new_controller(
     name: str, language: str = "c", place: str | None = None, folder: str | Path = "."
 ) -> Created:
-    """Create `folder`/NAME with a controller that takes the place of SYSTEM.component.
+    """Create `folder`/NAME with a controller that replaces SYSTEM.component.
 
-    language: c or python; place: None: that of the first example. Nothing that exists is
-    overwritten. Raises UsageError, and what show() raises for the place.
+    language: c or python; place: SYSTEM.component (None: the place of the first example). Existing
+    files are never overwritten. Raises UsageError, and the errors of show() for the place.
     """
     target = _new_folder("controller", name, folder, paths.fmus())
     if language not in LANGUAGES:
@@ -97,7 +97,7 @@ def new_controller(
 
 
 def _split(place: str) -> tuple[str, str]:
-    """System and component of a place as they were written."""
+    """Return system and component of a place as the user wrote them."""
     found = of_component(place)
     if found is None or not found[1]:
         raise UsageError(f"--for {place}: expected SYSTEM.component")
@@ -105,20 +105,22 @@ def _split(place: str) -> tuple[str, str]:
 
 
 def _ports(place: str) -> list[Signal]:
-    """Inputs that are driven and outputs that are read, in the place of a component."""
+    """Return the connected inputs and the outputs that others read of a component."""
     ports = [s for s in show(place).rows if isinstance(s, Signal) and s.wires]
     if odd := [s.name for s in ports if s.type != "Real" or not re.fullmatch(NAME, s.name)]:
         raise UsageError(
             f"--for {place}: {', '.join(odd)}: only ports of type Real with plain names can be made"
         )
     if not any(s.causality == "output" for s in ports):
-        raise UsageError(f"--for {place}: nothing reads from it")
+        raise UsageError(f"--for {place}: no input is connected to its outputs")
     system, _ = _split(place)
     return [_with_start(s, system) if s.causality == "output" else s for s in ports]
 
 
 def _with_start(port: Signal, system: str) -> Signal:
-    """An output with the start value of the first input that reads it: what that input takes."""
+    """Return an output with the start value of the first input that reads it, which that input
+    accepts.
+    """
     component, _, variable = port.wires[0].rpartition(".")
     readers = [s for s in show(f"{system}.{component}").rows if isinstance(s, Signal)]
     default = next((s.default for s in readers if s.name == variable), None)
@@ -126,7 +128,7 @@ def _with_start(port: Signal, system: str) -> Signal:
 
 
 def _fits(example: Example, ports: Sequence[Signal]) -> bool:
-    """Whether an example has the inputs that it needs and all outputs that are read."""
+    """Return whether a component offers the inputs of an example and reads no other outputs."""
     inputs = {s.name for s in ports if s.causality == "input"}
     return inputs >= example.inputs and {s.name for s in ports} - inputs <= example.outputs
 
@@ -145,10 +147,10 @@ def _example(name: str, ending: str, example: Example) -> str:
 
 
 def new_mission(name: str, base: str | None = None, folder: str | Path = ".") -> Path:
-    """Create `folder`/NAME, a mission that extends a system; returns its folder.
+    """Create `folder`/NAME, a mission that extends a system, and return its folder.
 
-    base: name of the system (None: that of the first example of the missions at hand). Nothing that
-    exists is overwritten. Raises UsageError, and what load() raises for the base.
+    base: name of the system (None: the system of the first example of the available missions).
+    Existing files are never overwritten. Raises UsageError, and the errors of load() for the base.
     """
     target = _new_folder("mission", name, folder, {**paths.systems(), **places()})
     chosen = base or next((e.place.partition(".")[0] for e in everything().examples), "")
@@ -160,7 +162,9 @@ def new_mission(name: str, base: str | None = None, folder: str | Path = ".") ->
 
 
 def _words(system: System) -> dict[str, str]:
-    """What the templates name of the base: its mission, and a variable of its last component."""
+    """Return the words of the templates for a base: its mission, and a variable of its last
+    component.
+    """
     component = system.components[-1].name
     interface = read_interfaces(system)[component]
     output = next(iter(interface.outputs()))
@@ -180,18 +184,18 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 def filled(template: str, **words: object) -> str:
-    """A template with its words."""
+    """Return a template with its words filled in."""
     text = (TEMPLATES / f"{template}.template").read_text(encoding="utf-8")
     return Template(text).substitute(words)
 
 
 def class_name(name: str) -> str:
-    """A name as that of a class: my_pd becomes MyPd."""
+    """Return a name in the form of a class name: my_pd becomes MyPd."""
     return "".join(part[:1].upper() + part[1:] for part in name.split("_")) or name
 
 
 def _made(name: str, ending: str, place: str, ports: Sequence[Signal]) -> str:
-    """A file in C (.c), or in Python for PythonFMU (.py), with these ports."""
+    """Return a source in C (.c), or in Python for PythonFMU (.py), with these ports."""
     outputs = [s for s in ports if s.causality == "output"]
     inputs = [s for s in ports if s not in outputs]
     words = {"name": name, "class_name": class_name(name), "place": _plain(place)}
@@ -208,14 +212,14 @@ def _made(name: str, ending: str, place: str, ports: Sequence[Signal]) -> str:
 
 
 def _start(s: Signal) -> NDArray[np.float64]:
-    """The finite start values of a signal, in its shape; 0 where it has none."""
+    """Return the finite start values of a signal in its shape, 0 for elements without one."""
     values = np.array(s.default, dtype=np.float64)
     fits = values.shape == s.shape
     return np.nan_to_num(values, posinf=0, neginf=0) if fits else np.zeros(s.shape)
 
 
 def _plain(text: str) -> str:
-    """A text that ends no string and no comment of C or Python."""
+    """Return a text that ends no string and no comment of C or Python."""
     return re.sub(r"[^\w .,;:()/+-]", "_", text.replace("*/", "*_"), flags=re.ASCII)
 
 
@@ -227,7 +231,7 @@ def _listed(group: Sequence[Signal]) -> str:
 
 
 def _vectors(s: Signal) -> Iterator[tuple[str, object]]:
-    """A signal with its start value as scalars and vectors; a matrix element by element."""
+    """Yield a signal with its start value as scalars and vectors, a matrix element by element."""
     if len(s.shape) < 2:
         yield s.name, _start(s).tolist()
     else:
@@ -250,7 +254,7 @@ def _declaration(s: Signal) -> str:
 
 
 def _starts(inputs: Sequence[Signal], outputs: Sequence[Signal]) -> str:
-    """The initializer of the model: its ports that do not start at zero."""
+    """Return the initializer of the model: its ports that do not start at zero."""
     parts = [".p = {.sample_period = 0}"]
     for part, group in (("u", inputs), ("y", outputs)):
         starts = ((_member(s.name), _start(s).ravel()) for s in group)

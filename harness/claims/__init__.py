@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims of papers judged by a result: how it deviates from the run that a paper describes, the
+"""Evaluation of the claims of papers in a result: deviations from the run that a paper describes,
 verdicts, and the report as text.
 """

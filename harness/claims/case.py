@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The case of a paper as data: a system of the project with one of its sets, and how a result
-deviates from it.
+"""Cases of a paper as data: a system of the project with one of its parameter sets, and how a
+result deviates from it.
 
-What was flown is held against what the system says now: FMUs, parameters, time span, macro step,
-order of execution. A verdict on a paper is one only where nothing deviates.
+The settings of a run are compared with the present system: FMUs, parameters, time span, macro step,
+order of execution. A verdict on a paper requires that nothing deviates.
 """
 
 from __future__ import annotations
@@ -21,52 +21,52 @@ from harness.master.simulation import Simulation
 from harness.mission import Case, Paper
 from harness.mission.claim import Row
 from harness.mission.library import everything
-from harness.results.provenance import Provenance, Slot, flown
+from harness.results.provenance import Provenance, Slot, run_provenance
 from harness.results.result import Result
 from harness.spelling import columns, did_you_mean
 from harness.ssp.library import load
 from harness.system.values import base
 
 SHOWN = 4
-"""Deviations that are listed."""
+"""Number of deviations in a list."""
 ROUNDING = 1e-12
-"""Relative difference of parameters that are the same."""
+"""Largest relative difference of equal parameters."""
 
 
 def unlike(paper: Paper, result: Result) -> list[str]:
-    """How a result differs from the nearest case of a paper, one text each."""
+    """Return how a result differs from the nearest case of a paper, one text each."""
     if paper.cases and result.parameters is None:
-        return ["the file does not hold the parameters of the run"]
+        return ["the file does not contain the parameters of the run"]
     known = (_deviations(result, case) for case in paper.cases)
     nearest = min((each for each in known if each is not None), key=len, default=[])
     return [*nearest, *(paper.differs(result) if len(result.time) else ())]
 
 
 def _deviations(result: Result, case: Case) -> list[str] | None:
-    """How a result differs from a case; None if the case is not at hand."""
+    """Return how a result differs from a case; None if the case is not available."""
     path = paths.systems().get(case.system)
     if path is None:
         return None
     if result.system != case.system:
         return [f"system {result.system} instead of {case.system}"] * (SHOWN + 1)
     try:
-        about, parameters = _planned(case, path, path.stat().st_mtime_ns)
+        about, parameters = _settings(case, path, path.stat().st_mtime_ns)
     except HarnessError:
         return None
-    found = list(_course(result, about, case.free))
-    return found + list(_parameters(result, parameters, case.free))
+    found = list(_schedule_differences(result, about, case.free))
+    return found + list(_parameter_differences(result, parameters, case.free))
 
 
 @lru_cache(maxsize=64)
-def _planned(case: Case, path: Path, _modified: int) -> tuple[Provenance, Result]:
-    """What the run of a case would be, without running it."""
+def _settings(case: Case, path: Path, _modified: int) -> tuple[Provenance, Result]:
+    """Return provenance and parameters of the run of a case, without running it."""
     with load(path) as system:
         simulation = Simulation(system, params=case.params, swap=dict(case.swap))
-        return flown(simulation.system, "c", 1), simulation.parameters()
+        return run_provenance(simulation.system, "c", 1), simulation.parameters()
 
 
-def _course(result: Result, wanted: Provenance, free: Sequence[str]) -> Iterator[str]:
-    """Time span, order of execution and FMUs."""
+def _schedule_differences(result: Result, wanted: Provenance, free: Sequence[str]) -> Iterator[str]:
+    """Yield differences in time span, order of execution and FMUs."""
     ours = result.provenance
     end = float(result.time[-1]) if len(result.time) else np.nan
     if "stop" not in free and not np.isclose(end, wanted.stop or 0.0, rtol=1e-9):
@@ -77,10 +77,10 @@ def _course(result: Result, wanted: Provenance, free: Sequence[str]) -> Iterator
         yield f"macro step {ours.step:g} s instead of {wanted.step:g} s"
     if ours.algorithm != wanted.algorithm:
         yield f"{ours.algorithm} instead of {wanted.algorithm}"
-    yield from _slots(ours.schedule, wanted.schedule)
+    yield from _component_differences(ours.schedule, wanted.schedule)
 
 
-def _slots(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iterator[str]:
+def _component_differences(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iterator[str]:
     given = {slot.component: slot for slot in ours}
     for slot in wanted:
         own = given.get(slot.component)
@@ -92,8 +92,8 @@ def _slots(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iterator[str]:
             yield f"{slot.component} every {own.every}, {own.latency} macro steps late"
 
 
-def _parameters(result: Result, wanted: Result, free: Sequence[str]) -> Iterator[str]:
-    """Parameters of other values, those of FMUs in common."""
+def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) -> Iterator[str]:
+    """Yield parameters with other values, among the FMUs that both runs have."""
     ours = result.parameters
     assert ours is not None
     for name in dict.fromkeys(map(base, wanted.columns)):
@@ -102,38 +102,40 @@ def _parameters(result: Result, wanted: Result, free: Sequence[str]) -> Iterator
         value, right = ours[name][0], wanted[name][0]
         if value.shape != right.shape or not np.allclose(value, right, ROUNDING, 0, equal_nan=True):
             unit = wanted.unit(name).removeprefix("1")
-            yield f"{name} {_shown(value)} instead of {_shown(right)} {unit}".rstrip()
+            yield f"{name} {_as_text(value)} instead of {_as_text(right)} {unit}".rstrip()
 
 
-def _shown(value: Any) -> str:
+def _as_text(value: Any) -> str:
     if np.ndim(value):
-        return f"[{', '.join(map(_shown, value))}]"
+        return f"[{', '.join(map(_as_text, value))}]"
     return f"{value:.6g}"
 
 
 def listed(texts: Sequence[str]) -> str:
-    """The first deviations in one line, and how many more there are."""
+    """Return the first deviations in one line, and how many more there are."""
     unlike = list(dict.fromkeys(texts))
     more = f"; and {len(unlike) - SHOWN} more" if len(unlike) > SHOWN else ""
     return "; ".join(unlike[:SHOWN]) + more
 
 
-# ---- numbers by others, of all missions at hand
+# ---- published reference values of all available missions
 
 
 def validate(names: Sequence[str] | None = None) -> list[Row]:
-    """One row per quantity of the cases of that name, or of all; UsageError for an unknown name."""
+    """Return one row per quantity of the cases with these names, or of all cases; raise UsageError
+    for an unknown name.
+    """
     offered = everything().validations
     known = {name: each for each in offered for name in each.names()}
     for name in names or ():
         if name not in known:
-            raise UsageError(f"{name}: there is no such case{did_you_mean(name, known)}")
+            raise UsageError(f"{name}: no such case{did_you_mean(name, known)}")
     wanted = list(known) if names is None else names
     return [row for each in offered for row in each.answer([n for n in wanted if known[n] is each])]
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Plain text, one line per quantity, and how many cases agree."""
+    """Return the rows as plain text, one line per quantity, and the number of cases that agree."""
     head = ("case", "quantity", "difference", "tolerance", "unit", "verdict")
     cells = [
         (r.case, r.quantity, f"{r.difference:.2g}", f"{r.tolerance:.2g}", r.unit, r.verdict)
@@ -143,7 +145,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def agreement(rows: Sequence[Row]) -> str:
-    """How many cases agree."""
+    """Return the number of cases that agree, as text."""
     cases = {row.case for row in rows}
     agree = cases - {row.case for row in rows if not row.within}
     return f"{len(agree)} of {len(cases)} cases agree"

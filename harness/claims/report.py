@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a paper claims, what a result shows, and the verdict as plain text, claim by claim.
+"""Report of the claims of a paper, the values of a result and the verdicts as plain text, claim by
+claim.
 
-The mission of a result lists the papers; which of them belongs to it is decided by the variables
-that it holds. Below stands what the safety monitor of the run has found.
+The mission of a result lists the papers. The variables of the result determine which paper it
+belongs to. The findings of the safety monitor of the run follow.
 """
 
 from __future__ import annotations
@@ -14,22 +15,23 @@ from typing import NamedTuple
 from harness.claims.case import listed, unlike
 from harness.errors import ResultsError
 from harness.mission import Claim, Judgement, Mission, Paper, RuleFinding
+from harness.mission.fields import several
 from harness.mission.library import missing, notes_of, of_result
 from harness.results.requirements import findings
 from harness.results.result import Result
-from harness.results.verdict import OPEN, Judged, Kind, Verdict, missed
+from harness.results.verdict import OPEN, Kind, Outcome, Verdict, missed
 from harness.spelling import columns
 
 WIDTH = 120
 OTHER = "not the case of the paper"
 CELL = "    {:12}"
-"""Begin of a line about a claim: what it says."""
+"""Start of a line about a claim, with the name of its value."""
 CELLS = len(CELL.format(""))
 
 
 class Line(NamedTuple):
-    """A line or a paragraph of a report, which begins below `start`; verdict: on the paper, if it
-    is one.
+    """Line or paragraph of a report with its indentation `start`; verdict: on the paper, if it is
+    one.
     """
 
     text: str
@@ -38,18 +40,18 @@ class Line(NamedTuple):
 
 
 def report(result: Result, width: int = WIDTH) -> tuple[str, bool]:
-    """What was flown, notes, requirements and the claims behind a result; whether the run is
-    complete and every claim could be judged.
+    """Return run settings, notes, requirements and claims of a result, and whether the run is
+    complete and every claim could be evaluated.
 
-    width: of the text. An honest "not reproduced" is no failure. Raises ResultsError if no paper
-    belongs to a result without requirements.
+    width: of the text. "Not reproduced" is a verdict, not a failure. Raises ResultsError if no
+    paper belongs to a result without requirements.
     """
     text = "\n".join(line.text for line in lines(result, width))
     return text, result.complete and not missed(outcomes(result))
 
 
 def lines(result: Result, width: int = WIDTH) -> Iterator[Line]:
-    """The report line by line, no line wider than asked for."""
+    """Yield the lines of the report, each at most `width` characters wide."""
     for text, verdict, start in _paragraphs(result):
         wrapped = textwrap.wrap(
             text, width, initial_indent=start, subsequent_indent=" " * len(start)
@@ -58,12 +60,12 @@ def lines(result: Result, width: int = WIDTH) -> Iterator[Line]:
 
 
 def _paragraphs(result: Result) -> Iterator[Line]:
-    found, wanted = judged(result), findings(result)
+    found, wanted = judgements(result), findings(result)
     offered, known = of_result(result), result.provenance
     if not found and not wanted:
         raise ResultsError(_without_claims(result))
-    flown = known.lines() if known else ["the file does not say"]
-    yield from (Line(text, start="       " if k else "Flown: ") for k, text in enumerate(flown))
+    settings = known.lines() if known else ["the file does not state the settings"]
+    yield from (Line(text, start="     " if k else "Run: ") for k, text in enumerate(settings))
     if gone := missing(result):
         yield from (Line(""), Line(gone))
     for head, texts in (("Notes:", notes_of(result)), ("Requirements:", map(str, wanted))):
@@ -78,27 +80,29 @@ def _paragraphs(result: Result) -> Iterator[Line]:
 
 
 def _without_claims(result: Result) -> str:
-    """That no paper belongs to a result, and why perhaps."""
-    text = f"{result.system}: there are no claims of a paper about such a result"
-    hint = " (the file does not hold the parameters by which some are known)"
+    """Return the statement that no paper belongs to a result, with a possible reason."""
+    text = f"{result.system}: no claims of a paper apply to this result"
+    hint = " (the file lacks the parameters by which some papers are recognised)"
     return text if result.parameters else text + hint
 
 
-def outcomes(result: Result) -> list[Judged]:
-    """All claims behind a result; "not reproduced" only where it is the case of the paper."""
+def outcomes(result: Result) -> list[Outcome]:
+    """Return all claims about a result; "not reproduced" only if the result is the case of the
+    paper.
+    """
     return [
-        Judged(Kind.CLAIM, claim.name, found.verdict, f"{claim.name}: {_said(found)}")
-        for each in judged(result)
+        Outcome(Kind.CLAIM, claim.name, found.verdict, f"{claim.name}: {_outcome(found)}")
+        for each in judgements(result)
         for claim, found in each.claims
         if not (each.deviations and found.verdict is Verdict.NOT_REPRODUCED)
     ]
 
 
-def _said(found: Judgement) -> str:
-    return f"{Kind.CLAIM.word(found.verdict)}; {found.figure}"
+def _outcome(found: Judgement) -> str:
+    return f"{Kind.CLAIM.word(found.verdict)}; {found.value}"
 
 
-class PaperJudged(NamedTuple):
+class PaperJudgements(NamedTuple):
     """The claims of a paper with their judgements, and how the run differs from its cases."""
 
     paper: Paper
@@ -106,10 +110,10 @@ class PaperJudged(NamedTuple):
     deviations: list[str]
 
 
-def judged(result: Result) -> list[PaperJudged]:
-    """All papers that a result belongs to."""
+def judgements(result: Result) -> list[PaperJudgements]:
+    """Return all papers that apply to a result, with their judgements."""
     return [
-        PaperJudged(
+        PaperJudgements(
             paper,
             [(claim, claim.evaluate(result)) for claim in paper.claims],
             unlike(paper, result),
@@ -119,8 +123,8 @@ def judged(result: Result) -> list[PaperJudged]:
     ]
 
 
-def _section(result: Result, paper: PaperJudged) -> Iterator[Line]:
-    """The claims of a paper."""
+def _section(result: Result, paper: PaperJudgements) -> Iterator[Line]:
+    """Yield the claims of a paper."""
     yield from (Line(""), Line(paper.paper.title), Line(""), Line(f"Run {result.summary}"))
     if paper.deviations:
         yield Line(f"Not the case of the paper: {listed(paper.deviations)}")
@@ -134,9 +138,9 @@ def _section(result: Result, paper: PaperJudged) -> Iterator[Line]:
 
 
 def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
-    """What became of a claim; of another case a verdict is none on the paper."""
+    """Yield the judgement of a claim. A verdict on another case is not a verdict on the paper."""
     cells = {
-        "our figure": found.figure,
+        "our value": found.value,
         "reproduced": claim.criterion(claim.reproduced),
         "partly": claim.criterion(claim.partly),
     }
@@ -146,19 +150,21 @@ def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
     yield Line(Kind.CLAIM.word(found.verdict) + mark, verdict, CELL.format("verdict"))
 
 
-HEADING = "Safety: least margin of every rule in force, between samples too"
+HEADING = "Safety: smallest margin of every rule in force, between samples too"
 
 
 def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:
-    """What the monitors of a run have found, rule by rule."""
-    return [found for rules in mission.rules for found in rules(result)]
+    """Return the findings of the monitors of a run, rule by rule."""
+    return [found for rules in mission.rules for found in several(RuleFinding, rules, result)]
 
 
 def safety(mission: Mission, result: Result) -> str:
-    """One line per rule in force; "" if no monitor has watched the run, or no rule was in force."""
+    """Return one line per rule in force; "" if no monitor observed the run, or no rule was in
+    force.
+    """
     rows = [
         (each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit)
         for each in rule_findings(mission, result)
     ]
-    head = ("rule", "least margin", "verdict", "limit")
+    head = ("rule", "smallest margin", "verdict", "limit")
     return "\n".join([HEADING, "", *columns([head, *rows])]) if rows else ""

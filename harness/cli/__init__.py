@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The command line: options, calls and printing, nothing else."""
+"""Command line: options, calls and printing, nothing else."""
 
 import sys
 from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit status. Ctrl-C is one line from here on, while the rest is
-    still being imported too.
+    """Run the command line and return the exit status. From here on Ctrl-C prints one line, even
+    during the remaining imports.
     """
     try:
         from harness.cli import app

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`harness` itself: its groups of commands, its exit status, and how an error reaches the user.
+"""Entry point of `harness`: groups of commands, exit status, and printing of errors.
 
 Exit status 0: fine, 1: the run or check failed, 2: wrong use. Errors are one line each on stderr.
-What a command needs is imported when it runs, so that the command line itself starts at once.
+A command imports its modules when it runs, so that the command line starts quickly.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import logging
 import os
 import shlex
 import sys
+import threading
+import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
@@ -20,17 +22,17 @@ import typer
 
 from harness.cli import runs, studies, look, models  # noqa: F401 # isort: skip - the order of --help
 from harness.cli.options import app
-from harness.errors import HarnessError, missing
+from harness.errors import HarnessError, exhausted, missing
 from harness.files import signals
 from harness.files.output import commanded
 from harness.spelling import printable
 
 INTERRUPTED = 130
-"""What newer versions of typer return after Ctrl-C."""
+"""Exit status of newer versions of typer after Ctrl-C."""
 
 
 class _Printable(logging.Formatter):
-    """Notes that cannot control a terminal, whoever they come from."""
+    """Formatter of log notes without characters that control a terminal."""
 
     def format(self, record: logging.LogRecord) -> str:
         return printable(super().format(record))
@@ -55,14 +57,14 @@ def options(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Run the command line and return the exit status."""
     _open_streams()
     with signals.as_interrupts():
         return _flushed(_main(arguments))
 
 
 def _open_streams() -> None:
-    """Let every text through: streams that were closed go nowhere, odd characters are escaped."""
+    """Make any text printable: closed streams are discarded, unencodable characters escaped."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115, PTH123
@@ -72,7 +74,7 @@ def _open_streams() -> None:
 
 
 def _flushed(status: int) -> int:
-    """The exit status, unless the output cannot be written to its end."""
+    """Return the exit status, or an error if the output cannot be written completely."""
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -96,10 +98,10 @@ def _main(arguments: Sequence[str] | None) -> int:
         with commanded(shlex.join(["harness", *given])):
             status = _command()(given or ["--help"], "harness", standalone_mode=False)
     except HarnessError as error:
-        return _complain(str(error), error.exit_status)
+        return _complain(exhausted(error.__cause__) or str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted", 1)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return _unexpected(error)
     if status == INTERRUPTED:
         return _complain("interrupted", 1)
@@ -108,30 +110,41 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 @cache
 def _command() -> Any:
-    """All commands, which typer would put together anew for every call of main()."""
+    """Return all commands, which typer would otherwise build again for every call of main()."""
     return typer.main.get_command(app)
 
 
-def _unexpected(error: Exception) -> int:
-    """A wrong command line (typer's own errors, whose classes depend on its version), what the
-    system refuses, or a mistake of ours.
+def _unexpected(error: Exception | SystemExit) -> int:
+    """Report an unexpected error and return its exit status: a wrong command line (typer's own
+    errors, whose classes depend on its version), an error of the operating system, a mistake in
+    a mission of the user, or a bug of the harness.
     """
-    if isinstance(error, OSError) and error.filename is None:
-        return _output_lost(error)
+    if line := exhausted(error):
+        warnings.simplefilter("ignore")  # libraries repeat the same message at exit
+        sys.unraisablehook = lambda _: None
+        threading.excepthook = lambda _: None
+        return _complain(line, 1)
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):
         return _complain(error.format_message(), error.exit_code)
-    if isinstance(error, ValueError) and "null byte" in str(error):  # from a look at such a path
-        return _complain("a file name cannot hold a NUL character", 2)
-    if isinstance(error, ModuleNotFoundError) and (line := missing(error)):
-        return _complain(line, 1)
-    if os.environ.get("HARNESS_TRACEBACK"):
+    if isinstance(error, ValueError) and "null byte" in str(error):  # raised for such a path
+        return _complain("a file name contains a NUL character; remove it", 2)
+    library = missing(error) if isinstance(error, ModuleNotFoundError) else ""
+    if os.environ.get("HARNESS_TRACEBACK") and not library:
         raise error
+    from harness.mission.library import failure
+
+    if line := library or failure(error):
+        return _complain(line, 1)
+    if isinstance(error, SystemExit):
+        raise error
+    if isinstance(error, OSError) and error.filename is None:
+        return _output_lost(error)
     hint = "internal error (HARNESS_TRACEBACK=1 prints the traceback)"
     return _complain(f"{hint}: {type(error).__name__}: {error}", 1)
 
 
 def _complain(message: str, status: int) -> int:
     for line in message.splitlines():
-        with suppress(OSError):  # nobody listens
+        with suppress(OSError):  # stderr is closed
             print(printable(f"harness: {line}"), file=sys.stderr)
     return status

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What `harness campaign` shows: its progress, and the pictures of its dataset."""
+"""Output of `harness campaign`: its progress, and the pictures of its dataset."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ Show = Callable[[Progress], None]
 
 @contextmanager
 def counting(title: str, wanted: bool) -> Iterator[Show | None]:
-    """A bar on stderr with rate, remaining time and failures, a line a minute where that is no
-    terminal; None if unwanted.
+    """Yield a display of progress: a bar on stderr with rate, remaining time and failures, or a
+    line a minute without a terminal; None if not requested.
     """
     if not wanted:
         yield None
@@ -56,10 +56,12 @@ def counting(title: str, wanted: bool) -> Iterator[Show | None]:
 
 
 def drawing_soon(show: Show | None) -> Show:
-    """The same, and what draws is ready after the first call: while runs fly, not after them."""
+    """Return the same display, which loads the drawing libraries after its first call, while runs
+    are in progress.
+    """
 
     def shown(now: Progress) -> None:
-        with suppress(ImportError):  # which is told when all runs are kept
+        with suppress(ImportError):  # reported after the last run
             get_ready()
         if show is not None:
             show(now)
@@ -68,9 +70,9 @@ def drawing_soon(show: Show | None) -> Show:
 
 
 def _lines(title: str) -> Show:
-    """What writes a line after a block if the last one is a minute old."""
+    """Return a display that writes a line after a block of runs, at most once a minute."""
     begin = last = time.monotonic()
-    first: int | None = None  # runs of an earlier session, and of the first block
+    first: int | None = None  # completed runs at the first call
 
     def show(now: Progress) -> None:
         nonlocal begin, last, first
@@ -88,7 +90,9 @@ def _lines(title: str) -> Show:
 
 
 def pictures(store: Store, folder: Path, ending: str, style: Style) -> list[Path]:
-    """Histograms of the metrics, each metric against the factors that matter, bands over time."""
+    """Draw histograms of the metrics, each metric against the influential factors, and bands over
+    time; return the files.
+    """
     with style.used():
         return [
             save(drawing, folder / f"{file_stem(f'campaign_{stem}')}.{ending}")

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Commands that look: `harness list | show | check | draw | plan | plot | report | validate`."""
+"""Commands that read and show:
+`harness list | docs | show | check | draw | plan | plot | report | convert | validate`.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,7 @@ def docs_command(
 ) -> None:
     """Open the documentation of this version in a browser.
 
-    The pages lie in the package; no network is needed.
+    The package contains the pages; no network is needed.
     """
     from harness.files import paths
 
@@ -73,8 +75,8 @@ def show_command(
 ) -> None:
     """Show ports and parameters.
 
-    The components of a system; inputs, outputs and parameters of one of them (SYSTEM.component)
-    with their values in the system; or those of an FMU alone.
+    SYSTEM lists its components. SYSTEM.component lists inputs, outputs and parameters with their
+    values in the system. An FMU is listed with its own values.
     """
     from harness.cli import showing
     from harness.studies.show import show
@@ -82,7 +84,7 @@ def show_command(
     typer.echo(showing.text(show(system, word, **changes)))
 
 
-JudgedArgument = Annotated[
+CheckedArgument = Annotated[
     str | None, argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu")
 ]
 
@@ -90,21 +92,21 @@ JudgedArgument = Annotated[
 @command("check", *CHANGES)
 def check_command(
     *,
-    system: JudgedArgument = None,
+    system: CheckedArgument = None,
     strict: Annotated[bool, option("--strict", "Treat warnings as errors")] = False,
     changes: Any,
 ) -> None:
     """Report every mistake of a system or an FMU.
 
-    Errors keep it from being run (exit status 1); warnings are what is not by the book. With
-    changes: the system that a run with them has. Without a name: what this machine lacks for the
-    flight processors of --on.
+    An error prevents a run (exit status 1). A warning is a deviation from the standard. With
+    changes the changed system is checked. Without a name the command lists what this machine lacks
+    for the flight processors of --on.
     """
     from harness.studies import check as study
 
     if system is None:
         if changes or strict:
-            raise UsageError("check: name a system or an FMU")
+            raise UsageError("check: the options need the name or path of a system or FMU")
         typer.echo("\n".join(study.machine()))
         return
     verdict = study.check(system, strict, **changes)
@@ -142,7 +144,7 @@ def plan_command(
 ) -> None:
     """Show the plan of a mission without running the system.
 
-    Print the plan as a table and draw it; exit status 1 if it is not feasible.
+    Print the plan as a table and draw it. The exit status is 1 if the plan is not feasible.
     """
     from harness.figures.plots import overlay
     from harness.studies.show import plan
@@ -156,8 +158,8 @@ def plan_command(
         raise typer.Exit(1)
 
 
-def _take(mission: Path | None) -> None:
-    """Take the mission of a folder that the user has named, for every result."""
+def _use(mission: Path | None) -> None:
+    """Use the mission in a folder for every result."""
     if mission is not None:
         from harness.mission.library import use
 
@@ -186,15 +188,15 @@ def plot_command(  # noqa: PLR0913 - one argument per option or group of them
 ) -> None:
     """Draw the figures of a run.
 
-    Those of its system, or one of any variables. Print styles (paper, serif) come with captions.md
-    and captions.tex.
+    Draw the figures of its system, or one figure of any variables. The print styles paper and serif
+    write captions.md and captions.tex too.
     """
     from harness.figures.plots import plot as draw
     from harness.results.files import read
 
     names = [n.strip() for n in re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")]
-    _take(mission)
-    result = read(file)  # before its name makes that of a folder
+    _use(mission)
+    result = read(file)  # before figures_of(): an unreadable file names no folder
     ending, style = drawing.how(wide)
     for path in draw(result, output or figures_of(file), ending, style, names):
         typer.echo(path)
@@ -204,8 +206,8 @@ def plot_command(  # noqa: PLR0913 - one argument per option or group of them
 def report_command(  # noqa: PLR0913, PLR0917 - options
     file: ReportArgument,
     output: Annotated[Path | None, output("Write an HTML page with plots and a replay")] = None,
-    fly: Annotated[
-        bool, option("--fly", "Put the system into the page: sliders run it in the browser")
+    live: Annotated[
+        bool, option("--live", "Put the system into the page: sliders run it in the browser")
     ] = False,
     require: RequireOption = None,
     strict: StrictOption = False,
@@ -220,15 +222,15 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
     from harness.results.requirements import demanding
 
     wanted = require or []
-    _take(mission)
-    if fly and (output is None or file.is_dir()):
-        raise UsageError("--fly needs the file of one run, and -o with the name of the page")
+    _use(mission)
+    if live and (output is None or file.is_dir()):
+        raise UsageError("--live needs the results file of one run, and -o PAGE.html")
     if output is not None and file.is_dir():
         _page(file, output)
         return
     result = demanding(read(file), {text: text for text in wanted})
     if output is not None:
-        _page(result, output, fly)
+        _page(result, output, live)
     else:
         show(result)
     insist({"": result}, wanted, strict, claims=strict or output is None)
@@ -236,10 +238,10 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
         raise typer.Exit(1)
 
 
-def _page(source: Any, output: Path, fly: bool = False) -> None:
+def _page(source: Any, output: Path, live: bool = False) -> None:
     from harness.report.html import write
 
-    typer.echo(write(source, output, fly))
+    typer.echo(write(source, output, live))
 
 
 ConvertedOption = Annotated[
@@ -272,7 +274,7 @@ def convert_command(
 def validate_command(
     names: Annotated[list[str] | None, argument("[CASE]...", "Cases to run (default: all)")] = None,
 ) -> None:
-    """Run the FMUs against published numbers."""
+    """Compare the FMUs with published reference values."""
     from harness.claims.case import table, validate
 
     rows = validate(names or None)

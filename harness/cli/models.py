@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Own controllers, and systems and FMUs for other purposes:
-`harness new | build | export | linearize | bench | serve | target`.
+"""Commands for controllers of your own, and for systems and FMUs elsewhere:
+`harness new | build | export | linearize | processor | serve`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ def new_command(
     from harness.authoring.new import new_controller, new_mission
 
     if kind not in ("controller", "mission") or name is None:
-        raise UsageError(f"new {kind}: write harness new controller NAME, or new mission NAME")
+        raise UsageError(
+            f"new {kind}: expected `harness new controller NAME` or `harness new mission NAME`"
+        )
     if kind == "mission":
         folder = new_mission(name, base)
         typer.echo(printable(f"{folder}: edit system.toml and mission.py, then"))
@@ -77,18 +79,38 @@ SspOption = Annotated[
 ]
 
 
+HintsOption = Annotated[
+    bool,
+    option(
+        "--hints",
+        "Write the periods of slow components for libcosim and ecos; OMSimulator rejects the file",
+    ),
+]
+
+
+OpenOption = Annotated[
+    Texts,
+    option(
+        "--open COMPONENT",
+        "Leave out a component that another tool runs: its outputs become inputs of the rest",
+    ),
+]
+
+
 FmiOption = Annotated[
     int | None, option("--fmi", "Version of FMI of NAME.fmu: 2 (default) or 3", min=2, max=3)
 ]
 
 
 @command("export", "params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm")
-def export_command(
+def export_command(  # noqa: PLR0913 - one argument per option
     *,
     system: SystemArgument,
     target: Annotated[Path, argument("DIR_OR_FILE", "Folder, or file NAME.ssp or NAME.fmu")],
     fmi: FmiOption = None,
     ssp: SspOption = None,
+    hints: HintsOption = False,
+    without: OpenOption = None,
     changes: Any,
 ) -> None:
     """Write a system as one .ssp or one .fmu.
@@ -97,7 +119,7 @@ def export_command(
     """
     from harness.exports.package import export
 
-    typer.echo(export(system, target, fmi, ssp, **changes))
+    typer.echo(export(system, target, fmi, ssp, hints=hints, without=without or (), **changes))
 
 
 @command("linearize")
@@ -122,8 +144,8 @@ def linearize_command(
     )
 
 
-@command("target")
-def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
+@command("processor")
+def processor_command(  # noqa: PLR0913, PLR0917 - one argument per option
     fmus: Annotated[list[str], argument("FMU...", "FMUs: names, or paths of .fmu files")],
     on: Annotated[Texts, option("PROCESSOR", "Use this processor (default: all)")] = None,
     place: Annotated[
@@ -133,25 +155,25 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
     clock: Annotated[float | None, option("", "Set the clock of the processor [Hz]")] = None,
     write: Annotated[Path | None, option("", "Write the rows to this page")] = None,
 ) -> None:
-    """Measure what FMUs cost on a flight processor.
+    """Compute the cost of FMUs on a flight processor.
 
-    Prints code, constants, data, stack, instructions of a step, and whether the bits are equal.
+    Print code, constants, data, stack, instructions of a step, and whether the bits are equal.
     """
-    from harness.remote.targets import TARGETS
-    from harness.studies import target
+    from harness.remote.firmware import PROCESSORS
+    from harness.studies import processor
 
-    rows = target.measure(
+    rows = processor.compute_costs(
         fmus,
-        on or list(TARGETS),
+        on or list(PROCESSORS),
         place=place,
         stop=stop,
         clock=clock,
-        said=lambda row: typer.echo(f"{row.fmu} on {row.target}", err=True),
+        notify=lambda row: typer.echo(f"{row.fmu} on {row.processor}", err=True),
     )
-    typer.echo(target.table(rows))
+    typer.echo(processor.table(rows))
     if write is not None:
         with written(write) as page:
-            page.write_text(target.markdown(rows), encoding="utf-8")
+            page.write_text(processor.markdown(rows), encoding="utf-8")
     if any(row.difference for row in rows):
         raise typer.Exit(1)
 
@@ -159,20 +181,22 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
 @command("serve")
 def serve_command(
     fmu: FmuArgument,
-    port: Annotated[int, option("", "TCP port to listen on (0: any that is free)")] = 0,
+    path: Annotated[
+        Path | None, option("--socket PATH", "Listen on this Unix socket (default: a private one)")
+    ] = None,
     once: Annotated[bool, option("--once", "End when the first link closes")] = False,
 ) -> None:
-    """Serve an FMU as a board, for `--on COMPONENT=tcp://HOST:PORT`.
+    """Serve an FMU as a board, for `--on COMPONENT=unix:///PATH`.
 
-    Runs on this machine until it is interrupted; protocol: docs/protocol.md.
+    The command runs until it is interrupted and answers its own user only. Protocol:
+    docs/protocol.md.
     """
-    from harness.master.serve import StandIn, listening, serve
+    from harness.master.serve import Board, listening, serve
     from harness.system.swap import find_fmu
 
-    path = find_fmu(fmu)
-    with listening(port) as listener, StandIn(path) as board:
-        number = listener.getsockname()[1]
-        typer.echo(f"{path.stem}: tcp://localhost:{number}")
+    file = find_fmu(fmu)
+    with Board(file) as board, listening(path) as listener:
+        typer.echo(f"{file.stem}: unix://{listener.getsockname()}")
         sys.stdout.flush()
         while True:
             serve(board, listener)

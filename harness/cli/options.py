@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The options that several commands have, said once, and what the shell completes them with."""
+"""Options that several commands share, with their completions for the shell."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ Command = TypeVar("Command", bound=Callable[..., None])
 
 
 def figures_of(results: Path) -> Path:
-    """Folder for the figures of a results file or dataset, beside it."""
+    """Return the folder for the figures of a results file or dataset, beside it."""
     return results.with_name(f"{results.stem}_figures")
 
 
-# ---- what the shell completes
+# ---- completion in the shell
 
 Completion = Callable[[typer.Context, str], list[str]]
 
 
 def _completed(known: Callable[[typer.Context, str], Iterable[str]]) -> Completion:
-    """What the shell offers for a beginning; nothing if the names cannot be found out."""
+    """Return a completion for the shell, which offers nothing if the names cannot be determined."""
 
     def complete(context: typer.Context, incomplete: str) -> list[str]:
         try:
             return [name for name in known(context, incomplete) if name.startswith(incomplete)]
-        except Exception:  # a shell must never see a traceback for a key
+        except Exception:  # completion must not print a traceback
             return []
 
     return complete
 
 
 def _of_system(names: Callable[[Any], Iterable[str]]) -> Completion:
-    """Completion by names of the system that the command line gives."""
+    """Return a completion with names of the system on the command line."""
 
     def known(context: typer.Context, _: str) -> list[str]:
         from harness.ssp.library import load, of_component
@@ -58,13 +58,13 @@ def _of_system(names: Callable[[Any], Iterable[str]]) -> Completion:
 
 @_completed
 def systems(_context: typer.Context, _incomplete: str) -> Iterable[str]:
-    """Names of systems."""
+    """Return the names of all systems."""
     return paths.systems()
 
 
 @_completed
 def _shown(_: typer.Context, incomplete: str) -> Iterable[str]:
-    """Systems and FMUs, and the components of a system that is named."""
+    """Return systems and FMUs, and the components of a named system."""
     from harness.ssp.library import load, of_component
 
     if "." not in incomplete or not (place := of_component(incomplete)):
@@ -99,13 +99,13 @@ def _settable(system: Any) -> Iterable[str]:
 
 
 def argument(metavar: str, text: str, completed: Completion | None = None) -> Any:
-    """An argument of a command, and its line of help."""
+    """Return an argument of a command with its help text."""
     return typer.Argument(metavar=metavar, help=text, autocompletion=completed)
 
 
 def option(usage: str, text: str, completed: Completion | None = None, **more: Any) -> Any:
-    """An option as it stands on a command line, `--output -o FILE`, and its line of help; without a
-    name it has that of its parameter. more: what else typer is to know.
+    """Return an option from its form on a command line, `--output -o FILE`, with its help text.
+    Without a name it has the name of its parameter. more: further settings of typer.
     """
     words = usage.split(" ")
     names = [word for word in words if word.startswith("-")]
@@ -114,12 +114,12 @@ def option(usage: str, text: str, completed: Completion | None = None, **more: A
 
 
 def output(text: str) -> Any:
-    """The option -o of a command."""
+    """Return the option -o of a command."""
     return option("--output -o", text)
 
 
 def seconds(text: str) -> float:
-    """A time as the user types it."""
+    """Return a time from the text of the user."""
     try:
         return float(text)
     except ValueError:
@@ -127,7 +127,7 @@ def seconds(text: str) -> float:
 
 
 def positive(text: str) -> float:
-    """A time that must be above 0."""
+    """Return a time that must be above 0."""
     if not (time := seconds(text)) > 0:
         raise typer.BadParameter(f"{text}: expected a number of seconds above 0, as in 60")
     return time
@@ -192,7 +192,7 @@ CHANGES: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """How figures are drawn."""
+    """Format and style of figures."""
 
     ending: Annotated[
         Literal["png", "svg", "pdf"], option("--format", "Set the format of the figures")
@@ -203,7 +203,7 @@ class Drawing:
     ] = "screen"
 
     def how(self, wide: bool = False) -> tuple[str, Any]:
-        """Ending and style as the functions that draw take them."""
+        """Return ending and style as arguments of the drawing functions."""
         from harness.figures.style import style_of
 
         return self.ending, style_of(self.style, wide)
@@ -211,16 +211,16 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Pictures(Drawing):
-    """Whether and how the figures of many runs are drawn."""
+    """Settings of the figures of many runs."""
 
     figures: Annotated[bool, option("--figures/--no-figures", "Draw figures, or none")] = True
 
 
 class OnceCommand(TyperCommand):
-    """A command of typer that does not silently drop what was given first."""
+    """Command of typer that rejects an option with a single value that is given twice."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse as usual; wrong use if an option with a single value is given twice."""
+        """Parse the arguments; reject an option with a single value that is given twice."""
         _, _, order = self.make_parser(ctx).parse_args(args=list(args))
         for parameter in order:
             single = parameter.param_type_name == "option" and not parameter.multiple
@@ -233,8 +233,8 @@ app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args
 
 
 def command(name: str, *changes: str, text: str | None = None) -> Callable[[Command], Command]:
-    """Add a command: with an option for every field of a data class among its parameters, and those
-    of CHANGES that are named; these it receives, as far as they are given, as `changes`. text: its
+    """Add a command with an option for every field of a data class among its parameters, and the
+    options of CHANGES with these names, which the command receives as `changes` if given. text: its
     help (None: its docstring).
     """
 
@@ -259,12 +259,12 @@ def _parameters(command: Any) -> list[Parameter]:
 
 
 def _group(parameter: Parameter) -> list[Parameter]:
-    """What a data class is made of; nothing of any other parameter."""
+    """Return the fields of a data class as parameters, nothing for any other parameter."""
     return _parameters(parameter.annotation) if is_dataclass(parameter.annotation) else []
 
 
 def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter]:
-    """What the command line has for a parameter of a command."""
+    """Yield the options on the command line for a parameter of a command."""
     if parameter.name == "changes":
         for name in changes:
             yield Parameter(name, KEYWORD_ONLY, default=None, annotation=CHANGES[name])
@@ -276,7 +276,7 @@ def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter
 
 
 def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any]) -> Any:
-    """What a parameter gets of the values of all options."""
+    """Return the value of a parameter from the values of all options."""
     if parameter.name == "changes":
         return {name: given[name] for name in changes if given[name] is not None}
     if group := _group(parameter):
@@ -285,7 +285,7 @@ def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any
 
 
 def size_of(path: Path) -> str:
-    """Size of a file as the end of a line, nothing for a pipe or device."""
+    """Return the size of a file as the end of a line, nothing for a pipe or device."""
     if not path.is_file():
         return ""
     size = path.stat().st_size

@@ -40,8 +40,8 @@ OutputOption = Annotated[Path | None, output("File to write: .nc, .csv, .mat or 
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is run, and how."""
+class Requested:
+    """System of a run and settings of its execution."""
 
     executor: ExecutorOption = None
     every: Annotated[int | None, option("", "Record every N-th macro step")] = None
@@ -61,18 +61,23 @@ class Asked:
     ] = None
 
     def run(self, system: str | None, changes: dict[str, Any]) -> Any:
-        """The run that is wanted."""
-        from harness.studies.again import Again, again
+        """Return the requested run."""
+        from harness.studies.rerun import Rerun, again
 
         changes = self._started(system, changes)
         if self.like is not None:
             return again(self.like, system, changes)  # type: ignore[arg-type]
         if system is None:
-            raise UsageError("SYSTEM is missing (harness list shows them), or --like RESULT")
-        return Again(system, changes)  # type: ignore[arg-type]
+            raise UsageError(
+                "SYSTEM is missing: give a name (`harness list` shows them) or path, or "
+                "--like RESULT"
+            )
+        return Rerun(system, changes)  # type: ignore[arg-type]
 
     def _started(self, system: str | None, changes: dict[str, Any]) -> dict[str, Any]:
-        """The changes with the epoch, and start values from files below those of --set."""
+        """Return the changes with the epoch, and with start values from files unless --set
+        overrides them.
+        """
         if not self.start and self.epoch is None:
             return changes
         from harness.master.changes import pairs
@@ -80,7 +85,9 @@ class Asked:
         from harness.ssp.library import load
 
         if system is None:
-            raise UsageError(f"--{'start' if self.start else 'epoch'}: SYSTEM is missing")
+            raise UsageError(
+                f"--{'start' if self.start else 'epoch'}: SYSTEM is missing: give its name or path"
+            )
         with load(system) as found:
             files = dict(pairs("--start", self.start or ()))
             begun = start_values(found, files, self.epoch, **changes)
@@ -90,7 +97,7 @@ class Asked:
         return {**changes, "set": given, "epoch": begun.epoch}
 
     def how(self, wanted: Any) -> dict[str, Any]:
-        """Arguments of simulate() for it."""
+        """Return the arguments of simulate() for the run."""
         return {
             "executor": self.executor or wanted.executor,
             "every": wanted.every if self.every is None else self.every,
@@ -101,20 +108,18 @@ class Asked:
 
 @dataclass(frozen=True)
 class Live:
-    """What shows a run while it goes, and its pace."""
+    """Display of a run in progress, and its pace."""
 
     watch: Annotated[
         bool, option("--watch", "Show range, errors, speed and phase during the run")
     ] = False
-    realtime: Annotated[float | None, option("FACTOR", "Keep pace with a clock (1: real time)")] = (
-        None
-    )
+    realtime: Annotated[float | None, option("FACTOR", "Run at FACTOR times real time")] = None
     late: Annotated[
         str | None, option("wait|hold|stop", "Choose what to do if a remote component is late")
     ] = None
 
     def how(self, quiet: bool) -> dict[str, Any]:
-        """Arguments of simulate(): what is called with the progress, and the pacer."""
+        """Return the arguments of simulate() for display and pace."""
         from harness.master.pacer import Pacer
 
         how: dict[str, Any] = {"progress": not quiet and sys.stderr.isatty()}
@@ -133,7 +138,7 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
     system: SystemOption = None,
     changes: Any,
     output: OutputOption = None,
-    asked: Asked,
+    requested: Requested,
     strict: StrictOption = False,
     live: Live,
     quiet: QuietOption = False,
@@ -143,58 +148,59 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
     Default: results/SYSTEM.nc. With --like RESULT the exit status is 1 if the bits differ.
     """
     from harness.cli.verdicts import insist
+    from harness.files.cache import with_second_try
     from harness.results.files import ResultFile
-    from harness.studies.again import agreement
+    from harness.studies.rerun import agreement
 
-    wanted = asked.run(system, changes)
+    wanted = requested.run(system, changes)
     name = f"{Path(wanted.system).stem or 'run'}{'' if wanted.model is None else '_again'}"
     file = ResultFile(output or Path("results") / f"{name}.nc")
-    how = {**live.how(quiet), **asked.how(wanted)}
-    result = _run(wanted, file, how, quiet, live.late)
+    how = {**live.how(quiet), **requested.how(wanted)}
+    result = with_second_try(lambda: _run(wanted, file, how, quiet, live.late))
     if wanted.model is not None:
-        is_other = bool(changes or asked.start or asked.every)
+        is_other = bool(changes or requested.start or requested.every)
         equal, line = agreement(wanted.model, result, is_other)
         typer.echo(line)
         if not equal:
             raise typer.Exit(1)
-    elif asked.like is not None:
+    elif requested.like is not None:
         _draw(result, figures_of(file.path))
     insist({"": result}, changes.get("require", ()), strict)
 
 
 def _draw(result: Any, folder: Path) -> None:
-    """Figures of a run, if anything changes in it."""
+    """Draw the figures of a run if any variable changes."""
     from harness.figures.plots import plot
 
     if (result.values == result.values[0]).all():
-        typer.echo("no figures: nothing that the result holds changes")
+        typer.echo("no figures: all variables of the result are constant")
         return
     for path in plot(result, folder):
         typer.echo(path)
 
 
 def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None) -> Any:
-    """Run, write, and say what there is to say; nothing that was recorded is lost."""
+    """Run, write the result and print the notes; no recorded row is lost."""
     from harness.files.signals import held
     from harness.master.changes import timely
     from harness.master.isolated import simulate
-    from harness.results.requirements import say_inconsistencies
+    from harness.results.requirements import log_inconsistencies
     from harness.ssp.library import load
-    from harness.system.graph import say_warnings
+    from harness.system.graph import log_warnings
 
     began = perf_counter()
     with load(wanted.system) as found:
         pacer = how.get("pacer")
         changed = timely(found, wanted.changes, None if pacer is None else pacer.factor, late)
-        say_warnings(changed)
-        say_inconsistencies(changed)
+        log_warnings(changed)
+        log_inconsistencies(changed)
         file.accept(changed)
-        with held():  # from here on
+        with held():  # an interruption waits until rows are written
             try:
                 result = simulate(changed, **how)
             except RunError as error:
                 if error.partial is not None:
-                    error.append(_kept(file, error.partial))
+                    error.append(_write_partial(file, error.partial))
                 raise
             seconds = perf_counter() - began
             file.write(result)
@@ -203,14 +209,14 @@ def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | N
     return result
 
 
-def _kept(file: Any, partial: Any) -> str:
-    """Write what a run that ended early has recorded; an interruption after the last step has cost
-    nothing.
+def _write_partial(file: Any, partial: Any) -> str:
+    """Write the rows of a run that ended early. An interruption
+    after the last step loses no row.
     """
     if partial.complete:
         file.write(partial)
         return f"all {len(partial.time)} rows are in {file.path}"
-    return f"{len(partial.time)} recorded rows are in {file.keep(partial)}"
+    return f"{len(partial.time)} recorded rows are in {file.write_partial(partial)}"
 
 
 def _report(result: Any, seconds: float, path: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What `harness list` says about systems and FMUs, and the tables of `harness show`: at most WIDEST
+"""Text of `harness list` about systems and FMUs, and tables of `harness show`: at most WIDEST
 characters wide, plain in a pipe.
 """
 
@@ -29,14 +29,14 @@ GAP = 2
 
 
 def listed(name: str | None = None) -> str:
-    """All systems with components and sets, and all FMUs, as lines for reading; with a name or path
-    one system.
+    """Return all systems with components and parameter sets, and all FMUs, as text; with a name or
+    path one system.
     """
     if name is not None:
         return "\n".join(_system_lines(find_system(name)))
     systems, fmus = paths.systems(), paths.fmus()
     if not systems and not fmus:
-        raise UsageError("neither systems nor FMUs found: build the project first")
+        raise UsageError("no systems and FMUs found: build the project first (`make build`)")
     about = [f"  {line}" for path in systems.values() for line in _system_lines(path)]
     return "\n".join(("systems", *about, "FMUs", *_fmu_lines(fmus)))
 
@@ -63,7 +63,7 @@ def _system_lines(path: Path) -> list[str]:
 
 
 def _time(experiment: Experiment) -> str:
-    """How long a system runs and in which steps, and what it does not say."""
+    """Return stop time and step of a system, and what the system leaves open."""
     stop, step = experiment.stop, experiment.step
     if stop is None and step is None:
         return "with --stop and --step (the file defines neither)"
@@ -75,7 +75,7 @@ def _time(experiment: Experiment) -> str:
 
 
 def text(shown: Shown) -> str:
-    """The title, and a table of components or one per causality."""
+    """Return the title, and a table of components or one table per causality."""
     parts = [row for row in shown.rows if isinstance(row, Part)]
     signals = [row for row in shown.rows if isinstance(row, Signal)]
     tables = []
@@ -91,7 +91,7 @@ def text(shown: Shown) -> str:
 
 
 def _signals(causality: str, signals: Sequence[Signal]) -> str:
-    """A table of signals; columns that would be empty are left out."""
+    """Return a table of signals without empty columns."""
     wires = {"input": "driven by", "output": "read by", "parameter": ""}[causality]
     head = (f"{causality}s", "size", "unit", wires, "value", "default", "limits", "description")
     columns = list(zip(head, *map(_signal, signals), strict=True))
@@ -110,17 +110,19 @@ def _signal(s: Signal) -> tuple[str, ...]:
 
 
 def _end(s: Signal, wire: str) -> str:
-    """The other end of a connection: of readers that call it the same, the component is enough."""
+    """Return the other end of a connection. For an input with the same name as the output this is
+    the component alone.
+    """
     component, _, variable = wire.rpartition(".")
     return component if s.causality == "output" and variable == s.name else wire
 
 
 TIED = "\ue000"
-"""Stands for a blank at which no line ends."""
+"""Placeholder of a blank at which no line is broken."""
 
 
 def value_text(value: Nested) -> str:
-    """A value as it can be given to --set, to seven digits."""
+    """Return a value in the form of --set, to seven digits."""
     if not isinstance(value, list):
         return "" if value is None else _number(value)
     inner = [value_text(each) for each in value]
@@ -142,8 +144,8 @@ def _limits(s: Signal) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns that fold at blanks where the line would be too long, the widest first; the one of
-    names never does.
+    """Return a table whose columns wrap at blanks where a line would be too long, the widest first.
+    The column of names never wraps.
     """
     from rich.console import Console
     from rich.table import Table
@@ -162,5 +164,5 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _width() -> int:
-    """Of the terminal, within limits; in a pipe the widest."""
+    """Return the width of the terminal within limits; in a pipe the largest width."""
     return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Many runs of a system: `harness compare` and `harness campaign`; studies that ask on: `harness
-sensitivity`, `worst`, `probability`, `map`, `tune`; all of a file of the project: `harness study`.
+"""Commands for many runs of a system: `harness compare`, `harness campaign`, the analyses
+`sensitivity`, `worst`, `probability`, `boundary`, `tune`, and `harness study` for a file of the
+project.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ ResumeOption = Annotated[bool, option("--resume", "Continue after an interruptio
 
 @dataclass(frozen=True)
 class Cluster:
-    """Who performs the runs of a campaign, and how they are reached."""
+    """Workers of a campaign and the connection to them."""
 
     workers: WorkersOption = None
     scheduler: Annotated[str | None, option("ADDRESS", "Use the Dask cluster at this address")] = (
@@ -65,7 +66,7 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Varied:
-    """What is compared."""
+    """Factors of a comparison."""
 
     params: Annotated[str | None, option("A,B,..", "Compare these parameter sets")] = None
     swap: Annotated[Texts, option("C=A,B,..", "Compare these FMUs as component C")] = None
@@ -78,7 +79,7 @@ class Varied:
     algorithm: Annotated[str | None, option("A,B", "Compare gauss-seidel,jacobi")] = None
 
     def options(self) -> list[tuple[str, str]]:
-        """Options with the values given, as combinations() takes them."""
+        """Return the options with their values as arguments of combinations()."""
         several = {"swap": self.swap, "latency": self.latency, "set": self.vary}
         varied = [("params", self.params), ("algorithm", self.algorithm)]
         varied += [(option, text) for option, texts in several.items() for text in texts or ()]
@@ -87,7 +88,7 @@ class Varied:
 
 @dataclass(frozen=True)
 class Compared:
-    """How variants are run, and what their errors and distances are held against."""
+    """Execution of the variants, and the limits for their errors and distances."""
 
     executor: ExecutorOption = None
     every: Annotated[
@@ -97,11 +98,11 @@ class Compared:
         Texts, option("position=M, attitude=DEG", "Set the bands in which an error has settled")
     ] = None
     keep_out: Annotated[float, option("", "Set a keep-out radius about the target [m]")] = 0.0
-    measures: Annotated[str | None, option("A,B,..", "Columns of the table (default: all)")] = None
+    metrics: Annotated[str | None, option("A,B,..", "Columns of the table (default: all)")] = None
     patience: PatienceOption = None
 
     def how(self) -> dict[str, Any]:
-        """Arguments of compare()."""
+        """Return the arguments of compare()."""
         from harness.master.isolated import PATIENCE
 
         return {
@@ -112,7 +113,7 @@ class Compared:
         }
 
     def _limits(self) -> Any:
-        """Limits of a comparison; UsageError."""
+        """Return the limits of a comparison; raise UsageError."""
         from harness.master.changes import pairs
         from harness.mission import Limits
 
@@ -129,18 +130,22 @@ class Compared:
         return Limits(keep_out=self.keep_out, **given)
 
     def columns(self, system: str) -> list[str]:
-        """Columns of the table, none: all; UsageError if there is no such measure."""
-        if not self.measures:
+        """Return the columns of the table, all by default; raise UsageError for an
+        unknown metric.
+        """
+        if not self.metrics:
             return []
         from harness.mission.library import everything
         from harness.ssp.library import load
 
         with load(system):
-            known = {measure.name for measure in everything().measures} | {"macro step"}
-        names = [name.strip() for name in self.measures.split(",")]
+            known = {metric.name for metric in everything().metrics} | {"macro step"}
+        names = [name.strip() for name in self.metrics.split(",")]
         for name in names:
             if name not in known:
-                raise UsageError(f"--measures {name}: no such measure{did_you_mean(name, known)}")
+                raise UsageError(
+                    f"--metrics {name}: there is no such metric{did_you_mean(name, known)}"
+                )
         return names
 
 
@@ -158,8 +163,9 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
 ) -> None:
     """Run variants side by side: one table and figures.
 
-    Every combination of the given values runs, in parallel, in the set that the system has for
-    comparisons unless --params names others. Results, table and figures go to one folder.
+    Every combination of the given values runs, in parallel, in the parameter set that the system
+    defines for comparisons, unless --params names others. Results, table and figures go to one
+    folder.
     """
     from harness.cli.verdicts import insist
     from harness.master.progress import progress_bar
@@ -184,7 +190,7 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
 
 
 def _written(results: Any, folder: Path, pictures: Pictures) -> str:
-    """Draw the figures of a comparison; what its folder holds."""
+    """Draw the figures of a comparison, and return the contents of its folder as text."""
     if not pictures.figures:
         return "results and comparison.csv"
     from harness.figures.plots import overlay
@@ -195,7 +201,7 @@ def _written(results: Any, folder: Path, pictures: Pictures) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """How a campaign is run, judged and shown."""
+    """Settings of a campaign: execution, gates, output."""
 
     output: DatasetOption = None
     cluster: Cluster
@@ -213,20 +219,20 @@ class Campaign:
     quiet: QuietOption = False
 
     def run(self, definition: Path) -> None:
-        """Run a campaign, print what came of it and draw it."""
+        """Run a campaign, print its summary and draw its pictures."""
         from harness.cli import campaigns
         from harness.studies.campaign.campaign import campaign
 
         folder = self.output or Path("results") / f"{definition.stem}.zarr"
         how: dict[str, Any] = {"resume": self.resume, "strict": self.strict}
         how |= {"require": self.require or (), **asdict(self.cluster)}
-        said = (lambda text: None) if self.quiet else (lambda text: typer.echo(text, err=True))
+        notify = (lambda text: None) if self.quiet else (lambda text: typer.echo(text, err=True))
         problem = None
         with campaigns.counting(definition.stem, not self.quiet) as show:
             try:
                 seen = campaigns.drawing_soon(show) if self.pictures.figures else show
-                found = campaign(definition, folder, progress=seen, said=said, **how)
-            except RequirementError as error:  # all is there
+                found = campaign(definition, folder, progress=seen, notify=notify, **how)
+            except RequirementError as error:  # the dataset is complete
                 found, problem = error.partial, error
         drawn = ""
         if self.pictures.figures:
@@ -243,54 +249,54 @@ class Campaign:
 def campaign_command(definition: StudyArgument, campaign: Campaign) -> None:
     """Run a system thousands of times.
 
-    The file sets what varies; metrics, failures and histories go to one Zarr dataset.
+    The file defines the factors. Metrics, failures and histories go to one Zarr dataset.
     """
     campaign.run(_file(definition))
 
 
 def _file(given: Path) -> Path:
-    """The file of a campaign; one of the missions at hand by its name."""
+    """Return the file of a campaign; an available mission provides it by its name."""
     from harness.mission.library import campaigns
 
     return given if given.suffix else campaigns().get(str(given), given)
 
 
-# ---- studies that ask on
+# ---- analyses
 
 STUDIES = {
     "sensitivity": """Find out which factors matter.
 
     By Morris or Sobol; for the dataset of a complete campaign, OUT.zarr, by dependence (HSIC),
-    without further flights.
+    without further runs.
     """,
-    "worst": """Search for the worst flight of each requirement.
+    "worst": """Search for the worst run of each requirement.
 
-    Status 1 if a requirement fails in a flight that was found.
+    Status 1 if a requirement fails in a run of the search.
     """,
     "probability": """Estimate how probable a failure is.
 
-    By subset simulation, importance sampling or random flights. Status 1 unless the probability is
-    below the entry `below`.
+    By subset simulation or random runs. Status 1 unless the probability is below the entry
+    `below`.
     """,
-    "map": "Map where a requirement fails, over two factors.",
-    "tune": "Tune gains for the best worst margin over draws and an archive of worst flights.",
+    "boundary": "Map where a requirement fails, over two factors.",
+    "tune": "Tune gains for the best worst margin over draws and an archive of worst runs.",
 }
 """Commands and their help, by the name of their table in the file."""
 
 
 @dataclass(frozen=True)
 class How:
-    """Where a study writes, and by whom its runs are performed."""
+    """Output and workers of a study."""
 
     output: DatasetOption = None
     workers: WorkersOption = None
     resume: ResumeOption = False
     quiet: QuietOption = False
 
-    def ask(self, kind: str, definition: Path) -> bool:
-        """Run a study and print what it found; whether that is well."""
+    def run(self, kind: str, definition: Path) -> bool:
+        """Run a study, print its summary and return whether its verdict is positive."""
         from harness.cli.campaigns import counting
-        from harness.studies.inquiry import STUDIES
+        from harness.studies.analyses import STUDIES
 
         target = self.output or Path("results") / f"{definition.stem}_{kind}.zarr"
         with counting(kind, not self.quiet and sys.stderr.isatty()) as show:
@@ -300,7 +306,7 @@ class How:
                 workers=self.workers,
                 resume=self.resume,
                 progress=show,
-                said=lambda text: None if self.quiet else typer.echo(printable(text)),
+                notify=lambda text: None if self.quiet else typer.echo(printable(text)),
             )
         if not self.quiet:
             typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
@@ -312,7 +318,7 @@ def _add(kind: str, text: str) -> None:
 
     @command(kind, text=inspect.cleandoc(text))
     def study(definition: StudyArgument, how: How) -> None:
-        if not how.ask(kind, _file(definition)):
+        if not how.run(kind, _file(definition)):
             raise typer.Exit(1)
 
 
@@ -330,9 +336,8 @@ def study_command(
 ) -> None:
     """Run a campaign or the studies of a file of the project.
 
-    A file with tables such as [worst] is asked these questions, one after the other, each into
-    results/NAME_KIND.zarr. `harness worst NAME` asks one of them, `harness campaign NAME` runs the
-    plain campaign.
+    Each table such as [worst] is one study, whose dataset is results/NAME_KIND.zarr. `harness worst
+    NAME` runs one of them, `harness campaign NAME` runs the plain campaign.
     """
     from harness.mission.library import campaigns
     from harness.studies.campaign.draft import table_of
@@ -346,7 +351,9 @@ def study_command(
     table = table_of(known[name])
     kinds = [kind for kind in STUDIES if isinstance(table.get(kind), Mapping)]
     if len(kinds) > 1 and how.output:
-        raise UsageError(f"--output: {len(kinds)} studies; ask one, as harness {kinds[0]} {name}")
+        raise UsageError(
+            f"--output: the file defines {len(kinds)} studies; run one: harness {kinds[0]} {name}"
+        )
     if not kinds:
         campaign = Campaign(
             output=how.output,
@@ -356,5 +363,5 @@ def study_command(
             quiet=how.quiet,
         )
         campaign.run(known[name])
-    answers = [how.ask(kind, known[name]) for kind in kinds]
-    raise typer.Exit(0 if all(answers) else 1)
+    verdicts = [how.run(kind, known[name]) for kind in kinds]
+    raise typer.Exit(0 if all(verdicts) else 1)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The report of `harness report` on standard output: as wide as a terminal is, verdicts in
-colour there (not if NO_COLOR is set). What decides on the exit status.
+"""Report of `harness report` on standard output, as wide as the terminal and with coloured verdicts
+there (unless NO_COLOR is set), and the verdicts that determine the exit status.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from harness.errors import RequirementError
 from harness.mission.library import of_result
 from harness.results.requirements import findings
 from harness.results.result import Result
-from harness.results.verdict import Judged, Verdict, missed
+from harness.results.verdict import Outcome, Verdict, missed
 from harness.spelling import printable
 
 NARROWEST = 40
@@ -54,20 +54,20 @@ def insist(
     strict: bool = False,
     claims: bool = False,
 ) -> None:
-    """RequirementError with a line for all that gives the exit status 1, see missed(); results: by
-    the label of the run; claims: those of papers too.
+    """Raise RequirementError with a line for everything that gives the exit status 1, see missed();
+    results: by the label of the run; claims: include the claims of papers.
     """
     lines = [
         f"{label}: {line}" if label else line
         for label, result in results.items()
-        for line in missed(_judged(result, claims), required, strict)
+        for line in missed(_outcomes(result, claims), required, strict)
     ]
     if lines:
         raise RequirementError("\n".join(map(printable, lines)))
 
 
-def _judged(result: Result, claims: bool) -> Iterator[Judged]:
-    yield from (found.judged for found in findings(result))
-    yield from (found.judged for found in rule_findings(of_result(result), result))
+def _outcomes(result: Result, claims: bool) -> Iterator[Outcome]:
+    yield from (found.outcome for found in findings(result))
+    yield from (found.outcome for found in rule_findings(of_result(result), result))
     if claims:
         yield from outcomes(result)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`harness run --watch`: where a run is while it goes on, on a terminal a table that is renewed,
-elsewhere a line per tenth of the run.
+"""Display of `harness run --watch`: on a terminal a table that is updated during the run, elsewhere
+a line per tenth of the run.
 
-It looks at rows that are recorded, between stretches of macro steps: the bits are those of a run
-that nobody watches.
+It reads recorded rows between stretches of macro steps, so the bits are the same without a display.
 """
 
 from __future__ import annotations
@@ -17,30 +16,30 @@ from time import perf_counter
 from typing import Any
 
 from harness.master.progress import Running, Show
-from harness.mission import Gauge
+from harness.mission import WatchedMetric
 from harness.mission.library import of_result
 from harness.results.result import Result
 from harness.spelling import printable
 
 SECONDS = 0.25
-"""Wall-clock time between two looks on a terminal."""
+"""Wall-clock time between two updates of a terminal."""
 PARTS = 10
-"""Lines of a run where there is no terminal."""
+"""Number of lines per run without a terminal."""
 OTHERS = 6
-"""Variables shown of a system that has none of the gauges."""
+"""Variables shown for a system without a watched metric."""
 
 
-def gauges(result: Result) -> list[Gauge]:
-    """Those that fit, else the first variables."""
-    fitting = [gauge for gauge in of_result(result).gauges if not gauge.lacks(result)]
+def watched_metrics(result: Result) -> list[WatchedMetric]:
+    """Return the watched metrics that fit the result, or else the first variables."""
+    fitting = [metric for metric in of_result(result).watched if not metric.lacks(result)]
     return fitting or [
-        Gauge(name, unit if unit != "1" else "", (name,), itemgetter(name))
+        WatchedMetric(name, unit if unit != "1" else "", (name,), itemgetter(name))
         for name, unit in zip(result.columns[:OTHERS], result.units, strict=False)
     ]
 
 
 class Watcher:
-    """Looks at a run now and then."""
+    """Reader of a run in progress."""
 
     def __init__(self, run: Running) -> None:
         self.run = run
@@ -48,15 +47,15 @@ class Watcher:
         self.began = perf_counter()
 
     def part(self, done: int) -> float:
-        """How much of the run is over."""
+        """Return the completed share of the run."""
         return done / max(self.run.steps, 1)
 
     def lines(self, done: int) -> list[tuple[str, str]]:
-        """Names and values of the last row that was recorded."""
+        """Return names and values of the last recorded row."""
         now, experiment = _ends(self.run.result()), self.run.system.experiment
         start, step = experiment.start, experiment.step or 0.0
         factor = done * step / max(perf_counter() - self.began, 1e-9)
-        read = ((gauge.name, gauge.text(now)) for gauge in gauges(now))
+        read = ((metric.name, metric.text(now)) for metric in watched_metrics(now))
         return [
             ("time", f"{start + done * step:g} of {start + self.run.steps * step:g} s"),
             ("real time", f"x {factor:,.0f}" if factor >= 10 else f"x {factor:.2g}"),
@@ -65,10 +64,12 @@ class Watcher:
 
 
 def _ends(result: Result) -> Result:
-    """The first two rows, by which missions may know how rows are aligned, and the last two."""
+    """Return the first two rows, from which missions may derive the alignment of rows, and the last
+    two.
+    """
     rows = len(result.time)
-    kept = [0, 1, rows - 2, rows - 1] if rows > 3 else list(range(rows))
-    return replace(result, time=result.time[kept], values=result.values[kept])
+    chosen = [0, 1, rows - 2, rows - 1] if rows > 3 else list(range(rows))
+    return replace(result, time=result.time[chosen], values=result.values[chosen])
 
 
 @contextmanager
@@ -82,7 +83,7 @@ def watched(run: Running) -> Iterator[Show]:
 
 
 def _in_lines(watcher: Watcher) -> Show:
-    """A line whenever another part of the run is over."""
+    """Return a display that prints a line whenever another part of the run is complete."""
     due = 0
 
     def show(done: int) -> None:

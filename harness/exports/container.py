@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A whole system as one FMU, by fmucontainer of fmu-manipulation-toolbox (an optional dependency).
+"""Export of a whole system as one FMU by fmucontainer of fmu-manipulation-toolbox (an optional
+dependency).
 
-fmucontainer reads the wiring of an .ssp but none of its values, so it gets the assembly with all
-start values from here. It steps its FMUs as Jacobi does, or one after the other ("sequential"),
-which is Gauss-Seidel.
+fmucontainer reads the connections of an .ssp but none of its values, so this module gives it the
+assembly with all start values. It steps its FMUs like Jacobi, or one after the other
+("sequential"), which is Gauss-Seidel.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from uuid import NAMESPACE_URL, uuid5
 from lxml import etree
 
 from harness.errors import ResultsError, StructureError, UsageError
-from harness.files.archive import XmlElement, pack
-from harness.files.temporary import PrivateFolder
+from harness.files.archive import XmlElement, pack, read_all
+from harness.files.output import PrivateFolder
 from harness.master.isolated import guarded
 from harness.master.simulation import MAX_ROUNDS, Simulation
+from harness.results.provenance import WholeProvenance, whole_provenance
 from harness.ssp.xml import literal
 from harness.system.conversion import final, way
 from harness.system.graph import read_interfaces
@@ -36,14 +38,14 @@ RUNTIME = "resources/container.txt"
 ORDER = b"# Initialization order of the embedded FMU's\n"
 """Line of the container's own description before the order in which it initialises its FMUs."""
 
-DATE = "1980-01-01T00:00:00Z"
+PROVENANCE = "extra/io.github.servicing-fmus/provenance.json"
 
 
 def write_container(system: System, path: Path) -> None:
     """Write a checked system as one FMU. Its outputs are called `component.variable` as in our
     results.
 
-    Raises UsageError without fmucontainer, StructureError if the system has what it cannot express.
+    Raises UsageError without fmucontainer, StructureError if a container cannot express the system.
     """
     if found := list(_problems(system)):
         raise StructureError(found)
@@ -57,7 +59,7 @@ def write_container(system: System, path: Path) -> None:
 
 
 def _problems(system: System) -> Iterator[str]:
-    """What a container cannot express, one line each."""
+    """Yield the properties of a system that a container cannot express, one line each."""
     interfaces = read_interfaces(system)
     for name in (n for n, interface in interfaces.items() if interface.fmi != 2):
         yield f"{name}: {interfaces[name].path.name} is of FMI 3.0, a container holds FMI 2.0 only"
@@ -69,11 +71,11 @@ def _problems(system: System) -> Iterator[str]:
             yield f"{c.name}: {pace}, a container cannot"
     for each in system.connections:
         if way(each, interfaces) != IDENTITY:
-            yield f"{each.target}: the signal from {each.source} is transformed, a container cannot"
+            yield f"{each.target}: a container cannot transform the signal from {each.source}"
 
 
 def assembly(system: System, name: str) -> dict[str, Any]:
-    """The system in the words of fmucontainer; every FMU goes by the name of its component."""
+    """Return the system in the format of fmucontainer. Every FMU has the name of its component."""
     interfaces = read_interfaces(system)
     autos = ("auto_link", "auto_input", "auto_output", "auto_parameter", "auto_local")
     starts = [
@@ -109,7 +111,7 @@ def _make(folder: Path, description: str) -> None:
         raise UsageError(
             "an FMU of a system needs fmucontainer: pip install fmu-manipulation-toolbox"
         ) from error
-    # it complains of every open input
+    # fmucontainer warns of every open input
     logging.getLogger("fmu_manipulation_toolbox").setLevel(logging.CRITICAL)
     try:
         Assembly(description, fmu_directory=folder).make_fmu()
@@ -121,25 +123,26 @@ def _make(folder: Path, description: str) -> None:
 
 
 def _finish(made: Path, path: Path, system: System) -> None:
-    """Repack a container with a description that other tools accept, always with the same bytes."""
-    with zipfile.ZipFile(made) as archive:
-        content = {
-            name: archive.read(name) for name in archive.namelist() if not name.endswith("/")
-        }
+    """Repack a container with a description that other tools accept; equal systems give equal
+    bytes.
+    """
+    content = read_all(made)
     content[RUNTIME] = _in_order(content[RUNTIME], initial_order(system))
-    content[MODEL] = _description(content, system)
+    about = whole_provenance(system, read_interfaces(system))
+    content[MODEL] = _description(content, system, about)
+    content[PROVENANCE] = (json.dumps(about.provenance, indent=1) + "\n").encode()
     pack(path, content, zipfile.ZIP_DEFLATED)
 
 
 def initial_order(system: System) -> list[int]:
-    """Indices of the components in an order in which each can be initialised after all that it
-    depends on.
+    """Return the indices of the components in an order in which each is initialised after all
+    components on which it depends.
 
-    A container initialises one FMU after the other. It cuts a loop before the first of the list,
-    whose inputs are then zero, so a loop is entered where that does no harm: at a component whose
-    first outputs settle before all that it still waits for, of several at the one that settles
-    first, then at the last in order of execution, which is a plant. Raises StructureError if there
-    is none.
+    A container initialises one FMU after the other. It cuts a loop before the first FMU of the
+    list, whose inputs are then zero. A loop is therefore entered at a component whose first outputs
+    settle before all outputs that it still waits for. Among several such components the one that
+    settles first is taken, then the last in order of execution, which is a plant. Raises
+    StructureError if there is none.
     """
     settled, waits = guarded([c.fmu for c in system.components], _settled, system)
     order: list[int] = []
@@ -152,16 +155,16 @@ def initial_order(system: System) -> list[int]:
         ]
         if not free:
             raise StructureError(
-                ["initial outputs depend on each other in a circle, a container cannot"]
+                ["the initial outputs form an algebraic loop, which a container FMU cannot resolve"]
             )
         order.append(free[0])
     return order
 
 
 def _settled(system: System) -> tuple[list[int], list[dict[int, int]]]:
-    """Rounds of our own initialization after which all outputs of each component have settled, 1
-    without any inputs; and after which the first signal of each other one that it reads has, of
-    those that do not stay zero.
+    """Return rounds of our initialization, in two lists by component: the round after which all
+    outputs of the component have settled (1 without inputs), and, by the index of each component
+    that it reads, the round after which the first signal that does not stay zero has settled.
     """
     with Simulation(system, executor="python") as simulation:
         simulation.initialize()
@@ -177,23 +180,21 @@ def _settled(system: System) -> tuple[list[int], list[dict[int, int]]]:
 
 
 def _in_order(runtime: bytes, order: list[int]) -> bytes:
-    """The description that the container reads at run time, with another order of
-    initialization.
-    """
+    """Return the run-time description of a container with another order of initialization."""
     before, found, after = runtime.partition(ORDER)
     old, _, rest = after.partition(b"\n")
     if not found or sorted(map(int, old.split())) != sorted(order):
         raise UsageError(
-            "this version of fmu-manipulation-toolbox writes other containers than 2.0 does"
+            "the containers of this version of fmu-manipulation-toolbox are unknown; use 2.0"
         )
     return before + found + " ".join(map(str, order)).encode() + b"\n" + rest
 
 
-def _description(content: dict[str, bytes], system: System) -> bytes:
-    """Each output once (fmucontainer lists connected ones a second time, as local), with units, and
-    the time span.
+def _description(content: dict[str, bytes], system: System, about: WholeProvenance) -> bytes:
+    """Return the description with each output once (fmucontainer lists connected outputs a second
+    time, as local), with units and the time span.
 
-    The variable `time` is left out: libcosim logs an error for it.
+    The variable `time` is left out because libcosim logs an error for it.
     """
     root = etree.fromstring(content[MODEL])
     variables = root.find("ModelVariables")
@@ -205,21 +206,23 @@ def _description(content: dict[str, bytes], system: System) -> bytes:
     default = root.find("DefaultExperiment")
     default.set("startTime", "0.0")
     default.set("stopTime", literal(system.experiment.stop or 0.0))
+    root.set("version", about.version)
+    root.set("generationDateAndTime", about.date)
     _sign(root, system, str(uuid5(NAMESPACE_URL, content[RUNTIME].decode() + system.name)))
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 
 def _sign(root: XmlElement, system: System, guid: str) -> None:
-    """Name, date and guid that depend on the system alone."""
+    """Write a name, a description and a guid that depend on the system alone."""
+    root.set("modelName", system.name)
     root.set("description", system.description or system.name)
-    root.set("generationDateAndTime", DATE)
     root.set("guid", guid)
-    for wrong in ("author", "license"):  # of the account that runs, and "Proprietary"
+    for wrong in ("author", "license"):  # the name of the present account, and "Proprietary"
         root.attrib.pop(wrong, None)
 
 
 def _units(root: XmlElement, variables: XmlElement, interfaces: dict[str, Interface]) -> None:
-    """Units of the outputs, with their definitions before the log categories."""
+    """Write the units of the outputs, with their definitions before the log categories."""
     used: dict[str, Any] = {}
     for variable in variables.iterfind("ScalarVariable[@causality='output']"):
         component, _, name = variable.get("name").partition(".")
@@ -236,8 +239,8 @@ def _units(root: XmlElement, variables: XmlElement, interfaces: dict[str, Interf
 
 
 def _structure(root: XmlElement, variables: XmlElement) -> None:
-    """Outputs by their places in the list of variables; they depend on nothing, the container has
-    no inputs.
+    """Write the outputs by their index in the list of variables. They depend on nothing because the
+    container has no inputs.
     """
     outputs = [str(i) for i, v in enumerate(variables, start=1) if v.get("causality") == "output"]
     structure = root.find("ModelStructure")

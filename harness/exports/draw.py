@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A system as an N2 diagram: .svg, .pdf or .png by matplotlib.
+"""N2 diagram of a system as .svg, .pdf or .png by matplotlib.
 
-Components stand on the diagonal in execution order. What one gives leaves its block along its row
-and enters another block along the column of that; the field where both cross names the signals.
-Above the diagonal they go forward, below it back. Vectors are one signal.
+Components are on the diagonal in execution order. An output leaves its block along its row and
+enters another block along the column of that block. The field at the crossing names the signals.
+Signals above the diagonal go forward, signals below it go back. Vectors are one signal.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ class Field(NamedTuple):
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Where the lines of its row and its column cross."""
+        """Return the point at which the lines of row and column cross."""
         return self.x + self.width / 2, self.y + self.height / 2
 
 
 def texts(system: System) -> dict[Place, list[str]]:
-    """Lines by row and column: on the diagonal the component, its FMU and what it gives to itself,
-    elsewhere the signals from the component of the row to that of the column.
+    """Return lines by row and column: on the diagonal the component, its FMU and its own feedback,
+    elsewhere the signals from the component of the row to the component of the column.
     """
     index = {c.name: k for k, c in enumerate(system.components)}
     found: dict[Place, list[str]] = defaultdict(list)
@@ -72,7 +72,7 @@ def texts(system: System) -> dict[Place, list[str]]:
 
 
 def lay_out(system: System) -> dict[Place, Field]:
-    """All fields by row and column; columns as wide and rows as high as their texts need."""
+    """Return all fields by row and column, with columns and rows as large as their texts need."""
     found, count = texts(system), len(system.components)
     widths, heights = np.zeros(count), np.zeros(count)
     for (row, column), lines in found.items():
@@ -87,8 +87,8 @@ def lay_out(system: System) -> dict[Place, Field]:
 
 
 def draw(system: System, path: Path) -> None:
-    """Write the diagram of a system; UsageError for an ending that is none of FORMATS, ResultsError
-    if it cannot be written.
+    """Write the diagram of a system; raise UsageError for an ending outside FORMATS, ResultsError
+    if the file cannot be written.
     """
     ending = path.suffix.removeprefix(".")
     if ending not in FORMATS:
@@ -99,7 +99,7 @@ def draw(system: System, path: Path) -> None:
 
 
 def painted(system: System, ending: str = "svg") -> bytes:
-    """The diagram of a system in one of FORMATS; the same system gives the same bytes."""
+    """Return the diagram of a system in one of FORMATS. The same system gives the same bytes."""
     import matplotlib as mpl
 
     file, undated = io.BytesIO(), {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -112,7 +112,7 @@ def painted(system: System, ending: str = "svg") -> bytes:
 
 
 def _canvas(system: System, fields: dict[Place, Field]) -> Any:
-    """A figure of matplotlib whose unit is the pixel of the layout, from the top left."""
+    """Return a matplotlib figure whose unit is the pixel of the layout, from the top left."""
     from matplotlib.figure import Figure
 
     words = f"{system.name}: {system.description}".rstrip(": ")
@@ -130,7 +130,7 @@ def _canvas(system: System, fields: dict[Place, Field]) -> Any:
 
 
 def _paint_all(axes: Any, fields: dict[Place, Field]) -> None:
-    """Fields and wires, and no axes."""
+    """Draw fields and wires, without axes."""
     axes.set_axis_off()
     for (row, column), field in fields.items():
         _paint(axes, field, row == column)
@@ -139,7 +139,7 @@ def _paint_all(axes: Any, fields: dict[Place, Field]) -> None:
 
 
 def _paint(axes: Any, field: Field, block: bool) -> None:
-    """A field with its lines; block: it is a component."""
+    """Draw a field with its lines; block: the field is a component."""
     from matplotlib.patches import FancyBboxPatch
 
     look: Any = (
@@ -155,7 +155,9 @@ def _paint(axes: Any, field: Field, block: bool) -> None:
 
 
 def _wire(axes: Any, start: Field, field: Field, end: Field) -> None:
-    """From the middle of a block along its row, at the field down or up to the edge of another."""
+    """Draw a wire from the middle of a block along its row, then at the field down or up to the
+    edge of another block.
+    """
     x, y = field.middle
     edge = end.y if end.y > y else end.y + end.height
     axes.plot([start.middle[0], x], [y, y], color=INK, lw=1, zorder=1)

@@ -1,69 +1,90 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The run at hand as one file for others: an .ssp with everything inside, or the whole system as
-one FMU, compiled of its models where all are C of this project, else a container of its FMUs.
+"""Export of a run as one file: an .ssp with all its parts, or the whole system as one FMU. The FMU
+is compiled from its models if all are C sources of this project; otherwise it is a container of the
+FMUs.
+
+A system can lack some of its components, which another tool is to run: inputs that these have
+driven are inputs of the rest, with the start values of the whole system.
 """
 
 from __future__ import annotations
 
 import logging
 import shutil
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
 from harness.errors import ResultsError, UsageError
 from harness.exports.container import write_container
-from harness.files.output import written
-from harness.files.temporary import PrivateFolder
+from harness.files.output import PrivateFolder, written
 from harness.master.changes import Changes, apply
 from harness.master.fused import NotFusedError, write_whole
-from harness.spelling import file_stem
+from harness.master.isolated import guarded
+from harness.master.simulation import Simulation
+from harness.results.expressions import parsed
+from harness.spelling import did_you_mean, file_stem
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
-from harness.system.graph import Graph, checked, say_warnings
-from harness.system.model import System
+from harness.system.conversion import way
+from harness.system.graph import Graph, checked, log_warnings, read_interfaces
+from harness.system.model import Parameter, System
 
 _log = logging.getLogger("harness")
 
 
-def export(
+def export(  # noqa: PLR0913 - one argument per option
     system: str | Path | System,
     target: str | Path,
     fmi: int | None = None,
     ssp: int | None = None,
+    *,
+    hints: bool = False,
+    without: Collection[str] = (),
     **changes: Unpack[Changes],
 ) -> Path:
     """Write a system with all changes to a file and return its path.
 
     target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi: version
     of FMI of an .fmu, 2 (default) or 3; ssp: version of SSP of an .ssp, 1 or 2 (default 1, with
-    FMUs of FMI 3.0 2); changes: as for run(). Running the .ssp gives the bits of running the system
+    FMUs of FMI 3.0 2); hints: write the periods of slow components for libcosim and ecos, which
+    otherwise step every component at every macro step, into a file that OMSimulator rejects;
+    without: components that another tool is to run: what they drive are inputs of the rest;
+    changes: as for run(). Running the .ssp gives the bits of running the system
     with the same changes; the same changes give the same bytes. Raises the exceptions of run()
     before its first step, or ResultsError.
     """
     with load(system) as found:
         changed = apply(found, **changes)
-        say_warnings(changed)
+        if without:
+            changed = remainder(changed, without)
+        log_warnings(changed)
         graph = checked(changed).graph
         file = _file(Path(target), changed.name)
         for kind, given, ending in (("FMI", fmi, ".fmu"), ("SSP", ssp, ".ssp")):
             if given is not None and file.suffix != ending:
-                raise UsageError(f"{file}: is no {ending}, which alone can be of {kind} {given}.0")
+                raise UsageError(f"{file}: --{kind.lower()} applies only to {ending} output")
+        if hints and file.suffix != ".ssp":
+            raise UsageError(f"{file}: --hints applies only to .ssp output")
         try:
             if file.suffix == ".fmu":
                 _write_fmu(changed, graph, file, fmi or 2)
             else:
-                write_ssp(changed, file, ssp)
+                write_ssp(changed, file, ssp, hints=hints)
         except ValueError as error:  # lxml: control characters, which XML has no way to write
             raise ResultsError(f"{file}: cannot be written ({error})") from error
     return file
 
 
 def _write_fmu(system: System, graph: Graph, file: Path, fmi: int) -> None:
-    """One model of all models; a line says why it is a container instead, which FMI 3.0 has not."""
+    """Write one model of all models, or a container with a log line that states the reason. FMI 3.0
+    has no container.
+    """
     with PrivateFolder() as folder:
         made = folder / file.name
         try:
-            write_whole(system, graph, made, fmi)
+            guarded([c.fmu for c in system.components], write_whole, system, graph, made, fmi)
         except NotFusedError as reason:
             if fmi != 2:
                 line = f"{file}: a container of FMUs is of FMI 2.0, and nothing else can be made"
@@ -76,7 +97,7 @@ def _write_fmu(system: System, graph: Graph, file: Path, fmi: int) -> None:
 
 
 def _file(target: Path, name: str) -> Path:
-    """The file itself, or NAME.ssp in a folder that is made if needed."""
+    """Return the file itself, or NAME.ssp in a folder that is created if needed."""
     is_file = target.suffix in (".ssp", ".fmu") and not target.is_dir()
     if target.suffix in (".zip", ".ssd", ".ssv", ".xml", ".toml"):
         raise UsageError(f"{target}: a system is written to NAME.ssp, NAME.fmu, or into a folder")
@@ -84,5 +105,67 @@ def _file(target: Path, name: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ResultsError(f"{folder}: cannot be made a folder ({error.strerror})") from error
+        raise ResultsError(f"{folder}: cannot be created as a folder ({error.strerror})") from error
     return target if is_file else folder / f"{file_stem(name)}.ssp"
+
+
+# ---- systems without some of their components
+
+
+def remainder(system: System, names: Collection[str]) -> System:
+    """Return a system without the named components. Texts and parameter sets that need one of them
+    go with it. Raises UsageError for an unknown name or if nothing remains.
+    """
+    known = [component.name for component in system.components]
+    for name in names:
+        if name not in known:
+            close = did_you_mean(name, known)
+            raise UsageError(f"--open {name}: {system.name} has no such component{close}")
+    if not set(known) - set(names):
+        raise UsageError(f"--open: no component of {system.name} remains")
+    starts = guarded([c.fmu for c in system.components], _starts, system, names)
+
+    def remaining(texts: Mapping[str, str]) -> dict[str, str]:
+        return {name: text for name, text in texts.items() if not _needs(text, names)}
+
+    return replace(
+        system,
+        components=tuple(
+            replace(c, parameters={**c.parameters, **starts.get(c.name, {})})
+            for c in system.components
+            if c.name not in names
+        ),
+        connections=tuple(
+            c for c in system.connections if not {c.source.component, c.target.component} & {*names}
+        ),
+        sets=tuple(
+            replace(s, parameters={n: p for n, p in s.parameters.items() if n not in names})
+            for s in system.sets
+        ),
+        alternatives=tuple(a for a in system.alternatives if a.component not in names),
+        requirements=remaining(system.requirements),
+        consistency=remaining(system.consistency),
+        sliders={n: r for n, r in system.sliders.items() if n.partition(".")[0] not in names},
+        strict=False,
+    )
+
+
+def _starts(system: System, names: Collection[str]) -> dict[str, dict[str, Parameter]]:
+    """Return the first values of the inputs that the named components drive, by component."""
+    interfaces = read_interfaces(system)
+    with Simulation(system, executor="python") as simulation:
+        simulation.initialize()
+        first = simulation.result()
+    starts: dict[str, dict[str, Parameter]] = {c.name: {} for c in system.components}
+    for each in system.connections:
+        if each.source.component in names and each.target.component not in names:
+            value = float(first[str(each.source)][0])
+            change = way(each, interfaces)
+            starts[each.target.component][each.target.variable] = Parameter(change(value))
+    return starts
+
+
+def _needs(text: str, names: Collection[str]) -> bool:
+    """Return whether a condition reads a variable or a parameter of one of these components."""
+    read = (path.rpartition(" ")[2] for path in parsed(text).variables)
+    return any(path.partition(".")[0] in names for path in read)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a mission lists as figures becomes pictures: of one run, of several in one, of a campaign.
+"""Pictures from the figures that a mission lists: of one run, of several runs in one, of a
+campaign.
 
-A figure is drawn if the result holds what it needs; a result without any has a general one of every
-component.
+A figure is drawn if the result has the variables it needs. A result without any gets a general
+figure of every component.
 """

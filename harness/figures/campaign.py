@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of a campaign: histograms of the metrics, the factors that matter, bands over time. Names
-of metrics and factors bear their units.
+"""Figures of a campaign: histograms of the metrics, the most important factors, bands over time.
+Names of metrics and factors include their units.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from harness.results.result import Array
 Canvas = Any
 """Figure of matplotlib."""
 COLUMNS, TICKS = 3, 8
-"""Panels side by side; values of a factor up to which each has its tick."""
+"""Panels side by side; largest number of values of a factor with a tick for each."""
 
 
 def histograms(metrics: Mapping[str, Array], style: Style) -> Canvas:
-    """One histogram per metric."""
+    """Draw one histogram per metric."""
     canvas, panels = _grid("Metrics of all runs", len(metrics), style)
     for axes, (name, values) in zip(panels, metrics.items(), strict=True):
         counts, edges = np.histogram(values[np.isfinite(values)], bins="auto")
@@ -32,7 +32,7 @@ def histograms(metrics: Mapping[str, Array], style: Style) -> Canvas:
 def scatter(
     metric: str, values: Array, factors: Mapping[str, tuple[Array, float]], style: Style
 ) -> Canvas:
-    """One metric against factors with their rank correlations, those first that matter most."""
+    """Draw one metric against factors with their rank correlations, the most important first."""
     canvas, panels = _grid(metric, len(factors), style)
     for axes, (name, (x, correlation)) in zip(panels, factors.items(), strict=True):
         axes.plot(x, values, ".", markersize=3, alpha=0.5)
@@ -44,7 +44,7 @@ def scatter(
 
 
 def chart(metric: str, values: Array, factors: Mapping[str, Array], style: Style) -> Canvas:
-    """One metric as colours over a grid of two factors; white: nothing was run."""
+    """Draw one metric as colours over a grid of two factors; cells without a run are white."""
     x, y = factors.values()
     columns, rows = np.unique(x), np.unique(y)
     found = np.full((len(rows), len(columns)), np.nan)
@@ -63,8 +63,8 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], style: Style
 def bands(
     labels: Sequence[str], time: Array, percentiles: Sequence[float], band: Array, style: Style
 ) -> Canvas:
-    """Percentiles (percentile, time, element) over time, the outermost pairs filled; labels: of the
-    elements.
+    """Draw percentiles (percentile, time, element) over time, the outermost pairs filled; labels:
+    of the elements.
     """
     canvas, panels = _grid(labels[0].partition("[")[0].strip(), len(labels), style)
     unit, words = time_axis(time).seconds, time_axis(time).label

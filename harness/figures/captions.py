@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Texts of figures: symbols as in formulas, numbers of ticks, and the captions of the figures of a
-paper, to be pasted: `captions.md` and `captions.tex` beside them.
+"""Texts of figures: symbols as in formulas, numbers of ticks, and captions for a paper in
+`captions.md` and `captions.tex` beside the figures.
 
-A caption says what is drawn, of which run, what the dashes and levels mean and the least values
-that matter; all of it comes from the tables of the figures and from the result.
+A caption states the content, the run, the meaning of dashes and levels and the smallest values. Its
+sources are the tables of the figures and the result.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ POWERS = str.maketrans(
     "0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b"
 )
 SPECIAL = str.maketrans({c: f"\\{c}" for c in "&%$#_{}"})
-"""Characters that TeX takes for commands."""
+"""Escapes of characters that TeX reads as commands."""
 
 
-def written_captions(
+def write_captions(
     directory: Path,
     figures: Mapping[str, Figure | Drawing | Overlay],
     results: Mapping[str, Result],
 ) -> list[Path]:
-    """Write the captions of figures by the stem of their files; returns the two files."""
+    """Write the captions of figures by the stem of their files, and return the two paths."""
     texts = {name: caption(figure, results) for name, figure in figures.items()}
     plain = "".join(f"**{name}.** {symbols(text)}\n\n" for name, text in texts.items())
     tex = "".join(_tex(name, text) for name, text in texts.items())
@@ -52,18 +52,21 @@ def _tex(name: str, text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """A text for TeX; formulas between dollar signs stay."""
+    """Return a text for TeX; formulas between dollar signs are unchanged."""
     parts = text.split("$")
     return "$".join(p if k % 2 else p.translate(SPECIAL) for k, p in enumerate(parts))
 
 
 def caption(figure: Figure | Drawing | Overlay, results: Mapping[str, Result]) -> str:
-    """What a figure shows, in sentences."""
-    parts = [figure.title, *(_panels(figure, results) if isinstance(figure, Figure) else ())]
+    """Return what a figure shows, in sentences."""
+    parts = [
+        figure.title,
+        *(_panel_sentences(figure, results) if isinstance(figure, Figure) else ()),
+    ]
     return ". ".join([*parts, _runs(results)]) + "."
 
 
-def _panels(figure: Figure, results: Mapping[str, Result]) -> Iterator[str]:
+def _panel_sentences(figure: Figure, results: Mapping[str, Result]) -> Iterator[str]:
     result = next(iter(results.values()))
     if len(figure.panels) > 1:
         yield "From top to bottom: " + "; ".join(panel.ylabel for panel in figure.panels)
@@ -72,15 +75,15 @@ def _panels(figure: Figure, results: Mapping[str, Result]) -> Iterator[str]:
             yield f"Level, {line[1]}"
         for label, run in results.items():
             for time, value in panel.minima(run) if figure.fits(run) else ():
-                whose = f" of {label}" if label else ""
-                yield f"Least value{whose} {value:.4g} {unit_of(panel.ylabel)} at {time:g} s"
+                of = f" of {label}" if label else ""
+                yield f"Smallest value{of} {value:.4g} {unit_of(panel.ylabel)} at {time:g} s"
 
 
 def _runs(results: Mapping[str, Result]) -> str:
-    """Which runs, with the set, and from when to when."""
+    """Return system, parameter set, runs and time span."""
     first = next(iter(results.values()))
     known = first.provenance
-    chosen = f", set {known.params}" if known and known.params else ""
+    chosen = f", parameter set {known.params}" if known and known.params else ""
     runs = f"; runs: {', '.join(results)}" if len(results) > 1 else ""
     end = max(float(r.time[-1]) for r in results.values())
     return f"System {first.system}{chosen}{runs}, {first.time[0]:g} to {end:g} s"
@@ -90,7 +93,7 @@ def _runs(results: Mapping[str, Result]) -> str:
 
 
 def mathematical(text: str) -> str:
-    """Symbols of a label as in formulas: `rho_ref [m]`; units with raised powers."""
+    """Return a label as `rho_ref [m]` with symbols as in formulas and powers of units raised."""
     if "$" in text:
         return text
     parts = re.split(r"(\[[^\]]*\])", text)
@@ -98,7 +101,7 @@ def mathematical(text: str) -> str:
 
 
 def _unit(text: str) -> str:
-    """A unit in brackets with raised powers."""
+    """Return a unit in brackets with raised powers."""
     raised = re.sub(r"(?<=[a-z])(-?\d)", lambda m: m[1].translate(POWERS), text)
     return raised.replace(".", "\u00b7")
 
@@ -112,12 +115,12 @@ def _formula(found: re.Match[str]) -> str:
 
 
 def symbols(text: str) -> str:
-    """A sentence with its symbols as in formulas, units as they are."""
+    """Return a sentence with its symbols as in formulas; units are unchanged."""
     return text if "$" in text else SYMBOL.sub(_formula, text)
 
 
 def plain_number(value: float) -> str:
-    """A number of a tick, without the mark-up of formulas."""
+    """Return the number of a tick without the mark-up of formulas."""
     if 1e-4 < abs(value) < 1e5:
         return f"{value:.4g}"
     power = int(np.floor(np.log10(abs(value))))

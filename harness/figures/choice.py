@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which figures a result has: those of its mission that fit, else general ones; and a figure of any
-variables: a panel for each, the elements of a vector in one, units on the axes.
+"""Choice of the figures of a result: figures of its mission that fit, otherwise general ones; and a
+figure of given variables, with one panel per variable.
 """
 
 from __future__ import annotations
@@ -15,17 +15,19 @@ from harness.errors import UsageError
 from harness.mission.figure import Curve, Drawing, Figure, Overlay, Panel
 from harness.mission.library import missing, of_result
 from harness.mission.mission import together
-from harness.results.result import Array, Result
+from harness.results.result import Result
 from harness.spelling import did_you_mean, file_stem
 
 PANELS = 8
-"""Most panels of a general figure."""
+"""Largest number of panels of a general figure."""
 
 _log = logging.getLogger("harness")
 
 
 def figures_of(result: Result) -> list[Figure | Drawing]:
-    """Figures that fit, the first of a name; general ones if none of its mission does."""
+    """Return the figures that fit, the first of each name; general ones if none of the mission
+    fits.
+    """
     if note := missing(result):
         _log.warning("%s", note)
     fitting = {f.name: f for f in reversed(of_result(result).figures) if f.fits(result)}
@@ -33,7 +35,7 @@ def figures_of(result: Result) -> list[Figure | Drawing]:
 
 
 def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
-    """Figures of several runs that at least one of them fits."""
+    """Return the figures of several runs that fit at least one of them."""
     offered = together(of_result(result) for result in results.values()).overlays
     fitting = [f for f in offered if any(f.fits(r) for r in results.values())]
     return fitting or list(general(next(iter(results.values()))))
@@ -42,8 +44,9 @@ def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
 def compared(
     results: Mapping[str, Result],
 ) -> tuple[list[tuple[Figure | Overlay, dict[str, Result]]], list[str]]:
-    """Figures of several runs that show something, each with the runs that it fits (its title names
-    the others); and those that one run alone has, which compare nothing, by name and run.
+    """Return the figures of several runs that show something, each with the runs that it fits (its
+    title names the others); and the figures of one run alone, which compare nothing, by name and
+    run.
     """
     found, alone = [], []
     for figure in overlays_of(results):
@@ -60,13 +63,13 @@ def compared(
 def named(
     figure: Figure | Overlay, runs: Mapping[str, Result], results: Mapping[str, Result]
 ) -> Figure | Overlay:
-    """A figure of several runs whose title names the results that are not among them."""
+    """Return a figure of several runs whose title names the results that it leaves out."""
     absent = ", ".join(label for label in results if label not in runs)
     return replace(figure, title=f"{figure.title}; without {absent}") if absent else figure
 
 
 def general(result: Result) -> Iterator[Figure]:
-    """The moving variables of every component, some panels a figure."""
+    """Yield figures of the variables that change, by component, at most PANELS per figure."""
     components: dict[str, list[str]] = {}
     for name in result.names:
         if len(result.time) and np.ptp(result[name], axis=0).any():
@@ -79,8 +82,9 @@ def general(result: Result) -> Iterator[Figure]:
 
 
 def figure_of(result: Result, names: Sequence[str]) -> Figure:
-    """One figure of these variables: `component.variable`, one element, or the part of a name in
-    front of a point for all below it. Raises UsageError with close matches.
+    """Return one figure of these variables: `component.variable`, one element, or the part of a
+    name in front of a point for all variables that begin with it. Raises UsageError with close
+    matches.
     """
     found = list(dict.fromkeys(v for name in names for v in _expanded(result, name)))
     about = result.description(found[0]) if len(found) == 1 else ""
@@ -90,7 +94,7 @@ def figure_of(result: Result, names: Sequence[str]) -> Figure:
 
 
 def _expanded(result: Result, name: str) -> Iterator[str]:
-    """The variable of that name, or all below it."""
+    """Yield the variable of a name, or all variables that begin with it and a point."""
     below = [v for v in result.vectors if v.startswith(f"{name}.")]
     if name in result:
         yield name
@@ -98,7 +102,7 @@ def _expanded(result: Result, name: str) -> Iterator[str]:
         yield from below
     elif result.holds(parameters=(name,)):
         value = np.array2string(result.parameter(name), separator=", ")
-        raise UsageError(f"--var {name}: a parameter, which has no history; it is {value}")
+        raise UsageError(f"--var {name}: is a parameter ({value}), not a time series")
     else:
         close = did_you_mean(name, dict.fromkeys((*result.vectors, *result.columns)))
         raise UsageError(f"--var {name}: the result has no such variable{close}")
@@ -111,8 +115,4 @@ def _panel(result: Result, name: str) -> Panel:
     if elements is None or elements.shape in ((), (3,)):
         return Panel(label, (Curve(name),))
     columns = (result.columns[i].removeprefix(name).strip("[]") for i in elements.flat)
-
-    def flat(history: Array) -> Array:
-        return history.reshape(len(history), -1)
-
-    return Panel(label, (Curve(name, convert=flat, labels=tuple(columns)),))
+    return Panel(label, (Curve(name, labels=tuple(columns)),))

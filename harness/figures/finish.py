@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The last touch of every figure: limits that show signals and no rounding, axes of time that end
-where the run ends, three ticks and more on logarithmic axes, labels in line; in print curves that
-differ without colour, and symbols as in formulas.
+"""Finish of every figure: limits that show signals instead of rounding, time axes that end with the
+run, at least three ticks on logarithmic axes, aligned labels; in print also curves that differ
+without colour, and symbols as in formulas.
 """
 
 from __future__ import annotations
@@ -22,63 +22,64 @@ DASHES = (
     (0, (9, 2)), (0, (2, 2)), (0, (1, 3)), (0, (9, 1.5, 3, 1.5)), (0, (5, 4)),
     (0, (3, 1.5, 3, 1.5, 1, 1.5)), (0, (12, 2, 1, 2)),
 )  # fmt: skip
-"""Line styles that differ in print, in the order in which they are given out."""
+"""Line styles that differ in print, in the order of use."""
 WIDTHS = (1.0, 1.9, 0.5, 2.8)
-"""Widths of curves whose dashes are all taken, as parts of their own."""
+"""Factors on the width of further curves when all dashes are in use."""
 CROWD = 0.06
-"""A tick nearer than this part of the axis to its end gives way to the end."""
+"""A tick closer to the end of the axis than this part of its length is dropped."""
 LEAST_TICKS = 3
 STEPS = (1, 2, 5)
 """Ticks of a decade where whole decades are too few."""
 ROUNDING = 1e-10
-"""A curve smaller than this part of those in the same unit beside it, or than this part of its own
-mean, is rounding.
+"""Rounding: a curve smaller than this part of the curves in the same unit beside it, or that varies
+by less than this part of its own mean.
 """
 DECADES = 1e-9
-"""Lower end of a logarithmic axis at most, as part of its upper one."""
+"""Smallest ratio of the lower to the upper end of a logarithmic axis."""
 BODY, EDGE = 99.0, 1.5
-"""Percentile of all values that is the body of the runs; times this it is the edge of the panel."""
+"""Percentile of all values that is the body of the runs, and its factor for the edge of the panel.
+"""
 SPIKE, TOWER, FEW = 5.0, 1e-3, 5
-"""Spikes are this many times higher than the body, which is at least that part of them, and at most
-so many in a run.
+"""Spikes: their smallest ratio to the body, the smallest ratio of the body to them, and their
+largest number in a run.
 """
 
 
-def finished(canvas: Any, end: float | None, distinct: bool) -> Any:
-    """A figure of matplotlib with the last touch; end: of the runs in the unit of the axes of time,
-    None: there are none; distinct: it is for print.
+def finish(canvas: Any, end: float | None, distinct: bool) -> Any:
+    """Finish a figure of matplotlib and return it; end: of the runs in the unit of the time axes,
+    None without time axes; distinct: for print.
     """
     flat = plane(canvas)
     for axes in flat:
         for axis in (axes.xaxis, axes.yaxis):
             if axis.get_scale() == "log":
-                _ticked(axis)
+                _set_ticks(axis)
     if end is not None:
-        _ended([axes for axes in flat if label_of(axes, "x").startswith("time [")], end)
+        _end_with_run([axes for axes in flat if label_of(axes, "x").startswith("time [")], end)
     if distinct:
         for axes in canvas.axes:
-            tell_apart(axes)
-        _symbols(canvas)
+            distinguish(axes)
+        _set_symbols(canvas)
     canvas.align_labels()
     return canvas
 
 
 def plane(canvas: Any) -> list[Any]:
-    """The axes of a figure that are neither in space nor scales of colours."""
+    """Return the axes of a figure that are neither three-dimensional nor colour bars."""
     return [axes for axes in canvas.axes if axes.name != "3d" and axes.get_label() != "<colorbar>"]
 
 
 # ---- limits
 
 
-def calm(panels: Sequence[tuple[Any, str]]) -> None:
-    """Set the limits of panels, given with their labels, that show rounding.
+def hide_rounding(panels: Sequence[tuple[Any, str]]) -> None:
+    """Set the limits of panels, given with their labels, that would show rounding.
 
-    A panel takes those of the largest panel in the same unit, and says so; a constant gets a band
-    of 5 % about it.
+    Such a panel gets the limits of the largest panel in the same unit, and a note; a constant gets
+    a band of 5 % about it.
     """
     for axes, _ in panels:
-        _decades(axes)
+        _limit_decades(axes)
     sizes = [
         (float(np.abs(_values(axes)).max()), axes, unit_of(label))
         for axes, label in panels
@@ -94,8 +95,8 @@ def calm(panels: Sequence[tuple[Any, str]]) -> None:
             axes.set_ylim(sorted((0.95 * level, 1.05 * level)))
 
 
-def _decades(axes: Any) -> None:
-    """A logarithmic axis does not go down to rounding."""
+def _limit_decades(axes: Any) -> None:
+    """Raise the lower end of a logarithmic axis above rounding."""
     if axes.get_yscale() == "log":
         low, high = axes.get_ylim()
         if low < DECADES * high:
@@ -103,9 +104,9 @@ def _decades(axes: Any) -> None:
 
 
 def cut_spikes(axes: Any, histories: Sequence[Array]) -> None:
-    """Limit a panel of several runs to what they do nearly all the time, and say what is beyond.
+    """Limit a panel of several runs to the body of their values, and note the largest value beyond.
 
-    A train of pulses is no spike.
+    A train of pulses is not a spike.
     """
     sizes = np.concatenate([np.abs(h[np.isfinite(h)]) for h in histories])
     body = float(np.percentile(sizes, BODY)) if len(sizes) else 0.0
@@ -128,7 +129,7 @@ def _note(axes: Any, text: str) -> None:
 
 
 def _values(axes: Any) -> Array:
-    """Everything that the curves of a panel show."""
+    """Return all finite values of the curves of a panel."""
     curves = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()]
     values = np.concatenate(curves) if curves else np.zeros(1)
     finite = values[np.isfinite(values)]
@@ -139,14 +140,14 @@ def _values(axes: Any) -> Array:
 
 
 def label_of(axes: Any, which: str) -> str:
-    """The label of the axis x or y, or of those that share it."""
+    """Return the label of the axis x or y, or of the axes that share it."""
     shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
     labels = (getattr(each, f"get_{which}label")() for each in (axes, *shared))
     return next(filter(None, labels), "")
 
 
-def _ended(panels: Iterable[Any], end: float) -> None:
-    """Axes of time that end with the run, with a tick there."""
+def _end_with_run(panels: Iterable[Any], end: float) -> None:
+    """End time axes with the run, and set a tick there."""
     for axes in panels:
         begin, last = axes.get_xlim()
         if not begin < end <= last:
@@ -164,8 +165,8 @@ def _times(line: Any) -> Array:
     return x[np.isfinite(x)] if line.get_transform() == line.axes.transData else x[:0]
 
 
-def _ticked(axis: Any) -> None:
-    """At least three ticks with labels on a logarithmic axis."""
+def _set_ticks(axis: Any) -> None:
+    """Set at least three ticks with labels on a logarithmic axis."""
     from matplotlib.ticker import FixedFormatter, FixedLocator, LogLocator, MaxNLocator
 
     low, high = sorted(axis.get_view_interval())
@@ -185,17 +186,17 @@ def _ticked(axis: Any) -> None:
 
 
 def look_of(line: Any) -> tuple[Any, ...]:
-    """What one sees of a curve on a grey print: its dashes, its marker, its width."""
+    """Return what is visible of a curve in a grey print: dashes, marker, width."""
     dashes = _dashes(line) if line.get_linestyle() != "None" else None
     return str(dashes), str(line.get_marker()), round(float(line.get_linewidth()), 2)
 
 
-def tell_apart(axes: Any) -> None:
-    """Curves of axes that have different colours get different dashes; those of one colour, as the
-    edges of a band, keep theirs together.
+def distinguish(axes: Any) -> None:
+    """Give curves of different colours different dashes; curves of one colour, as the edges of a
+    band, have the same dashes.
     """
     taken: set[Any] = set()
-    for lines in _kinds(axes):
+    for lines in _groups(axes):
         wide, looks = lines[0].get_linewidth(), product(WIDTHS, DASHES)
         while look_of(lines[0]) in taken:
             width, dashes = next(looks)
@@ -203,20 +204,20 @@ def tell_apart(axes: Any) -> None:
                 line.set(linestyle=dashes, linewidth=width * wide)
         taken.add(look_of(lines[0]))
     if legend := axes.get_legend():
-        _repeat(legend, axes.get_legend_handles_labels()[0])
+        _update_legend(legend, axes.get_legend_handles_labels()[0])
 
 
-def _kinds(axes: Any) -> Iterable[list[Any]]:
-    """Curves that look the same, colour included."""
-    kinds: dict[Any, list[Any]] = {}
+def _groups(axes: Any) -> Iterable[list[Any]]:
+    """Return groups of curves that look the same, colour included."""
+    groups: dict[Any, list[Any]] = {}
     for line in axes.get_lines():
         if line.get_linestyle() != "None" and np.size(line.get_xdata()) > 1:
-            kinds.setdefault((str(line.get_color()), *look_of(line)), []).append(line)
-    return kinds.values()
+            groups.setdefault((str(line.get_color()), *look_of(line)), []).append(line)
+    return groups.values()
 
 
-def _repeat(legend: Any, shown: Iterable[Any]) -> None:
-    """The looks of curves in their legend."""
+def _update_legend(legend: Any, shown: Iterable[Any]) -> None:
+    """Show dashes and widths of curves in their legend."""
     from matplotlib.lines import Line2D
 
     for handle, line in zip(legend.legend_handles, shown, strict=False):
@@ -231,7 +232,7 @@ def _dashes(line: Any) -> Any:
     return (offset, tuple(pattern)) if pattern else "-"
 
 
-def _symbols(canvas: Any) -> None:
+def _set_symbols(canvas: Any) -> None:
     from matplotlib.text import Text
 
     for text in canvas.findobj(Text):

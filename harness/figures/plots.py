@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pictures of results: what a mission lists drawn by matplotlib, for one run or several in
-one.
+"""Pictures of results: the figures of a mission drawn by matplotlib, for one run or several runs in
+one figure.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.errors import ResultsError
-from harness.figures.captions import written_captions
+from harness.figures.captions import write_captions
 from harness.figures.choice import compared, figure_of, figures_of
-from harness.figures.finish import calm, cut_spikes, finished
+from harness.figures.finish import cut_spikes, finish, hide_rounding
 from harness.figures.style import (
     MANY,
     SCREEN,
@@ -46,8 +46,8 @@ def plot(
     style: Style = SCREEN,
     variables: Sequence[str] = (),
 ) -> list[Path]:
-    """Draw every figure whose variables the result holds, or one of the variables named; returns
-    the files written.
+    """Draw every figure whose variables the result holds, or one figure of the named variables;
+    return the paths of the files.
 
     ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be
     written, UsageError for a variable that the result does not hold.
@@ -56,32 +56,34 @@ def plot(
     drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
     files = _write(directory, ending, style, drawn)
     captioned = style.printed and not variables
-    return files + (written_captions(directory, figures, {"": result}) if captioned else [])
+    return files + (write_captions(directory, figures, {"": result}) if captioned else [])
 
 
 def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Drawing]:
-    """Figures by name, without those in which nothing changes; that of variables in any case."""
+    """Return figures by name, without figures in which nothing changes; a figure of named variables
+    is always drawn.
+    """
     if variables:
         figure = figure_of(result, variables)
         return {figure.name: figure}
     figures = {figure.name: figure for figure in figures_of(result) if figure.fits(result)}
     if not figures:
-        raise ResultsError("nothing that the result holds changes: there is no figure to draw")
+        raise ResultsError("all variables are constant: there is no figure to draw")
     empty = [name for name, figure in figures.items() if figure.is_empty(result)]
     if empty:
-        _log.warning("not drawn, for nothing changes in them: %s", ", ".join(empty))
+        _log.warning("not drawn, because nothing changes in them: %s", ", ".join(empty))
     return {name: figure for name, figure in figures.items() if name not in empty}
 
 
 def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
-    """A figure for a notebook: that of a name, that of variables, or without names the first one
-    that the result has.
+    """Return a figure for a notebook: the figure of a name, a figure of variables, or without names
+    the first figure of the result.
 
     Raises ResultsError if there is none, UsageError for a name that is neither.
     """
     known = {f.name: f for f in figures_of(result) if not f.is_empty(result)}
     if not names and not known:
-        raise ResultsError("nothing that the result holds changes: name some variables")
+        raise ResultsError("all variables are constant: name some variables")
     name = names[0] if names else next(iter(known))
     figure = known[name] if name in known else figure_of(result, names)
     with SCREEN.used():
@@ -99,22 +101,22 @@ def _png(canvas: Canvas) -> bytes:
 def overlay(
     results: Mapping[str, Result], directory: Path, ending: str = "png", style: Style = SCREEN
 ) -> list[Path]:
-    """Draw several runs, by label, into the same figures; returns the files written, none if no
+    """Draw several runs, by label, into the same figures; return the paths of the files, none if no
     figure fits.
 
-    A run that lacks a variable of a figure is left out of it, and the title says so; a figure that
-    one run alone has compares nothing: it is left out with a note. Ten runs or more have the
-    colours of a scale and the band of the middle nine tenths instead of a legend. Raises
-    ResultsError if the directory cannot be written.
+    A figure leaves out the runs that lack one of its variables, and its title names them. A figure
+    of one run alone compares nothing and is left out with a note. Ten or more runs have the colours
+    of a scale and the band of the middle nine tenths instead of a legend. Raises ResultsError if
+    the directory cannot be written.
     """
     found, alone = compared(results) if results else ([], [])
     if alone:
-        _log.warning("not compared, for one run alone has them: %s", ", ".join(alone))
+        _log.warning("not compared, because only one run has the variables: %s", ", ".join(alone))
     colours = _colours(list(results))
     drawn = {f.name: partial(paint_overlay, f, runs, colours, style) for f, runs in found}
     files = _write(directory, ending, style, drawn)
     captioned = {figure.name: figure for figure, _ in found}
-    return files + (written_captions(directory, captioned, results) if style.printed else [])
+    return files + (write_captions(directory, captioned, results) if style.printed else [])
 
 
 def _write(
@@ -128,18 +130,18 @@ def _write(
 
 
 def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Canvas:
-    """The figure of one run as matplotlib has it."""
+    """Return the figure of one run as a figure of matplotlib."""
     seconds = time_axis(result.time).seconds
     if isinstance(figure, Drawing):
         canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, result)
     else:
         canvas = _histories(figure, result, style, seconds)
-    return finished(canvas, _end(seconds, result), style.printed)
+    return finish(canvas, _end(seconds, result), style.printed)
 
 
 def _histories(figure: Figure, result: Result, style: Style, seconds: float) -> Canvas:
-    """Panels with a legend where it differs from that of the panel above."""
+    """Draw the panels of one run; a legend equal to the legend of the panel above is left out."""
     canvas, panels = _panels(figure, [result], style)
     labelled = [""]
     for axes, panel in panels:
@@ -148,12 +150,12 @@ def _histories(figure: Figure, result: Result, style: Style, seconds: float) -> 
         if labels != labelled:
             legend_above(axes)
         labelled = labels
-    calm([(axes, panel.ylabel) for axes, panel in panels])
+    hide_rounding([(axes, panel.ylabel) for axes, panel in panels])
     return canvas
 
 
 def _end(seconds: float, *results: Result) -> float | None:
-    """End of the axis of time of several runs."""
+    """Return the end of the time axis of several runs, None without rows."""
     return max((float(r.time[-1]) for r in results if len(r.time)), default=0.0) / seconds or None
 
 
@@ -169,7 +171,9 @@ def _draw_panel(axes: Any, panel: Panel, result: Result, seconds: float) -> None
 def _panels(
     figure: Figure, results: Sequence[Result], style: Style
 ) -> tuple[Canvas, list[tuple[Any, Panel]]]:
-    """Axes of the panels that show something, one below the other; the title names the others."""
+    """Return the axes of the panels that show something, one below the other; the title names the
+    other panels.
+    """
     shown = [p for p in figure.panels if not p.is_silent(*results)] or list(figure.panels)
     left = ", ".join(panel.ylabel for panel in figure.panels if panel not in shown)
     title = f"{figure.title}\nzero throughout: {left}" if left else figure.title
@@ -184,7 +188,7 @@ def _panels(
 
 
 def _prepare(axes: Any, panel: Panel, result: Result) -> None:
-    """Axes with their scale, and the level that is drawn."""
+    """Set the scale of axes, and draw the level of the panel."""
     if panel.log:
         axes.set_yscale("log")
     if line := panel.line(result):
@@ -204,10 +208,13 @@ def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve, seconds: 
     if curve.anew:
         axes.set_prop_cycle(None)
     shown = panel.rows(result)
-    time, history = curve.broken(result.time[shown] / seconds, curve.history(result)[shown])
+    before = result.time[shown] / seconds
+    time, history = curve.broken(before, curve.history(result)[shown])
     given = (curve.style,) if curve.style else ()
-    for values, name in curve.lines(history):
-        axes.plot(time, values, *given, label=name or None)
+    for k, (values, name) in enumerate(curve.lines(history)):
+        (line,) = axes.plot(time, values, *given, label=name or None)
+        if isinstance(curve.source, str) and curve.convert is None and time is before:
+            line.source = curve.source, None if history.ndim == 1 else k  # for a live page
 
 
 # ---- several runs
@@ -217,7 +224,9 @@ BAND = (5.0, 50.0, 95.0)
 
 
 def _scale(labels: Sequence[str]) -> tuple[str, list[float]]:
-    """What many runs are coloured by: the one parameter that varies, else their number."""
+    """Return name and values by which many runs are coloured: the only parameter that varies,
+    otherwise the number of the run.
+    """
     names, _, values = zip(*(label.partition("=") for label in labels), strict=True)
     if len(set(names)) == 1 and all(map(is_number, values)):
         return names[0], [float(value) for value in values]
@@ -233,7 +242,7 @@ def _mappable(labels: Sequence[str]) -> Any:
 
 
 def _colours(labels: Sequence[str]) -> dict[str, Colour]:
-    """A colour for every run by its label."""
+    """Return a colour for every run by its label."""
     if len(labels) < MANY:
         return {label: f"C{number}" for number, label in enumerate(labels)}
     return dict(zip(labels, _mappable(labels).to_rgba(_scale(labels)[1]), strict=True))
@@ -248,7 +257,7 @@ class _Runs(NamedTuple):
 
     @property
     def looks(self) -> dict[str, dict[str, Any]]:
-        """How every run is drawn by its label: many of them thin, else in the line styles of the
+        """Return the look of every run by its label: many runs thin, few in the line styles of the
         style sheet.
         """
         from matplotlib import rcParams
@@ -262,7 +271,7 @@ class _Runs(NamedTuple):
 
     @property
     def many(self) -> bool:
-        """Whether they are drawn as a crowd with a band."""
+        """Return whether the runs are drawn thin, with a band instead of a legend."""
         return len(self.results) >= MANY
 
 
@@ -272,8 +281,8 @@ def paint_overlay(
     colours: Mapping[str, Colour] | None = None,
     style: Style = SCREEN,
 ) -> Canvas:
-    """The figure of several runs as matplotlib has it: a colour for each by its label, one legend
-    or scale of colours for all panels.
+    """Return the figure of several runs as a figure of matplotlib: one colour per label, one legend
+    or colour scale for all panels.
     """
     colours = _colours(list(results)) if colours is None else colours
     runs = _Runs(results, colours, time_axis(*(r.time for r in results.values())).seconds)
@@ -285,25 +294,25 @@ def paint_overlay(
     if many := len(colours) >= MANY:
         labels = list(colours)
         canvas.colorbar(_mappable(labels), ax=canvas.axes, label=_scale(labels)[0], shrink=0.8)
-    return finished(canvas, _end(runs.seconds, *results.values()), style.printed and not many)
+    return finish(canvas, _end(runs.seconds, *results.values()), style.printed and not many)
 
 
 def _together(figure: Figure, runs: _Runs, style: Style) -> Canvas:
-    """Panels with a curve of every run."""
+    """Draw panels with a curve of every run."""
     canvas, panels = _panels(figure, list(runs.results.values()), style)
     for axes, panel in panels:
         histories = [h for curve in panel.curves for h in _draw_runs(axes, panel, curve, runs)]
         cut_spikes(axes, histories)
         _shade(axes, panel, runs.results.values(), runs.seconds)
         legend_above(axes)
-    calm([(axes, panel.ylabel) for axes, panel in panels])
+    hide_rounding([(axes, panel.ylabel) for axes, panel in panels])
     if len(runs.colours) < MANY:
         _name_runs(canvas, runs)
     return canvas
 
 
 def _name_runs(canvas: Canvas, runs: _Runs) -> None:
-    """One legend for all panels, as wide as the names allow."""
+    """Add one legend for all panels, as wide as the names allow."""
     from matplotlib.lines import Line2D
 
     names, looks = list(runs.results), runs.looks
@@ -313,7 +322,7 @@ def _name_runs(canvas: Canvas, runs: _Runs) -> None:
 
 
 def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array]:
-    """One curve of every run; returns what was drawn."""
+    """Draw one curve of every run, and return the histories."""
     histories = {label: curve.history(result) for label, result in runs.results.items()}
     if panel.log:  # zeros cannot be drawn
         histories = {label: np.where(h > 0, h, np.nan) for label, h in histories.items()}
@@ -329,7 +338,7 @@ def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array
 
 
 def _draw_band(axes: Any, histories: Sequence[Array], runs: _Runs) -> None:
-    """The middle of the runs at every time, where all have the same."""
+    """Draw the band between percentiles of the runs, if all have the same times."""
     times = [result.time for result in runs.results.values()]
     if all(np.array_equal(times[0], time) for time in times):
         drawn, time = np.stack(histories), times[0] / runs.seconds

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How figures look, on a screen or in a paper: style sheets of matplotlib and what these cannot
-say (widths, titles), the axis of time, legends, paths in space.
+"""Appearance of figures on a screen or in a paper: style sheets of matplotlib and what these cannot
+state (widths, titles), the axis of time, legends, paths in space.
 """
 
 from __future__ import annotations
@@ -26,18 +26,21 @@ NARROW, HOURS = 8.0, 7200.0
 from which on it is shown in hours.
 """
 TITLE = 0.75
-"""Width of a title as part of that of its figure, in characters of the text."""
+"""Width of a title as part of the width of its figure, in characters of the text."""
 SHORTEST = 0.35
 """Shortest axis of a view in space, as part of the longest."""
 MANY = 10
-"""From so many runs on their names do not fit into a legend."""
+"""Number of runs from which on their names do not fit into a legend."""
 
 
 @dataclass(frozen=True)
 class Style:
-    """Width of a figure in one column and across the page [in], None: the size of the screen;
-    stretch: how much higher a column is than the same figure on the screen; titled: whether
-    figures bear titles (in a paper captions do); sheets: one on top of the other.
+    """Look of figures for the screen or a paper.
+
+    sheets: style sheets, the later ones override the earlier; column, page: width of a figure in
+    one column and across the page [in], None: the size of the screen; stretch: height of a figure
+    in a column relative to the same figure on the screen; titled: whether figures have titles (a
+    paper has captions instead).
     """
 
     name: str
@@ -49,11 +52,11 @@ class Style:
 
     @property
     def printed(self) -> bool:
-        """Whether figures go into a paper."""
+        """Return whether figures go into a paper."""
         return self.column is not None
 
     def size(self, size: tuple[float, float]) -> tuple[float, float]:
-        """Of a figure that has this size on the screen [in]."""
+        """Return width and height of a figure [in] by its size on the screen [in]."""
         if self.column is None or self.page is None:
             return size
         if size[0] > NARROW:
@@ -62,7 +65,7 @@ class Style:
 
     @contextmanager
     def used(self) -> Iterator[None]:
-        """The style sheet, as long as something is drawn and saved."""
+        """Apply the style sheets inside a `with` block, in which figures are drawn and saved."""
         import matplotlib as mpl
 
         with mpl.rc_context():
@@ -80,7 +83,9 @@ STYLES = {style.name: style for style in (SCREEN, PAPER, SERIF)}
 
 
 def style_of(name: str, wide: bool = False) -> Style:
-    """The style of that name; wide: every figure across the page. UsageError."""
+    """Return the style of a name; wide: every figure across the page. Raises UsageError if
+    there is no such style.
+    """
     if name not in STYLES:
         raise UsageError(f"there is no style {name}, only {', '.join(STYLES)}")
     style = STYLES[name]
@@ -88,7 +93,7 @@ def style_of(name: str, wide: bool = False) -> Style:
 
 
 def get_ready() -> tuple[Any, Any]:
-    """Figure and canvas of matplotlib, whose import takes half a second."""
+    """Return figure and canvas class of matplotlib, whose import takes half a second."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -96,7 +101,7 @@ def get_ready() -> tuple[Any, Any]:
 
 
 def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
-    """A figure of matplotlib without a window and without pyplot's global state."""
+    """Return a figure of matplotlib without a window and without pyplot's global state."""
     figure, surface = get_ready()
     canvas = figure(layout="constrained", figsize=style.size(size))
     surface(canvas)
@@ -115,8 +120,8 @@ def save(canvas: Any, path: Path) -> Path:
 
 
 def place_of(colour: Any) -> Any:
-    """Place of a colour in the palette: that of `C3`, else of the most similar one of the style
-    sheet; black is ink.
+    """Return the number of a colour in the palette: 3 for `C3`, otherwise the number of the most
+    similar colour of the style sheet; "ink" for black.
     """
     from matplotlib import rcParams
     from matplotlib.colors import to_rgb
@@ -139,12 +144,12 @@ class TimeAxis(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Of the axis."""
+        """Label of the axis."""
         return f"time [{self.unit}]"
 
 
 def time_axis(*times: Array) -> TimeAxis:
-    """Hours where they suit, for all these histories together."""
+    """Return hours if all these histories together span HOURS or more, otherwise seconds."""
     span = max((t[-1] - t[0] for t in times if len(t)), default=0.0)
     return TimeAxis("h", 3600.0) if span >= HOURS else TimeAxis("s", 1.0)
 
@@ -152,37 +157,37 @@ def time_axis(*times: Array) -> TimeAxis:
 # ---- texts
 
 
-def wrapped(label: str, room: float) -> str:
-    """A label of an axis in lines of at most `room` inches; a unit in brackets stays together."""
+def wrapped(label: str, length: float) -> str:
+    """Return a label of an axis in lines of at most `length` inches, without breaking units."""
     whole = re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), label)
-    return textwrap.fill(whole, max(int(room / _character()), 8), break_long_words=False)
+    return textwrap.fill(whole, max(int(length / _character()), 8), break_long_words=False)
 
 
-def fitting(names: Sequence[str], room: float) -> int:
-    """How many entries of a legend go side by side into `room` inches."""
+def fitting(names: Sequence[str], width: float) -> int:
+    """Return how many entries of a legend fit side by side into `width` inches."""
     entry = _character() * (5 + max(map(len, names)))
-    return min(max(int(room / entry), 1), len(names))
+    return min(max(int(width / entry), 1), len(names))
 
 
 def _character() -> float:
-    """Width of a mean character [in]."""
+    """Return the mean width of a character [in]."""
     from matplotlib import rcParams
 
     return 0.55 / 72 * float(rcParams["font.size"])
 
 
 def legend_above(axes: Any, handles: Sequence[Any] | None = None) -> None:
-    """A legend between a panel and what is above it, where it hides no curve."""
+    """Add a legend between a panel and the panel above, where it hides no curve."""
     shown = handles or axes.get_legend_handles_labels()[0]
     if shown:
-        room = axes.figure.get_figwidth() / axes.get_subplotspec().get_geometry()[1]
+        width = axes.figure.get_figwidth() / axes.get_subplotspec().get_geometry()[1]
         names = [handle.get_label() for handle in shown]
         axes.legend(
             handles=shown,
             loc="lower right",
             bbox_to_anchor=(1, 1),
             borderaxespad=0.1,
-            ncols=fitting(names, 0.85 * room),
+            ncols=fitting(names, 0.85 * width),
         )
 
 
@@ -196,8 +201,8 @@ def draw_paths(
     plane: tuple[int, int],
     colours: Mapping[str, Colour] | None = None,
 ) -> Axes:
-    """Paths (rows, 3) with a style each, in space and seen along one axis, both to scale; returns
-    the axes of the plane.
+    """Draw paths (rows, 3) with a style each, in space and seen along one axis, both to scale;
+    return the axes of the plane.
 
     names: of the three coordinates; plane: horizontal and vertical coordinate of the second view;
     colours: by label.
@@ -222,8 +227,8 @@ def draw_paths(
 
 
 def _to_scale(space: Axes) -> None:
-    """The same length and the same ticks for a metre along all three axes, none of them so short
-    that its labels meet.
+    """Set the same scale and the same ticks along all three axes, none of them so short that its
+    labels overlap.
     """
     from matplotlib.ticker import MaxNLocator, MultipleLocator
 

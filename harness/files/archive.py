@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Archives and XML that may come from anywhere, and packing of our own.
 
-Of an .ssp or .fmu every name is judged before anything is written: no absolute path, no `..`, no
+Of an .ssp or .fmu every name is checked before anything is written: no absolute path, no `..`, no
 link, no name twice, no more than MAX_UNPACKED bytes. XML has no document type, hence no entity, no
 network, and no encoding in which a document type could hide.
 """
@@ -44,45 +44,54 @@ _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, O
 """What zipfile raises for damaged, encrypted or exotically compressed archives."""
 
 
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFILE, errno.EFBIG)
+_DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFILE, errno.EFBIG)
 """Faults of the temporary folder, not of the archive."""
 
 
 def unpack(
     path: Path, folder: Path, limit: int = MAX_UNPACKED, content: bytes | None = None
 ) -> None:
-    """Unpack a zip archive into a folder, which is made if it is missing; ArchiveError if the
-    archive is missing, damaged or unsafe, or if there is no room.
+    """Unpack a zip archive into a folder, which is created if missing; raise ArchiveError if the
+    archive is missing, damaged or unsafe, or if the disk is full.
 
     content: the bytes of the archive, if they have been read already.
     """
     with _opened(path, "unpacked", content) as archive:
-        _refuse_unsafe(path, archive.infolist(), limit)
+        _reject_unsafe(path, archive.infolist(), limit)
         try:
             folder.mkdir(exist_ok=True)
             archive.extractall(folder)
         except OSError as error:
-            if error.errno not in _NO_ROOM:
+            if error.errno not in _DISK_FULL:
                 raise
             reason = f"cannot be unpacked into {folder.parent} ({error.strerror})"
             raise ArchiveError(f"{path}: {reason}") from error
 
 
 def inspect(path: Path, limit: int = MAX_UNPACKED) -> tuple[str, ...]:
-    """Names of all files of an archive that unpack() would take; ArchiveError if it would not."""
+    """Return the names of all files of an archive that unpack() accepts; raise ArchiveError if it
+    does not.
+    """
     with _opened(path, "unpacked") as archive:
-        _refuse_unsafe(path, archive.infolist(), limit)
+        _reject_unsafe(path, archive.infolist(), limit)
         return tuple(entry.filename for entry in archive.infolist() if not entry.is_dir())
 
 
+def read_all(path: Path) -> dict[str, bytes]:
+    """Return all files of an archive by name; ArchiveError where unpack() raises it."""
+    with _opened(path, "read") as archive:
+        _reject_unsafe(path, archive.infolist(), MAX_UNPACKED)
+        return {e.filename: archive.read(e) for e in archive.infolist() if not e.is_dir()}
+
+
 def unpacked_size(path: Path) -> int:
-    """Bytes that an archive takes when it is unpacked; ArchiveError if it cannot be read."""
+    """Return the bytes that an unpacked archive takes; raise ArchiveError if it cannot be read."""
     with _opened(path, "read") as archive:
         return sum(entry.file_size for entry in archive.infolist())
 
 
 def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
-    """Content of one file of an archive; ArchiveError if it is not there, damaged or longer than
+    """Return one file of an archive; raise ArchiveError if it is missing, damaged or longer than
     the limit.
     """
     with _opened(path, "read") as archive:
@@ -96,7 +105,7 @@ def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
 
 
 def head(path: Path, name: str, count: int) -> bytes:
-    """The first bytes of one file of an archive, at most `count`; ArchiveError as of
+    """Return the first bytes of one file of an archive, at most `count`; raise ArchiveError like
     read_entry().
     """
     with _opened(path, "read") as archive, archive.open(name) as file:
@@ -105,7 +114,7 @@ def head(path: Path, name: str, count: int) -> bytes:
 
 @contextmanager
 def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zipfile.ZipFile]:
-    """An archive to read from; whatever is wrong with it as an ArchiveError."""
+    """Yield an archive opened for reading, with every failure as an ArchiveError."""
     if not is_file(path):
         raise ArchiveError(f"{path}: no such file")
     try:
@@ -120,8 +129,8 @@ def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zip
 
 
 def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZIP_STORED) -> None:
-    """Write files by name as a zip archive, always with the same bytes; ResultsError if it cannot
-    be written.
+    """Write files by name as a zip archive, always with the same bytes; raise ResultsError if it
+    cannot be written.
     """
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", compression) as archive:
@@ -141,18 +150,18 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return entry
 
 
-def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> None:
-    """Judge all entries; one that does not begin the file belongs to an archive inside a truncated
-    one.
+def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> None:
+    """Reject unsafe entries. An archive whose first entry is not at the start of the file is the
+    inner archive of a truncated one.
     """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")
     for fault in _faults(entries, limit):
-        raise ArchiveError(f"{path}: refused, it {fault}")
+        raise ArchiveError(f"{path}: rejected, it {fault}")
 
 
 def _faults(entries: list[zipfile.ZipInfo], limit: int) -> Iterator[str]:
-    """Why an archive must not be unpacked."""
+    """Yield the reasons why an archive must not be unpacked."""
     for entry in entries:
         if reason := _unsafe(entry):
             yield f"holds {reason}: {entry.orig_filename!r}"
@@ -166,7 +175,7 @@ def _faults(entries: list[zipfile.ZipInfo], limit: int) -> Iterator[str]:
 
 
 def _double(entries: list[zipfile.ZipInfo]) -> str | None:
-    """A name that occurs twice, as an unpacked file would (`a//b` is `a/b`), or None."""
+    """Return a name that occurs twice after unpacking (`a//b` is `a/b`), or None."""
     seen: set[PurePosixPath] = set()
     for entry in entries:
         place = PurePosixPath(entry.filename)
@@ -177,7 +186,7 @@ def _double(entries: list[zipfile.ZipInfo]) -> str | None:
 
 
 def _unsafe(entry: zipfile.ZipInfo) -> str | None:
-    """Why an entry must not be unpacked, or None."""
+    """Return why an entry must not be unpacked, or None."""
     name = entry.orig_filename
     mode = stat.S_IFMT(entry.external_attr >> 16)
     if "\\" in name or ":" in name or "\0" in name:
@@ -209,15 +218,16 @@ _SAFELY = {
 
 
 class UnsafeXmlError(ValueError):
-    """The text is not parsed; str() is the reason."""
+    """Text that is not parsed because it could be unsafe. str() gives the reason."""
 
 
 def parsed(data: bytes) -> XmlElement:
-    """Root element of an XML text, comments and processing instructions left out.
+    """Return the root element of an XML text without comments and processing instructions.
 
-    Raises UnsafeXmlError: a document type, an encoding that could hide one, or no XML at all.
+    Raises UnsafeXmlError for a document type, an encoding that could hide one, or text that is not
+    XML.
     """
-    _refuse_hidden(data)
+    _reject_hidden(data)
     try:
         tree = etree.ElementTree(etree.fromstring(data, etree.XMLParser(**_SAFELY)))
     except etree.XMLSyntaxError as error:
@@ -228,12 +238,12 @@ def parsed(data: bytes) -> XmlElement:
 
 
 def serialized(root: XmlElement) -> bytes:
-    """An element as a file in UTF-8."""
+    """Return an element as a file in UTF-8."""
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8"))
 
 
-def _refuse_hidden(data: bytes) -> None:
-    """Judge the bytes before anything parses them."""
+def _reject_hidden(data: bytes) -> None:
+    """Raise UnsafeXmlError for bytes that must not reach the parser."""
     text = data.replace(b"\0", b"")
     for mark in _BOMS:
         text = text.removeprefix(mark)

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a user's earlier runs have unpacked, made and checked, kept under the hash of its content.
+"""Cache of unpacked, built and checked files of earlier runs, stored under the hash of their
+content.
 
-What is kept appears whole or not at all, is compared with its hash whenever it is used, and made
-anew if it is damaged. Every process that uses the folder holds a lock on it until it ends; what is
-too much goes when a process begins that is alone there. HARNESS_CACHE names another folder; empty
-or `off`, nothing is kept.
+An entry appears completely or not at all. It is compared with its hash at every use and made again
+if it is damaged. Every process that uses the folder holds a lock on it until it ends. Entries above
+the size limit are removed when a process starts while no other process uses the folder.
+HARNESS_CACHE names another folder; if it is empty or `off`, nothing is stored.
 
-The folder is used only if programs can be run in it, it belongs to the user, nobody else may enter
-it, and no folder above it lets others exchange it. One that cannot be used is left out, with one
-note.
+The folder is used only if programs can be run in it, it belongs to the user, no other user may
+enter it, and no folder above it lets others replace it. Otherwise it is not used, with one note.
 """
 
 from __future__ import annotations
@@ -18,53 +18,59 @@ import logging
 import os
 import shutil
 import stat
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
-from harness.errors import ArchiveError, ResultsError
-from harness.files import sealed
+from harness.errors import ArchiveError, FmuError, ResultsError, StructureError
+from harness.files import checksums
 from harness.files.archive import unpack
-from harness.files.temporary import PrivateFolder
+from harness.files.output import PrivateFolder
 
 try:
     import fcntl
-except ImportError:  # Windows: nothing is kept there
+except ImportError:  # Windows has no cache
     fcntl = None  # type: ignore[assignment]
 
 OFF = ("", "off", "0")
 
 _log = logging.getLogger("harness")
 
+T = TypeVar("T")
+
+_BEGAN = time.time()
+
 _left_out: set[Path] = set()
 """Folders that have failed this process."""
 
 
 def folder() -> Path | None:
-    """The folder; None if nothing is to be kept, or nowhere safe."""
-    wanted = os.environ.get("HARNESS_CACHE")
-    if fcntl is None or (wanted is not None and wanted.strip().lower() in OFF):
+    """Return the folder; None if the cache is off or no safe folder exists."""
+    configured = os.environ.get("HARNESS_CACHE")
+    if fcntl is None or (configured is not None and configured.strip().lower() in OFF):
         return None
-    found = _usable(wanted, os.environ.get("XDG_CACHE_HOME"))
+    found = _usable(configured, os.environ.get("XDG_CACHE_HOME"))
     return None if found in _left_out else found
 
 
 def leave_out(path: Path, reason: str) -> None:
-    """Keep nothing in this folder from now on, and say so once."""
+    """Stop using this folder, and log the reason once."""
     if path not in _left_out:
         _left_out.add(path)
         _log.warning("%s: not used as a cache, %s (see HARNESS_CACHE)", path, reason)
 
 
 @lru_cache
-def _usable(wanted: str | None, caches: str | None) -> Path | None:
-    """The folder itself, made if it is missing, if it can be used; else a warning."""
-    path = Path(wanted or Path(caches or "~/.cache") / "servicing-fmus")
+def _usable(configured: str | None, caches: str | None) -> Path | None:
+    """Return the folder, created if missing, if it can be used; log a warning otherwise."""
+    path = Path(configured or Path(caches or "~/.cache") / "servicing-fmus")
     try:
-        path = path.expanduser() if not (wanted or caches) else path
+        path = path.expanduser() if not (configured or caches) else path
         reason = "the path of XDG_CACHE_HOME is not absolute"
-        if wanted or path.is_absolute():
+        if configured or path.is_absolute():
             path = path.absolute()
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
             reason = _unusable(path)
@@ -77,8 +83,8 @@ def _usable(wanted: str | None, caches: str | None) -> Path | None:
 
 
 def _unusable(path: Path) -> str:
-    """Why a folder is no place to keep libraries in: others could read or exchange what is there,
-    it cannot be written, or they could not be loaded; "" if it is one.
+    """Return why a folder is unsuitable for libraries: others could read or replace its content, it
+    cannot be written, or libraries could not be loaded from it; "" if it is suitable.
     """
     about = path.lstat()
     reasons = {
@@ -98,23 +104,23 @@ def _unusable(path: Path) -> str:
 
 
 LIMIT = 512 * 1024**2
-"""Largest sum of all that is kept [bytes]; beyond it the least recently used goes first."""
+"""Size limit of the cache [bytes]; the least recently used entries are removed first."""
 
 MAX_ARCHIVE = 128 * 1024**2
-"""Larger archives are not kept [bytes]."""
+"""Larger archives are not stored [bytes]."""
 
 PASSED = "passed"
-"""Folder of the marks of checks, which is no entry."""
+"""Folder with an empty file per passed check; it is not an entry."""
 
 
 def unpacked(archive: Path) -> Path | None:
-    """Folder with the content of an archive, to be read only, or None if nothing is kept here."""
+    """Return a read-only folder with the content of an archive, or None if the cache is off."""
     root = folder()
     content = None if root is None else _content(archive)
     if root is None or content is None:
         return None
     try:
-        return _kept(root / _word(content), lambda into: unpack(archive, into, content=content))
+        return _entry(root / _word(content), lambda into: unpack(archive, into, content=content))
     except (OSError, ArchiveError) as error:  # a damaged archive is for the caller
         if reason := _fault(error):
             leave_out(root, reason)
@@ -122,11 +128,13 @@ def unpacked(archive: Path) -> Path | None:
 
 
 def _content(archive: Path) -> bytes | None:
-    """All bytes of an archive, once, so that what is unpacked is what was hashed."""
+    """Return all bytes of an archive, read once, so that the unpacked bytes are the
+    hashed bytes.
+    """
     try:
         return archive.read_bytes() if archive.stat().st_size <= MAX_ARCHIVE else None
     except OSError:
-        return None  # unpack() says what is wrong
+        return None  # unpack() reports the fault
 
 
 def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
@@ -147,11 +155,11 @@ def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
 
 
 def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
-    """The file `name` that make(path) writes; made once for every key, whatever the run."""
+    """Return the file `name` that make(path) writes, made once for every key."""
     word = _word(name.encode() + b"\0", key)
     if root := folder():
         try:
-            return _kept(root / word, lambda into: make(into / name)) / name
+            return _entry(root / word, lambda into: make(into / name)) / name
         except (OSError, ResultsError) as error:
             if not (reason := _fault(error)):
                 raise
@@ -163,15 +171,37 @@ def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
     return place
 
 
+def with_second_try(work: Callable[[], T], before: Callable[[], object] = bool) -> T:
+    """Return work(). If it fails and an entry was damaged after this process had checked it, leave
+    out the cache, call before(), and return work() once more.
+    """
+    try:
+        return work()
+    except (ArchiveError, StructureError, FmuError):
+        root = folder()
+        if root is None or not _is_damaged(root):
+            raise
+        leave_out(root, "a file in it was damaged while it was read")
+    before()
+    return work()
+
+
+def _is_damaged(root: Path) -> bool:
+    """Return whether any entry used since this process began, by it or a child, is damaged. A
+    folder that another process has not finished is no entry.
+    """
+    return any(p.stat().st_mtime >= _BEGAN and not checksums.is_whole(p) for p in _entries(root))
+
+
 def _fault(error: Exception) -> str:
-    """Of the cache or its disk; "" if it is not theirs."""
+    """Return the reason of a failure of the cache or its disk; "" for other failures."""
     cause = error if isinstance(error, OSError) else error.__cause__
     return str(cause.strerror or cause) if isinstance(cause, OSError) and cause.errno else ""
 
 
 @lru_cache
 def _own_folder() -> PrivateFolder:
-    """Where nothing is kept: a folder of this process."""
+    """Return a folder of this process, for use without a cache."""
     return PrivateFolder()
 
 
@@ -179,30 +209,32 @@ def _own_folder() -> PrivateFolder:
 
 
 def _word(*parts: bytes) -> str:
-    """Name of an entry: versions of the harness with another layout know nothing of it."""
-    total = hashlib.sha256(sealed.LAYOUT)
+    """Return the name of an entry. Versions of the harness with another layout use other names."""
+    total = hashlib.sha256(checksums.LAYOUT)
     for part in parts:
         total.update(part)
     return total.hexdigest()
 
 
-def _kept(place: Path, make: Callable[[Path], None]) -> Path:
-    """The content of an entry, whole; made by make(folder) if it is not there or damaged. The time
-    of its folder says when it was used last.
+def _entry(place: Path, make: Callable[[Path], None]) -> Path:
+    """Return the complete content of an entry; make(folder) writes it if it is missing or damaged.
+    The time of its folder is the time of the last use.
     """
     _hold(place.parent)
-    if not sealed.is_whole(place):
-        with sealed.beside(place, make) as new, (place.parent / "exchange").open("ab") as file:
+    if not checksums.is_whole(place):
+        with checksums.beside(place, make) as new, (place.parent / "exchange").open("ab") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
-            if not sealed.is_whole(place):  # else somebody was quicker
-                sealed.exchange(place, new)
+            if not checksums.is_whole(place):  # else somebody was quicker
+                checksums.exchange(place, new)
     os.utime(place)
-    return place / sealed.CONTENT
+    return place / checksums.CONTENT
 
 
 @lru_cache
 def _hold(root: Path) -> int:
-    """Let nobody remove anything until this process ends; whoever is the first tidies up."""
+    """Lock the cache against removal until this process ends; the first process removes old
+    entries.
+    """
     descriptor = os.open(root / "used", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     with suppress(BlockingIOError):
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -215,10 +247,16 @@ def _tidy(root: Path) -> None:
     """Remove what is left of interrupted work, and what was used least recently until the rest is
     small enough.
     """
-    entries = [path for path in root.iterdir() if path.is_dir() and path.name != PASSED]
+    for unfinished in root.glob(f"{checksums.UNFINISHED}*"):
+        shutil.rmtree(unfinished, ignore_errors=True)
     total = 0
-    for entry in sorted(entries, key=lambda path: path.stat().st_mtime, reverse=True):
-        if not entry.name.startswith(sealed.UNFINISHED):
-            total += sum(p.lstat().st_size for p in entry.rglob("*") if p.is_file())
-        if total > LIMIT or entry.name.startswith(sealed.UNFINISHED):
+    for entry in sorted(_entries(root), key=lambda path: path.stat().st_mtime, reverse=True):
+        total += sum(p.lstat().st_size for p in entry.rglob("*") if p.is_file())
+        if total > LIMIT:
             shutil.rmtree(entry, ignore_errors=True)
+
+
+def _entries(root: Path) -> list[Path]:
+    """Return the folders of all finished entries."""
+    folders = (path for path in root.iterdir() if path.is_dir() and path.name != PASSED)
+    return [path for path in folders if not path.name.startswith(checksums.UNFINISHED)]

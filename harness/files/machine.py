@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What kind of machine a shared library is for, by its first bytes: ELF, PE, Mach-O.
+"""Machine type of a shared library from its first bytes: ELF, PE, Mach-O.
 
-A library can be loaded if it is of the kind of the program that loads it, which is Python itself.
+A library can be loaded if its type is the type of the Python program that loads it.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ a version of at least 45 in place of the number of machines.
 
 
 def kinds(head: bytes) -> frozenset[str]:
-    """Machine and format of a library ("x86-64 (64-bit ELF)"), several of a fat Mach-O; empty if it
-    is none.
+    """Return machine and format of a library ("x86-64 (64-bit ELF)"), several for a fat Mach-O,
+    empty for other files.
 
     head: its first bytes, at most HEAD are needed.
     """
@@ -80,7 +80,7 @@ def _of_mach_o(cpu: int) -> str:
 
 @lru_cache
 def own() -> frozenset[str]:
-    """The kind of the program that this process runs; empty if that is not known."""
+    """Return the machine type of the program of this process; empty if it is unknown."""
     for path in (Path("/proc/self/exe"), Path(sys.executable or "")):
         try:
             with path.open("rb") as file:
@@ -90,8 +90,8 @@ def own() -> frozenset[str]:
     return frozenset()
 
 
-def foreign(head: bytes) -> str | None:
-    """Why a library cannot be loaded in this process, or None."""
+def other_platform(head: bytes) -> str | None:
+    """Return why a library cannot be loaded in this process, or None."""
     found = kinds(head)
     if not found:
         return "is not a shared library (neither ELF, PE nor Mach-O)"

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files that appear whole or not at all, whatever ends the program meanwhile, and the command line
-that they come of.
+"""Output files that appear completely or not at all, even if the program is terminated, the
+command line that wrote them, and private temporary folders that do not outlive the process, even if
+it is killed.
+
+Python removes a temporary folder after an error or Ctrl-C. If the code of an FMU crashes or the
+process is killed, Python cannot do this. Then a guard removes the folder: a shell that waits at a
+pipe which closes with the process. (Windows and machines without a shell have no guard.)
 """
 
 from __future__ import annotations
@@ -9,9 +14,13 @@ import os
 import re
 import secrets
 import shutil
+import subprocess
+import tempfile
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from harness.errors import ResultsError
 from harness.files.signals import held
@@ -19,16 +28,15 @@ from harness.files.signals import held
 
 @contextmanager
 def written(path: Path) -> Iterator[Path]:
-    """A new empty file to write to, which becomes `path` at the end of the `with` block.
+    """Yield a new empty file for writing, which becomes `path` at the end of the `with` block.
 
-    It stands beside `path`, in a folder that is made if it is missing. If anything fails, an
-    earlier file stays as it was. A link is followed, and the permissions of an earlier file are
-    kept. Ctrl-C waits until the file is complete. Raises ResultsError if the file cannot be
-    written.
+    It lies beside `path`, in a folder that is created if missing. After a failure an earlier file
+    stays unchanged. A link is followed, and the permissions of an earlier file are preserved.
+    Ctrl-C waits until the file is complete. Raises ResultsError if the file cannot be written.
     """
     with held(), naming(path):
         target = path.resolve()
-        if target.exists() and not target.is_file():  # a device or pipe is written as it is
+        if target.exists() and not target.is_file():  # a device or pipe is written directly
             yield target
             return
         beside = new_beside(target)
@@ -42,9 +50,10 @@ def written(path: Path) -> Iterator[Path]:
 
 
 def new_beside(target: Path, folder: bool = False) -> Path:
-    """A new empty file, or folder, beside `target` under a name that nobody can foresee; OSError.
+    """Return a new empty file, or folder, beside `target` under an unpredictable name; raise
+    OSError.
 
-    What a killed process has left of an earlier one is removed.
+    Remains of an earlier one from a killed process are removed.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     _sweep(target)
@@ -70,7 +79,7 @@ def _sweep(target: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
-    if os.name != "posix":  # asking would end it there
+    if os.name != "posix":  # the query would kill the process there
         return True
     try:
         os.kill(process, 0)
@@ -83,7 +92,7 @@ def _is_running(process: int) -> bool:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """An OSError as a ResultsError that names the file."""
+    """Raise an OSError inside the block as a ResultsError that names the file."""
     try:
         yield
     except OSError as error:
@@ -96,22 +105,80 @@ _command: str | None = None
 
 
 def work_for(text: str | None) -> None:
-    """From now on, what this process writes comes of this command line."""
+    """Set the command line that later output files of this process name."""
     global _command  # noqa: PLW0603 - a process has one
     _command = text
 
 
 def command_line() -> str | None:
-    """The command line; None in a Python program of the user."""
+    """Return the command line; None in a Python program of the user."""
     return _command
 
 
 @contextmanager
 def commanded(text: str) -> Iterator[None]:
-    """What is written in the `with` block comes of this command line."""
+    """Set the command line that output files written in the `with` block name."""
     before = _command
     work_for(text)
     try:
         yield
     finally:
         work_for(before)
+
+
+# ---- private temporary folders
+
+
+_GUARD = 'IFS= read -r word; [ "$word" = done ] || rm -rf -- "$1"'
+
+
+class PrivateFolder:
+    """New folder that only this user can read; a context manager that gives its path.
+
+    where: an existing folder (None: the folder of temporary files).
+    """
+
+    def __init__(self, where: Path | None = None) -> None:
+        self._guard = None
+        try:
+            self.path = (where or Path(tempfile.gettempdir())) / f"harness-{secrets.token_hex(8)}"
+            self._guard = _guard(self.path)  # before mkdir(): removed even if killed in between
+            self.path.mkdir(mode=0o700)
+        except OSError as error:
+            self._dismiss_guard()
+            place = where or os.environ.get("TMPDIR", "the temporary folder")
+            raise ResultsError(
+                f"{place}: cannot create temporary files ({error.strerror or error})"
+            ) from error
+        self._remove = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+    def close(self) -> None:
+        """Remove the folder with all that is in it."""
+        self._remove()
+        self._dismiss_guard()
+
+    def _dismiss_guard(self) -> None:
+        if self._guard is not None:
+            self._guard.communicate(b"done\n")
+            self._guard = None
+
+    def __enter__(self) -> Path:
+        return self.path
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _guard(folder: Path) -> subprocess.Popen[bytes] | None:
+    """Return the process that removes the folder after a crash. It has a session of its own, so
+    that Ctrl-C does not reach it.
+    """
+    if os.name != "posix":
+        return None
+    command = ["/bin/sh", "-c", _GUARD, "harness-guard", str(folder)]
+    quiet = subprocess.DEVNULL
+    streams: Any = {"stdin": subprocess.PIPE, "stdout": quiet, "stderr": quiet}
+    try:
+        return subprocess.Popen(command, start_new_session=True, cwd="/", **streams)
+    except OSError:  # a machine without a shell
+        return None

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where the built FMUs, systems and the C executor are: inside the installed package, else in
+"""Locations of the built FMUs, systems and the C executor: inside the installed package, or else in
 build/ beside it.
 
-The environment variable SERVICING_FMUS_BUILD names another build folder, which then wins over both.
+The environment variable SERVICING_FMUS_BUILD names another build folder, which has precedence over
+both.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ BUILD = PACKAGE.parent / "build"
 
 
 def fmus() -> dict[str, Path]:
-    """All FMUs of the project by name."""
+    """Return all FMUs of the project by name."""
     return _files("fmus", "fmu")
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether there is a file of this name; no name is too long or too odd to ask."""
+    """Return whether a file with this name exists, also for names too long or not valid for the
+    system.
+    """
     try:
         return (path if isinstance(path, Path) else Path(path)).is_file()
     except (OSError, ValueError):
@@ -32,8 +35,8 @@ def is_file(path: str | Path) -> bool:
 
 
 def contents(path: Path, most: int) -> bytes:
-    """The bytes of a file; OSError if there are more than so many, as of a device that never
-    ends.
+    """Return the bytes of a file; raise OSError for more than `most` bytes, such as an endless
+    device.
     """
     with path.open("rb") as file:
         data = file.read(most + 1)
@@ -43,7 +46,7 @@ def contents(path: Path, most: int) -> bytes:
 
 
 def is_folder(path: str | Path) -> bool:
-    """Whether there is a folder of this name."""
+    """Return whether a folder with this name exists."""
     try:
         return Path(path).is_dir()
     except (OSError, ValueError):
@@ -51,7 +54,9 @@ def is_folder(path: str | Path) -> bool:
 
 
 class Stamp(NamedTuple):
-    """What tells a file from every other one, and from itself before it was changed."""
+    """Identity of a file, which differs from every other file and from the same file before a
+    change.
+    """
 
     device: int
     node: int
@@ -60,16 +65,16 @@ class Stamp(NamedTuple):
 
 
 def stamp(path: Path) -> Stamp:
-    """Of a file that is there; OSError."""
+    """Return the stamp of an existing file; raise OSError."""
     found = path.stat()
     return Stamp(found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size)
 
 
 def is_ours(fmu: Path) -> bool:
-    """Whether a file is one of the FMUs of the project, wherever it stands: the same bytes.
+    """Return whether a file is an FMU of the project, in any folder: the same bytes.
 
-    Then it crashes nothing, holds no globals, and its tests prove its reset; what merely names our
-    tools as its own may be anybody's.
+    Such an FMU cannot crash, has no globals, and its tests prove its reset. The name of the
+    generation tool alone proves nothing.
     """
     return is_file(fmu) and _is_ours(fmu, stamp(fmu), tuple(_chosen()))
 
@@ -88,22 +93,22 @@ def _are_same(ours: Path, fmu: Path, size: int) -> bool:
 
 
 def systems() -> dict[str, Path]:
-    """All systems of the project by name."""
+    """Return all systems of the project by name."""
     return _files("ssp", "ssp")
 
 
 def core() -> Path | None:
-    """Folder of the C code that FMUs share, or None if it has not been installed."""
+    """Return the folder of the C code that FMUs share, or None if it is not installed."""
     return _first(PACKAGE / "data" / "source" / "core", PACKAGE.parent / "fmus" / "core")
 
 
 def examples() -> Path | None:
-    """Folder of the example controllers, or None if it has not been installed."""
+    """Return the folder of the example controllers, or None if it is not installed."""
     return _first(PACKAGE / "data" / "examples", PACKAGE.parent / "examples")
 
 
 def site() -> Path | None:
-    """First page of the documentation site, or None if this installation has none."""
+    """Return the first page of the documentation site, or None if this installation has none."""
     pages = (PACKAGE / "data" / "site" / "index.html", BUILD / "site" / "index.html")
     return next((page for page in pages if page.is_file()), None)
 
@@ -113,26 +118,28 @@ def _first(*folders: Path) -> Path | None:
 
 
 def link_sources() -> Path:
-    """Folder of the C files of which firmware is built."""
+    """Return the folder of the C files from which firmware is built."""
     installed = PACKAGE / "data" / "link"
     return installed if installed.is_dir() else PACKAGE.parent / "fmus" / "core" / "link"
 
 
 def built(name: str) -> Path | None:
-    """A library of ours, or None if there is none: loop (the C executor), link (of an FMU
-    that stands for a component elsewhere), board (the other end of it), monolith (the models
-    without FMI in one program).
+    """Return a library of the project, or None if it is missing: loop (the C executor), link (of an
+    FMU that represents a remote component), board (its other end), monolith (the models without FMI
+    in one program).
     """
     candidates = (folder / f"{name}.so" for folder in (*_chosen(), PACKAGE / "data", BUILD))
     return next((path for path in candidates if path.is_file()), None)
 
 
 def _chosen() -> list[Path]:
-    """The build folder that the environment names, if any."""
+    """Return the build folder that the environment names, if any."""
     return [Path(folder).resolve()] if (folder := os.environ.get("SERVICING_FMUS_BUILD")) else []
 
 
 def _files(kind: str, ending: str) -> dict[str, Path]:
-    """Files by stem; the chosen folder wins over the package, the package over the build folder."""
+    """Return files by stem. The folder of the environment has precedence over the package, the
+    package over the build folder.
+    """
     folders = (BUILD / kind, PACKAGE / "data" / kind, *(folder / kind for folder in _chosen()))
     return {path.stem: path for folder in folders for path in sorted(folder.glob(f"*.{ending}"))}

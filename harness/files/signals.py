@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Signals that end the program: when they may, and what they must wait for.
 
-Ctrl-C, SIGTERM and SIGHUP all arrive as KeyboardInterrupt. Inside a `held()` block they only leave
-a mark: who can stop without losing anything looks for it with check(), what must be complete does
-not.
+Ctrl-C, SIGTERM and SIGHUP all arrive as KeyboardInterrupt. Inside a `held()` block they are
+only recorded. Code that can stop without losing anything calls check() there, which raises
+KeyboardInterrupt. Other code in the block is completed first.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _depth = 0
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Signals wait until the block is over; nested blocks are one. Other threads than the main one
-    receive none anyway.
+    """Delay signals until the end of the block; nested blocks are one block. Threads other than the
+    main thread receive no signals.
     """
     global _depth  # noqa: PLW0603 - there is one set of signal handlers
     if _depth or threading.current_thread() is not threading.main_thread():
@@ -48,7 +48,9 @@ def held() -> Iterator[None]:
 
 
 def _exchange_handlers() -> dict[int, signal._HANDLER]:
-    """Mark what arrives; what was ignored stays ignored (nohup). Returns the earlier handlers."""
+    """Record arriving signals and return the earlier handlers. Ignored signals stay ignored
+    (nohup).
+    """
     earlier = {n: signal.getsignal(n) for n in NUMBERS}
     earlier = {n: h for n, h in earlier.items() if h not in (signal.SIG_IGN, None)}
     for number in earlier:
@@ -57,7 +59,7 @@ def _exchange_handlers() -> dict[int, signal._HANDLER]:
 
 
 def _restore(handlers: list[tuple[int, signal._HANDLER]]) -> None:
-    """All of them, also if a signal arrives as soon as the first one hears it again."""
+    """Restore all handlers, even if a signal arrives as soon as the first one is active again."""
     if handlers:
         try:
             signal.signal(*handlers.pop())
@@ -70,7 +72,7 @@ def _mark(number: int, _: FrameType | None) -> None:
 
 
 def check() -> None:
-    """KeyboardInterrupt if a signal waits in a held() block; it is then dealt with."""
+    """Raise KeyboardInterrupt if a signal is pending in a held() block, and clear it."""
     if _pending:
         _pending.clear()
         raise KeyboardInterrupt
@@ -78,7 +80,9 @@ def check() -> None:
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """SIGTERM and SIGHUP are KeyboardInterrupts inside the block, unless somebody handles them."""
+    """Turn SIGTERM and SIGHUP into KeyboardInterrupt inside the block, unless they have
+    a handler.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return

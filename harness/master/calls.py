@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The calls of one instance of an FMU, by its version of FMI: the only place, with transfer.py and
-loop.c, that knows what they are called.
+"""Calls of one instance of an FMU by its version of FMI. Only this module, transfer.py and loop.c
+know the names of the functions.
 
-The types of their arguments are those that FMPy gives them. Every call returns the status of FMI
-(OK, WARNING, ...), but for those that load and free, and for what a link is asked.
+Argument types are the types that FMPy declares. Every call returns a status of FMI (OK, WARNING,
+...), except for loading, freeing, and requests to a link.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ CTYPES: Mapping[int, Mapping[str, Any]] = {
         "String": ctypes.c_char_p,
     },
 }
-"""Types in C by version of FMI; values go in this order, and loop.c counts those of 3.0 so."""
+"""Types in C by version of FMI; values go in this order, and loop.c uses the order of 3.0."""
 
 NEEDED = ("DoStep", "Terminate", "FreeInstance")
 """Functions that are called when there are rows to lose."""
 
 
 def layout(*types: tuple[Any, str]) -> list[tuple[str, Any]]:
-    """Fields of a struct in C: a type and their names."""
+    """Return the fields of a C struct from types and their names."""
     return [(name, kind) for kind, names in types for name in names.split()]
 
 
 class Library(ctypes.CDLL):
-    """The library of an FMU; its functions have types."""
+    """Library of an FMU with typed functions."""
 
     def __getattr__(self, name: str) -> Any:
         found = super().__getattr__(name)
@@ -69,7 +69,7 @@ class Library(ctypes.CDLL):
 
 @cache
 def _types(function: str) -> tuple[list[Any], Any]:
-    """Types in C of the arguments of a function, and of what it returns."""
+    """Return the C types of the arguments of a function and of its return value."""
     slave = FMU2Slave if function.startswith("fmi2") else FMU3Slave
     signature = inspect.signature(getattr(slave, function))
     _, *arguments = (
@@ -88,8 +88,8 @@ class Calls:
     def __init__(
         self, name: str, interface: Interface, folder: Path, library: Path, *, logging: bool = False
     ) -> None:
-        """Load the library of an unpacked FMU and instantiate it; FmuError, or what ctypes
-        raises.
+        """Load the library of an unpacked FMU and instantiate it; raise FmuError, or the errors of
+        ctypes.
         """
         self.name, self.fmi = name, interface.fmi
         self.prefix, self.in_c = f"fmi{self.fmi}", CTYPES[self.fmi]
@@ -104,13 +104,15 @@ class Calls:
         self.handle = ctypes.c_void_p(getattr(self.library, new)(name.encode(), *arguments))
         if not self.handle:
             fmpy.freeLibrary(self.library._handle)
-            raise FmuError(f"{new} gives no instance")
+            raise FmuError(f"{new} returned no instance")
         self.do_step = self.function("DoStep")
         self._flags, self._last = [ctypes.c_bool() for _ in range(3)], ctypes.c_double()
-        self._said = [*map(ctypes.byref, self._flags), ctypes.byref(self._last)]
+        self._results = [*map(ctypes.byref, self._flags), ctypes.byref(self._last)]
 
     def _new(self, token: bytes, resources: Path, logging: bool) -> tuple[Any, ...]:
-        """What an instance is made of, after its name; the FMU uses it as long as it lives."""
+        """Return the arguments of instantiation after the name, which must live as long as the
+        instance.
+        """
         if self.fmi == 2:
             self._heard = messages.callbacks()
             place = resources.as_uri().encode()
@@ -122,14 +124,14 @@ class Calls:
         return token, where, *modes, None, 0, None, self._heard, nothing
 
     def function(self, name: str) -> Any:
-        """A function, which is named without its prefix; FmuError."""
+        """Return a function by its name without prefix; raise FmuError."""
         try:
             return getattr(self.library, self.prefix + name)
         except AttributeError as error:
             raise FmuError(f"{self.name}: it has no function {self.prefix}{name}") from error
 
     def call(self, function: str, *arguments: object) -> int:
-        """Status of one function, which is named without its prefix."""
+        """Call a function by its name without prefix and return its status."""
         messages.note_call(self.name, self.prefix + function)
         return int(self.function(function)(self.handle, *arguments))
 
@@ -150,16 +152,20 @@ class Calls:
     def initialization(
         self, start: float, stop: float | None
     ) -> Iterator[tuple[str, tuple[Any, ...]]]:
-        """The functions, without their prefix, that lead to initialization mode."""
+        """Yield the functions, without prefix, that lead to initialization mode, with their
+        arguments.
+        """
         span = False, 0.0, start, stop is not None, stop or 0.0
         if self.fmi == 2:
             yield "SetupExperiment", span
         yield "EnterInitializationMode", () if self.fmi == 2 else span
 
     def step(self, time: float, size: float, no_rollback: int) -> int:
-        """One step; TERMINATION, EARLY_RETURN if an FMU of FMI 3.0 says so."""
-        said = () if self.fmi == 2 else self._said
-        status = int(self.do_step(self.handle, time, size, no_rollback, *said))
+        """Perform one step and return the status; TERMINATION or EARLY_RETURN if an FMU of FMI 3.0
+        reports it.
+        """
+        results = () if self.fmi == 2 else self._results
+        status = int(self.do_step(self.handle, time, size, no_rollback, *results))
         _, terminate, early = self._flags
         if status not in (OK, WARNING):
             return status
@@ -172,15 +178,15 @@ class Calls:
         fmpy.freeLibrary(self.library._handle)
 
 
-# ---- what a component on another processor has cost there, asked of the link that stands for it
+# ---- cost of a component on another processor, from the link that represents it
 
 
 class Cost(NamedTuple):
-    """Steps of a component on its processor.
+    """Cost of the steps of a component on its processor.
 
-    steps: number; total, largest: instructions of all steps, and of the dearest (0: not counted);
-    when: communication point of the dearest [s]; stack: used by the steps [bytes]; memory:
-    allocated by the instance [bytes]; late: answers after their deadline.
+    steps: number; total, largest: instructions of all steps and of the most expensive step (0: not
+    counted); when: communication point of the most expensive step [s]; stack: used by the steps
+    [bytes]; memory: allocated by the instance [bytes]; late: answers after their deadline.
     """
 
     steps: int
@@ -193,7 +199,7 @@ class Cost(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Instructions of a step."""
+        """Return the mean number of instructions per step."""
         return self.total / self.steps if self.steps else 0.0
 
 
@@ -209,12 +215,14 @@ class _Statistics(ctypes.Structure):
 
 
 def cost(calls: Calls) -> Cost:
-    """Cost of the steps so far; FmuError if the instance is no link, or its board is silent."""
-    ask = getattr(calls.library, "slnk_statistics", None)
-    if ask is None:
-        raise FmuError(f"{calls.name}: runs in the simulation, not on a processor of its own")
-    ask.restype = ctypes.c_bool
+    """Return the cost of the steps so far; raise FmuError if the instance is not a link or its
+    board does not answer.
+    """
+    statistics = getattr(calls.library, "slnk_statistics", None)
+    if statistics is None:
+        raise FmuError(f"{calls.name}: runs in the simulation, not on a separate processor")
+    statistics.restype = ctypes.c_bool
     found = _Statistics()
-    if not ask(calls.handle, ctypes.byref(found)):
+    if not statistics(calls.handle, ctypes.byref(found)):
         raise FmuError(f"{calls.name}: its board does not say what its steps have cost")
     return Cost(*(getattr(found, name) for name in Cost._fields))

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Changes to a system before it flies: parameter sets and files, single values, other FMUs,
-latencies, step, stop.
+"""Changes to a system before a run: parameter sets and files, single values, other FMUs, latencies,
+step, stop.
 
-A change is a replacement of frozen data, so the changed system can be exported exactly as it was
-run.
+A change replaces frozen data, so the changed system can be exported exactly as it was run.
 """
 
 from __future__ import annotations
@@ -14,11 +13,11 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from harness.errors import HarnessError, StructureError, UsageError
+from harness.files.checksums import sha256
 from harness.files.paths import is_file
-from harness.files.sealed import sha256
 from harness.mission.exchange import of_system
 from harness.remote.places import move, read_place
-from harness.results.requirements import refused
+from harness.results.requirements import rejected
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
@@ -39,7 +38,7 @@ Given = Mapping[str, Any]
 
 
 class Changes(TypedDict, total=False):
-    """Changes to a system: the keyword arguments of run() and of `Simulation.fly()`."""
+    """Changes to a system: the keyword arguments of run() and of `Simulation.run()`."""
 
     params: str | Path | None
     set: Pairs
@@ -59,16 +58,16 @@ NAMED = ("set", "swap", "map", "on", "latency")
 
 
 def apply(system: System, **changes: Unpack[Changes]) -> System:
-    """Return the system with everything the user wants otherwise; the changes are those of run().
+    """Return the system with all changes of the user.
 
-    Order: named set, epoch (at which the bodies of `[start]` are elsewhere), swapped FMUs, file of
-    parameters, single values, other processors. Raises
-    UsageError for names that do not exist, StructureError for a parameter file with mistakes or a
-    swapped FMU that does not fit, FmuError for an FMU that does not build for its processor.
+    Order: named parameter set, epoch (which moves the bodies of `[start]`), swapped FMUs, file of
+    parameters, single values, other processors. Raises UsageError for names that do not exist,
+    StructureError for a parameter file with mistakes or a swapped FMU that does not fit, FmuError
+    for an FMU that does not build for its processor.
     """
     before, params = system.origin, changes.get("params")
-    said: Mapping[str, Any] = changes
-    given = {name: _once(f"--{name}", said.get(name, ())) for name in NAMED}
+    options: Mapping[str, Any] = changes
+    given = {name: _once(f"--{name}", options.get(name, ())) for name in NAMED}
     is_set = str(params) in set_names(system)
     if is_set:
         system = choose_set(system, str(params))
@@ -83,17 +82,17 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
     if on := given["on"]:
         found = {_known(system, "--on", name): read_place(name, str(on[name])) for name in on}
         system = move(system, found)
-    timing = {name: said.get(name) for name in ("step", "stop", "algorithm")} | {"epoch": date}
-    kept: Any = {name: value for name, value in timing.items() if value is not None}
+    timing = {name: options.get(name) for name in ("step", "stop", "algorithm")} | {"epoch": date}
+    given_timing: Any = {name: value for name, value in timing.items() if value is not None}
     return replace(
         _required(system, changes.get("require", ())),
-        experiment=replace(system.experiment, **kept),
+        experiment=replace(system.experiment, **given_timing),
         origin=_origin(before, params, is_set, given),
     )
 
 
 def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given]) -> Origin:
-    """Where a system comes from that was changed in this way."""
+    """Return the origin of a system with these changes."""
     swaps = {c: Swap(c, str(fmu), sha256(find_fmu(fmu))) for c, fmu in given["swap"].items()}
     if params is not None:
         digest = "" if is_set else sha256(str(params))
@@ -109,13 +108,13 @@ def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given
 
 
 def timely(system: System, changes: Changes, realtime: float | None, late: str | None) -> System:
-    """apply(), and what a component elsewhere does that answers later than the period of its
-    steps: wait, hold or stop. Raises what apply() raises.
+    """Return the system with its changes and with the reaction to a remote component that answers
+    later than the period of its steps: wait, hold or stop. Raises the errors of apply().
     """
     if late is None:
         return apply(system, **changes)
     if realtime is None or not changes.get("on"):
-        raise UsageError(f"--late {late}: needs --realtime and a component elsewhere, --on")
+        raise UsageError(f"--late {late}: is valid only with --realtime and --on")
     rest: Changes = {**changes, "on": ()}
     before = apply(system, **rest)
     step = before.experiment.step or 0.0
@@ -133,7 +132,7 @@ def timely(system: System, changes: Changes, realtime: float | None, late: str |
 
 
 def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
-    """Names and values of assignments; UsageError if a text is none."""
+    """Yield names and values of assignments; raise UsageError for other texts."""
     if isinstance(given, Mapping):
         yield from ((name, plain(value)) for name, value in given.items())
         return
@@ -146,7 +145,7 @@ def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
 
 
 def _once(option: str, given: Pairs) -> dict[str, Any]:
-    """pairs(), of which no name may be given twice."""
+    """Return names and values of assignments; raise UsageError if a name is given twice."""
     found: dict[str, Any] = {}
     for name, value in pairs(option, given):
         if name in found:
@@ -156,7 +155,7 @@ def _once(option: str, given: Pairs) -> dict[str, Any]:
 
 
 def _known(system: System, option: str, name: str) -> str:
-    """The name of a component; UsageError."""
+    """Return the name of an existing component; raise UsageError."""
     known = [c.name for c in system.components]
     if name not in known:
         hint = did_you_mean(name, known)
@@ -165,7 +164,9 @@ def _known(system: System, option: str, name: str) -> str:
 
 
 def joined(own: Changes, further: Changes) -> Changes:
-    """Changes with further ones over them; those of one name each do not replace others."""
+    """Return changes extended by further ones. Entries with names are merged, other entries
+    replaced.
+    """
     one: Mapping[str, Any] = own
     both: dict[str, Any] = {**own, **further}
     for name in (n for n in NAMED if n in own and n in further):
@@ -174,7 +175,9 @@ def joined(own: Changes, further: Changes) -> Changes:
 
 
 def as_in_a_file(error: HarnessError) -> str:
-    """What an error says of values that were written into a file instead of behind --set."""
+    """Return the text of an error for values that were written into a file instead of
+    after --set.
+    """
     return str(error).replace("--set ", "")
 
 
@@ -182,7 +185,7 @@ def as_in_a_file(error: HarnessError) -> str:
 
 
 def _swapped(system: System, swaps: Given, names: Given) -> System:
-    """Other FMUs, each with the names of ports that are given for it."""
+    """Return the system with other FMUs, each with its given names of ports."""
     if unknown := unmapped(swaps, names):
         ports = {base(port) for fmu in swaps.values() for port in _ports_of(fmu)}
         raise UsageError(no_port(unknown[0], ports))
@@ -194,7 +197,7 @@ def _swapped(system: System, swaps: Given, names: Given) -> System:
 
 
 def unmapped(swaps: Given, names: Iterable[str]) -> list[str]:
-    """Of the ports that are given our names those that no swapped FMU has."""
+    """Return the given names of our ports that no swapped FMU has."""
     ports = {component: _ports_of(fmu) for component, fmu in swaps.items()} if names else {}
     return [name for name in names if not any(_local(name, *each) for each in ports.items())]
 
@@ -205,13 +208,15 @@ def _ports_of(fmu: str | Path) -> list[str]:
 
 
 def _local(name: str, component: str, known: Collection[str]) -> str:
-    """The port that is meant by `port` or `component.port`, or "" if it is none of these."""
+    """Return the port that `port` or `component.port` names, or "" if it is not among the known
+    ports.
+    """
     inner = name.removeprefix(f"{component}.")
     return next((each for each in (name, inner) if has_port(each, known)), "")
 
 
 def no_port(name: str, known: Collection[str] = ()) -> str:
-    """What is wrong with a name of --map that stands for none of these ports."""
+    """Return the error for a name of --map that names none of these ports."""
     return f"--map {name}: no FMU that --swap puts in has such a port{did_you_mean(name, known)}"
 
 
@@ -219,7 +224,7 @@ def no_port(name: str, known: Collection[str] = ()) -> str:
 
 
 def set_names(system: System) -> list[str]:
-    """Names of all parameter sets of a system, the default one first."""
+    """Return the names of all parameter sets of a system, the default set first."""
     return [DEFAULT_SET, *(s.name for s in system.sets)]
 
 
@@ -235,7 +240,7 @@ def choose_set(system: System, name: str) -> System:
 
 
 def _with(system: System, parameters: Mapping[str, Parameters]) -> System:
-    """The system with other parameters of these components."""
+    """Return the system with other parameters of these components."""
     found = ((c, parameters.get(c.name, c.parameters)) for c in system.components)
     return replace(system, components=tuple(replace(c, parameters=p) for c, p in found))
 
@@ -245,7 +250,7 @@ def _over(system: System, values: Assignments) -> System:
 
 
 def _elsewhere(system: System, epoch: str) -> System:
-    """A system whose bodies start from files, at another UTC of t = 0."""
+    """Return a system whose bodies start from files, at another UTC of t = 0."""
     moved = replace(system, experiment=replace(system.experiment, epoch=epoch))
     values = Assignments(read_interfaces(moved))
     for name, value in of_system(moved).values.items():
@@ -254,8 +259,8 @@ def _elsewhere(system: System, epoch: str) -> System:
 
 
 def _parameter_file(system: System, path: Path) -> System:
-    """Parameters from a .toml (tables per component and `shared`) or an .ssv (names
-    component.parameter).
+    """Return the system with parameters from a .toml (tables per component and `shared`) or an .ssv
+    (names component.parameter).
     """
     if path.suffix not in (".toml", ".ssv"):
         names = set_names(system)
@@ -281,7 +286,7 @@ def _read_into(values: Assignments, path: Path) -> None:
 
 
 def _place(values: Assignments, name: str) -> list[tuple[str, str]]:
-    """Component and variable of a name; none and a problem if it is no name."""
+    """Return the components and variables of a name, or none and record a problem."""
     try:
         return [split(name, values.interfaces)]
     except ValueError as error:
@@ -290,7 +295,7 @@ def _place(values: Assignments, name: str) -> list[tuple[str, str]]:
 
 
 def _single_values(system: System, given: Given) -> System:
-    """Values of --set, those of `shared` first."""
+    """Return the system with the values of --set, beginning with `shared`."""
     if not given:
         return system
     values = Assignments(read_interfaces(system))
@@ -311,19 +316,19 @@ def _single_value(values: Assignments, name: str, value: Any) -> None:
 
 
 def _driven(system: System, values: Assignments) -> Iterator[str]:
-    """Values that would be overwritten before anybody reads them."""
+    """Yield a line per value that would be overwritten before its first use."""
     drivers = {c.target: c.source for c in system.connections}
     ports = (Port(c, v) for c, parameters in values.parameters.items() for v in parameters)
     for port in (p for p in ports if p in drivers):
-        yield f"{port}: is driven by {drivers[port]}, a value of its own has no effect"
+        yield f"{port}: is driven by {drivers[port]}, so a start value has no effect"
 
 
 # ---- latency, requirements
 
 
 def _delayed(system: System, given: Given) -> System:
-    """Components that publish so many macro steps later; how many are possible the schedule
-    knows.
+    """Return the system with components that publish a number of macro steps later. The schedule
+    checks the limits.
     """
     for name, steps in given.items():
         _known(system, "--latency", name)
@@ -338,13 +343,13 @@ def _delayed(system: System, given: Given) -> System:
 
 
 def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> System:
-    """The system with further requirements, a text alone is its own name; those that it has itself
-    may have lost what they need by a swap.
+    """Return the system with further requirements. A text alone is its own name. A swap may remove
+    variables that the system's own requirements need.
     """
     if not given:
         return system
     further = dict(given) if isinstance(given, Mapping) else {text: text for text in given}
-    if found := refused(system, further):
+    if found := rejected(system, further):
         option = "" if isinstance(given, Mapping) else "--require "
         raise UsageError("\n".join(option + problem for problem in found))
     return replace(system, requirements={**system.requirements, **further})

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A call in a process of its own, so that foreign code can neither end nor disturb ours.
+"""Function calls in a child process, so that third-party code can neither terminate nor disturb
+this one.
 
-What enters: a function and its arguments. What leaves: the messages that it sends, notes for the
-user, what was written to its terminal, and in what way it ended. The child stands in a session of
-its own, hears no Ctrl-C, and ends with us, whatever ends us.
+A function and its arguments enter. The messages that it sends, notes for the user, its terminal
+output and the way in which it ended leave. The child has a session of its own, receives no Ctrl-C,
+and always ends with this process.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from harness.errors import HarnessError, UsageError
 from harness.files.signals import held
-from harness.master.messages import NOTE_SIZE, Notes, keep_note_in, noted_call
+from harness.master.messages import NOTE_SIZE, Notes, noted_call, share_note
 
 _log = logging.getLogger("harness")
 
@@ -43,7 +44,7 @@ Block = Any
 
 
 def block(size: int) -> Block:
-    """So many zero bytes; UsageError if there is no room."""
+    """Return `size` zero bytes; raise UsageError without enough memory."""
     try:
         return mmap.mmap(-1, max(size, 1)) if FORK else RawArray("b", size)
     except (OSError, ValueError, OverflowError, MemoryError) as error:
@@ -53,7 +54,7 @@ def block(size: int) -> Block:
 
 
 def array(shared: Block, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """The bytes as an array."""
+    """Return shared bytes as an array."""
     return np.frombuffer(shared, dtype=dtype, count=math.prod(shape)).reshape(shape)
 
 
@@ -61,10 +62,10 @@ LOOK_SECONDS = 0.2
 """Time between two looks at the child."""
 
 GRACE_SECONDS = 0.5
-"""Time that a child has to end by itself when it is asked to."""
+"""Grace time of a child to end by itself after a request [s]."""
 
 LAST_WORDS = 200
-"""Characters kept of what was written last to the terminal of the child."""
+"""Characters stored of the last terminal output of the child."""
 
 PIPE = 1 << 16
 """Bytes that a pipe holds."""
@@ -78,7 +79,7 @@ Send = Callable[[str, Any], None]
 
 
 class Child:
-    """A process that calls function(send, *arguments); a context manager that ends it."""
+    """Process that calls function(send, *arguments); a context manager that ends it."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
         note = block(NOTE_SIZE)
@@ -109,13 +110,13 @@ class Child:
     def __exit__(self, *_: object) -> None:
         self.kill()
         self._code = self.process.exitcode
-        self.process.close()  # at once, not when an error that knows of it is forgotten
+        self.process.close()  # now, not when the error that refers to the process is collected
         self._messages.close()
         self._terminal.close()
 
     def messages(self, seconds: float = math.inf) -> Iterator[tuple[str, Any]]:
-        """What the function sends until it has ended, with ("", None) now and then; at most for
-        so many seconds.
+        """Yield the messages of the function until it ends, and ("", None) now and then, for at
+        most `seconds`.
         """
         until, over = time.monotonic() + seconds, False
         while time.monotonic() < until and not over:
@@ -132,7 +133,7 @@ class Child:
     def _received(self) -> Iterator[tuple[str, Any]]:
         try:
             kind, content = self._messages.recv()
-        except Exception:  # the end of the pipe, or what foreign code has written into it
+        except Exception:  # the end of the pipe, or bytes that third-party code wrote into it
             self._open.remove(self._messages)
             return
         if kind == NOTE:
@@ -150,23 +151,26 @@ class Child:
         self._words.extend(data[-4 * LAST_WORDS :].decode(errors="replace"))
 
     def kill(self) -> None:
-        """End the process now."""
-        if self.process.is_alive():
+        """End the process and those that it has started in its session, now."""
+        pid = self.process.pid
+        if pid is not None and self.process.is_alive():
+            with suppress(AttributeError, OSError):  # Windows; a process that has just begun
+                os.killpg(pid, signal.SIGKILL)
             self.process.kill()
         self.process.join()
 
     @property
     def place(self) -> tuple[str, str]:
-        """Instance and call of an FMU that was noted last."""
+        """Return instance and call of the last noted FMI call."""
         return noted_call(self._note)
 
     def last_words(self) -> str:
-        """The last line that was written to its terminal; "" if there is none."""
+        """Return the last line of terminal output; "" if there is none."""
         lines = [line for line in "".join(self._words).splitlines() if line.strip()]
         return "".join(c if c.isprintable() else " " for c in lines[-1]).strip() if lines else ""
 
     def end(self) -> str:
-        """In what way the process has ended."""
+        """Return in what way the process has ended."""
         code = self.process.exitcode if self._code is None else self._code
         if code is None:
             text = "lost contact"
@@ -180,18 +184,18 @@ class Child:
         return text + (f", its last output: {words}" if words else "")
 
     def report_output(self) -> None:
-        """Say in one note what was written to the terminal, if anything was."""
+        """Log the terminal output in one note, if there was any."""
         if words := self.last_words():
             count = max(self._lines, 1)
             _log.warning("the FMUs wrote %d line%s, the last: %s", count, "s" * (count > 1), words)
 
 
 def _open_files() -> set[int]:
-    """Numbers of the files that a fork would inherit now."""
+    """Return the numbers of the open files that a fork would inherit."""
     folder = Path("/proc/self/fd")
     if not FORK or not folder.is_dir():
         return set()
-    listed = list(folder.iterdir())  # with the number of this list itself, which is closed now
+    listed = list(folder.iterdir())  # the list contains its own descriptor, which is closed now
     return {int(file.name) for file in listed if file.is_symlink()}
 
 
@@ -208,11 +212,11 @@ def _work(
     messages, terminal = pipes
     _stand_alone()
     _redirect(terminal)
-    # foreign code must not write into files of ours, nor keep pipes open that others wait for
+    # third-party code must not write into our files, nor hold pipes open on which others wait
     for number in inherited - {0, 1, 2, messages.fileno(), terminal.fileno()}:
         with suppress(OSError):
             os.close(number)
-    keep_note_in(array(note, (NOTE_SIZE,), "uint8"))
+    share_note(array(note, (NOTE_SIZE,), "uint8"))
 
     def send(kind: str, content: Any) -> None:
         messages.send((kind, content))
@@ -222,14 +226,14 @@ def _work(
         value = function(send, *arguments)
     except HarnessError as error:
         send(OUTCOME, (error, None))
-    except Exception as error:  # others may not go through a pipe
+    except Exception as error:  # other exceptions may not be picklable
         send(OUTCOME, (RuntimeError(f"{type(error).__name__}: {error}"), None))
     else:
         send(OUTCOME, (None, value))
 
 
 def _stand_alone() -> None:
-    """Hear none of the signals of a terminal, and end with the parent."""
+    """Ignore the signals of a terminal, and end with the parent."""
     for name in ("SIGINT", "SIGHUP", "SIGTERM"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -239,7 +243,7 @@ def _stand_alone() -> None:
 
 
 def end_with_parent() -> None:
-    """Let this process end when the one that has made it ends, whatever it is doing then."""
+    """Make the kernel end this process together with its parent."""
 
     def wait_for_parent() -> None:
         if parent := multiprocessing.parent_process():
@@ -250,7 +254,7 @@ def end_with_parent() -> None:
 
 
 def _redirect(terminal: Connection) -> None:
-    """Standard output and standard error of everything in this process go to the parent."""
+    """Redirect standard output and standard error of the whole process to the parent."""
     if os.name != "posix":
         return
     for stream in (sys.stdout, sys.stderr):

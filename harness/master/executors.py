@@ -28,12 +28,12 @@ class Clock(NamedTuple):
     step: float
 
     def time(self, k: int) -> float:
-        """Communication point of macro step k [s]."""
+        """Return the communication point of macro step k [s]."""
         return self.start + k * self.step
 
 
 class Loop(NamedTuple):
-    """What an executor runs: the plan of a macro step, over one bus, into one table."""
+    """Input of an executor: the plan of a macro step, one bus, and one table."""
 
     plan: Sequence[Action[Instance]]
     bus: NDArray[np.float64]
@@ -42,10 +42,10 @@ class Loop(NamedTuple):
 
 
 class PythonExecutor:
-    """The loop as it is meant.
+    """Reference implementation of the loop.
 
-    calls: instance and function of every call of a macro step, in the order that the recorder
-    marks.
+    calls: instance and function of every call of a macro step, in the order of the index that
+    the recorder stores as progress.
     """
 
     def __init__(self, loop: Loop) -> None:
@@ -53,14 +53,14 @@ class PythonExecutor:
         self.calls = _marked(loop.plan)
 
     def run(self, first: int, last: int) -> None:
-        """Macro steps first .. last - 1, recording each; RunError names the instance that
-        failed.
+        """Run the macro steps first .. last - 1 and record each; raise RunError naming the instance
+        that failed.
         """
         plan, bus, recorder, clock = self.loop
         for k in range(first, last):
             for i, action in enumerate(plan):
                 if action.due(k):
-                    recorder.marks[1] = i
+                    recorder.progress[1] = i
                     action.instance.act(action.verb, bus, clock.time(k), clock.step)
             recorder.record(k + 1, bus)
 
@@ -75,7 +75,7 @@ changed on the way.
 
 
 def _marked(actions: Iterable[Action[Instance]]) -> list[tuple[str, str]]:
-    """Instances and functions, as the recorder marks them."""
+    """Return instances and functions in the order of the recorder's counter."""
     return [(a.instance.name, a.verb.call(a.instance.node.interface.fmi)) for a in actions]
 
 
@@ -96,7 +96,7 @@ class _Run(ctypes.Structure):
         (ctypes.c_double, "start step"),
         (ctypes.c_size_t, "slots"),
         (ctypes.c_long, "every steps"),
-        (ctypes.c_void_p, "bus table marks"),
+        (ctypes.c_void_p, "bus table progress"),
     )
 
 
@@ -117,12 +117,12 @@ class CExecutor:
         self._calls = (_Call * len(self._origin))(*(_call(*origin) for origin in self._origin))
         bus, recorder, clock = loop.bus, loop.recorder, loop.clock
         numbers = (*clock, len(bus), recorder.every, recorder.steps)
-        arrays = bus, recorder.table, recorder.marks
+        arrays = bus, recorder.table, recorder.progress
         self._run = _Run(*numbers, *(array.ctypes.data for array in arrays))
 
     def run(self, first: int, last: int) -> None:
-        """Macro steps first .. last - 1, recording each; RunError names the instance that
-        failed.
+        """Run the macro steps first .. last - 1 and record each; raise RunError naming the instance
+        that failed.
         """
         stop = self._execute(self._calls, len(self._calls), ctypes.byref(self._run), first, last)
         self.loop.recorder.done = stop.done
@@ -135,7 +135,7 @@ class CExecutor:
 def _origins(
     plan: Sequence[Action[Instance]],
 ) -> Iterator[tuple[Action[Instance], Transfer | None]]:
-    """One entry per FMI call: an action is one step, or one transfer per type of variable."""
+    """Yield one entry per FMI call: an action is one step, or one transfer per type of variable."""
     for action in plan:
         if action.verb is Verb.STEP:
             yield action, None
@@ -185,7 +185,7 @@ EXECUTORS: dict[str, type[Executor]] = {"c": CExecutor, "python": PythonExecutor
 
 
 def known_executor(name: str) -> str:
-    """The name; UsageError if there is no such executor."""
+    """Return the name of an existing executor; raise UsageError."""
     if name not in EXECUTORS:
         *names, last = EXECUTORS
         raise UsageError(f"there is no executor {name}, only {', '.join(names)} and {last}")

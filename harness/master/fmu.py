@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One loaded FMU: prepared buffers, the verbs of the schedule, save and restore.
+"""Loaded FMU: prepared buffers, the verbs of the schedule, save and restore.
 
-calls.py loads the library and knows what the functions of its version of FMI are called; here is
-the order of a life, and the macro step with arguments that are built once. The C executor makes the
-same calls with the same buffers.
+calls.py loads the library and knows the names of the functions in its version of FMI. This module
+defines the order of calls and the macro step with arguments that are built once. The C executor
+makes the same calls with the same buffers.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import FmuError, RefusalError, RunError
+from harness.errors import FmuError, RejectedValueError, RunError
 from harness.files import cache
 from harness.files.archive import unpack
 from harness.files.paths import is_ours
 from harness.master import messages
 from harness.master.calls import FATAL, NAMES, OK, WARNING, Calls
-from harness.master.refusals import refusals
+from harness.master.messages import rejections
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
 from harness.system.interface import Interface, binaries, binary_problem
@@ -37,8 +37,8 @@ HEARD = (
 )
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
-SAID = {
-    TERMINATION: "asks to end the simulation",
+REASONS = {
+    TERMINATION: "requested termination",
     EARLY_RETURN: "returned early although that was not allowed",
 }
 """What a step of FMI 3.0 may say although it has not failed."""
@@ -51,19 +51,19 @@ DOING = {
 
 
 def _is_python(interface: Interface) -> bool:
-    """Whether an FMU was built by PythonFMU, which names its exceptions only with logging on."""
+    """Return whether PythonFMU built an FMU. Such FMUs report exceptions only with logging on."""
     return "PythonFMU" in str(interface.model.generationTool or "")
 
 
 def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bool) -> Path:
-    """The unpacked FMU: in the cache, or as a copy of its own below folder().
+    """Return the folder of the unpacked FMU: in the cache, or as a separate copy below folder().
 
-    An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
-    them once: each of its instances needs files of its own.
+    A third-party FMU may have globals. A library that is loaded twice from one file has them once,
+    so each instance needs files of its own.
     """
-    kept = cache.unpacked(path) if ours else None
-    if kept is not None:
-        return kept
+    cached = cache.unpacked(path) if ours else None
+    if cached is not None:
+        return cached
     own = folder() / f"fmu-{secrets.token_hex(4)}"
     files.callback(shutil.rmtree, own, ignore_errors=True)
     unpack(path, own)
@@ -74,9 +74,10 @@ class Instance:
     """An instance of an FMU in its place in the system."""
 
     def __init__(self, node: Node, folder: Callable[[], Path], ours: bool | None = None) -> None:
-        """Unpack below folder(), load and instantiate; FmuError if that fails. ours: whether it is
-        an FMU of the project (None: as its place says): it keeps no globals, leaves nothing behind
-        when it is reset, and gives no output that is not finite.
+        """Unpack below folder(), load and instantiate; raise FmuError if that fails.
+
+        ours: whether it is an FMU of the project (None: decided by its bytes). Such an FMU has no
+        globals, resets completely, and gives finite outputs only.
         """
         self.name = node.component.name
         self._states: list[ctypes.c_void_p] = []
@@ -93,27 +94,27 @@ class Instance:
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
 
     def _loaded(self, folder: Path) -> Calls:
-        """The calls of an unpacked FMU; FmuError."""
+        """Return the calls of an unpacked FMU; raise FmuError."""
         interface = self.node.interface
         places = [folder / name for name in binaries(interface)]
         library = next((file for file in places if file.is_file()), places[0])
         messages.forget(self.name)
         try:
             return Calls(self.name, interface, folder, library, logging=_is_python(interface))
-        except Exception as error:  # whatever the library has made of it
-            said = messages.take_error(self.name) or " ".join(str(error).split())
-            reason = binary_problem(interface) or said
+        except Exception as error:  # any error of the library
+            message = messages.take_error(self.name) or " ".join(str(error).split())
+            reason = binary_problem(interface) or message
             file = interface.path.name
             raise FmuError(f"{self.name}: {file} cannot be loaded: {reason}") from error
 
     @property
     def every(self) -> int:
-        """Macro steps per step of the instance."""
+        """Return the macro steps per step of the instance."""
         return self.node.component.every
 
     @property
     def latency(self) -> int:
-        """Macro steps by which it publishes later."""
+        """Return the macro steps by which the instance publishes later."""
         return self.node.component.latency
 
     def _transfers(self) -> dict[Verb, list[Transfer]]:
@@ -128,8 +129,8 @@ class Instance:
     # ---- life
 
     def _listen(self) -> None:
-        """Let errors and warnings through, and nothing else; an FMU that cannot do that is left
-        silent.
+        """Enable the log categories for errors and warnings only. An FMU that does not support them
+        stays silent.
         """
         interface = self.node.interface
         categories = [c.name for c in interface.model.logCategories if c.name in HEARD]
@@ -137,8 +138,8 @@ class Instance:
             self.calls.listen(categories)
 
     def renew(self, node: Node) -> bool:
-        """Go back to what instantiation left, in a place of the same FMU; False if that cannot be
-        done, or nobody knows what the FMU would keep of the last run.
+        """Reset to the state after instantiation, for a node with the same FMU; return False if the
+        FMU cannot, or may retain values of the last run.
         """
         if node.interface is not self.node.interface or (self._used and not self._reset()):
             return False
@@ -158,19 +159,19 @@ class Instance:
         return self.calls.call("Reset") in (OK, WARNING)
 
     def set_start_values(self, time: float) -> None:
-        """Set parameters and start values one by one, so that a refused one is named; in FMI 3.0 an
-        array at once.
+        """Set parameters and start values one by one, so that an error names the rejected one; in
+        FMI 3.0 set each array at once.
         """
         self._used = True
         for variables, values, name in self._settings():
             if (status := self.calls.put(variables, values)) not in (OK, WARNING):
                 access = variables[0].access
                 value = values[0] if len(values) == 1 else list(values)
-                raise self._failure(status, f"set{access} refused {value}", time, name)
+                raise self._failure(status, f"set{access} rejected {value}", time, name)
 
     def _settings(self) -> Iterator[tuple[tuple[Variable, ...], list[Scalar], str]]:
-        """What is set at once, with the name for an error: one value, or all elements of an array
-        of which one is set.
+        """Yield variables that are set at once, their values, and the name for an error: one
+        variable, or all elements of an array of which one is set.
         """
         interface = self.node.interface
         if interface.fmi == 2:
@@ -184,12 +185,12 @@ class Instance:
             yield row, [given.get(v.name, resting(v)) for v in row], name
 
     def enter_initialization(self, start: float, stop: float) -> None:
-        """The calls that lead to initialization mode."""
+        """Make the calls that lead to initialization mode."""
         for function, arguments in self.calls.initialization(start, stop):
             self._call(function, start, *arguments)
 
     def exit_initialization(self, time: float) -> None:
-        """The FMU judges its parameters."""
+        """Leave initialization mode, at which the FMU checks its parameters."""
         self._call("ExitInitializationMode", time)
         self._stepping = True
 
@@ -206,7 +207,7 @@ class Instance:
         self._files.close()
 
     def _terminate(self) -> None:
-        """End a run; an FMU that does not want to is not asked twice."""
+        """Terminate a run once, ignoring an FMU that rejects it."""
         if self._stepping and self._status in (OK, WARNING):
             self.calls.call("Terminate")
         self._stepping = False
@@ -214,8 +215,8 @@ class Instance:
     # ---- the macro step
 
     def act(self, verb: Verb, bus: NDArray[np.float64], time: float, step: float) -> None:
-        """Do one verb; time: communication point [s]; step: macro step [s]; RunError if the FMU
-        fails.
+        """Perform one verb; time: communication point [s]; step: macro step [s]; raise RunError if
+        the FMU fails.
         """
         if verb is Verb.STEP:
             status = self.calls.step(time, self.every * step, self.no_rollback)
@@ -225,8 +226,8 @@ class Instance:
             self.raise_if_failed(verb, status, time, transfer)
 
     def propagate(self, verb: Verb, bus: NDArray[np.float64], time: float) -> None:
-        """SET or GET in initialization mode: inputs as far as what drives them has been computed
-        yet, outputs that may not be finite yet.
+        """Perform SET or GET in initialization mode: inputs whose sources have been computed,
+        outputs that may not be finite yet.
         """
         messages.note_call(self.name, verb.call(self.node.interface.fmi))
         for transfer in self.transfers[verb]:
@@ -236,18 +237,18 @@ class Instance:
                 self.raise_if_failed(verb, transfer.write(bus), time)
 
     def check_outputs(self, time: float) -> None:
-        """RunError if an output that was read last is no number of the bus."""
+        """Raise RunError if an output of the last reading is not a number of the bus."""
         for transfer in self.transfers[Verb.GET]:
             self.raise_if_failed(Verb.GET, OK, time, transfer)
 
     def raise_if_failed(
         self, verb: Verb, status: int, time: float, transfer: Transfer | None = None
     ) -> None:
-        """RunError if an FMI call has failed, a step has said that there is no next one, or an
-        output of this transfer is no number of the bus.
+        """Raise RunError if an FMI call failed, a step requested termination, or an output of this
+        transfer is not a number of the bus.
         """
-        if status in SAID:
-            raise RunError(self.name, time, SAID[status])
+        if status in REASONS:
+            raise RunError(self.name, time, REASONS[status])
         read = transfer if verb is Verb.GET and status <= WARNING else None
         if read is not None and (problem := read.problem()):
             raise RunError(self.name, time, *problem)
@@ -257,7 +258,9 @@ class Instance:
     # ---- rollback
 
     def save(self, time: float) -> ctypes.c_void_p:
-        """The state of the FMU now; RunError if it has none to give. Release it with free()."""
+        """Return the present state of the FMU, to be released with free(); raise RunError if the
+        FMU has none.
+        """
         if self.no_rollback:
             raise RunError(self.name, time, "this FMU cannot save and restore its state")
         state = ctypes.c_void_p()
@@ -287,6 +290,6 @@ class Instance:
         self._status = status
         word = f"{self.calls.prefix}{NAMES[status]}" if status in NAMES else f"status {status}"
         reason = messages.take_error(self.name) or f"{word}, without a message"
-        if not self._stepping and (found := refusals(reason, self.node.interface.settable())):
-            return RefusalError(self.name, time, found)
+        if not self._stepping and (found := rejections(reason, self.node.interface.settable())):
+            return RejectedValueError(self.name, time, found)
         return RunError(self.name, time, f"{doing}: {reason}", variable)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A whole system as one FMU, compiled from the sources in its FMUs, and its one instance in a run;
-or as a WebAssembly module, which a page flies with the bits of a run here.
+"""Whole system as one FMU, compiled from the sources in its FMUs, with one instance in a run; or as
+a WebAssembly module, which a live page runs with the bits of a run here.
 
-core/build/fuse.py writes, compiles and packs the FMU. For runs that happens once for every
-structure (components, connections, schedule): all values are set before every run.
-core/build/web_module.py makes the module of it.
+core/build/fuse.py writes, compiles and packs the FMU. For runs that happens once per structure
+(components, connections, schedule), and all values are set before every run.
+core/build/web_module.py compiles the module.
 """
 
 from __future__ import annotations
@@ -26,14 +26,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError
+from harness.errors import FmuError, HarnessError
 from harness.files import cache, paths
-from harness.files.temporary import PrivateFolder
+from harness.files.output import PrivateFolder
 from harness.master.calls import OK, WARNING
 from harness.master.fmu import Instance
 from harness.master.transfer import Transfer
+from harness.results.provenance import whole_provenance
+from harness.spelling import first_error
 from harness.system.graph import Checked, Graph, Node, Slot, Wire
-from harness.system.interface import read_interface
+from harness.system.interface import read_interface, unpacked_sources
 from harness.system.model import Component, System
 from harness.system.schedule import Verb, schedule
 from harness.system.values import base
@@ -41,7 +43,7 @@ from harness.system.values import base
 _log = logging.getLogger("harness")
 
 MACRO_STEP = "macro_step"
-"""Parameter of the whole FMU: its communication steps are whole multiples of it [s]."""
+"""Parameter of the whole FMU: communication steps are whole multiples of this value [s]."""
 
 COMPILER = "cc"
 
@@ -50,22 +52,24 @@ LIBRARY = "ziglang"
 
 
 class NotFusedError(HarnessError):
-    """The system cannot be one FMU of ours; str() is the reason, in one line."""
+    """System that cannot be one FMU of the project. str() gives the reason in one line."""
 
 
 def write_whole(system: System, graph: Graph, path: Path, fmi: int = 2) -> None:
-    """Write a checked system as one FMU of a version of FMI with its values as start values;
-    NotFusedError.
+    """Write a checked system as one FMU of a version of FMI with its values as start values, its
+    name, the version of this package and its provenance; raise NotFusedError.
     """
-    _make(_plan(system, graph, path.stem), path, _command(COMPILER), fmi)
+    interfaces = {node.component.name: node.interface for node in graph.nodes}
+    plan = _plan(system, graph, system.name) | whole_provenance(system, interfaces)._asdict()
+    _make(plan, path, _command(COMPILER), fmi)
 
 
 class Whole:
-    """The FMU of one structure of a system, and what its instance is given for a run of it."""
+    """FMU of one structure of a system, and the inputs of its instance in a run."""
 
     def __init__(self, system: System, graph: Graph, compiler: str = COMPILER) -> None:
-        """Compile it, unless that was done before; NotFusedError."""
-        self._graph, self._structure = graph, _structure(system, graph)
+        """Compile the FMU unless the cache has it; raise NotFusedError."""
+        self._graph, self._structure = graph, structure(system, graph)
         plan = _plan(system, graph, "whole")
         command = _command(compiler)
         file = cache.made("whole.fmu", _key(plan, command), lambda to: _make(plan, to, command))
@@ -79,19 +83,19 @@ class Whole:
         self.ours = all(paths.is_ours(node.interface.path) for node in graph.nodes)
 
     def fits(self, system: System, graph: Graph) -> bool:
-        """Whether a system differs from the one that this was made of in values only."""
-        return _structure(system, graph) == self._structure
+        """Return whether a system differs from the compiled one only in values."""
+        return structure(system, graph) == self._structure
 
-    def node(self, kept: Sequence[int] | None) -> Node:
-        """The one node of a run; kept: the slots that are wanted, in order (None: all)."""
+    def node(self, recorded: Sequence[int] | None) -> Node:
+        """Return the one node of a run; recorded: the recorded slots, in order (None: all)."""
         component = Component("whole", self.interface.path)
         outputs = self.outputs
-        if kept is not None:
-            outputs = tuple(Wire(outputs[slot].variable, i) for i, slot in enumerate(kept))
+        if recorded is not None:
+            outputs = tuple(Wire(outputs[slot].variable, i) for i, slot in enumerate(recorded))
         return Node(component, self.interface, (), outputs, (), ())
 
     def values(self, system: System, graph: Graph) -> NDArray[np.float64]:
-        """Values of all settable variables, in their order."""
+        """Return the values of all settable variables, in their order."""
         values = self._starts.copy()
         values[self._places[MACRO_STEP]] = system.experiment.step or 0.0
         for node in graph.nodes:
@@ -103,7 +107,7 @@ class Whole:
 
 
 def compiled(system: System, graph: Graph) -> Whole | None:
-    """The whole of a system; None, and a line in the log, where it has none."""
+    """Return the compiled system; None, and a line in the log, if that is impossible."""
     try:
         return Whole(system, graph)
     except NotFusedError as reason:
@@ -111,17 +115,22 @@ def compiled(system: System, graph: Graph) -> Whole | None:
         return None
 
 
-def _structure(system: System, graph: Graph) -> tuple[Any, ...]:
-    """What a whole is made of, but for values."""
+def prepare(system: System, graph: Graph) -> None:
+    """Compile a system for later runs; a line in the log states why that is impossible."""
+    compiled(system, graph)
+
+
+def structure(system: System, graph: Graph) -> tuple[Any, ...]:
+    """Return everything that determines the code of a fused system; values do not."""
     places = [(n.component.name, n.component.every, n.component.latency) for n in graph.nodes]
     inputs = [(id(node.interface), node.inputs) for node in graph.nodes]
     return system.experiment.algorithm, graph.slots, places, inputs
 
 
 @lru_cache(maxsize=8)
-def slots_of(slots: tuple[Slot, ...], wanted: frozenset[str]) -> tuple[int, ...]:
-    """Places of these variables, in order."""
-    return tuple(i for i, slot in enumerate(slots) if base(slot.name) in wanted)
+def slots_of(slots: tuple[Slot, ...], names: frozenset[str]) -> tuple[int, ...]:
+    """Return the indices of the slots of these variables, in order."""
+    return tuple(i for i, slot in enumerate(slots) if base(slot.name) in names)
 
 
 class WholeInstance(Instance):
@@ -136,16 +145,18 @@ class WholeInstance(Instance):
         self._get = Transfer(self.calls, "GetReal", whole.outputs)
 
     def set_start_values(self, time: float) -> None:
-        """All parameters and open inputs at once; RunError without the name of a refused one."""
+        """Set all parameters and open inputs at once; raise RunError without the name of a rejected
+        one.
+        """
         self._used = True
         address = self.values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         count = len(self.values)
         status = self.calls.call("SetReal", self._references, count, address)
         if status not in (OK, WARNING):
-            raise self._failure(status, "setReal refused", time)
+            raise self._failure(status, "setReal rejected", time)
 
     def everything(self) -> NDArray[np.float64]:
-        """All outputs as they are now, those included that are not kept."""
+        """Return all present outputs, including those that are not recorded."""
         bus = np.zeros(len(self.whole.outputs))
         self.raise_if_failed(Verb.GET, self._get.read(bus), 0.0)
         return bus
@@ -155,7 +166,7 @@ class WholeInstance(Instance):
 
 
 class Module(NamedTuple):
-    """A module and what its flights are told.
+    """WebAssembly module and the inputs of its runs.
 
     names, references, values: of everything that can be set, in one order; outputs: references by
     the name of the column.
@@ -169,26 +180,32 @@ class Module(NamedTuple):
 
 
 def web_compiler() -> list[str]:
-    """The command of the compiler; HarnessError naming the extra if it is not there."""
+    """Return the command of the compiler; raise HarnessError naming the extra if it is missing."""
     if importlib.util.find_spec(LIBRARY) is None:
         raise HarnessError(
-            f"a live page needs {LIBRARY}: pip install 'servicing-fmus[fly]' (or {LIBRARY})"
+            f"a live page needs {LIBRARY}: pip install 'servicing-fmus[live]' (or {LIBRARY})"
         )
     return [sys.executable, "-m", LIBRARY, "cc"]
 
 
 def module_of(system: System, found: Checked) -> Module:
-    """The module of a checked system; HarnessError if there is no compiler, or if the system cannot
-    be one FMU (NotFusedError: str() is the reason).
+    """Return the module of a checked system; raise HarnessError without a compiler, or if the
+    system cannot be one FMU (NotFusedError: str() is the reason).
     """
     web = web_compiler()
     native = COMPILER if shutil.which(COMPILER) else shlex.join(web)
     whole = Whole(system, found.graph, native)
     core, fmu = _core(), whole.interface.path
     tool, options = core / "build" / "web_module.py", f"--cc={shlex.join(web)}"
-    contents = (file.read_bytes() for file in (fmu, core / "web" / "fly.c", tool))
+    contents = (file.read_bytes() for file in (fmu, core / "web" / "simulation.c", tool))
     key = b"\0".join([repr(web).encode(), *contents])
-    file = cache.made("whole.wasm", key, lambda to: _run(tool, str(fmu), "-o", str(to), options))
+
+    def make(path: Path) -> None:
+        with PrivateFolder() as folder:
+            sources = map(str, unpacked_sources(fmu, folder / "whole"))
+            _run(tool, *sources, "-o", str(path), options)
+
+    file = cache.made("whole.wasm", key, make)
     slots = (slot.name for slot in found.graph.slots)
     return Module(
         file.read_bytes(),
@@ -199,11 +216,13 @@ def module_of(system: System, found: Checked) -> Module:
     )
 
 
-# ---- what fuse.py is told
+# ---- the input of fuse.py
 
 
 def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
-    """The system in its words; NotFusedError if there are variables other than Real."""
+    """Return the system in the input format of fuse.py; raise NotFusedError for variables other
+    than Real.
+    """
     found = ((n.component.name, n.interface.variables.values()) for n in graph.nodes)
     if others := sorted(n for n, known in found if any(v.type != "Real" for v in known)):
         raise NotFusedError(f"{', '.join(others)}: has variables that are not Real")
@@ -240,7 +259,7 @@ def _part(node: Node, driver: dict[int, tuple[int, str]], algorithm: str) -> dic
 
 
 def _command(compiler: str) -> list[str]:
-    """The compiler, which is there, and so are the sources; NotFusedError."""
+    """Return the command of the compiler if compiler and sources exist; raise NotFusedError."""
     command = shlex.split(compiler)
     if paths.core() is None:
         raise NotFusedError("the C sources of the project are not there")
@@ -250,12 +269,14 @@ def _command(compiler: str) -> list[str]:
 
 
 def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
-    """What the compiled whole depends on: structure, FMUs, tools; not the values, which are set."""
+    """Return the key of the compiled system: structure, FMUs and tools, without values, which are
+    set later.
+    """
     parts = plan["parts"]
     built = [plan["plan"], compiler, *([p["name"], p["driven"], p["late"]] for p in parts)]
     found = Path(shutil.which(compiler[0]) or "").resolve()
-    rooms = (sorted((_core() / room).iterdir()) for room in ("adapter", "build"))
-    tools = (f for files in rooms for f in files if f.suffix in (".c", ".h", ".py"))
+    folders = (sorted((_core() / name).iterdir()) for name in ("adapter", "build"))
+    tools = (f for files in folders for f in files if f.suffix in (".c", ".h", ".py"))
     contents = (f.read_bytes() for f in (*(Path(p["fmu"]) for p in parts), *tools))
     about = json.dumps([built, str(found), repr(paths.stamp(found))])
     return b"\0".join([about.encode(), *contents])
@@ -269,18 +290,23 @@ def _core() -> Path:
 
 def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str], fmi: int = 2) -> None:
     with PrivateFolder() as folder:
+        fmus = enumerate(sorted({part["fmu"] for part in plan["parts"]}))
+        try:
+            sources = {f: unpacked_sources(Path(f), folder / str(i)) for i, f in fmus}
+        except FmuError as error:
+            raise NotFusedError(str(error)) from error
+        parts = [p | {"sources": list(map(str, sources[p["fmu"]]))} for p in plan["parts"]]
         file = folder / "system.json"
-        file.write_text(json.dumps(plan), encoding="utf-8")
+        file.write_text(json.dumps(plan | {"parts": parts}), encoding="utf-8")
         options = (f"--cc={shlex.join(compiler)}", f"--fmi={fmi}")
         _run(_core() / "build" / "fuse.py", str(file), "-o", str(path), *options)
 
 
 def _run(tool: Path, *arguments: str) -> None:
-    """Run a tool of core/build; NotFusedError in its first words."""
+    """Run a tool of core/build; raise NotFusedError with the first error that it prints."""
     done = subprocess.run(
         [sys.executable, str(tool), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, errors="replace", check=False, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     if done.returncode:
-        said = [line for line in done.stdout.splitlines() if line.strip()]
-        raise NotFusedError(said[0] if said else f"{tool.name} ended with {done.returncode}")
+        raise NotFusedError(first_error(done.stdout))

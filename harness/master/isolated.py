@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Runs in one child process, so that an FMU that is not ours costs one line and no rows.
+"""Runs in a child process, so that a crash of a third-party FMU is reported and loses no rows.
 
-The rows stand in memory that both processes share: whatever ends the child, every macro step that
-was complete is kept. Systems of our own FMUs run in this process.
+The rows are in memory that both processes share. However the child ends, every complete macro step
+remains. Systems whose FMUs all belong to the project run in this process.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     patience: float = math.inf,
     pacer: Pacer | None = None,
 ) -> Result:
-    """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
-    are those of run().
+    """Run a system without changes, with third-party FMUs in a child process unless in_process. The
+    arguments are the same as for run().
     """
     how: Any = {"executor": executor, "every": every, "pacer": pacer}
     if in_process or all_ours(system):
@@ -61,26 +61,27 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
 
 
 def all_ours(system: System) -> bool:
-    """Whether every FMU of a system is one of the project."""
+    """Return whether every FMU of a system belongs to the project."""
     return all(is_ours(c.fmu) for c in system.components)
 
 
 def timed(
     system: System, every: int | None = 1, patience: float = math.inf, executor: str = "c"
 ) -> tuple[Result, float]:
-    """The result of a run in a child process, and the time of a macro step of its quickest stretch
-    [s].
+    """Return the result of a run in a child process and the time of a macro step of its fastest
+    stretch [s].
 
-    patience: how long one FMI call may take; then the process is ended [s].
+    patience: limit for one FMI call, after which the process is killed [s].
     """
     run = _Run(system, {"executor": executor, "every": every}, patience)
     return run.result(progress=False), run.simulation.pace
 
 
 def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any) -> Any:
-    """The value of a function that calls these FMUs, in a child process if one is not ours.
+    """Return the value of a function that calls these FMUs, in a child process if one of them is
+    third-party.
 
-    Raises what the function raises, and FmuError if its process ends.
+    Raises the errors of the function, and FmuError if its process ends.
     """
     if all(map(is_ours, fmus)):
         return function(*arguments)
@@ -88,7 +89,9 @@ def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any)
 
 
 def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
-    """The value of a function that is called in a child process; FmuError if that ends."""
+    """Return the value of a function called in a child process; raise FmuError if the
+    process ends.
+    """
     with Child(_call, function, *arguments) as process:
         for kind, content in process.messages():
             if kind == OUTCOME:
@@ -98,7 +101,8 @@ def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
                     raise error
                 return value
     instance, call = process.place
-    raise FmuError(f"{instance}: {call} {process.end()}")
+    place = f"{instance}: {call}" if instance else "the process of third-party FMUs"
+    raise FmuError(f"{place} {process.end()}")
 
 
 def _call(_send: Send, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -106,30 +110,30 @@ def _call(_send: Send, function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 class _Memory(NamedTuple):
-    """Where both processes see the rows of a run."""
+    """Shared memory in which both processes see the rows of a run."""
 
     table: Block
-    marks: Block
+    progress: Block
 
     def share(self, simulation: Simulation) -> None:
         """Let a simulation record there."""
         recorder = simulation.recorder
         recorder.table = array(self.table, recorder.table.shape, np.float64)
-        recorder.marks = array(self.marks, recorder.marks.shape, np.int64)
+        recorder.progress = array(self.progress, recorder.progress.shape, np.int64)
 
 
 class _Run:
-    """The run as seen from here: a Simulation that is never entered, whose rows a child fills.
+    """Run as seen from the parent: a Simulation that is never entered, whose rows a child fills.
 
-    over: its last row stands; closed: its FMUs are freed; verdict: why the child was ended.
+    over: the last row is complete; closed: the FMUs are freed; verdict: why the child was ended.
     """
 
     def __init__(self, system: System, how: Any, patience: float) -> None:
         self.simulation = Simulation(system, **how)
         recorder = self.simulation.recorder
-        memory = _Memory(block(recorder.table.nbytes), block(recorder.marks.nbytes))
+        memory = _Memory(block(recorder.table.nbytes), block(recorder.progress.nbytes))
         memory.share(self.simulation)
-        ready = self.simulation if child.FORK else None  # a fork needs no second one
+        ready = self.simulation if child.FORK else None  # a forked child inherits the simulation
         self._order = system, how, memory, ready
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
@@ -138,14 +142,16 @@ class _Run:
         self._seen: tuple[object, float] = None, 0.0
 
     def result(self, progress: bool | Watch) -> Result:
-        """The rows when the child has ended; RunError with the rows so far, FmuError."""
+        """Return the rows when the child has ended; raise RunError with the rows so far, or
+        FmuError.
+        """
         with Child(_run, *self._order) as self.child:
             try:
                 with shown(self.simulation, progress) as show:
                     self._follow(show)
             except KeyboardInterrupt:
                 self._interrupt()
-            self._judge()
+            self._raise_failure()
             return self.simulation.result()
 
     def _follow(self, show: Show | None, seconds: float = math.inf) -> None:
@@ -165,7 +171,10 @@ class _Run:
 
     def _look(self) -> None:
         """End a child in which nothing has changed for too long."""
-        state, now = (self.simulation.recorder.marks.tobytes(), self.child.place), time.monotonic()
+        state, now = (
+            (self.simulation.recorder.progress.tobytes(), self.child.place),
+            time.monotonic(),
+        )
         if state != self._seen[0]:
             self._seen = state, now
         elif now - self._seen[1] > self.patience:
@@ -173,7 +182,9 @@ class _Run:
             self.child.kill()
 
     def _interrupt(self) -> None:
-        """Ask the child to stop, and end it if it does not or the user insists."""
+        """Request a stop of the child, and end it if it does not react or the user
+        repeats Ctrl-C.
+        """
         simulation = self.simulation
         if not self.over:
             simulation.recorder.stop()
@@ -186,8 +197,10 @@ class _Run:
         if not self.over:
             self.error = InterruptionError(simulation.system.name, simulation.time)
 
-    def _judge(self) -> None:
-        """Raise what has ended the run early; a complete run is not lost to what came after it."""
+    def _raise_failure(self) -> None:
+        """Raise the error that ended the run early. A complete run stays valid if a later call
+        fails.
+        """
         simulation, recorder = self.simulation, self.simulation.recorder
         recorder.mend()
         complete = self.calls is not None and simulation.step == simulation.steps
@@ -195,7 +208,7 @@ class _Run:
         if self.closed:
             self.child.report_output()
         elif self.over or complete:
-            _log.warning("%s: %s %s; the run was over", instance, call, end)
+            _log.warning("%s: %s %s after the end of the run", instance, call, end)
         else:
             if self.calls is not None and 0 <= recorder.call < len(self.calls):
                 instance, call = self.calls[recorder.call]
@@ -213,9 +226,9 @@ class _Run:
 def _run(
     send: Send, system: System, how: Any, memory: _Memory, simulation: Simulation | None
 ) -> None:
-    """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
+    """Run the system into shared memory. The outcome is sent before the FMUs are freed."""
     if simulation is None:
-        with noted():  # the parent has said it already
+        with noted():  # the parent has logged it already
             simulation = Simulation(system, **how)
         memory.share(simulation)
     recorder, error = simulation.recorder, None

@@ -36,7 +36,7 @@ enum {
 }; /* integers carry fmi2Boolean as well */
 
 /* beside the statuses of FMI: an output is infinite or NaN, or a whole number that no double holds;
- * a step asks for the end, or has ended before its time */
+ * a step requests termination, or has returned early */
 enum { NOT_FINITE = -1, TOO_WIDE = -2, TERMINATION = -3, EARLY_RETURN = -4 };
 
 typedef struct {
@@ -47,7 +47,7 @@ typedef struct {
     int kind, every, phase;              /* due in macro step k if k % every == phase */
     int no_rollback;                     /* noSetFMUStatePriorToCurrentPoint of a step */
     int type;                            /* of FMI 3.0, see Conversion */
-    int finite;                          /* the FMU looks at its outputs itself */
+    int finite;                          /* 1: the FMU checks its outputs itself */
     size_t count, pieces, wires, values; /* of the arrays below; all elements of the buffer */
     void (*function)(void);              /* fmi2SetReal, fmi2DoStep, ... of the FMU's library */
     void *component;
@@ -64,7 +64,7 @@ typedef struct {
     long every, steps;
     double *bus;
     double *table; /* recorded rows, row r = bus after r * every macro steps, the last after all */
-    volatile int64_t *marks; /* macro steps completed, call being made: for who finds us dead */
+    volatile int64_t *progress; /* completed macro steps, call in progress; read by the parent */
 } Run;
 
 typedef struct {
@@ -253,7 +253,7 @@ static void record(const Run *run, long done)
         size_t row = (size_t)((done + run->every - 1) / run->every);
         memcpy(run->table + row * run->slots, run->bus, run->slots * sizeof(double));
     }
-    run->marks[0] = done;
+    run->progress[0] = done;
 }
 
 /* Macro steps first .. last - 1; stops at the first call whose status is neither fmi2OK nor
@@ -264,7 +264,7 @@ EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first,
         const Moment now = {run->bus, run->start + (double)k * run->step, run->step};
         for (size_t i = 0; i < count; i++) {
             if (!due(&calls[i], k)) continue;
-            run->marks[1] = (int64_t)i;
+            run->progress[1] = (int64_t)i;
             int status = perform[calls[i].kind](&calls[i], &now);
             if (status < fmi2OK || status > fmi2Warning) return (Stop){k, i, status};
         }

@@ -1,19 +1,25 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the FMUs say through the logger callback of FMI, and the call that is being made.
+"""Log messages of the FMUs from the logger callback of FMI, and the note of the present call.
 
 FMPy formats the variadic messages in a small C library that knows one Python function per process,
-so there is one log for all instances. An FMU's message is fetched right after its call has failed.
+so all instances share one log. The message of an FMU is fetched right after a failed call.
+
+An FMU of the project rejects parameters in such a message: `mass_0 = -5: must be > 0`, all
+rejections in one message, in the format of fmus/core/adapter/fmu.h. The name may be a whole vector
+or matrix (`J_S`), or an expression of several parameters (`|q_KS|`, `range.lambda * range.beta`).
+The rule may name others (`must be below rho2`).
 """
 
 from __future__ import annotations
 
 import ctypes
 import logging
+import re
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from fmpy import calloc, free
@@ -27,6 +33,9 @@ from fmpy.fmi3 import fmi3LogMessageCallback
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
+from harness.errors import HarnessError, RejectedValueError, UsageError
+from harness.system.values import base
+
 WARNING, DISCARD = 1, 2
 """fmi2Status values: messages of status DISCARD and above explain a failed call."""
 
@@ -38,9 +47,9 @@ _errors: deque[tuple[str, str]] = deque(maxlen=20)
 _warnings: dict[str, tuple[int, str]] = {}
 
 
-def _receive(instance: bytes | None, status: int, category: bytes | None, said: Any) -> None:
-    """Note what an instance says."""
-    name, text = _text(instance), " ".join(_text(said).split())
+def _receive(instance: bytes | None, status: int, category: bytes | None, message: Any) -> None:
+    """Store a message of an instance."""
+    name, text = _text(instance), " ".join(_text(message).split())
     if status >= DISCARD:
         _errors.append((name, text))
     elif status == WARNING:
@@ -54,13 +63,13 @@ def _text(raw: bytes | None) -> str:
     return (raw or b"").decode("utf-8", errors="replace")
 
 
-_logger = fmi2CallbackLoggerTYPE(lambda _environment, *said: _receive(*said))
+_logger = fmi2CallbackLoggerTYPE(lambda _environment, *message: _receive(*message))
 _allocate = fmi2CallbackAllocateMemoryTYPE(calloc)
 _free = fmi2CallbackFreeMemoryTYPE(free)
 
 
 def callbacks() -> ctypes.Structure:
-    """Callback functions of FMI 2.0 for one instance; they log to this module."""
+    """Return the callback functions of FMI 2.0 for one instance, which log to this module."""
     functions: ctypes.Structure = fmi2CallbackFunctions()
     functions.logger, functions.allocateMemory, functions.freeMemory = _logger, _allocate, _free
     addLoggerProxy(ctypes.byref(functions))
@@ -68,14 +77,14 @@ def callbacks() -> ctypes.Structure:
 
 
 def logger(instance: str) -> Any:
-    """The callback of FMI 3.0 for the messages of one instance."""
+    """Return the callback of FMI 3.0 for the messages of one instance."""
     name = instance.encode()
-    return fmi3LogMessageCallback(lambda _environment, *said: _receive(name, *said))
+    return fmi3LogMessageCallback(lambda _environment, *message: _receive(name, *message))
 
 
 def take_error(instance: str) -> str | None:
-    """The newest error message of an instance (or of an FMU that does not give its name), which is
-    then forgotten.
+    """Return and forget the newest error message of an instance, or of an FMU that does not give
+    its name.
     """
     candidates = [text for name, text in _errors if name in (instance, "")]
     _errors.clear()
@@ -83,9 +92,7 @@ def take_error(instance: str) -> str | None:
 
 
 def report_warnings(instance: str) -> None:
-    """Pass on how often an instance has warned, and its last warning, as one line of Python's
-    logging.
-    """
+    """Log the number of warnings of an instance and the last one in one line."""
     count, last = _warnings.pop(instance, (0, ""))
     if count:
         several = "s" * (count > 1)
@@ -93,13 +100,13 @@ def report_warnings(instance: str) -> None:
 
 
 def forget(instance: str) -> None:
-    """Drop what an earlier instance of the same name has said."""
+    """Forget the messages of an earlier instance with the same name."""
     _warnings.pop(instance, None)
     take_error(instance)
 
 
-# ---- the call that is being made, kept where others can read it if the process ends in it
-# (those of the macro step are marked by the executors instead, which costs less)
+# ---- the present FMI call, stored where the parent can read it if the process ends during it
+# (the executors count calls of the macro step instead, which costs less)
 
 NOTE_SIZE = 400
 """Bytes of a note: name of the instance, a zero byte, name of the call."""
@@ -109,8 +116,8 @@ Note = NDArray[np.uint8]
 _note: Note = np.zeros(NOTE_SIZE, dtype=np.uint8)
 
 
-def keep_note_in(note: Note) -> None:
-    """From now on keep the note there: memory that is shared with another process."""
+def share_note(note: Note) -> None:
+    """Write later notes to memory that is shared with another process."""
     global _note  # noqa: PLW0603 - one process makes one call at a time
     _note = note
 
@@ -127,29 +134,31 @@ def _written(instance: str, call: str) -> Note:
 
 
 def noted_call(note: Note) -> tuple[str, str]:
-    """Instance and call that were noted last; ("", "") if none was."""
+    """Return instance and call of the last note; ("", "") without one."""
     instance, _, call = note.tobytes().decode(errors="replace").partition("\0")
     return instance, call.rstrip("\0")
 
 
-# ---- notes of the harness on several runs of one system: what holds for all is said once
+# ---- notes of the harness on several runs of one system: a note on all of them is logged once
 
 
 class Notes(logging.Handler):
-    """Hands every note to a function."""
+    """Handler that passes every note to a function."""
 
     def __init__(self, hear: Callable[[str], object]) -> None:
         super().__init__(logging.WARNING)
         self._hear = hear
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Hand on the line."""
+        """Pass the line on."""
         self._hear(record.getMessage())
 
 
 @contextmanager
 def noted() -> Iterator[dict[str, None]]:
-    """What the harness notes in the `with` block, each line once, in place of its log."""
+    """Yield the notes of the harness in the `with` block, each line once, instead of
+    logging them.
+    """
     lines: dict[str, None] = {}
     before = _log.handlers, _log.propagate
     _log.handlers, _log.propagate = [Notes(lines.setdefault)], False
@@ -160,7 +169,7 @@ def noted() -> Iterator[dict[str, None]]:
 
 
 @contextmanager
-def said_once() -> Iterator[None]:
+def logged_once() -> Iterator[None]:
     """Let the notes of the `with` block through when it is over, each line once."""
     lines: dict[str, None] = {}
     try:
@@ -169,3 +178,90 @@ def said_once() -> Iterator[None]:
     finally:
         for line in lines:
             _log.warning("%s", line)
+
+
+# ---- rejected parameters
+
+
+_ONE = r"([^;=]+) = (\S+): (.+?)"
+_CALL = re.compile(r"fmi[23]\w+: ")
+_ALL = re.compile(rf"{_ONE}(?:; {_ONE})*", re.DOTALL)
+_EACH = re.compile(rf"{_ONE}(?:; (?=[^;=]+ = )|$)", re.DOTALL)
+_NAME = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
+_ARTICLE = re.compile(r"\ba (?=[a-z])")
+"""Before a word, for a parameter may be called `a` too."""
+
+
+class Rejection(NamedTuple):
+    """One rule that is broken: what it is about, with its value, as the FMU writes them."""
+
+    name: str
+    value: str
+    rule: str
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.value}: {self.rule}"
+
+    def about(self, names: Iterable[str]) -> list[str]:
+        """Return the parameters among `names` that are rejected, or else those that the
+        rule names.
+        """
+        known = list(names)
+        return _among(known, self.name) or _among(known, _ARTICLE.sub("", self.rule))
+
+
+def _among(names: Iterable[str], text: str) -> list[str]:
+    """Return the names that equal a text, occur in it, or contain it as an element."""
+    if text in (known := list(names)):
+        return [text]
+    whole, words = base(text), _NAME.findall(text)
+    if whole != text:  # an element does not concern the others of its vector
+        return [name for name in known if name == whole]
+    return [name for name in known if base(name) in words]
+
+
+def rejections(message: str, parameters: Collection[str]) -> tuple[Rejection, ...]:
+    """Return the broken rules; () if the message names anything but these parameters.
+
+    parameters: names of scalar variables, or of whole vectors and matrices.
+    """
+    text = _CALL.sub("", message, count=1)
+    if not _ALL.fullmatch(text):
+        return ()
+    found = tuple(Rejection(*each) for each in _EACH.findall(text))
+    known = {*parameters, *map(base, parameters)}
+    return found if all(_among(known, rejection.name) for rejection in found) else ()
+
+
+def as_typed(error: RejectedValueError, given: Mapping[str, Any], prefix: str) -> HarnessError:
+    """Return the error in terms of the user's input if it concerns only values of --set.
+
+    given: values by name, as typed; prefix: text before the names of this component.
+    """
+    names = [name.removeprefix(prefix) for name in given if name.startswith(prefix)]
+    lines = []
+    for rejection in error.rejections:
+        if not (typed := rejection.about(names)):
+            return error
+        values = " ".join(f"--set {prefix}{name}={given[prefix + name]}" for name in typed)
+        lines.append(f"{values}: {_rule_text(rejection, typed)}")
+    return UsageError("\n".join(lines))
+
+
+def without(error: RejectedValueError, names: Collection[str]) -> RejectedValueError | None:
+    """Return the error without these parameters, `component.parameter`; None if nothing remains."""
+    prefix = f"{error.component}."
+    inner = [name.removeprefix(prefix) for name in names if name.startswith(prefix)]
+    left = tuple(rejection for rejection in error.rejections if not rejection.about(inner))
+    return RejectedValueError(error.component, error.time, left) if left else None
+
+
+def _rule_text(rejection: Rejection, typed: Collection[str]) -> str:
+    """Return the rule after the typed value: `must be > 0`, for an element `K_rho[2] must be >= 0`,
+    for other names with their value.
+    """
+    if rejection.name in typed:
+        return rejection.rule
+    if base(rejection.name) in typed:
+        return f"{rejection.name} {rejection.rule}"
+    return f"{rejection.name} = {rejection.value} {rejection.rule}"

@@ -17,12 +17,12 @@ SLICE = 0.1
 
 
 class Timing(NamedTuple):
-    """How well the pace was kept.
+    """Timing of the macro steps of a paced run.
 
-    factor: simulated seconds per second; steps: macro steps begun; mean, p99, largest: how late
-    they began, over those that were waited for [s]; overruns: steps that began late because
-    the one before took too long, longest: by how much at most [s]; drift: how late the last one
-    began [s].
+    factor: simulated seconds per second; steps: macro steps begun; mean, p99, largest: delay of the
+    begin of a step, over the steps that were waited for [s]; overruns: steps that began late
+    because the previous one took too long, longest: the largest such delay [s]; drift: delay of the
+    last one [s].
     """
 
     factor: float
@@ -46,7 +46,7 @@ class Timing(NamedTuple):
 
 
 class Pacer:
-    """Lets macro steps begin when they are due."""
+    """Clock that delays the beginning of a macro step until the step is due."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Pacer:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], object] = time.sleep,
     ) -> None:
-        """factor: simulated seconds per second, above 0; UsageError."""
+        """Set the pace; factor: simulated seconds per second, above 0; raise UsageError."""
         if not 0 < factor < math.inf:
             raise UsageError(f"--realtime {factor:g}: expected a factor above 0")
         self.factor, self._clock, self._sleep = factor, clock, sleep
@@ -63,8 +63,8 @@ class Pacer:
         self._waited: list[bool] = []
 
     def wait(self, seconds: float, look: Callable[[], object]) -> None:
-        """Return when so many simulated seconds after the first call are over; look: called now and
-        then.
+        """Return when `seconds` of simulated time have passed since the first call; look: called
+        now and then.
         """
         if self._origin is None:
             self._origin = self._clock() - seconds / self.factor
@@ -77,9 +77,9 @@ class Pacer:
         self._waited.append(early)
 
     def timing(self) -> Timing:
-        """How well the pace was kept so far."""
+        """Return the timing so far."""
         late, waited = np.array(self._late), np.array(self._waited, dtype=bool)
-        waited[:1] = True  # the first step is what the others are counted from
+        waited[:1] = True  # later steps are counted from the first one
         jitter = late[waited] if waited.any() else np.zeros(1)
         mean, p99, largest = map(float, (jitter.mean(), np.percentile(jitter, 99), jitter.max()))
         over, drift = late[~waited], float(late[-1]) if len(late) else 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a long run or comparison shows of itself: nothing, a bar on a terminal, or what is asked."""
+"""Progress of a long run or comparison: none, a bar on a terminal, or a function of the caller."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Running(Protocol):
     steps: int
 
     def result(self) -> Result:
-        """Everything recorded so far."""
+        """Return everything recorded so far."""
 
 
 Show = Callable[[int], None]
@@ -30,7 +30,7 @@ Watch = Callable[[Running], AbstractContextManager[Show]]
 
 @contextmanager
 def shown(run: Running, progress: bool | Watch) -> Iterator[Show | None]:
-    """What a run shows: a bar (True), nothing (False), or what a Watch makes of it."""
+    """Yield the display of a run: a bar (True), none (False), or the display of a Watch."""
     if callable(progress):
         with progress(run) as show:
             yield show
@@ -40,11 +40,11 @@ def shown(run: Running, progress: bool | Watch) -> Iterator[Show | None]:
 
 
 @contextmanager
-def progress_bar(title: str, total: int, wanted: bool) -> Iterator[Show | None]:
-    """A bar on stderr that vanishes at the end, as a function of the number of steps done; None if
-    unwanted.
+def progress_bar(title: str, total: int, requested: bool) -> Iterator[Show | None]:
+    """Yield a function of the number of completed steps that draws a bar on stderr, which vanishes
+    at the end; None if not requested.
     """
-    if not wanted:
+    if not requested:
         yield None
         return
     from rich.console import Console

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A stand-in for a board on this machine: an FMU behind the board's end of the protocol.
+"""Stand-in for a board on this machine: an FMU at the board's end of the protocol.
 
-The code that answers is that of the firmware (fmus/core/link/board.c) as a library; the FMU is the
-binary for this machine. One link at a time; the next one waits until the present one has gone.
+The code of the firmware (fmus/core/link/board.c) answers, built as a library. The FMU is the binary
+for this machine. One link is served at a time; the next one waits.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any
 
 from harness.errors import FmuError, UsageError
 from harness.files.archive import unpack
+from harness.files.output import PrivateFolder
 from harness.files.paths import built
-from harness.files.temporary import PrivateFolder
 from harness.master.calls import layout
 from harness.remote.firmware import functions, software
 from harness.system.interface import binaries, binary_problem, read_interface
@@ -71,19 +71,19 @@ class _Board(ctypes.Structure):
     )
 
 
-class StandIn:
-    """An FMU on a board that is this machine; a context manager."""
+class Board:
+    """FMU that this machine serves as if it were a board; a context manager."""
 
     def __init__(self, fmu: Path) -> None:
-        """FmuError if the FMU cannot be loaded here."""
+        """Prepare the FMU; raise FmuError if it cannot be loaded here."""
         interface = read_interface(fmu)
         if interface.fmi != 2:
-            raise FmuError(f"{fmu.name}: is of FMI 3.0, a board speaks FMI 2.0")
+            raise FmuError(f"{fmu.name}: expected an FMU of FMI 2.0, got FMI {interface.fmi}.0")
         if problem := binary_problem(interface):
             raise FmuError(f"{fmu.name}: {problem}")
         place = built("board")
         if place is None:
-            raise UsageError("a stand-in board is for Linux and macOS only")
+            raise UsageError("harness serve needs Linux or macOS: Unix sockets are missing")
         self._files = ExitStack()
         folder = Path(self._files.enter_context(PrivateFolder()))
         unpack(fmu, folder)
@@ -95,7 +95,7 @@ class StandIn:
         self._software = _Software(*about, **members)
         self._slot = _Slot()
 
-    def __enter__(self) -> StandIn:
+    def __enter__(self) -> Board:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -105,7 +105,7 @@ class StandIn:
         self._files.close()
 
     def answer(self, receive: Receive, send: Send) -> None:
-        """Answer requests until the stream ends; raises what receive() and send() raise."""
+        """Answer requests until the stream ends; raise the errors of receive() and send()."""
         failures: list[BaseException] = []
 
         def read(_port: Any, to: int, most: int) -> int:
@@ -136,23 +136,29 @@ def _address(library: ctypes.CDLL, function: str) -> int | None:
 
 
 @contextmanager
-def listening(port: int, host: str = "127.0.0.1") -> Iterator[socket.socket]:
-    """A socket that listens; port 0: any that is free. UsageError if it cannot."""
-    try:
-        listener = socket.create_server((host, port))
-    except (OSError, OverflowError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise UsageError(f"port {port}: cannot be listened on ({reason})") from error
-    with closing(listener):
+def listening(path: Path | None = None) -> Iterator[socket.socket]:
+    """Yield a listening Unix socket that only this user can open (mode 600), in a private folder
+    unless a path is given; raise UsageError if that is impossible.
+    """
+    with ExitStack() as life:
+        place = path or Path(life.enter_context(PrivateFolder())) / "board"
+        listener = life.enter_context(closing(socket.socket(socket.AF_UNIX)))
+        try:
+            listener.bind(str(place.absolute()))
+            life.callback(place.unlink, missing_ok=True)
+            place.chmod(0o600)  # before listen(), so that no other user can connect
+            listener.listen()
+        except OSError as error:
+            reason = error.strerror or error
+            raise UsageError(f"{place}: cannot listen on this socket ({reason})") from error
         yield listener
 
 
-def serve(board: StandIn, listener: socket.socket) -> None:
-    """Answer the next link that connects, until it goes."""
+def serve(board: Board, listener: socket.socket) -> None:
+    """Answer the next link that connects, until it disconnects."""
     connection, _ = listener.accept()
     with closing(connection):
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         try:
             board.answer(connection.recv, connection.sendall)
         except OSError:
-            return  # the link has gone without a word
+            return  # disconnected without a request to end

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A system brought to life: load, initialise, step, roll back, and hand out what was recorded."""
+"""Simulation of a system: load, initialise, step, roll back, and return the recorded rows."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from typing import Any, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import InterruptionError, RefusalError, RunError, UsageError
+from harness.errors import InterruptionError, RejectedValueError, RunError, UsageError
 from harness.files import signals
-from harness.files.temporary import PrivateFolder
+from harness.files.output import PrivateFolder
 from harness.master import messages
 from harness.master.changes import Changes, apply
 from harness.master.executors import EXECUTORS, FUSED, Clock, Loop, known_executor
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
+from harness.master.messages import as_typed
 from harness.master.pacer import Pacer
 from harness.master.progress import Show, Watch, shown
 from harness.master.recorder import Recorder
-from harness.master.refusals import as_typed
-from harness.results.provenance import flown, now
+from harness.results.provenance import now, run_provenance
 from harness.results.result import Result
 from harness.spelling import some
 from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
@@ -44,7 +44,7 @@ half of them.
 
 _log = logging.getLogger("harness")
 
-Kept = tuple[int, ...] | None
+Slots = tuple[int, ...] | None
 """Slots that are recorded, in order; None: all."""
 
 
@@ -60,12 +60,12 @@ class Snapshot:
 
 
 class Simulation:
-    """The units of a system, the bus between them and the recorded rows; a context manager.
+    """FMUs of a system, the bus between them and the recorded rows; a context manager.
 
-    with Simulation(system) as simulation:
-        simulation.advance()
-        result = simulation.result()
-        other = simulation.fly(set={"servicer.mass_0": 120})
+        with Simulation(system) as simulation:
+            simulation.advance()
+            result = simulation.result()
+            other = simulation.run(set={"servicer.mass_0": 120})
 
     A further run resets the loaded FMUs instead of loading them again and gives the same bits.
     """
@@ -81,10 +81,11 @@ class Simulation:
     ) -> None:
         """Check the system with these changes; nothing is loaded before `with`.
 
-        every: record every N-th macro step, None: as the system says. pacer: lets macro steps begin
-        when they are due; None: as soon as they can. Raises StructureError, FmuError or UsageError.
+        every: record every N-th macro step (None: defined by the system); pacer: starts macro steps
+        when they are due (None: as soon as possible). Raises StructureError, FmuError or
+        UsageError.
         """
-        now()  # a SOURCE_DATE_EPOCH that is none is refused before the run, not after it
+        now()  # a SOURCE_DATE_EPOCH that is invalid is rejected before the run, not after it
         self.base = system
         self.every = every
         self.pacer = pacer
@@ -101,15 +102,15 @@ class Simulation:
         self._lay_out(changed, checked(changed))
 
     def _lay_out(
-        self, system: System, found: Checked, every: int | None = None, kept: Kept = None
+        self, system: System, found: Checked, every: int | None = None, recorded: Slots = None
     ) -> None:
-        """Room for a run; every: the first that is said, of this run, of the simulation, of the
-        system; kept: slots that are recorded, in order (None: all).
+        """Allocate the memory of a run; every: the first value given by this run, the simulation or
+        the system; recorded: recorded slots, in order (None: all).
         """
-        told = next(n for n in (every, self.every, system.experiment.every) if n is not None)
-        width = len(found.graph.slots if kept is None else kept)
-        self.recorder = Recorder(found.steps, width, told, getattr(self, "recorder", None))
-        self.system, (self.graph, self.steps), self.kept = system, found, kept
+        chosen = next(n for n in (every, self.every, system.experiment.every) if n is not None)
+        width = len(found.graph.slots if recorded is None else recorded)
+        self.recorder = Recorder(found.steps, width, chosen, getattr(self, "recorder", None))
+        self.system, (self.graph, self.steps), self.recorded = system, found, recorded
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
         self.bus: NDArray[np.float64] = np.zeros(width)
         self.settled: NDArray[np.intp] = np.zeros(width, dtype=np.intp)
@@ -121,7 +122,7 @@ class Simulation:
     # ---- life
 
     def __enter__(self) -> Self:
-        """Load and instantiate all FMUs; FmuError or ArchiveError if one cannot be."""
+        """Load and instantiate all FMUs; raise FmuError or ArchiveError if one cannot be loaded."""
         self._files = ExitStack()
         try:
             self._assemble()
@@ -143,31 +144,30 @@ class Simulation:
 
     # ---- a further run
 
-    def fly(
+    def run(
         self, *, every: int | None = None, progress: Show | None = None, **changes: Unpack[Changes]
     ) -> Result:
-        """Run the system that the simulation was made with, with these changes: the same bits as
-        run().
+        """Run the system of this simulation with these changes; equal to `harness.run` bit for bit.
 
         every: record every N-th macro step (default: as for the simulation). Raises the exceptions
         of run(); a failed run does not affect the next one.
         """
-        return self.fly_system(apply(self.base, **changes), every=every, progress=progress)
+        return self.run_system(apply(self.base, **changes), every=every, progress=progress)
 
-    def fly_system(
+    def run_system(
         self,
         system: System,
         *,
         every: int | None = None,
         progress: Show | None = None,
-        wanted: Collection[str] | None = None,
+        recorded: Collection[str] | None = None,
     ) -> Result:
-        """The same for a system that was changed already.
+        """Run a system to which the changes have been applied already.
 
-        wanted: variables that are to be recorded, by their names without indices (None: all); only
-        the executor `fused` leaves out the others, and only where a run does not fail.
+        recorded: variables to record, by their names without indices (None: all). Only the executor
+        `fused` leaves out the others, and only if the run does not fail.
         """
-        self.begin(system, every, wanted)
+        self.begin(system, every, recorded)
         try:
             self.advance(progress=progress)
             return self.result()
@@ -176,25 +176,25 @@ class Simulation:
                 messages.report_warnings(instance.name)
 
     def begin(
-        self, system: System, every: int | None = None, wanted: Collection[str] | None = None
+        self, system: System, every: int | None = None, recorded: Collection[str] | None = None
     ) -> None:
-        """Go back to before the initialization, with this system in the place of the present one.
+        """Return to the state before initialization, with this system instead of the present one.
 
-        FMUs of the project are reset; others, and those that were not there before, are loaded.
-        Raises what the constructor and `with` raise.
+        FMUs of the project are reset. Other FMUs, and FMUs that were not loaded, are loaded. Raises
+        the errors of the constructor and of `with`.
         """
         if self._files is None:
             raise UsageError("a Simulation can run inside its `with` block only")
         found = rechecked(system, self.system, self.graph)
         self._apart = self._executor_name != FUSED
-        everything = self._apart or wanted is None
-        kept = None if everything else slots_of(found.graph.slots, frozenset(wanted or ()))
-        self._lay_out(system, found, every, kept)
+        everything = self._apart or recorded is None
+        slots = None if everything else slots_of(found.graph.slots, frozenset(recorded or ()))
+        self._lay_out(system, found, every, slots)
         self._assemble()
 
     def _nodes(self) -> tuple[Node, ...]:
-        """What is loaded: a node per component, or one for the whole system; where that cannot be
-        made, a line says so and the usual executor runs.
+        """Return the nodes to load: one per component, or one for the whole system. If the whole
+        system cannot be compiled, a line is logged and the default executor runs.
         """
         if self._apart:
             return self.graph.nodes
@@ -204,15 +204,15 @@ class Simulation:
             self._executor_name = "c"
             self._separate()
             return self.graph.nodes
-        return (self._whole.node(self.kept),)
+        return (self._whole.node(self.recorded),)
 
     def _separate(self) -> None:
-        """The same run with the FMUs one by one, from its beginning, and all of it recorded."""
+        """Repeat the run with separate FMUs from the beginning, recording everything."""
         self._apart = True
         self._lay_out(self.system, Checked(self.graph, self.steps), self.recorder.every)
 
     def _assemble(self) -> None:
-        """An instance for every node: the one of that name if it can go back, else a new one."""
+        """Create or reuse an instance for every node."""
         before = {instance.name: instance for instance in self.instances}
         self.instances = []
         try:
@@ -226,7 +226,7 @@ class Simulation:
         self._executor = EXECUTORS[self._executor_name](loop)
 
     def _instance(self, node: Node, before: dict[str, Instance]) -> Instance:
-        """The one of that name from before if it can go back, else a new one."""
+        """Return the earlier instance with that name if it can be reset, else a new one."""
         name = node.component.name
         if name in before and before[name].renew(node):
             return before.pop(name)
@@ -237,7 +237,7 @@ class Simulation:
         return WholeInstance(node, self._own_folder, self._whole)
 
     def _own_folder(self) -> Path:
-        """Where FMUs are unpacked that no cache keeps, made when the first one is."""
+        """Return the folder for unpacked FMUs outside the cache, created at the first use."""
         if self._folder is None:
             assert self._files is not None
             self._folder = self._files.enter_context(PrivateFolder())
@@ -246,10 +246,10 @@ class Simulation:
     # ---- initialization
 
     def initialize(self) -> None:
-        """Set parameters, propagate initial values until nothing changes, record the row at the
+        """Set parameters, propagate initial values until nothing changes, and record the row at the
         start time.
 
-        Raises RunError: a refused parameter, a failing FMU, or an output that is not finite.
+        Raises RunError: a rejected parameter, a failing FMU, or an output that is not finite.
         """
         for instance in self.instances:
             if isinstance(instance, WholeInstance):
@@ -269,10 +269,11 @@ class Simulation:
         self.recorder.record(0, self.bus)
 
     def _settle(self) -> NDArray[np.bool_]:
-        """Rounds of GET and SET until nothing changes; a chain of n units needs n + 1.
+        """Repeat GET and SET until nothing changes, and return which slots did not settle (NaN
+        counts as a value). A chain of n components needs n + 1 rounds.
 
-        Where flight software reads back its own command there is a loop. If it does not settle, its
-        last values are taken: returns which slots (NaN counts as a value).
+        Flight software that reads back its own command forms a loop. If the loop does not settle,
+        its last values are used.
         """
         changed = np.zeros(len(self.bus), dtype=np.bool_)
         for count in range(1, MAX_ROUNDS + 1):
@@ -290,21 +291,21 @@ class Simulation:
 
     @property
     def step(self) -> int:
-        """Macro steps completed."""
+        """Return the number of completed macro steps."""
         return self.recorder.done
 
     @property
     def time(self) -> float:
-        """Present time [s]."""
+        """Return the present time [s]."""
         return self.clock.time(self.step)
 
     def advance(self, to: int | None = None, progress: Show | None = None) -> None:
-        """Perform macro steps until `to` are complete (default: all), initialising first if that
+        """Perform macro steps until `to` are complete (default: all), after initialization if that
         was not done.
 
         progress: called repeatedly with the number of complete steps. Raises RunError
-        (InterruptionError on Ctrl-C) whose `partial` holds everything recorded; values of --set
-        that an FMU refuses are a UsageError.
+        (InterruptionError on Ctrl-C) whose `partial` holds everything recorded. Values of --set
+        that an FMU rejects are a UsageError.
         """
         try:
             if self._files is None:
@@ -312,15 +313,15 @@ class Simulation:
             self._in_words(self.steps if to is None else min(to, self.steps), progress)
         except KeyboardInterrupt:
             raise self._partial(InterruptionError(self.system.name, self.time)) from None
-        except RefusalError as error:
+        except RejectedValueError as error:
             typed = as_typed(error, self.system.origin.set, f"{error.component}.")
             raise typed from error.__cause__
         except RunError as error:
             raise self._partial(error) from error.__cause__
 
     def _in_words(self, to: int, progress: Show | None) -> None:
-        """_advance(); where a whole fails the same run again, and its end in the words of the FMU
-        that fails.
+        """Perform _advance(). If a fused system fails, repeat the run with separate FMUs, so that
+        the error names the FMU.
         """
         try:
             self._advance(to, progress)
@@ -359,20 +360,22 @@ class Simulation:
         return error
 
     def calls(self) -> list[tuple[str, str]]:
-        """Instance and FMI function of every call of a macro step, as the recorder counts them."""
+        """Return instance and FMI function of every call of a macro step, in the order of the
+        recorder.
+        """
         return self._executor.calls
 
     # ---- rollback
 
     def save(self) -> Snapshot:
-        """State of the whole system; RunError if an FMU cannot save its own. Release it with
-        free().
+        """Return the state of the whole system, to be released with free(); raise RunError if an
+        FMU cannot save its state.
         """
         states = tuple(instance.save(self.time) for instance in self.instances)
         return Snapshot(self.step, self.bus.copy(), states)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Return to a saved state; later rows are recorded anew."""
+        """Return to a saved state; later rows are recorded again."""
         for instance, state in zip(self.instances, snapshot.states, strict=True):
             instance.restore(state, self.time)
         self.bus[:] = snapshot.bus
@@ -386,31 +389,31 @@ class Simulation:
     # ---- outcome
 
     def result(self, message: str = "") -> Result:
-        """Everything recorded so far (complete or not), with the reason if the run has failed.
+        """Return everything recorded so far (complete or not), with the reason of a failure.
 
         The table is not copied: stepping on after restore() overwrites its later rows.
         """
         slots = self.graph.slots
-        recorded = slots if self.kept is None else tuple(slots[i] for i in self.kept)
+        recorded = slots if self.recorded is None else tuple(slots[i] for i in self.recorded)
         names, units, texts = columns(recorded)
         time = np.asarray(
             self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=float
         )
         name, rows, complete = self.system.name, self.recorder.rows, self.step == self.steps
-        made = flown(self.system, self._executor_name, self.recorder.every, self.timing)
+        made = run_provenance(self.system, self._executor_name, self.recorder.every, self.timing)
         about = complete, message, self.parameters(), made
         return Result(name, time, names, units, rows, texts, *about)
 
     def last(self) -> NDArray[np.float64]:
-        """Present values of all slots of the system, recorded or not."""
-        if self.kept is None:
+        """Return the present values of all slots of the system, recorded or not."""
+        if self.recorded is None:
             return self.bus.copy()
         (instance,) = self.instances
         assert isinstance(instance, WholeInstance)
         return instance.everything()
 
     def parameters(self) -> Result:
-        """All parameters as a table of one row."""
+        """Return all parameters as a table of one row."""
         found = list(constants(self.graph))
         slots, values = zip(*found, strict=True) if found else ((), ())
         names, units, texts = columns(slots)
@@ -426,7 +429,7 @@ def simulate(
     progress: bool | Watch = False,
     pacer: Pacer | None = None,
 ) -> Result:
-    """Run a system as it is; executor, every, progress: as for run()."""
+    """Run a system without changes; executor, every, progress: as for run()."""
     with Simulation(system, executor=executor, every=every, pacer=pacer) as simulation:
         with shown(simulation, progress) as show:
             simulation.advance(progress=show)

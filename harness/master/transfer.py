@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Values on their way between the bus and an FMU: the arguments of fmi2SetReal, fmi3GetFloat64 and
+"""Transfers of values between the bus and an FMU: the arguments of fmi2SetReal, fmi3GetFloat64 and
 so on, built once.
 
-The bus carries doubles. In FMI 3.0 one value reference stands for a whole array: elements that
-nobody drives keep their value in the buffer.
+The bus carries doubles. In FMI 3.0 one value reference represents a whole array. Unconnected
+elements retain their value in the buffer.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class Piece(ctypes.Structure):
 
 
 class Transfer:
-    """Values of one FMI type, in one call.
+    """Values of one FMI type in one call.
 
-    rows: of FMI 3.0, by value reference all elements with what stands there where nobody drives
-    them; in FMI 2.0 every wire is one.
+    rows: in FMI 3.0, by value reference all elements with their values for unconnected ones; in FMI
+    2.0 every wire is one row.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Transfer:
 
     @cached_property
     def pieces(self) -> ctypes.Array[Piece]:
-        """The slots as pieces of neighbours."""
+        """Return the slots as runs of adjacent slots."""
         apart = (np.diff(self.slots) != 1) | (np.diff(self.at) != 1)
         runs = np.split(np.arange(len(self.slots)), np.flatnonzero(apart) + 1)
         return (Piece * len(runs))(
@@ -75,20 +75,20 @@ class Transfer:
         )
 
     def write(self, bus: NDArray[np.float64]) -> int:
-        """From the bus into the inputs of the FMU; returns the FMI status."""
+        """Copy from the bus into the inputs of the FMU and return the FMI status."""
         values = bus[self.slots]
         self.view[self.at] = values if self.plain else self.factors * values + self.offsets
         return int(self.function(self.handle, *self._arguments))
 
     def read(self, bus: NDArray[np.float64]) -> int:
-        """From the outputs of the FMU onto the bus; returns the FMI status."""
+        """Copy from the outputs of the FMU onto the bus and return the FMI status."""
         status = int(self.function(self.handle, *self._arguments))
         bus[self.slots] = self.view[self.at]
         return status
 
     def problem(self) -> tuple[str, str | None] | None:
-        """What is wrong with values that were read, and with which: one is infinite or not a
-        number, or is a whole number that the bus would change.
+        """Return the problem of the last read values and the variable, or None: a value is not
+        finite, or is a whole number that the bus would change.
         """
         values = zip(self.names, self.view[self.at], strict=True)
         if self.real and not np.isfinite(self.view).all():
@@ -107,11 +107,10 @@ def _names(wires: Sequence[Wire]) -> list[str]:
 def transfers(
     verb: str, calls: Calls, wires: Sequence[Wire], interface: Interface, held: Mapping[str, Scalar]
 ) -> Iterator[Transfer]:
-    """One transfer per FMI type that occurs among the wires, and one for what is changed on the
-    way; in FMI 3.0 what is changed and what is not go together.
+    """Yield one transfer per FMI type among the wires, and one for converted values. In FMI 3.0
+    both kinds share one transfer.
 
-    verb: Set, Get; held: values by name of inputs that nobody drives, where they are not the start
-    values.
+    verb: Set, Get; held: values by name of unconnected inputs that differ from the start values.
     """
 
     def row(variable: Variable) -> dict[str, Scalar]:

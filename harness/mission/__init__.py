@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a mission may offer, as data, and where missions are found.
+"""Contents of a mission as data, and the search for missions.
 
-A mission's Python (`mission.py` in its folder) imports these names and hands over one Mission; the
-engine asks library.of_result() what the mission of a result offers, and knows no mission by name.
+The Python of a mission (`mission.py` in its folder) imports these names and defines one Mission.
+The engine obtains the mission of a result from library.of_result(), and knows no mission by name.
 """
 
 from __future__ import annotations
@@ -21,18 +21,40 @@ from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel
 from harness.mission.library import inherit
 from harness.mission.mission import (
     Exchange,
-    Gauge,
     Limits,
-    Measure,
+    Metric,
     Mission,
     Plan,
     Scene,
     Start,
+    WatchedMetric,
 )
 from harness.results.verdict import Verdict
 
 __all__ = [
-    "Band", "Case", "Claim", "Curve", "Drawing", "Exchange", "Figure", "Gauge",
-    "Judgement", "Level", "Limits", "Measure", "Mission", "Overlay", "Panel", "Paper", "Phase",
-    "Plan", "RuleFinding", "Scene", "Start", "Verdict", "at_least", "at_most", "inherit",
+    "Band",
+    "Case",
+    "Claim",
+    "Curve",
+    "Drawing",
+    "Exchange",
+    "Figure",
+    "Judgement",
+    "Level",
+    "Limits",
+    "Metric",
+    "Mission",
+    "Overlay",
+    "Panel",
+    "Paper",
+    "Phase",
+    "Plan",
+    "RuleFinding",
+    "Scene",
+    "Start",
+    "Verdict",
+    "WatchedMetric",
+    "at_least",
+    "at_most",
+    "inherit",
 ]  # fmt: skip

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Statements with a verdict as data: a claim of a paper (what it says, how it is measured in a
-result, the bands that decide), a safety rule that was in force, numbers made by others.
+"""Metrics, numbers that are computed from a result, and statements with a verdict as data: claims
+of a paper (statement, metric in a result, deciding bands), safety rules that were in force,
+published reference values.
 """
 
 from __future__ import annotations
@@ -8,27 +9,93 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.results.number import Number
+from harness.results.expressions import parsed
+from harness.results.program import value_of
 from harness.results.result import Array, Result, Rows
-from harness.results.verdict import Judged, Kind, Verdict
+from harness.results.verdict import Kind, Outcome, Verdict
+
+# ---- metrics
+
+
+class NotANumberError(ValueError):
+    """Value of a metric that is not one number."""
+
+
+def one_number(given: Any) -> float:
+    """Return the value of a metric as float; raise NotANumberError if it is not one number."""
+    if shape := np.shape(given):
+        size = " x ".join(map(str, shape))
+        raise NotANumberError(
+            f"is an array of {size}, not one number; reduce it with last() or max()"
+        )
+    if not isinstance(given, int | float | np.number | np.bool_ | np.ndarray):
+        raise NotANumberError(f"is {given!r:.40}, not a number")
+    return float(given)
+
+
+@dataclass(frozen=True)
+class BaseMetric:
+    """Named quantity computed from a result: a number, or a time series with a value per row. Base
+    class of columns of a comparison, metrics of a campaign, watched metrics of a run and values of
+    claims.
+
+    name, unit: texts for tables and axes; needs, parameters: variables and parameters of the run
+    that the result must contain; compute: function of the result, or an expression such as
+    `max(norm(servicer.v_SN_N))`, whose variables need not be listed in needs.
+    """
+
+    name: str
+    unit: str
+    needs: tuple[str, ...]
+    compute: Callable[..., Any] | str
+    parameters: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Collect the variables of an expression; raise TypeError if compute is neither a function
+        nor an expression.
+        """
+        if isinstance(self.compute, str):
+            names = parsed(self.compute).variables
+            needs = [n for n in names if n != "time" and not n.startswith("parameter ")]
+            held = [n.partition(" ")[2] for n in names if n.startswith("parameter ")]
+            object.__setattr__(self, "needs", tuple(dict.fromkeys((*self.needs, *needs))))
+            object.__setattr__(self, "parameters", (*self.parameters, *held))
+        elif not callable(self.compute):
+            raise TypeError(
+                f"{self.name}: expected a function or an expression, got {self.compute!r:.40}"
+            )
+
+    def lacks(self, result: Result) -> list[str]:
+        """Return the needed variables and parameters that the result lacks."""
+        fixed = [n for n in self.parameters if not result.holds(parameters=(n,))]
+        return [name for name in self.needs if name not in result] + fixed
+
+    def __call__(self, result: Result, *further: Any) -> Any:
+        """Return the value; further: arguments of the function besides the result."""
+        if callable(self.compute):
+            return self.compute(result, *further)
+        return value_of(result, self.compute)
+
+
+# ---- statements
 
 Evaluation = Callable[[Result], tuple[float, ...]]
-"""Numbers taken from a result: the first is judged, the others are shown with it. May raise
-CannotJudgeError.
+"""Numbers computed from a result: the first decides the verdict, the others are shown too. May
+raise NotJudgedError.
 """
 ROUNDING = 1e-6
 """Times closer than this [s] are the same."""
 
 
-class CannotJudgeError(Exception):
-    """The result does not hold what a claim needs; str() is the reason."""
+class NotJudgedError(Exception):
+    """Result without the data that a claim needs. str() gives the reason."""
 
 
-class NotExercisedError(CannotJudgeError):
+class NotExercisedError(NotJudgedError):
     """The run ended before the time that a claim is about."""
 
 
@@ -49,66 +116,68 @@ class Band:
 
 
 def at_most(high: float) -> Band:
-    """Everything up to a number."""
+    """Return the band of all numbers up to a limit."""
     return Band(high=high)
 
 
 def at_least(low: float) -> Band:
-    """Everything from a number on."""
+    """Return the band of all numbers from a limit on."""
     return Band(low=low)
 
 
 class Judgement(NamedTuple):
-    """What the table shows of a claim."""
+    """Value of a claim as text, and its verdict."""
 
-    figure: str
+    value: str
     verdict: Verdict
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim.
+    """Claim of a paper.
 
     name: for references; text: the statement of the paper; where: its place in the paper; needs,
-    measure, unit: of its numbers, see harness.results.number, which are shown as `figure` formats
-    them; the first decides on the verdict; reproduced, partly: bands of the first number; interval:
-    longest recording interval [s] for a verdict.
+    compute, unit: of its numbers, see harness.mission.claim; value: format of the numbers. The
+    first number determines the verdict; reproduced, partly: its bands; interval: longest recording
+    interval [s] for a verdict.
     """
 
     name: str
     text: str
     where: str
     needs: tuple[str, ...]
-    measure: Evaluation | str
-    figure: str
+    compute: Evaluation | str
+    value: str
     unit: str
     reproduced: Band
     partly: Band | None = None
     interval: float = 10.0
 
     def evaluate(self, result: Result) -> Judgement:
-        """The measured figure and the verdict, or the reason why there is none."""
+        """Return the measured value and the verdict, or the reason why there is none."""
         try:
             numbers = self.numbers(result)
         except NotExercisedError as reason:
             return Judgement(str(reason), Verdict.NOT_EXERCISED)
-        except CannotJudgeError as reason:
+        except NotJudgedError as reason:
             return Judgement(str(reason), Verdict.NOT_JUDGED)
-        return Judgement(self.figure.format(*numbers), self.verdict(numbers[0]))
+        return Judgement(self.value.format(*numbers), self.verdict(numbers[0]))
 
     def numbers(self, result: Result) -> tuple[float, ...]:
-        """Measure the result; CannotJudgeError if something is missing or not finite."""
-        number = Number(self.name, self.unit, self.needs, self.measure)
+        """Return the numbers of the claim in the result; raise NotJudgedError if something is
+        missing or not finite.
+        """
+        number = BaseMetric(self.name, self.unit, self.needs, self.compute)
         if missing := number.lacks(result):
-            raise CannotJudgeError(f"the result holds no {' and no '.join(missing)}")
+            raise NotJudgedError(f"the result holds no {' and no '.join(missing)}")
         if not len(result.time):
-            raise CannotJudgeError("nothing was recorded")
+            raise NotJudgedError("nothing was recorded")
         if (interval := np.diff(result.time).max(initial=0.0)) > self.interval + ROUNDING:
-            raise CannotJudgeError(f"recorded every {interval:g} s, {self.interval:g} s are needed")
+            raise NotJudgedError(f"recorded every {interval:g} s, {self.interval:g} s are needed")
         with np.errstate(all="ignore"):
             numbers = tuple(np.atleast_1d(number(result)).tolist())
         if not np.isfinite(numbers).all():
-            raise CannotJudgeError("the result holds values that are not finite or never change")
+            raise NotJudgedError("the result holds values that are not finite or never change")
         return numbers
 
     def verdict(self, value: float) -> Verdict:
@@ -118,16 +187,16 @@ class Claim:
         return Verdict.PARTLY if self.partly and value in self.partly else Verdict.NOT_REPRODUCED
 
     def criterion(self, band: Band | None) -> str:
-        """One of the two bands in words, e.g. `<= 2 deg`."""
+        """Return one of the two bands as text, e.g. `<= 2 deg`."""
         return f"{band} {self.unit}".rstrip() if band else ""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A run that a paper describes.
+    """Run that a paper describes.
 
-    system: name; params: set; swap: (component, FMU); free: parameters on which the paper leaves
-    the choice, `stop` for any end.
+    system: name; params: parameter set; swap: (component, FMU); free: parameters that the paper
+    leaves open, `stop` for any end.
     """
 
     system: str
@@ -138,11 +207,11 @@ class Case:
 
 @dataclass(frozen=True)
 class Paper:
-    """A paper, or one part, and its claims.
+    """Paper, or a part of one, with its claims.
 
-    It belongs to every result that holds all variables of `needs` and all `parameters` and that is
-    `meant`. cases: the runs that it describes (none: the claims are about every run); differs: how
-    a result is none of them in parameters that they leave free, a text each.
+    It applies to every result with all variables of `needs` and all `parameters` for which `meant`
+    is true. cases: runs that it describes (none: the claims apply to every run); differs:
+    deviations of a result from all cases in parameters that they leave free, a text each.
     """
 
     title: str
@@ -154,7 +223,7 @@ class Paper:
     differs: Callable[[Result], Iterable[str]] = lambda result: ()
 
     def belongs_to(self, result: Result) -> bool:
-        """Whether these claims are about a result like this."""
+        """Return whether the claims apply to a result."""
         return result.holds(*self.needs, parameters=self.parameters) and self.meant(result)
 
 
@@ -162,43 +231,43 @@ class Paper:
 
 
 def scalar(result: Result, name: str) -> float:
-    """Value of a scalar parameter, or of one element, of the run; CannotJudgeError if the result
-    does not hold it.
+    """Return the value of a scalar parameter, or of one element, of the run; raise NotJudgedError
+    if the result lacks it.
     """
     return float(parameter(result, name))
 
 
 def parameter(result: Result, name: str) -> Array:
-    """Value of a parameter of the run; CannotJudgeError if the result does not hold it, as one from
-    a .csv.
+    """Return the value of a parameter of the run; raise NotJudgedError if the result lacks it,
+    such as a result from a .csv.
     """
     if not result.holds(parameters=(name,)):
-        raise CannotJudgeError(f"the result does not hold the parameter {name}")
+        raise NotJudgedError(f"the result does not hold the parameter {name}")
     return result.parameter(name)
 
 
 def between(result: Result, begin: float, end: float) -> Rows:
-    """Rows of begin <= t <= end [s], at least one; NotExercisedError if the run is over before the
-    end of that.
+    """Return the rows of begin <= t <= end [s], at least one; raise NotExercisedError if the run
+    ends earlier.
     """
     if result.time[-1] < end - ROUNDING:
         raise NotExercisedError(f"the run ends at {result.time[-1]:g} s, before {end:g} s")
     chosen = np.flatnonzero((result.time >= begin - ROUNDING) & (result.time <= end + ROUNDING))
     if not len(chosen):
-        raise CannotJudgeError(f"nothing was recorded between {begin:g} s and {end:g} s")
+        raise NotJudgedError(f"nothing was recorded between {begin:g} s and {end:g} s")
     return chosen
 
 
 def since(result: Result, begin: float, reach: float) -> Rows:
-    """Rows from a time on; NotExercisedError if the run is over before it has reached another time
-    [s].
+    """Return the rows from a time on; raise NotExercisedError if the run ends before the time
+    `reach` [s].
     """
     return between(result, begin, max(float(result.time[-1]), reach))
 
 
 def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> Rows:
-    """Rows of the last seconds of a run that reaches a time [s], or of as many seconds some time
-    `before` the last.
+    """Return the rows of the last `seconds` of a run that reaches a time [s], or of an equal span
+    that ends `before` seconds earlier.
     """
     end = max(float(result.time[-1]), reach)
     between(result, -math.inf, end)
@@ -224,26 +293,26 @@ class RuleFinding(NamedTuple):
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the rule was never violated."""
+        """Return MET if the rule was never violated."""
         return Verdict.HOLDS if math.isnan(self.violated) else Verdict.VIOLATED
 
     @property
     def state(self) -> str:
-        """The verdict in words, with the first violation."""
+        """Return the verdict as text, with the first violation."""
         since = "" if math.isnan(self.violated) else f", first at {self.violated:.2f} s"
         return Kind.RULE.word(self.verdict) + since
 
     @property
-    def judged(self) -> Judged:
-        """What decides on the exit status."""
-        return Judged(Kind.RULE, self.name, self.verdict, f"{self.name}: {self.state}")
+    def outcome(self) -> Outcome:
+        """Return the verdict for the exit status."""
+        return Outcome(Kind.RULE, self.name, self.verdict, f"{self.name}: {self.state}")
 
 
 @dataclass(frozen=True)
 class Row:
-    """One quantity of one case: the largest difference over its rows, in `unit`.
+    """Quantity of a case: the largest difference over its rows, in `unit`.
 
-    case: its name; tests: what it tests; source: name, where, licence of the numbers.
+    case: its name; tests: subject of the test; source: name, place and licence of the numbers.
     """
 
     case: str
@@ -256,17 +325,17 @@ class Row:
 
     @property
     def within(self) -> bool:
-        """Whether we agree; a difference that is not a number does not."""
+        """Return whether the values agree. A difference that is not a number does not."""
         return self.difference <= self.tolerance
 
     @property
     def verdict(self) -> str:
-        """The same as a word."""
+        """Return the agreement as a word."""
         return "agrees" if self.within else "DIFFERS"
 
 
 class Validation(NamedTuple):
-    """Cases: names: of all; answer: rows of the case of a name."""
+    """Validation cases. names: of all cases; answer: rows of the case with a name."""
 
     names: Callable[[], Sequence[str]]
     answer: Callable[[Sequence[str]], Sequence[Row]]

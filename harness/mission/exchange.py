@@ -10,26 +10,26 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import StructureError, UsageError
+from harness.mission.fields import several
 from harness.mission.library import everything, mission, of_result
 from harness.mission.mission import Exchange, Mission, Start
 from harness.results.result import Result
-from harness.system.instants import J2000, epoch_of, told, written
+from harness.system.instants import J2000, epoch_of, start_note, written
 from harness.system.model import System
 
 
 def _offered(own: Mission | None) -> tuple[Exchange, ...]:
-    """What a mission reads and writes, else all that are at hand."""
+    """Return the file exchanges of a mission, or else of all available missions."""
     return (own.exchange if own else ()) or everything().exchange
 
 
 def convert(
     source: str | Path, target: str | Path, body: str | None = None, epoch: str | None = None
 ) -> Path:
-    """Write a result into another file by its ending; returns where it is.
+    """Write a result into another file by its ending, and return its path.
 
-    body: component that is wanted (default: chosen by the kind of file); epoch: t = 0 in UTC
-    (default: that of the run, else J2000). Raises UsageError, ResultsError, HarnessError if a
-    library is missing.
+    body: component (default: chosen by the kind of file); epoch: t = 0 in UTC (default: from the
+    run, else J2000). Raises UsageError, ResultsError, HarnessError if a library is missing.
     """
     from harness.results.files import WRITERS, read, save
 
@@ -53,12 +53,12 @@ def start_values(
     epoch: str | None = None,
     **changes: Any,
 ) -> Start:
-    """Start values of components from files, for the system with these changes, see
+    """Return start values of components from files, for the system with these changes, see
     harness.master.changes.Changes.
 
-    files: by component, may be none; those of the system's own `[start]` stay under them; epoch:
-    t = 0 in UTC (default: that of the system, else the first instant that all files know). Raises
-    UsageError (no such component, no such file, an epoch outside), and HarnessError if a library is
+    files: by component, may be empty; they override the system's own `[start]`; epoch: t = 0 in UTC
+    (default: from the system, else the first instant that all files cover). Raises UsageError (no
+    such component, no such file, an epoch outside the files), and HarnessError if a library is
     missing.
     """
     own = mission(system.mission) if system.mission else None
@@ -68,11 +68,13 @@ def start_values(
     if {**system.starts, **files}:
         raise UsageError(f"--start: no mission reads start values for {system.name}")
     instant = epoch_of(system.experiment.epoch if epoch is None else epoch)
-    return Start({}, (told(instant),), written(instant))
+    return Start({}, (start_note(instant),), written(instant))
 
 
 def of_system(system: System) -> Start:
-    """Start values and epoch of the `[start]` of a TOML; StructureError with the problem."""
+    """Return start values and epoch of the `[start]` of a TOML; raise StructureError with the
+    problem.
+    """
     try:
         return start_values(system, {})
     except UsageError as error:
@@ -81,7 +83,7 @@ def of_system(system: System) -> Start:
 
 
 def remarks(result: Result) -> Iterator[str]:
-    """What a page says of a result besides the notes of its mission."""
+    """Yield the lines of a page about a result besides the notes of its mission."""
     for each in _offered(of_result(result)):
         if each.remarks is not None:
-            yield from each.remarks(result)
+            yield from several(str, each.remarks, result)

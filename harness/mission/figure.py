@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a figure is: panels of curves over time as data, or a drawing of its own; both say what they
-need.
+"""Figures as data: panels of curves over time, or a drawing function; both declare what
+they need.
 """
 
 from __future__ import annotations
@@ -12,8 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from harness.errors import HarnessError
+from harness.mission.fields import Checked, place_of
+from harness.results.evaluation import fitted
+from harness.results.expressions import parsed
+from harness.results.program import value_of
 from harness.results.result import Array, Result
 
+Source = str | Callable[[Result], Array]
+"""A variable, an expression, or a function of the result. A curve of a function does not follow the
+sliders of a live page.
+"""
 Axes = Any
 """Axes or figure of matplotlib, which is imported only when something is drawn."""
 Colour = Any
@@ -21,24 +30,45 @@ Colour = Any
 AXES = ("x", "y", "z")
 
 
+def variables_of(text: str) -> tuple[str, ...]:
+    """Return the variables of an expression; the text itself if it is not one."""
+    try:
+        names = parsed(text).variables
+    except ValueError:
+        return (text,)
+    return tuple(n for n in names if n != "time" and not n.startswith("parameter "))
+
+
+def values_of(result: Result, source: Source) -> Array:
+    """Return the history of a source, (rows,) or (rows, elements)."""
+    if callable(source):
+        return source(result)
+    if source in result:
+        return result[source]
+    values = np.asarray(value_of(result, source))
+    is_fixed = not fitted(result, source).is_history
+    return np.full((len(result.time), *values.shape), values) if is_fixed else values
+
+
 def unit_of(label: str) -> str:
-    """What a label has in brackets, or nothing."""
+    """Return the text in brackets of a label, or nothing."""
     found = re.search(r"\[(.*?)\]", label)
     return found[1] if found else ""
 
 
 @dataclass(frozen=True)
-class Curve:
+class Curve(Checked):
     """One history of a panel, with one line per element.
 
-    source: a variable, or a function of the result that `needs` these variables; convert: maps the
-    history of the variable to what is drawn; labels: of the elements; style: "": the style of its
-    colour; anew: reuse the colours of the curve before; parameters: parameters of the run that it
-    needs; without them only this curve is left out; jump: a step between two rows above this value
-    breaks the curve, as where Rodrigues parameters change to their shadow.
+    source: a variable, an expression of variables and parameters, or a function of the result that
+    `needs` these variables; convert: maps the history to what is drawn; labels: of the elements;
+    style: "": the style of its colour; anew: reuse the colours of the curve before; parameters:
+    parameters of the run that it needs, without which only this curve is left out; jump: a step
+    between two rows above this value breaks the curve, as where Rodrigues parameters change to
+    their shadow.
     """
 
-    source: str | Callable[[Result], Array]
+    source: Source
     label: str = ""
     convert: Callable[[Array], Array] | None = None
     labels: tuple[str, ...] = AXES
@@ -49,25 +79,31 @@ class Curve:
     jump: float = np.inf
 
     def variables(self) -> tuple[str, ...]:
-        """What the result must hold."""
-        return (self.source,) if isinstance(self.source, str) else self.needs
+        """Return the variables that the result must have."""
+        return variables_of(self.source) if isinstance(self.source, str) else self.needs
 
     def history(self, result: Result) -> Array:
-        """What is drawn: (rows,) or (rows, elements)."""
-        values = result[self.source] if isinstance(self.source, str) else self.source(result)
-        return self.convert(values) if self.convert else values
+        """Return the drawn history, (rows,) or (rows, elements)."""
+        values = values_of(result, self.source)
+        drawn = self.convert(values) if self.convert else values
+        if not isinstance(drawn, np.ndarray) or drawn.shape[:1] != result.time.shape:
+            place = place_of(self.convert or self.source)
+            wanted = f"an array of {len(result.time)} rows"
+            raise HarnessError(f"{place}expected {wanted} for a curve, got {drawn!r:.40}")
+        return drawn
 
     def lines(self, history: Array) -> Iterator[tuple[Array, str]]:
-        """Values (rows,) of every line, and its name."""
+        """Yield values (rows,) and name of every line."""
         if history.ndim == 1:
             yield history, self.label
             return
+        history = history.reshape(len(history), -1)
         for k in range(history.shape[1]):
             element = self.labels[k] if k < len(self.labels) else str(k + 1)
             yield history[:, k], f"{self.label} {element}".strip()
 
     def broken(self, time: Array, history: Array) -> tuple[Array, Array]:
-        """Time and history with a row that is no number in every jump."""
+        """Return time and history with a NaN row in every jump."""
         if np.isinf(self.jump):
             return time, history
         steps = np.abs(np.diff(history.reshape(len(history), -1), axis=0)).max(axis=1, initial=0)
@@ -78,17 +114,17 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Level:
-    """A horizontal line; value: a number, or parameters, of which the first one that the run has
-    gives the height.
+class Level(Checked):
+    """Horizontal line; value: a number, or parameters, of which the first one in the run gives the
+    height.
     """
 
     label: str
     value: float | tuple[str, ...]
 
     def height(self, result: Result) -> float | None:
-        """Height of the line; None if the result does not hold it."""
-        if isinstance(self.value, float):
+        """Return the height of the line; None if the result lacks it."""
+        if not isinstance(self.value, tuple | list):
             return self.value
         held = [name for name in self.value if result.holds(parameters=(name,))]
         return float(result.parameter(held[0])) if held else None
@@ -98,10 +134,10 @@ IDLE = "attitude frozen: acts on nothing"
 
 
 @dataclass(frozen=True)
-class Panel:
-    """One pair of axes over time; after: start of the time axis [s], or a function of the result
-    that returns it; level: a horizontal line; idle_until: shaded up to this time, in which nothing
-    drawn here acts; least: mark the least value.
+class Panel(Checked):
+    """Pair of axes over time; after: start of the time axis [s], or a function of the result that
+    returns it; level: a horizontal line; idle_until: shaded up to this time, because nothing
+    drawn acts earlier; least: mark the least value.
     """
 
     ylabel: str
@@ -113,7 +149,7 @@ class Panel:
     least: bool = False
 
     def minima(self, result: Result) -> Iterator[tuple[float, float]]:
-        """Time [s] and least value of every curve, where that matters."""
+        """Yield time [s] and least value of every curve, if the panel labels them."""
         for curve in self.held(result) if self.least else ():
             values = curve.history(result)[self.rows(result)]
             if values.ndim == 1 and np.isfinite(values).any():
@@ -121,17 +157,17 @@ class Panel:
                 yield float(result.time[self.rows(result)][k]), float(values[k])
 
     def rows(self, result: Result) -> slice:
-        """The rows that are drawn: from the start of the time axis on, else all."""
+        """Return the drawn rows: from the start of the time axis on, else all."""
         start = self.after(result) if callable(self.after) else self.after
         shown = start < result.time[-1]
         return slice(int(np.searchsorted(result.time, start)) if shown else 0, None)
 
     def held(self, result: Result) -> Iterator[Curve]:
-        """The curves whose parameters the result holds."""
+        """Yield the curves whose parameters the result has."""
         return (curve for curve in self.curves if result.holds(parameters=curve.parameters))
 
     def is_silent(self, *results: Result) -> bool:
-        """Whether there is nothing but zeros, or no number at all."""
+        """Return whether all values are zero, or none is a number."""
         return not any(
             np.nan_to_num(curve.history(result)[self.rows(result)]).any()
             for result in results
@@ -139,13 +175,13 @@ class Panel:
         )
 
     def line(self, result: Result) -> tuple[float, str] | None:
-        """Height of the level and its label; None if the result has no value for it."""
+        """Return height and label of the level; None if the result has no value for it."""
         if self.level is None or (height := self.level.height(result)) is None:
             return None
         return height, f"{self.level.label} {height:g} {unit_of(self.ylabel)}".strip()
 
     def idle(self, results: Iterable[Result]) -> tuple[float, float] | None:
-        """Begin and end [s] of the time in which what is drawn acts in none of the runs."""
+        """Return begin and end [s] of the shading, in which nothing drawn acts in any run."""
         if self.idle_until is None:
             return None
         begin, end = min((r.time[0], min(self.idle_until(r), r.time[-1])) for r in results)
@@ -153,10 +189,8 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Figure:
-    """Panels from top to bottom; name: of the file; when: variables by which the result is known to
-    be meant.
-    """
+class Figure(Checked):
+    """Panels from top to bottom; name: of the file; when: variables that must be in the result."""
 
     name: str
     title: str
@@ -164,12 +198,12 @@ class Figure:
     when: tuple[str, ...] = ()
 
     def fits(self, result: Result) -> bool:
-        """Whether the result holds everything that is drawn."""
+        """Return whether the result has everything that is drawn."""
         drawn = (v for panel in self.panels for curve in panel.curves for v in curve.variables())
         return result.holds(*self.when, *drawn)
 
     def is_empty(self, result: Result) -> bool:
-        """Whether nothing changes in a figure that fits."""
+        """Return whether nothing changes in a figure that fits."""
         return not any(
             np.ptp(curve.history(result)[panel.rows(result)], axis=0).any()
             for panel in self.panels
@@ -178,10 +212,10 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """A figure that is no history; draw: into an empty figure of matplotlib, from the result;
-    parameters: of the run that it needs; shows: whether there is anything in it, if that is not
-    certain.
+class Drawing(Checked):
+    """Figure other than a history; draw: fills an empty matplotlib figure from the result;
+    parameters: required parameters of the run; shows: whether the figure of a result would show
+    anything (None: always).
     """
 
     name: str
@@ -193,44 +227,37 @@ class Drawing:
     shows: Callable[[Result], bool] | None = None
 
     def fits(self, result: Result) -> bool:
-        """Whether the result holds everything that is drawn."""
+        """Return whether the result has everything that is drawn."""
         return result.holds(*self.needs, parameters=self.parameters)
 
     def is_empty(self, result: Result) -> bool:
-        """Whether there is nothing to be seen in a figure that fits."""
+        """Return whether nothing is visible in a figure that fits."""
         return self.shows is not None and not self.shows(result)
 
 
 @dataclass(frozen=True)
 class Overlay(Drawing):
-    """A drawing of several runs; draw: into an empty figure, from the runs and their colours by
+    """Drawing of several runs; draw: fills an empty figure from the runs and their colours by
     label.
     """
 
 
 @dataclass(frozen=True)
-class Phase:
-    """A phase plot, a quantity against its rate: title, labels of the axes, what it needs, (rows,)
-    or (rows, n) of both; after: start of what is drawn [s].
+class Phase(Checked):
+    """Phase plot, a quantity against its rate: title, labels of the axes, needs, variable,
+    expression or function that gives (rows,) or (rows, n) of both; after: start of the drawn rows
+    [s].
     """
 
     title: str
     x: str
     y: str
     needs: tuple[str, ...]
-    value: Callable[[Result], Array]
-    rate: Callable[[Result], Array]
+    value: Source
+    rate: Source
     after: Callable[[Result], float] | None = None
 
 
-def scaled(name: str, factor: float = 1.0) -> Callable[[Result], Array]:
-    """The history of a variable times a factor."""
-    return lambda result: np.asarray(factor * result[name])
-
-
-DEGREES = float(np.degrees(1.0))
-
-
 def degrees(x: Array) -> Array:
-    """Radians to degrees."""
+    """Convert radians to degrees."""
     return np.asarray(np.degrees(x))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Missions by name: folders that the user has named, and those of installed packages.
+"""Missions by name: folders that the user named, and missions of installed packages.
 
-Python is taken from nowhere else: what a .ssp, a results file or an FMU says is the name of a
-mission, never a place. A package offers its missions by an entry point of the group
-`harness.missions` that names a package: a mission, or a package of missions.
+Python comes from nowhere else: an .ssp, a results file or an FMU contains the name of a mission,
+never a path. A package offers its missions by an entry point of the group `harness.missions` that
+names a package: a mission, or a package of missions.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+import traceback
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib.machinery import ModuleSpec
@@ -18,7 +19,8 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import NamedTuple
 
-from harness.errors import UsageError
+from harness.errors import HarnessError, UsageError
+from harness.mission.fields import several
 from harness.mission.mission import Mission, together
 from harness.results.result import Result
 from harness.spelling import did_you_mean
@@ -38,13 +40,14 @@ class Place(NamedTuple):
 _named: dict[str, Place] = {}
 """Missions whose folder the user of this process has named."""
 _chosen: list[str] = []
-"""The one that is taken whatever a result remembers."""
+"""Mission that is used regardless of the provenance of a result."""
 
 
 def use(folder: Path, always: bool = False) -> str:
-    """Take the mission of a folder that the user has named into the library; returns its name.
+    """Add the mission of a folder that the user named to the library, and return its name.
 
-    always: for every result, whatever mission it remembers. UsageError if there is no such folder.
+    always: use it for every result, regardless of the mission in the result. Raises UsageError if
+    there is no such folder.
     """
     place = folder.resolve()
     if not place.is_dir():
@@ -60,7 +63,7 @@ def use(folder: Path, always: bool = False) -> str:
 
 @lru_cache(maxsize=1)
 def installed() -> dict[str, Place]:
-    """Missions of installed packages by name."""
+    """Return the missions of installed packages by name."""
     found: dict[str, Place] = {}
     for point in entry_points(group=GROUP):
         for place in _offered(point):
@@ -69,7 +72,7 @@ def installed() -> dict[str, Place]:
 
 
 def _offered(point: EntryPoint) -> Iterator[Place]:
-    """The missions of an entry point; none if its package is not there."""
+    """Yield the missions of an entry point; none if its package is missing."""
     try:
         spec = importlib.util.find_spec(point.value)
     except (ImportError, ValueError):
@@ -83,31 +86,33 @@ def _offered(point: EntryPoint) -> Iterator[Place]:
 
 
 def places() -> dict[str, Place]:
-    """All missions at hand by name; a folder that the user has named wins."""
+    """Return all available missions by name. A folder that the user named has precedence."""
     return {**_named, **{n: p for n, p in installed().items() if n not in _named}}
 
 
 def systems_in(folder: Path) -> dict[str, Path]:
-    """The TOML of every system of a mission by name: that of the folder, with that of the file
-    unless it is system.toml.
+    """Return the TOML of every system of a mission by name: the name of the folder, extended by the
+    name of the file unless it is system.toml.
     """
     found = sorted(folder.glob("*.toml"))
     return {folder.name if p.name == SYSTEM else f"{folder.name}_{p.stem}": p for p in found}
 
 
 def systems() -> dict[str, Path]:
-    """The TOML of every system of the missions at hand."""
+    """Return the TOML of every system of the available missions."""
     return {n: p for place in places().values() for n, p in systems_in(place.folder).items()}
 
 
 def campaigns() -> dict[str, Path]:
-    """All campaigns of the missions at hand by name."""
+    """Return all campaigns of the available missions by name."""
     folders = (place.folder / "campaigns" for place in places().values())
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
 def mission(name: str) -> Mission | None:
-    """The mission of that name, None if it is not at hand; UsageError if its Python fails."""
+    """Return the mission with that name, None if it is not available; raise HarnessError if its
+    Python fails.
+    """
     place = places().get(name)
     return None if place is None else _loaded(place)
 
@@ -118,16 +123,16 @@ def _loaded(place: Place) -> Mission:
         return Mission()
     try:
         module = importlib.import_module(f"{place.package or _package(place.folder)}.mission")
-    except Exception as error:
-        raise UsageError(_failure(place.folder, error)) from error
+    except (Exception, SystemExit) as error:
+        raise HarnessError(_failure(place.folder, error)) from error
     found = getattr(module, "MISSION", None)
     if not isinstance(found, Mission):
-        raise UsageError(f"{place.folder / FILE}: MISSION must be a harness.mission.Mission")
+        raise HarnessError(f"{place.folder / FILE}: MISSION must be a harness.mission.Mission")
     return found
 
 
 def _package(folder: Path) -> str:
-    """Make a folder a package, so that its files import each other; returns its name."""
+    """Make a folder a package, so that its files can import each other, and return its name."""
     name = f"mission_{folder.name}_{abs(hash(folder)):x}"
     if name not in sys.modules:
         spec = ModuleSpec(name, None, is_package=True)
@@ -136,8 +141,19 @@ def _package(folder: Path) -> str:
     return name
 
 
-def _failure(folder: Path, error: Exception) -> str:
-    """What is wrong with the Python of a mission: the line of its own that failed."""
+def failure(error: BaseException) -> str:
+    """Return the line about an error that a function of a mission of the user has raised; "" for
+    errors from other code.
+    """
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    files = [Path(frame.f_code.co_filename) for frame in frames]
+    folders = [place.folder for place in _named.values() if not place.package]
+    found = (folder for folder in folders if any(file.is_relative_to(folder) for file in files))
+    return next((_failure(folder, error) for folder in found), "")
+
+
+def _failure(folder: Path, error: BaseException) -> str:
+    """Return the error in the Python of a mission: the line of its own that failed."""
     line, trace = getattr(error, "lineno", None), error.__traceback__
     file = Path(getattr(error, "filename", None) or folder / FILE)
     while trace is not None:
@@ -150,8 +166,8 @@ def _failure(folder: Path, error: Exception) -> str:
 
 
 def inherit(name: str, own: Mission) -> Mission:
-    """A mission's own figures, measures and so on before those of another one; UsageError if that
-    is not at hand.
+    """Return a mission's own figures, metrics and so on followed by the ones of another mission;
+    raise UsageError if that mission is not available.
     """
     if (other := mission(name)) is None:
         raise UsageError(f"the mission {name} is not available{did_you_mean(name, places())}")
@@ -159,22 +175,22 @@ def inherit(name: str, own: Mission) -> Mission:
 
 
 def of_result(result: Result) -> Mission:
-    """What the mission of a result offers; all that is at hand if it remembers none, nothing if its
-    mission is not at hand (missing() says so).
+    """Return the mission of a result; all available missions together if the result names none, an
+    empty one if its mission is not available (missing() reports it).
     """
     name = remembered(result)
     return (mission(name) or Mission()) if name else everything()
 
 
 def remembered(result: Result) -> str:
-    """Name of the mission of a result, "" if it does not say."""
+    """Return the name of the mission chosen by the user, or else of the result; "" if unknown."""
     if _chosen:
         return _chosen[0]
     return result.provenance.mission if result.provenance else ""
 
 
 def missing(result: Result) -> str:
-    """One line if the mission of a result is not at hand, else ""."""
+    """Return one line if the mission of a result is not available, else ""."""
     name = remembered(result)
     if not name or name in places():
         return ""
@@ -184,14 +200,14 @@ def missing(result: Result) -> str:
 
 
 def notes_of(result: Result) -> list[str]:
-    """What a reader must know of a result and no number in it says, by its mission."""
+    """Return the notes of the mission about a result, which its numbers do not show."""
     if not len(result.time):
         return []
-    return [line for notes in of_result(result).notes for line in notes(result)]
+    return [line for notes in of_result(result).notes for line in several(str, notes, result)]
 
 
 def everything() -> Mission:
-    """All that the missions at hand offer."""
+    """Return the contents of all available missions together."""
     return _together(tuple(places().values()))
 
 

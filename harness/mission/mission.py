@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a mission hands the engine: figures, measures, claims and so on, each as data.
+"""Contents of a mission as data: figures, metrics, claims and so on.
 
-A mission is a folder with `system.toml`, further systems, `campaigns/` and, if it has something to
-add to the general figures, `mission.py` with
+A mission is a folder with `system.toml`, further systems, `campaigns/` and, for contents of its
+own, `mission.py` with
 
-    MISSION = Mission(figures=(...), measures=(...), claims=(...))
+    MISSION = Mission(figures=(...), metrics=(...), claims=(...))
 
 Missions import the engine; the engine knows no mission.
 """
@@ -20,18 +20,26 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from harness.mission.claim import Paper, RuleFinding, Validation
+from harness.errors import HarnessError
+from harness.mission.claim import (
+    BaseMetric,
+    NotANumberError,
+    Paper,
+    RuleFinding,
+    Validation,
+    one_number,
+)
+from harness.mission.fields import Checked, one, place_of
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
-from harness.results.number import Number
 from harness.results.result import Result
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits for all runs of a comparison.
+    """Limits for all runs of a comparison.
 
-    position [m], attitude [deg]: an error has settled when it stays within this band (None: the
-    mission chooses one); keep_out: smallest permitted range [m], 0: no such limit.
+    position [m], attitude [deg]: an error has settled when it stays within this band (None: chosen
+    by the mission); keep_out: smallest permitted range [m], 0: no such limit.
     """
 
     position: float | None = None
@@ -40,11 +48,12 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Measure(Number):
-    """A column of a comparison, whose function takes the limits too; beside: shown in a table of
-    its own, not among the measures of a page; about: what the limits mean for it, the last line of
-    its heading; words: what its values 0, 1, .. stand for; apart: a comparison warns where its
-    values differ by more than this factor.
+class Metric(BaseMetric):
+    """Metric in a column of a comparison, whose function takes the limits too.
+
+    beside: shown in a table of its own, not among the metrics of a page; about: meaning of the
+    limits for it, the last line of its heading; words: names of its values 0, 1, ..; apart: a
+    comparison warns if its values differ by more than this factor.
     """
 
     beside: bool = False
@@ -53,14 +62,22 @@ class Measure(Number):
     apart: float = math.inf
 
     def __call__(self, result: Result, *limits: Limits) -> float:
-        """The value; NaN if the result does not hold what it needs, or there is no such value."""
-        return float(super().__call__(result, *limits)) if not self.lacks(result) else math.nan
+        """Return the value; NaN if the result lacks what it needs, or has no such value.
+
+        Raises HarnessError if the function returns something else than a number.
+        """
+        if self.lacks(result):
+            return math.nan
+        try:
+            return one_number(super().__call__(result, *limits))
+        except NotANumberError as error:
+            raise HarnessError(f"{place_of(self.compute)}metric {self.name} {error}") from error
 
 
 def measured(
-    found: Iterable[Measure], results: Mapping[str, Result], limits: Limits
+    found: Iterable[Metric], results: Mapping[str, Result], limits: Limits
 ) -> dict[tuple[str, str], dict[str, float]]:
-    """Measures of results by (name, unit), then by the label of the run."""
+    """Return the metrics of results by (name, unit), then by the label of the run."""
     return {
         (m.name, m.unit): {label: m(result, limits) for label, result in results.items()}
         for m in found
@@ -68,44 +85,57 @@ def measured(
 
 
 def apart(
-    found: Iterable[Measure], columns: Mapping[tuple[str, str], Mapping[str, float]]
+    found: Iterable[Metric], columns: Mapping[tuple[str, str], Mapping[str, float]]
 ) -> Iterator[str]:
-    """Measures that differ by more than their factor, a line each."""
-    for measure in found:
-        column = columns.get((measure.name, measure.unit), {})
+    """Yield a line per metric whose values differ by more than its factor."""
+    for metric in found:
+        column = columns.get((metric.name, metric.unit), {})
         values = {label: x for label, x in column.items() if math.isfinite(x) and x > 0}
-        if values and max(values.values()) > measure.apart * min(values.values()):
+        if values and max(values.values()) > metric.apart * min(values.values()):
             most, least = (pick(values, key=values.__getitem__) for pick in (max, min))
             yield (
-                f"{measure.name}: {most} {values[most]:.3g} {measure.unit}, {least} "
-                f"{values[least]:.3g} {measure.unit}: more than {measure.apart:g} times apart, not "
+                f"{metric.name}: {most} {values[most]:.3g} {metric.unit}, {least} "
+                f"{values[least]:.3g} {metric.unit}: more than {metric.apart:g} times apart, not "
                 "the same actuators"
             )
 
 
-class Gauge(Number):
-    """A quantity of the last row; its function gives a history, or a text ("": nothing to show)."""
+class WatchedMetric(BaseMetric):
+    """Metric of the last row of a run in progress. Its function returns a history, or a text ("":
+    nothing to show).
+    """
 
     def text(self, result: Result) -> str:
-        """The value, with its name where its one variable defines names for numbers."""
+        """Return the value, or its name if its one variable defines names for numbers."""
         values = self(result)
         if isinstance(values, str):
             return values
-        value = float(np.sum(np.atleast_1d(values)[-1]))
-        if len(self.needs) == 1 and (name := _name(result.description(self.needs[0]), value)):
-            return name
+        try:
+            value = float(np.sum(np.atleast_1d(values)[-1]))
+        except (TypeError, ValueError, IndexError):
+            text = f"expected rows of numbers or a text, got {values!r:.60}"
+            raise HarnessError(f"{place_of(self.compute)}metric {self.name}: {text}") from None
+        if len(self.needs) == 1 and (names := modes(result.description(self.needs[0]))):
+            return names.get(f"{value:g}", f"{value:g}")
         return f"{value:.4g} {self.unit}".rstrip()
 
 
-def _name(description: str, value: float) -> str:
-    """What a number means by a description like `0 coast, 1 align, 2 burn`; "": it does not say."""
-    names = dict(re.findall(r"(?:^|, )(\d+) (\w+)", description))
-    return names.get(f"{value:g}", "") if re.match(r"0 \w", description) else ""
+MODE = r"\d+ [^,;:()]+"
+MODES = re.compile(rf"(?:.*: )?(0 [^,;:()]+, 1 [^,;:()]+(?:, {MODE})*)(?: \(.*\)|; .*)?")
+"""Description of a mode: `0 coast, 1 hold 1, 3 burn`, after a text that ends in a colon, before a
+remark in parentheses or after a semicolon.
+"""
+
+
+def modes(description: str) -> dict[str, str]:
+    """Return the names of modes by number from the description of a variable; {} if it is none."""
+    found = MODES.fullmatch(description)
+    return dict(re.findall(r"(\d+) ([^,]+)", found[1])) if found else {}
 
 
 class Start(NamedTuple):
-    """Values of parameters by name, for `set` of run(); what was assumed, one line each; the UTC of
-    t = 0, for `epoch`.
+    """Start values: parameters by name, for `set` of run(); assumptions, one line each; UTC of t =
+    0, for `epoch`.
     """
 
     values: Mapping[str, Any]
@@ -117,9 +147,9 @@ class Start(NamedTuple):
 class Exchange:
     """Files of other tools.
 
-    writers: by ending, of a result, the path, a component (None: whichever suits) and the UTC of
-    t = 0; start: start values of a system from files (or their text) by component, an epoch or None
-    and changes of run(); remarks: lines of a page about a result, besides the notes.
+    writers: by ending, a function of a result, the path, a component (None: any suitable one) and
+    the UTC of t = 0; start: start values of a system from files (or their text) by component, an
+    epoch or None and changes of run(); remarks: lines of a page about a result, besides the notes.
     """
 
     writers: Mapping[str, Callable[[Result, Path, str | None, str], None]] = field(
@@ -130,9 +160,8 @@ class Exchange:
 
 
 class Example(NamedTuple):
-    """A source that flies in the place of a component: where, the inputs that it needs, the outputs
-    that it has, its file without ending in the folder of examples, and what whoever changes it must
-    know.
+    """Source that can replace a component: the component, the inputs that it needs, its outputs,
+    its file without ending in the folder of examples, and a note for users who change it.
     """
 
     place: str
@@ -143,8 +172,8 @@ class Example(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A replay in space, of results that hold these variables and parameters; build: from the
-    result and the arrays of the page; several: the same of several runs by label.
+    """Replay in space for results with these variables and parameters; build: from the result and
+    the arrays of the page; several: the same for several runs by label.
     """
 
     needs: tuple[str, ...]
@@ -154,41 +183,41 @@ class Scene(NamedTuple):
 
 
 class Plan(Protocol):
-    """What a planner answers before anything is run; histories: by label, for figures."""
+    """Answer of a planner before a run; histories: by label, for figures."""
 
     @property
     def histories(self) -> Mapping[str, Result]:
-        """What was planned, and what it is compared with."""
+        """Return the planned histories and the histories for comparison."""
 
     @property
     def good(self) -> bool:
-        """Whether the plan can be carried out."""
+        """Return whether the plan is feasible."""
 
     def text(self) -> str:
-        """The plan for reading."""
+        """Return the plan as text."""
 
 
 @dataclass(frozen=True)
-class Mission:
-    """The figures, measures, claims and other parts of one mission.
+class Mission(Checked):
+    """Figures, metrics, claims and other parts of one mission.
 
-    figures, overlays (of several runs), phases (quantity against rate), measures (columns of a
-    comparison), claims (papers with verdicts), gauges (shown while a run goes on), scene (replays),
-    rules (safety rules of a result), notes (what a reader must know of a result), plans: what
-    `harness plan` answers, from a system and the changes of run(); bands: the limits that runs are
-    held against where the user names none, definitions: lines below the table that explain its
-    columns; idle: variables with the value from which on nothing is in force; validations: numbers
-    by others that the mission answers; exchange: files of other tools that it reads and writes;
-    restarts: a parameter that holds a state, another one, and its value by which the state counts;
-    examples: sources of what may take the place of a component.
+    figures; overlays (of several runs); phases (quantity against rate); metrics (columns of a
+    comparison); claims (papers with verdicts); watched (metrics shown during a run); scene
+    (replays); rules (safety rules of a result); notes (facts about a result that its numbers do not
+    show); plans: answer of `harness plan` for a system and the changes of run(); bands: default
+    limits of a comparison; definitions: lines below the table that explain its columns; idle:
+    variables with the value from which on nothing is in force; validations: cases with published
+    reference values; exchange: files of other tools; restarts: a parameter that contains a state,
+    another parameter, and its value that enables the state; examples: sources that can replace a
+    component.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()
     overlays: tuple[Figure | Overlay, ...] = ()
     phases: tuple[Phase, ...] = ()
-    measures: tuple[Measure, ...] = ()
+    metrics: tuple[Metric, ...] = ()
     claims: tuple[Paper, ...] = ()
-    gauges: tuple[Gauge, ...] = ()
+    watched: tuple[WatchedMetric, ...] = ()
     scene: tuple[Scene, ...] = ()
     rules: tuple[Callable[[Result], Iterator[RuleFinding]], ...] = ()
     notes: tuple[Callable[[Result], Iterator[str]], ...] = ()
@@ -202,14 +231,14 @@ class Mission:
     examples: tuple[Example, ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:
-        """The limits with the bands that these results suggest."""
+        """Return the limits, completed by the bands that these results suggest."""
         for band in self.bands:
-            given = band(given, results)
+            given = one(Limits, band, given, results)
         return given
 
 
 def together(missions: Iterable[Mission]) -> Mission:
-    """All that several missions offer, what they share once."""
+    """Return the contents of several missions together, shared entries once."""
     found = list(missions)
     offered: dict[str, Any] = {
         f.name: tuple(dict.fromkeys(x for m in found for x in getattr(m, f.name)))

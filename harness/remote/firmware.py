@@ -1,23 +1,100 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Firmware for a processor from the sources inside FMUs, with the board's end of the protocol."""
+"""Firmware for a processor from the sources inside FMUs, with the board's end of the protocol; the
+processors, from processors.toml, and a check for their tools.
+"""
 
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
+import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import fmpy
 
 from harness.errors import FmuError, UsageError
-from harness.files.archive import parsed, read_entry, unpack
 from harness.files.paths import link_sources
-from harness.remote.targets import SPECS, Target
-from harness.system.interface import Interface, read_interface
+from harness.spelling import did_you_mean, first_error
+from harness.system.interface import Interface, read_interface, unpacked_sources
+
+# ---- processors
+
+
+SPECS = "picolibc.specs"
+"""Of the C library, with start-up code and linker script."""
+
+
+class Processor(NamedTuple):
+    """Processor; processors.toml explains its entries."""
+
+    name: str
+    text: str
+    tools: str
+    flags: tuple[str, ...]
+    flash: tuple[int, int]
+    ram: tuple[int, int]
+    emulator: tuple[str, ...]
+    packages: str
+    clock: float
+
+    @property
+    def compiler(self) -> str:
+        """Return the name of its gcc."""
+        return f"{self.tools}gcc"
+
+
+def _processor(name: str, entries: dict[str, Any]) -> Processor:
+    words = {key: tuple(entries[key].split()) for key in ("flags", "emulator")}
+    places = {key: tuple(entries[key]) for key in ("flash", "ram")}
+    return Processor(name, **{**entries, **words, **places})
+
+
+_FILE = Path(__file__).with_name("processors.toml").read_text(encoding="utf-8")
+
+PROCESSORS = {name: _processor(name, entries) for name, entries in tomllib.loads(_FILE).items()}
+
+
+def find_processor(name: str) -> Processor:
+    """Return the processor with that name if its tools are installed; raise UsageError with what is
+    missing.
+    """
+    if name not in PROCESSORS:
+        near, known = did_you_mean(name, PROCESSORS), ", ".join(PROCESSORS)
+        raise UsageError(f"{name}: there is no such processor{near}; {known}")
+    if lacking := missing(PROCESSORS[name]):
+        raise UsageError(lacking)
+    return PROCESSORS[name]
+
+
+def missing(processor: Processor) -> str:
+    """Return the tools that a machine lacks for a processor, as one line; "" if it lacks none."""
+    tools = (processor.compiler, f"{processor.tools}objcopy", processor.emulator[0])
+    lacking = [tool for tool in tools if shutil.which(tool) is None]
+    if processor.compiler not in lacking and not _has_library(processor):
+        lacking.append(f"picolibc of {processor.compiler}")
+    if not lacking:
+        return ""
+    get = f"make pil, or apt-get install {processor.packages}"
+    return f"{processor.name} needs {' and '.join(lacking)}: {get}"
+
+
+@cache
+def _has_library(processor: Processor) -> bool:
+    """Return whether gcc finds the specs of the library. Without them it prints their name
+    unchanged.
+    """
+    command = [processor.compiler, f"-print-file-name={SPECS}"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    return found != SPECS
+
+
+# ---- firmware
+
 
 FLAGS = (
     *("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-common"),
@@ -25,7 +102,7 @@ FLAGS = (
     "-DLONGEST_CALL=64",
 )
 """As for every other machine (the same bits), only what is used goes into the image, and what an
-instance keeps of a master's calls is small: 2 kB instead of 20.
+instance stores of a master's calls is small: 2 kB instead of 20.
 """
 
 LIBRARY = f"--specs={SPECS}"
@@ -62,47 +139,53 @@ KINDS = {
 
 @cache
 def software() -> dict[str, str]:
-    """The functions of FMI 2.0 behind the members of struct Software (board.h), in their order."""
+    """Return the functions of FMI 2.0 for the members of struct Software (board.h), in order."""
     header = (link_sources() / "board.h").read_text(encoding="utf-8")
     return {member: name for name, member in re.findall(r"(fmi2\w+)TYPE \*(\w+);", header)}
 
 
 def functions(interface: Interface) -> dict[str, str]:
-    """The functions of an FMU that a board calls, by the member of struct Software."""
+    """Return the functions of an FMU that a board calls, by the member of struct Software."""
     model = interface.model.coSimulation
     saves = model.canGetAndSetFMUstate and model.canSerializeFMUstate
     return {m: name for m, name in software().items() if saves or "FMUstate" not in name}
 
 
-def build(parts: Sequence[Part], target: Target) -> bytes:
-    """The firmware of these components as an ELF file.
+def build(parts: Sequence[Part], processor: Processor) -> bytes:
+    """Return the firmware of these components as an ELF file.
 
     Raises FmuError (no sources, or they do not compile for this processor).
     """
     with TemporaryDirectory(prefix="harness-firmware-") as place:
-        return _linked(parts, target, Path(place)).read_bytes()
+        return _linked(parts, processor, Path(place)).read_bytes()
 
 
-def sizes(fmu: Path, target: Target) -> Sizes:
-    """What an FMU takes in the firmware, without the board's end of the protocol; raises what
-    build() raises.
+def sizes(fmu: Path, processor: Processor) -> Sizes:
+    """Return the size of an FMU in the firmware, without the board's end of the protocol; raise the
+    errors of build().
     """
     with TemporaryDirectory(prefix="harness-firmware-") as place:
-        linked = _linked([Part("component", fmu)], target, Path(place))
+        linked = _linked([Part("component", fmu)], processor, Path(place))
         return _sizes(linked.with_suffix(".map").read_text(encoding="utf-8"))
 
 
-def _linked(parts: Sequence[Part], target: Target, folder: Path) -> Path:
-    """Path of firmware.elf in the folder, beside the map of the linker."""
-    objects = [_component(i, part, target, folder) for i, part in enumerate(parts)]
-    (folder / "components.c").write_text(_table(parts, target), encoding="utf-8")
+def _linked(parts: Sequence[Part], processor: Processor, folder: Path) -> Path:
+    """Return the path of firmware.elf in the folder, beside the map of the linker."""
+    objects = [_component(i, part, processor, folder) for i, part in enumerate(parts)]
+    (folder / "components.c").write_text(_table(parts, processor), encoding="utf-8")
     board = [*(link_sources() / name for name in BOARD), folder / "components.c"]
     elf = folder / "firmware.elf"
     include = [f"-I{link_sources()}", HEADERS]
-    link = [LIBRARY, *_memory(target), "--oslib=semihost", "--crt0=semihost", "-Wl,--gc-sections"]
+    link = [
+        LIBRARY,
+        *_memory(processor),
+        "--oslib=semihost",
+        "--crt0=semihost",
+        "-Wl,--gc-sections",
+    ]
     out = [f"-Wl,-Map={elf.with_suffix('.map')}", "-lm", "-o", elf]
-    command = [*_compiler(target), *include, *board, *objects, *link, *out]
-    _run(command, f"the firmware for {target.name} cannot be linked")
+    command = [*_compiler(processor), *include, *board, *objects, *link, *out]
+    _run(command, f"the firmware for {processor.name} cannot be linked")
     return elf
 
 
@@ -111,7 +194,9 @@ _PLACED = re.compile(r"^ (\.\S+)\n? +0x[0-9a-f]+\s+(0x[0-9a-f]+) (\S+)$", re.MUL
 
 
 def _sizes(text: str) -> Sizes:
-    """Sums over the sections of the FMU, and of the libraries that the firmware needs, by kind."""
+    """Return the sums over the sections of the FMU, and of the libraries that the firmware needs,
+    by kind.
+    """
     placed = text[text.index("Linker script and memory map") :]
     found = dict.fromkeys(Sizes._fields, 0)
     for section, size, file in _PLACED.findall(placed):
@@ -123,68 +208,60 @@ def _sizes(text: str) -> Sizes:
     return Sizes(**found)
 
 
-def _compiler(target: Target) -> list[str]:
-    return [target.compiler, *FLAGS, *target.flags]
+def _compiler(processor: Processor) -> list[str]:
+    return [processor.compiler, *FLAGS, *processor.flags]
 
 
-def _memory(target: Target) -> Iterator[str]:
-    """The symbols that picolibc's linker script asks for."""
-    for kind, (start, size) in (("flash", target.flash), ("ram", target.ram)):
+def _memory(processor: Processor) -> Iterator[str]:
+    """Yield the symbols that picolibc's linker script requires."""
+    for kind, (start, size) in (("flash", processor.flash), ("ram", processor.ram)):
         yield f"-Wl,--defsym=__{kind}={start:#x}"
         yield f"-Wl,--defsym=__{kind}_size={size:#x}"
 
 
-def _component(number: int, part: Part, target: Target, folder: Path) -> Path:
-    """One object of all sources of an FMU, of which only its FMI functions can be seen, under
-    names of their own.
+def _component(number: int, part: Part, processor: Processor, folder: Path) -> Path:
+    """Return one object of all sources of an FMU, which exports only its FMI functions, under
+    unique names.
     """
     interface = read_interface(part.fmu)
     if interface.fmi != 2:
         raise FmuError(f"{part.name}: {part.fmu.name} is of FMI 3.0, a board speaks FMI 2.0")
     place = folder / f"component{number}"
-    unpack(part.fmu, place)
-    sources = _sources(part.fmu, place / "sources")
+    sources = unpacked_sources(part.fmu, place)
+    if not sources:
+        raise FmuError(
+            f"{part.fmu.name} contains no source code, which is required to build firmware"
+        )
     seen = functions(interface).values()
     whole, names = place.with_suffix(".o"), place.with_suffix(".names")
     include = [f"-I{place / 'sources'}", HEADERS]
-    why = f"{part.fmu.name} does not compile for {target.name}"
-    compile_c = [*_compiler(target), LIBRARY, *include, "-c"]
+    why = f"{part.fmu.name} does not compile for {processor.name}"
+    compile_c = [*_compiler(processor), LIBRARY, *include, "-c"]
     objects = [place / f"{i}.o" for i in range(len(sources))]
     for source, made in zip(sources, objects, strict=True):
         _run([*compile_c, source, "-o", made], why)
-    _run([*_compiler(target), "-r", "-nostdlib", *objects, "-o", whole], why)
+    _run([*_compiler(processor), "-r", "-nostdlib", *objects, "-o", whole], why)
     names.write_text("".join(f"{n}\n" for n in seen), encoding="utf-8")
-    objcopy = f"{target.tools}objcopy"
+    objcopy = f"{processor.tools}objcopy"
     _run([objcopy, f"--keep-global-symbols={names}", whole], why)
     names.write_text("".join(f"{n} c{number}_{n}\n" for n in seen), encoding="utf-8")
     _run([objcopy, f"--redefine-syms={names}", whole], why)
     return whole
 
 
-def _sources(fmu: Path, folder: Path) -> list[Path]:
-    root = parsed(read_entry(fmu, "modelDescription.xml"))
-    names = [file.get("name") for file in root.findall("CoSimulation/SourceFiles/File")]
-    if not names or not folder.is_dir():
-        raise FmuError(f"{fmu.name} holds no sources, and firmware is built from nothing else")
-    return [folder / name for name in names]
-
-
 def _run(command: Sequence[object], why: str) -> None:
-    """A compiler that says in one line what it does not like; FmuError."""
+    """Run a compiler; raise FmuError with its first error line."""
     try:
         done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     except OSError as error:
         raise UsageError(f"{command[0]} cannot be run ({error.strerror})") from error
     if done.returncode:
-        said = done.stderr.splitlines() or ["the compiler gives no reason"]
-        first = next((line for line in said if "error" in line or "undefined" in line), said[0])
-        complaint = re.sub(r"^\S*/", "", first).strip()  # without the folder it was found in
-        raise FmuError(f"{why}: {complaint}")
+        raise FmuError(f"{why}: {first_error(done.stderr)}")
 
 
-def _table(parts: Sequence[Part], target: Target) -> str:
-    """components.c: what board.h calls the software of a board."""
-    lines = ['#include "board.h"', "const char target_name[] = " + _quoted(target.name) + ";"]
+def _table(parts: Sequence[Part], processor: Processor) -> str:
+    """Return components.c, the table of the software of a board for board.h."""
+    lines = ['#include "board.h"', "const char target_name[] = " + _quoted(processor.name) + ";"]
     rows = []
     for i, part in enumerate(parts):
         interface = read_interface(part.fmu)

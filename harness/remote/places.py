@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a component runs: what stands behind the equals sign of `--on component=...`.
+"""Places at which a component runs: the text after the equals sign of `--on component=...`.
 
     cortex-m7                          an emulated processor of its own
-    cortex-m7:obc                      one that it shares with all that name `obc`
+    cortex-m7:obc                      a processor shared by all components that name `obc`
     tcp://host:port, unix:///path      a board that listens there
     serial:///dev/ttyACM0?baud=921600  a board on a serial line
 
-with options behind a question mark: timeout, retries, deadline, late, slot. An FMU stands for it in
-the system: the description of the component, the library of the link, and what the link has to
-know.
+Options follow a question mark: timeout, retries, deadline, late, slot. An FMU represents the
+component in the system: the description of the component, the library of the link, and the settings
+of the link.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ from harness.errors import UsageError
 from harness.files import cache
 from harness.files.archive import pack, parsed, read_entry
 from harness.files.paths import built, link_sources
-from harness.remote.firmware import Part, build
-from harness.remote.targets import TARGETS, Target, find_target
+from harness.remote.firmware import PROCESSORS, Part, Processor, build, find_processor
 from harness.spelling import did_you_mean, is_number
 from harness.system.model import System
 
@@ -57,43 +56,45 @@ OPTIONS = {
 
 
 class Place(NamedTuple):
-    """target: of an emulator, else ""; group: that share it; settings: for the link."""
+    """Place of a component; processor: name of an emulated processor, else ""; group: name of a
+    shared processor; settings: for the link.
+    """
 
-    target: str
+    processor: str
     group: str
     settings: Mapping[str, str]
 
 
 def read_place(component: str, text: str) -> Place:
-    """A place as the user writes it; UsageError."""
+    """Return a place from the text of the user; raise UsageError."""
     name, _, query = text.partition("?")
-    said = f"--on {component}={text}"
-    settings = _options(said, query)
+    written = f"--on {component}={text}"
+    settings = _options(written, query)
     if "://" in name:
-        return Place("", "", {**_address(said, name), **settings})
-    target, _, group = name.partition(":")
-    if target not in TARGETS:
-        near = did_you_mean(target, TARGETS)
-        known = f"{', '.join(TARGETS)}, tcp://HOST:PORT, unix:///PATH or serial:///DEVICE"
-        raise UsageError(f"{said}: there is no such processor{near}; {known}")
+        return Place("", "", {**_address(written, name), **settings})
+    processor, _, group = name.partition(":")
+    if processor not in PROCESSORS:
+        near = did_you_mean(processor, PROCESSORS)
+        known = f"{', '.join(PROCESSORS)}, tcp://HOST:PORT, unix:///PATH or serial:///DEVICE"
+        raise UsageError(f"{written}: there is no such processor{near}; {known}")
     if group and settings.get("late") == "hold":
-        raise UsageError(f"{said}: late=hold needs a processor of its own")
-    return Place(target, group, settings)
+        raise UsageError(f"{written}: late=hold does not apply to a group; omit `:{group}`")
+    return Place(processor, group, settings)
 
 
-def _options(said: str, query: str) -> dict[str, str]:
+def _options(written: str, query: str) -> dict[str, str]:
     given = dict(parse_qsl(query, keep_blank_values=True))
     for name, value in given.items():
         if name not in OPTIONS:
-            raise UsageError(f"{said}: there is no option {name}{did_you_mean(name, OPTIONS)}")
+            raise UsageError(f"{written}: there is no option {name}{did_you_mean(name, OPTIONS)}")
         expected, fits = OPTIONS[name]
         if not fits(value):
-            raise UsageError(f"{said}: {name} expects {expected}, got {value}")
+            raise UsageError(f"{written}: {name} expects {expected}, got {value}")
     return given
 
 
-def _address(said: str, name: str) -> dict[str, str]:
-    """Settings of an address as it was typed: urlsplit() drops line breaks in silence."""
+def _address(written: str, name: str) -> dict[str, str]:
+    """Return the settings of an address as typed, because urlsplit() drops line breaks silently."""
     with suppress(ValueError):  # of a port or a host that is none
         if not name.isprintable():
             raise ValueError(name)
@@ -102,30 +103,32 @@ def _address(said: str, name: str) -> dict[str, str]:
             return {"via": "tcp", "host": url.hostname, "port": str(url.port)}
         if url.scheme in ("unix", "serial") and url.path.strip("/") and not url.netloc:
             return {"via": url.scheme, "path": url.path}
-    raise UsageError(f"{said}: expected tcp://HOST:PORT, unix:///PATH or serial:///DEVICE")
+    raise UsageError(f"{written}: expected tcp://HOST:PORT, unix:///PATH or serial:///DEVICE")
 
 
 def move(system: System, places: Mapping[str, Place]) -> System:
-    """The system with link FMUs in place of these components; their parameters and wires stay.
+    """Return the system with link FMUs for these components; their parameters and connections stay.
 
-    Raises UsageError (tools that are missing), FmuError (an FMU that does not build there).
+    Raises UsageError (missing tools), FmuError (an FMU that does not build for the processor).
     """
     fmus = {c.name: c.fmu for c in system.components}
-    moved = {n: stand_in(fmus[n], p.settings) for n, p in places.items() if not p.target}
-    for (target, group), names in _processors(places).items():
+    moved = {n: substitute(fmus[n], p.settings) for n, p in places.items() if not p.processor}
+    for (processor, group), names in _processors(places).items():
         parts = [Part(name, fmus[name]) for name in names]
         word, settings = group if len(parts) > 1 else "", places[names[0]].settings
-        moved |= zip(names, on_processor(parts, find_target(target), word, settings), strict=True)
+        moved |= zip(
+            names, on_processor(parts, find_processor(processor), word, settings), strict=True
+        )
     components = tuple(replace(c, fmu=moved.get(c.name, c.fmu)) for c in system.components)
     return replace(system, components=components)
 
 
 def _processors(places: Mapping[str, Place]) -> dict[tuple[str, str], list[str]]:
-    """Components by the processor that they run on; without a group each has its own."""
+    """Return components by the processor on which they run; without a group each has its own."""
     found: dict[tuple[str, str], list[str]] = {}
     for name, place in places.items():
-        if place.target:
-            found.setdefault((place.target, place.group or f" {name}"), []).append(name)
+        if place.processor:
+            found.setdefault((place.processor, place.group or f" {name}"), []).append(name)
     return found
 
 
@@ -138,37 +141,44 @@ PIPES = "enable=on,target=native,arg=%/to_board,arg=%/from_board"
 QUIET = ("-display", "none", "-monitor", "none", "-serial", "none")
 
 
-def stand_in(fmu: Path, settings: Mapping[str, str]) -> Path:
-    """The link FMU for a component that is reached as the settings say."""
+def substitute(fmu: Path, settings: Mapping[str, str]) -> Path:
+    """Return the link FMU for a component at the address in the settings."""
     return _made(fmu, list(settings.items()), b"")
 
 
 def on_processor(
-    parts: Sequence[Part], target: Target, group: str, settings: Mapping[str, str]
+    parts: Sequence[Part], processor: Processor, group: str, settings: Mapping[str, str]
 ) -> list[Path]:
-    """The link FMUs for components that share one emulated processor, in their order.
+    """Return the link FMUs for components that share one emulated processor, in order.
 
     group: "" for a component alone, else a name that the links of one processor share.
     """
-    firmware = _firmware(parts, target)
+    firmware = _firmware(parts, processor)
     word = hashlib.sha256(firmware + group.encode()).hexdigest()[:16] if group else ""
-    emulator = (*target.emulator, *QUIET, "-semihosting-config", PIPES, "-kernel", "@/firmware.elf")
+    emulator = (
+        *processor.emulator,
+        *QUIET,
+        "-semihosting-config",
+        PIPES,
+        "-kernel",
+        "@/firmware.elf",
+    )
     made = []
     for slot, part in enumerate(parts):
-        lines = [("via", "emulator"), ("target", target.name), ("slot", str(slot))]
+        lines = [("via", "emulator"), ("target", processor.name), ("slot", str(slot))]
         lines += [("group", word), *settings.items(), *(("argument", a) for a in emulator)]
         made.append(_made(part.fmu, lines, firmware))
     return made
 
 
-def _firmware(parts: Sequence[Part], target: Target) -> bytes:
-    """Built, or kept from an earlier run with the same sources and the same tools."""
+def _firmware(parts: Sequence[Part], processor: Processor) -> bytes:
+    """Return the firmware, built or from the cache for the same sources and tools."""
     tools = b"".join(file.read_bytes() for file in sorted(link_sources().glob("*.[ch]")))
     contents = [f"{part.name}\0".encode() + part.fmu.read_bytes() for part in parts]
-    key = b"\0".join([repr(target).encode(), tools, *contents])
+    key = b"\0".join([repr(processor).encode(), tools, *contents])
 
     def make(path: Path) -> None:
-        path.write_bytes(build(parts, target))
+        path.write_bytes(build(parts, processor))
 
     return cache.made("firmware.elf", key, make).read_bytes()
 
@@ -195,8 +205,8 @@ def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
 
 
 def describe(root: etree._Element) -> bytes:
-    """The description of a component, for the FMU that stands for it: the same variables, without
-    sources and without what a link cannot do.
+    """Return the description of the representing FMU: the same variables, without sources and
+    without capabilities that a link lacks.
     """
     model = root.find("CoSimulation")
     for files in model.findall("SourceFiles"):

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The page of a campaign: success, metrics, the factors that matter, bands over time, and the runs
-that are worth a look.
+"""Page of a campaign: success, metrics, the most important factors, bands over time, and the worst
+and failed runs. The page of a study has further plots: effects as a tornado diagram, the search and
+its thirty worst runs, the probability against the limit.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,23 +16,28 @@ import numpy as np
 from harness.errors import ResultsError
 from harness.figures import campaign as figures
 from harness.figures.style import Style
-from harness.report import comparison, study
+from harness.report import comparison
 from harness.report.arrays import Arrays, Canvas
-from harness.report.plots import PAGE, Shown, painted
+from harness.report.plots import PAGE, Plot, Shown, diagram, painted
 from harness.report.template import render
-from harness.results.result import Array
+from harness.results.files import read
+from harness.results.result import Array, Result
+from harness.studies.analyses.study import SHOWN, Study
+from harness.studies.analyses.worst import confirmed
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
 from harness.system.units import with_unit
 
 POINTS = 3000
-"""Points of an edge of a band, and runs that a plot shows as dots, at most."""
+"""Limit of the points of an edge of a band, and of the runs that a plot shows as dots."""
 STATES = {"complete": COMPLETE, "failed": FAILED, "pending": PENDING}
 
 
 def of_dataset(path: Path) -> str:
-    """The page of the Zarr dataset of a campaign as text; ResultsError if it is none."""
+    """Return the page of the Zarr dataset of a campaign as text; raise ResultsError if the dataset
+    cannot be read.
+    """
     store = Store.open(path)
     try:
         return _page(store, path)
@@ -39,31 +46,32 @@ def of_dataset(path: Path) -> str:
 
 
 def _page(store: Store, path: Path) -> str:
-    canvas, flown = Canvas(Arrays(), POINTS), study.flights(store, path)
-    beside = comparison.canvas_of(flown, canvas.arrays)
-    compared = comparison.figures(beside, flown, "beside") if flown else ()
+    canvas, confirmed = Canvas(Arrays(), POINTS), confirmed_runs(store, path)
+    beside = comparison.canvas_of(confirmed, canvas.arrays)
+    compared = comparison.figures(beside, confirmed, "beside") if confirmed else ()
     return render(
         "campaign.html",
         canvas,
-        comparison.side_by_side(flown, canvas.arrays, [*_figures(canvas, store), *compared]),
+        comparison.side_by_side(confirmed, canvas.arrays, [*_figures(canvas, store), *compared]),
         name=path.name,
         system=store.system,
         command=f"harness run {store.system} --like {path}#",
-        flown=list(flown),
-        study=study.text(store, path),
-        **_told(store),
+        confirmed=list(confirmed),
+        study=study_text(store, path),
+        **_texts(store),
     )
 
 
-def _told(store: Store) -> dict[str, Any]:
-    """What the page says in words and tables."""
+def _texts(store: Store) -> dict[str, Any]:
+    """Return texts and tables for the template."""
     status, (metrics, factors) = store.array("status"), _shown(store)
     return {
         "count": {state: int((status == value).sum()) for state, value in STATES.items()},
         "success": summary.success(store),
         "shares": summary.requirements(store),
         "expected": list(summary.expectations(store)),
-        "metrics": {name: _numbers(values) for name, values in metrics.items()},
+        "metrics": {name: _statistics(values) for name, values in metrics.items()},
+        "lacking": list(summary.lacking(store)),
         "chance": [summary.left_out(name, factors, x) for name, x in metrics.items()],
         "failures": summary.failures(store),
         "definition": store.definition()[0],
@@ -72,35 +80,35 @@ def _told(store: Store) -> dict[str, Any]:
 
 
 def _worst(store: Store) -> dict[str, Any]:
-    """The metric of which the worst runs are told, and its value in them."""
+    """Return the metric by which the worst runs are chosen, and its value in these runs."""
     metrics = _finite(store)
     worst, runs = summary.worst(store, metrics) if metrics else ("", [])
     return {"worst": worst, "worst_runs": {run: metrics[worst][run] for run in runs}}
 
 
 def _finite(store: Store) -> dict[str, Array]:
-    """Metrics that are a number in some run."""
+    """Return the metrics that are finite in at least one run."""
     return {n: x for n, x in summary.metric_columns(store).items() if np.isfinite(x).any()}
 
 
-def _numbers(values: Array) -> list[float]:
-    """Mean, spread, least, percentiles and most."""
+def _statistics(values: Array) -> list[float]:
+    """Return mean, standard deviation, minimum, percentiles and maximum."""
     finite = values[np.isfinite(values)]
     middle = np.percentile(finite, summary.PERCENTILES)
     return [finite.mean(), finite.std(), finite.min(), *middle, finite.max()]
 
 
 def _figures(canvas: Canvas, store: Store) -> Iterator[Shown]:
-    """What the sections show."""
-    yield "study", "study", "", list(study.plots(canvas, store))
+    """Yield the figures of all sections."""
+    yield "study", "study", "", list(study_plots(canvas, store))
     with PAGE.used():
         for section, _, drawing in drawings(store, PAGE):
             yield section, section, "", painted(canvas, drawing)
 
 
 def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
-    """Section of the page, name of the file and figure of matplotlib of all that there is to see:
-    metrics, each of them against the factors that matter or over a grid of two, bands over time.
+    """Yield section of the page, name of the file and figure of matplotlib: histograms of the
+    metrics, each metric against the most important factors or over a grid of two, bands over time.
     """
     metrics, factors = _shown(store)
     if metrics:
@@ -110,8 +118,8 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
         if summary.is_grid(factors):
             yield "factors", f"map_{plain}", figures.chart(name, values, factors, style)
         elif ranked := summary.ranked(factors, values):
-            told = {f: (x, summary.rank_correlation(x, values)) for f, x in ranked.items()}
-            yield "factors", plain, figures.scatter(name, values, told, style)
+            shown = {f: (x, summary.rank_correlation(x, values)) for f, x in ranked.items()}
+            yield "factors", plain, figures.scatter(name, values, shown, style)
     yield from _bands(store, style)
 
 
@@ -126,8 +134,106 @@ def _bands(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
 
 
 def _shown(store: Store) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Metrics that are a number in some run, and factors that vary, by name and unit."""
+    """Return the metrics that are finite in at least one run, and the factors that vary, by name
+    and unit.
+    """
     units = store.units()
     both = (_finite(store), summary.varying_factors(store))
     found = ({with_unit(name, units): x for name, x in each.items()} for each in both)
     return next(found), next(found)
+
+
+# ---- plots of a study
+
+
+WORST = 30
+"""Runs that the plot of standard normal coordinates shows."""
+DECADES = 1e-12
+"""Lowest probability of a diagram."""
+
+
+def study_text(store: Store, path: Path) -> str:
+    """Return the summary of a study, "" of a plain campaign; path: of the dataset in commands."""
+    return "" if _estimate(store) is None else Study(path, store).summary()
+
+
+def study_plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
+    """Yield the plots of a study."""
+    if (estimate := _estimate(store)) is None:
+        return
+    names = [str(n) for n in store.array("requirement")]
+    for name, found in estimate["of"].items():
+        if "value" in found:
+            yield _tornado(canvas, name, found, estimate["factors"])
+        if "run" in found:
+            k = names.index(name)
+            yield _convergence(canvas, name, store, k, found)
+            yield _parallel(canvas, name, store, k)
+        if found.get("levels"):
+            yield _levels(canvas, name, found["levels"])
+
+
+def confirmed_runs(store: Store, path: Path) -> dict[str, Result]:
+    """Return the nominal run and the worst runs of a search by label, if their files exist."""
+    if store.group.attrs.get("kind") != "worst" or (estimate := _estimate(store)) is None:
+        return {}
+    return {label: read(file) for label, file in confirmed(path, estimate["of"]).items()}
+
+
+def _estimate(store: Store) -> Any:
+    given = store.group.attrs.get("estimate")
+    return None if given is None else json.loads(given)
+
+
+def _line(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
+    return canvas.line(x, y, **{"name": "", "colour": 0, "dash": "solid", **look})
+
+
+def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
+    """Return the effects as bars, the largest on top, with their intervals as lines."""
+    order = np.argsort(found["value"])[-SHOWN:]
+    curves = []
+    for place, k in enumerate(order):
+        bar = [0, found["value"][k], found["value"][k], 0, 0]
+        edge = np.array([-0.4, -0.4, 0.4, 0.4, -0.4]) + place
+        curves.append(_line(canvas, bar, edge, name=factors[k], fill=True, colour=place))
+        if "low" in found:
+            ends = [found["low"][k], found["high"][k]]
+            curves.append(_line(canvas, ends, [float(place)] * 2, colour=place, dash="dash"))
+    return diagram(f"{name}: importance of the factors", "effect", "factor", curves)
+
+
+def _convergence(canvas: Canvas, name: str, store: Store, column: int, found: Any) -> Plot:
+    """Return the margins of all runs of a search, and the worst margin so far."""
+    label = f"margin of {name} [{store.array('margin_units')[column] or '1'}]"
+    last = found["run"] - found["place"] + found["runs"]
+    y = store.array("margin")[:, column][last - found["runs"] : last]
+    y = np.where(np.isfinite(y), y, np.nan)
+    run = np.arange(1, len(y) + 1)
+    curves = [
+        _line(canvas, run, y, name="runs", marker="dot"),
+        _line(canvas, run, np.fmin.accumulate(y), name="worst so far", colour=1),
+    ]
+    return diagram(label, "run", label, curves)
+
+
+def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
+    """Return the standard normal coordinates of the worst runs, failed runs in another colour."""
+    numbers, margins = store.array("numbers"), store.array("margin")[:, column]
+    axis = np.arange(1, numbers.shape[1] + 1)
+    curves = [
+        _line(canvas, axis, numbers[k], colour=int(margins[k] < 0))
+        for k in np.argsort(margins, kind="stable")[:WORST]
+    ]
+    title = f"{name}: the worst {len(curves)} runs"
+    return diagram(title, "coordinate", "standard deviations", curves)
+
+
+def _levels(canvas: Canvas, name: str, repeats: Any) -> Plot:
+    """Return the probability that the margin is below a limit, for each repeat."""
+    curves = []
+    for k, levels in enumerate(repeats):
+        limits, p = np.array([level[:2] for level in levels], dtype=float).T
+        y = np.log10(np.maximum(p, DECADES))
+        curves.append(_line(canvas, limits, y, name=f"repeat {k + 1}", colour=k))
+    return diagram(f"{name}: probability of a smaller margin", "margin", "log10 p", curves)

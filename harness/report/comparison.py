@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The page of a comparison: its table, all runs in the same plots and in the same replay."""
+"""Page of a comparison: its table, all runs in the same plots and in the same replay."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from harness.mission.mission import together
 from harness.report import run
 from harness.report.arrays import Arrays, Canvas, points_of
 from harness.report.plots import PAGE, Shown, painted, sections
-from harness.report.story import replay_several
 from harness.report.template import render
+from harness.report.timeline import replay_several
 from harness.results.files import read
 from harness.results.result import Result
 from harness.studies.compare import TABLE, read_csv
@@ -26,13 +26,13 @@ from harness.studies.variants import Variant, with_files
 
 
 def of_folder(folder: Path) -> str:
-    """The page of the folder of `harness compare` as text; ResultsError if its table or one of its
-    results cannot be read.
+    """Return the page of the folder of `harness compare` as text; raise ResultsError if its table
+    or one of its results cannot be read.
     """
     columns, labels = read_csv(folder / TABLE)
     results = _results(folder, labels)
     canvas = canvas_of(results, Arrays())
-    measures = together(map(of_result, results.values())).measures
+    metrics = together(map(of_result, results.values())).metrics
     return render(
         "compare.html",
         canvas,
@@ -41,45 +41,46 @@ def of_folder(folder: Path) -> str:
         labels=labels,
         results=results,
         message=run.message,
+        gaps=run.gaps,
         table={head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))},
-        words={f"{m.name} [{m.unit}]": m.words for m in measures},
+        words={f"{m.name} [{m.unit}]": m.words for m in metrics},
         cell=_cell,
     )
 
 
 def canvas_of(results: Mapping[str, Result], arrays: Arrays) -> Canvas:
-    """A canvas on which the figures of all runs fit a page."""
+    """Return a canvas with so few points per curve that the figures of all runs fit a page."""
     return Canvas(arrays, points_of(sum(map(_curves, results.values())), 150, 1500))
 
 
 def side_by_side(
     results: Mapping[str, Result], arrays: Arrays, figures: Iterable[Shown]
 ) -> dict[str, Any]:
-    """What the scripts of a page with several runs get: one replay, figures by section, labels."""
+    """Return the data of a page with several runs: one replay, figures by section, labels."""
     scene = replay_several(results, arrays) if results else None
     return {"scene": scene, "figures": sections(figures), "runs": list(results)}
 
 
 def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
-    """Results by label, of runs that ended early what there is."""
+    """Return the results by label, partial ones of runs that ended early."""
     found = {}
     for variant in with_files([Variant(label, {}) for label in labels]):
         files = (folder / f"{variant.file}{ending}" for ending in (".nc", ".partial.nc"))
         if file := next((f for f in files if f.is_file()), None):
             found[variant.label] = read(file)
     if not found:
-        raise ResultsError(f"{folder}: none of the results of {TABLE} is there")
+        raise ResultsError(f"{folder}: contains none of the results that {TABLE} lists")
     return found
 
 
 def _curves(result: Result) -> int:
-    """Curves of all figures of a run, about."""
+    """Return the approximate number of curves in all figures of a run."""
     fitting = (f for f in overlays_of({"": result}) if f.fits(result))
     return sum(3 * len(f.panels) if isinstance(f, Figure) else 3 for f in fitting)
 
 
 def _cell(value: float, words: Sequence[str] = ()) -> str:
-    """A measure as text; words: what its values 0, 1, .. stand for."""
+    """Return a metric as text; words: meaning of its values 0, 1, ..."""
     if words and 0 <= value < len(words):
         return words[int(value)]
     return f"{value:.4g}" if math.isfinite(value) else "-"
@@ -88,7 +89,7 @@ def _cell(value: float, words: Sequence[str] = ()) -> str:
 def figures(
     canvas: Canvas, results: Mapping[str, Result], section: str = "figures"
 ) -> Iterator[Shown]:
-    """The overlaid figures that fit at least one run and show something."""
+    """Yield the overlaid figures that fit at least one run and are not empty."""
     colours = {label: f"C{k}" for k, label in enumerate(results)}
     with PAGE.used():
         for figure, runs in compared(results)[0]:

@@ -1,33 +1,37 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The page: which one belongs to what is given, and its file."""
+"""Choice of the page for a result, a comparison or a dataset, and its file."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from warnings import catch_warnings, simplefilter
 
 from harness.errors import UsageError
 from harness.files.output import written
 from harness.report import campaign, comparison
-from harness.report.fly import of_run as live
+from harness.report import live as live_page
 from harness.report.run import of_run
 from harness.results.files import read
 from harness.results.result import Result
 from harness.studies.compare import TABLE
 
 
-def write(source: Result | str | Path, path: str | Path, fly: bool = False) -> Path:
-    """Write the report of a result, a results file, the folder of a comparison or the dataset of a
-    campaign to a page of HTML.
+def write(source: Result | str | Path, path: str | Path, live: bool = False) -> Path:
+    """Write the HTML report of a result, a results file, the folder of a comparison or the dataset
+    of a campaign, and return its path.
 
-    fly: with the system of the run inside, which the reader can change and fly again (extra `fly`).
+    live: include the system of the run; the reader can change its parameters and run it again
+    (extra `live`).
 
-    Raises UsageError or ResultsError if it cannot be read, HarnessError if a library of the extra
-    `report` is missing, ResultsError if the page cannot be written.
+    Raises UsageError or ResultsError if the source cannot be read, HarnessError if a library of the
+    extra `report` is missing, ResultsError if the page cannot be written.
     """
-    if not fly:
-        text = of_run(source) if isinstance(source, Result) else _of_path(Path(source))
-    else:
-        text = live(source if isinstance(source, Result) else read(Path(source)))
+    with catch_warnings():
+        simplefilter("ignore", RuntimeWarning)  # of numpy, about values that are not finite
+        if not live:
+            text = of_run(source) if isinstance(source, Result) else _of_path(Path(source))
+        else:
+            text = live_page.of_run(source if isinstance(source, Result) else read(Path(source)))
     page = Path(path)
     with written(page) as target:
         target.write_text(text, encoding="utf-8")
@@ -41,4 +45,4 @@ def _of_path(source: Path) -> str:
         return comparison.of_folder(source)
     if (source / "zarr.json").is_file():
         return campaign.of_dataset(source)
-    raise UsageError(f"{source}: holds neither a {TABLE} nor the dataset of a campaign")
+    raise UsageError(f"{source}: contains neither {TABLE} nor the dataset of a campaign")

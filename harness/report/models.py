@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Models of the user in the replay: `[scene.models]` of a system's TOML names a glTF file per body.
 
-glTF is in metres; its axes are taken as the body axes, its origin as the centre of mass. What the
-page gets are triangles with one colour per material: no textures, no animation. The file is read
-offline, and the page holds all of it.
+glTF is in metres. Its axes are taken as the body axes, its origin as the centre of mass. The page
+contains the triangles with one colour per material, no textures and no animation, and needs no
+other file.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from harness.ssp.extends import extended
 
 Scene = dict[str, Any]
 
-LONGEST = 64 * 1024**2
-"""Bytes of a model file."""
+LARGEST = 64 * 1024**2
+"""Largest size of a model file in bytes."""
 MOST = 60_000
-"""Triangles of all models together: 48 characters each, half of the page."""
+"""Largest number of triangles of all models: 48 characters each, half of the page."""
 
 
 class Mesh(NamedTuple):
-    """Triangles of one colour: corners (3 triangles, 3) [m], body axes; tint: red, green, blue as
-    the screen has them, None without a material.
+    """Triangles of one colour: corners (3 triangles, 3) [m], body axes; tint: red, green, blue
+    in sRGB, None without a material.
     """
 
     corners: Array
@@ -40,7 +40,7 @@ class Mesh(NamedTuple):
 
 
 def named(result: Result) -> dict[str, Path]:
-    """Model files by body, of the TOML that the run was made of, if it is at hand."""
+    """Return model files by body from the TOML of the system, {} if it is not available."""
     source = _source(result)
     if source is None:
         return {}
@@ -59,53 +59,59 @@ def _source(result: Result) -> Path | None:
     return systems().get(result.system)
 
 
-def dressed(scene: Scene, files: Mapping[str, Path], arrays: Arrays) -> Scene:
-    """The scene with models in place of the parts of bodies; what turns on joints stays.
+def with_models(scene: Scene, files: Mapping[str, Path], arrays: Arrays) -> Scene:
+    """Return the scene with models in place of the parts of bodies; parts on joints remain.
 
-    Raises UsageError: a body that the scene has not, a file that is no glTF, too many triangles.
+    Raises UsageError: a body that the scene lacks, a file that is not glTF, too many triangles.
     """
     known = [body["name"] for body in scene["bodies"]]
     for name in files:
         if name not in known:
-            raise _refused(name, f"the replay has no such body, only {', '.join(known)}")
+            raise _error(name, f"the replay has no such body; its bodies are {', '.join(known)}")
     meshes = {name: meshes_of(name, path) for name, path in files.items()}
     count = sum(len(mesh.corners) // 3 for found in meshes.values() for mesh in found)
     if count > MOST:
-        raise _refused(", ".join(files), f"{count} triangles, at most {MOST} fit a page; simplify")
-    bodies = [_dressed(body, meshes.get(body["name"]), arrays) for body in scene["bodies"]]
+        raise _error(
+            ", ".join(files),
+            f"{count} triangles, at most {MOST} fit; simplify the model",
+        )
+    bodies = [_with_model(body, meshes.get(body["name"]), arrays) for body in scene["bodies"]]
     return scene | {"bodies": bodies}
 
 
-def _dressed(body: Scene, meshes: tuple[Mesh, ...] | None, arrays: Arrays) -> Scene:
+def _with_model(body: Scene, meshes: tuple[Mesh, ...] | None, arrays: Arrays) -> Scene:
     if meshes is None:
         return body
     parts = [
-        {"kind": "mesh", "corners": arrays.keep(mesh.corners), "tint": mesh.tint} for mesh in meshes
+        {"kind": "mesh", "corners": arrays.store(mesh.corners), "tint": mesh.tint}
+        for mesh in meshes
     ]
     radius = max(float(np.linalg.norm(mesh.corners, axis=1).max()) for mesh in meshes)
     return body | {"parts": parts, "radius": radius, "reach": max(radius, body["reach"])}
 
 
 def meshes_of(body: str, path: Path) -> tuple[Mesh, ...]:
-    """Triangles of a glTF file, every node where its parents have it; UsageError."""
+    """Return the triangles of a glTF file with the transformations of all nodes; raise UsageError
+    if the file cannot be used.
+    """
     try:
         stamp = paths.stamp(path)
-        if stamp.size > LONGEST:
-            raise _refused(body, f"{path}: longer than the limit of {LONGEST} bytes")
-        return _sound(body, path, _read(path, stamp))
+        if stamp.size > LARGEST:
+            raise _error(body, f"{path}: has {stamp.size} bytes, the limit is {LARGEST}")
+        return _checked(body, path, _read(path, stamp))
     except OSError as error:
-        raise _refused(body, f"{path}: cannot be read ({error.strerror or error})") from error
+        raise _error(body, f"{path}: cannot be read ({error.strerror or error})") from error
     except HarnessError:
         raise
-    except Exception as error:  # whatever a reader of a foreign format may meet
-        raise _refused(body, f"{path}: is no glTF file ({reason_of(error)[:200]})") from error
+    except Exception as error:  # of the reader of a third-party format
+        raise _error(body, f"{path}: is not a glTF file ({reason_of(error)[:200]})") from error
 
 
-def _sound(body: str, path: Path, meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
+def _checked(body: str, path: Path, meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
     if not meshes:
-        raise _refused(body, f"{path}: holds no triangles")
+        raise _error(body, f"{path}: contains no triangles")
     if not all(np.isfinite(mesh.corners).all() for mesh in meshes):
-        raise _refused(body, f"{path}: holds a corner that is no number")
+        raise _error(body, f"{path}: contains a corner that is not finite")
     return meshes
 
 
@@ -118,11 +124,11 @@ def _read(path: Path, _stamp: Any) -> tuple[Mesh, ...]:
 def _meshes(scene: Any) -> Iterator[Mesh]:
     for part in scene.dump():
         if len(getattr(part, "faces", ())):  # else lines or points
-            yield Mesh(np.asarray(part.triangles, dtype=float).reshape(-1, 3), _tint(part.visual))
+            yield Mesh(np.asarray(part.triangles, dtype=float).reshape(-1, 3), _colour(part.visual))
 
 
-def _tint(visual: Any) -> tuple[float, float, float] | None:
-    """The base colour, which glTF has linear, as sRGB."""
+def _colour(visual: Any) -> tuple[float, float, float] | None:
+    """Return the base colour, which is linear in glTF, as sRGB."""
     factor = getattr(getattr(visual, "material", None), "baseColorFactor", None)
     if factor is None:
         return None
@@ -133,5 +139,5 @@ def _tint(visual: Any) -> tuple[float, float, float] | None:
     return red, green, blue
 
 
-def _refused(body: str, problem: str) -> UsageError:
+def _error(body: str, problem: str) -> UsageError:
     return UsageError(f"[scene.models] {body}: {problem}")

@@ -4,7 +4,7 @@ that each is described once, phase plots and all variables. Views in space are l
 
 A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
 the run: then its zoom is linked), `log`, `levels` (height and text), `shade` ([begin, end, text])
-and `curves`. A curve names its arrays and says how it looks: `colour` is a number of the palette,
+and `curves`. A curve names its arrays and its look: `colour` is a number of the palette,
 or "ink"; `dash` a style of Plotly; `group` the run it belongs to.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from harness.figures.finish import label_of, plane
 from harness.figures.style import Style, place_of
-from harness.mission.figure import AXES, Phase
+from harness.mission.figure import AXES, Phase, values_of
 from harness.mission.library import of_result
 from harness.report.arrays import Canvas
 from harness.results.result import Array, Result
@@ -30,20 +30,20 @@ Shown = tuple[str, str, str, list[Plot]]
 """Section of a page, name and title of a figure, and its plots."""
 
 PAGE = Style("page", sheets=("screen.mplstyle", "page.mplstyle"))
-"""How figures are drawn that a page reads back."""
+"""Style of figures that a page reads back."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
-"""Styles of the elements of a vector, so that no curve is told by its colour alone."""
+"""Styles of the elements of a vector, so that curves differ not only in colour."""
 DECADES = 3.0
-"""Positive histories that span so many powers of ten are drawn on a logarithmic axis."""
+"""Number of powers of ten from which on a positive history is drawn on a logarithmic axis."""
 QUATERNION = ("q0", "q1", "q2", "q3")
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
 """Labels of the time axis and their seconds."""
 NOTE = "axes fraction"
-"""Coordinates of what is written into a corner of axes."""
+"""Coordinates of notes in a corner of axes."""
 
 
 def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
-    """Figures in their sections, those of one name together; without what has no plots."""
+    """Return figures by section, figures of one name as one; figures without plots are left out."""
     figures: dict[tuple[str, str], dict[str, Any]] = {}
     for section, name, title, plots in found:
         figure = figures.setdefault((section, name), {"name": name, "title": title, "plots": []})
@@ -55,15 +55,17 @@ def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
     return [{"name": section, "figures": shown} for section, shown in listed.items()]
 
 
-# ---- what matplotlib was told to draw
+# ---- figures read back from matplotlib
 
 
-def painted(canvas: Canvas, drawing: Any) -> list[Plot]:
-    """The plane axes of a figure of matplotlib, from top to bottom."""
-    return [_plot(canvas, axes) for axes in plane(drawing)]
+def painted(canvas: Canvas, drawing: Any, result: Result | None = None) -> list[Plot]:
+    """Return the plane axes of a figure of matplotlib, from top to bottom; result: the only run
+    that it shows.
+    """
+    return [_plot(canvas, axes, result) for axes in plane(drawing)]
 
 
-def _plot(canvas: Canvas, axes: Any) -> Plot:
+def _plot(canvas: Canvas, axes: Any, result: Result | None) -> Plot:
     seconds = SECONDS.get(label_of(axes, "x"), 0.0)
     return {
         "title": axes.get_title(),
@@ -73,13 +75,13 @@ def _plot(canvas: Canvas, axes: Any) -> Plot:
         "levels": _levels(axes),
         "shade": _shade(axes, seconds or 1.0),
         "notes": [t.get_text() for t in axes.texts if getattr(t, "xycoords", "") == NOTE],
-        "curves": [*_areas(canvas, axes, seconds or 1.0), *_lines(canvas, axes, seconds)],
+        "curves": [*_areas(canvas, axes, seconds or 1.0), *_lines(canvas, axes, seconds, result)],
         **_scales(axes, seconds > 0),
     }
 
 
 def _scales(axes: Any, timed: bool) -> Plot:
-    """Kinds of axes, limits that were set, and ticks that are words."""
+    """Return the kinds of axes, limits that were set, and ticks that are words."""
     found: Plot = {"log": axes.get_yscale() == "log", "equal": axes.get_aspect() == 1.0}
     if not axes.get_autoscaley_on():
         found["range"] = [float(limit) for limit in axes.get_ylim()]
@@ -92,14 +94,14 @@ def _scales(axes: Any, timed: bool) -> Plot:
 
 
 def _levels(axes: Any) -> list[Plot]:
-    """Lines that are horizontal through all of the axes."""
+    """Return the horizontal lines across the whole axes."""
     other = [line for line in axes.get_lines() if line.get_transform() != axes.transData]
     flat = [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
     return [{"y": float(line.get_ydata()[0]), "text": _named(line)} for line in flat]
 
 
 def _shade(axes: Any, seconds: float) -> list[Any]:
-    """Begin, end and name of what spans all of the axes from top to bottom."""
+    """Return begin, end and name of the bands that span the axes from top to bottom."""
     spans = (bar for bar in axes.patches if bar.get_data_transform() != axes.transData)
     return [
         [seconds * bar.get_x(), seconds * (bar.get_x() + bar.get_width()), _named(bar)]
@@ -108,21 +110,28 @@ def _shade(axes: Any, seconds: float) -> list[Any]:
 
 
 def _named(drawn: Any) -> str:
-    """The label of what is drawn, if it was given one; that of a line of a run is hidden."""
+    """Return the label of a drawn object, "" without one; a line of one of several runs begins with
+    the label of the run.
+    """
     label, run = str(drawn.get_label()), drawn.get_gid()
     if run is not None:
         return f"{run} {label.removeprefix('_')}".strip()
     return "" if label.startswith("_") else label
 
 
-def _lines(canvas: Canvas, axes: Any, seconds: float) -> Iterator[Plot]:
-    """Lines and marks; seconds: of the unit of time, 0: x is something else."""
+def _lines(canvas: Canvas, axes: Any, seconds: float, result: Result | None) -> Iterator[Plot]:
+    """Yield lines and markers; seconds: of the unit of time, 0: x is something else."""
     for line in axes.get_lines():
         if line.get_transform() != axes.transData:
             continue
         x, y = (np.asarray(of(), dtype=float).ravel() for of in (line.get_xdata, line.get_ydata))
         if seconds:
-            yield canvas.curve(seconds * x, y, _named(line), **_look(line, len(x)))
+            look = _look(line, len(x))
+            if result is not None and (source := getattr(line, "source", None)):
+                look |= canvas.source(
+                    result, seconds * x[0], y=canvas.arrays.instruction(result, *source)
+                )
+            yield canvas.curve(seconds * x, y, _named(line), **look)
         else:
             yield canvas.plane(x, y, name=_named(line), **_look(line, len(x)))
 
@@ -138,7 +147,7 @@ def _look(line: Any, points: int) -> Plot:
 
 
 def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
-    """What is filled: fields of colours, bands, bars; unit: of x as the page has it."""
+    """Yield fields of colours, bands and bars; unit: factor from x to the unit of the page."""
     yield from (_image(canvas, image, unit) for image in axes.images)
     for area in axes.collections:
         if hasattr(area, "get_coordinates"):
@@ -155,14 +164,14 @@ def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
 
 def _image(canvas: Canvas, image: Any, unit: float) -> Plot:
     left, right, bottom, top = (float(edge) for edge in image.get_extent())
-    field = canvas.arrays.keep(np.asarray(image.get_array()))
+    field = canvas.arrays.store(np.asarray(image.get_array()))
     return {"image": field, "edges": [unit * left, unit * right, bottom, top], "name": ""}
 
 
 def _mesh(canvas: Canvas, mesh: Any, name: str) -> Plot:
-    """A field of colours over columns and rows."""
+    """Return a field of colours over columns and rows."""
     columns, rows = (mesh.get_coordinates()[..., k] for k in (0, 1))
-    field = canvas.arrays.keep(np.ma.filled(mesh.get_array(), np.nan))
+    field = canvas.arrays.store(np.ma.filled(mesh.get_array(), np.nan))
     places = {"columns": columns[0].tolist(), "rows": rows[:, 0].tolist()}
     return {"image": field, "name": name, **places}
 
@@ -173,13 +182,13 @@ def _filled(canvas: Canvas, corners: Any, area: Any, colour: Any) -> Plot:
 
 
 def _dash(line: Any) -> str:
-    """Lengths of dashes and gaps, or solid."""
+    """Return the lengths of dashes and gaps, or "solid"."""
     _, lengths = line._unscaled_dash_pattern
     return ",".join(f"{length:g}px" for length in lengths) if lengths else "solid"
 
 
 def _corners(outline: Any) -> Any:
-    """An outline without the points between two of the same height."""
+    """Return an outline without the points between two others of the same height."""
     y = outline[:, 1]
     inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)
     inner[[0, -1]] = False
@@ -190,12 +199,12 @@ def _corners(outline: Any) -> Any:
 
 
 def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
-    """A plot over something else than time."""
+    """Return a plot over a quantity other than time."""
     return {"title": title, "x": x, "y": y, "time": False, "curves": curves}
 
 
 def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
-    """Every variable by component: what does not change with its value, the others as plots."""
+    """Return every variable by component: constants with their value, the others as plots."""
     components: dict[str, dict[str, Any]] = {}
     for name in result.names:
         values = result[name]
@@ -210,14 +219,20 @@ def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 
 
 def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
-    flat = values.reshape(len(values), -1)
-    if (bound := dict(of_result(result).idle).get(name)) is not None:
+    flat, arrays = values.reshape(len(values), -1), canvas.arrays
+    bound = dict(of_result(result).idle).get(name)
+    if bound is not None:
         flat = np.where(flat < bound, flat, np.nan)
-    labels = _labels(result, name, values)
-    curves = [
-        canvas.curve(result.time, column, label, colour=k, dash=DASHES[k % len(DASHES)])
-        for k, (column, label) in enumerate(zip(flat.T, labels, strict=True))
-    ]
+    curves = []
+    for k, (column, label) in enumerate(zip(flat.T, _labels(result, name, values), strict=True)):
+        history = arrays.instruction(result, name, k)
+        if bound is not None:
+            below, gap = arrays.program.number(bound), arrays.program.number(np.nan)
+            moves = arrays.program.add("<", history, below)
+            history = arrays.program.add("where", moves, history, gap)
+        look = canvas.source(result, result.time[0], y=history)
+        look |= {"colour": k, "dash": DASHES[k % len(DASHES)]}
+        curves.append(canvas.curve(result.time, column, label, **look))
     unit, short = result.unit(name), name.partition(".")[2]
     y = f"{short} [{unit}]" if unit else name
     return {"x": "time [s]", "y": y, "time": True, "curves": curves, "log": spans(flat)}
@@ -234,7 +249,7 @@ def _labels(result: Result, name: str, values: Array) -> list[str]:
 
 
 def spans(values: Array) -> bool:
-    """Whether values are positive and span decades."""
+    """Return whether values are positive and span DECADES powers of ten."""
     finite = values[np.isfinite(values)]
     if not finite.size or finite.min() <= 0:
         return False
@@ -242,7 +257,7 @@ def spans(values: Array) -> bool:
 
 
 def number(value: Any) -> str:
-    """A number, vector or matrix as text, with the digits that are worth reading."""
+    """Return a number, vector or matrix as text with six digits."""
     array = np.asarray(value)
     if array.ndim:
         return f"[{', '.join(map(number, array))}]"
@@ -253,23 +268,27 @@ def number(value: Any) -> str:
 
 
 def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
-    """Phase plots of a result whose quantities move."""
+    """Yield the phase plots of a result whose quantities change."""
     for phase in of_result(result).phases:
         if not result.holds(*phase.needs):
             continue
         first = int(np.searchsorted(result.time, phase.after(result))) if phase.after else 0
-        columns = [
-            np.atleast_2d(values.T).T[first:]
-            for values in (phase.value(result), phase.rate(result))
-        ]
-        if all(c.size and np.nanmax(c) > np.nanmin(c) for c in columns):
-            yield _phase(canvas, phase, *columns)
+        if found := _phase(canvas, phase, result, first):
+            yield found
 
 
-def _phase(canvas: Canvas, phase: Phase, x: Array, y: Array) -> Plot:
+def _phase(canvas: Canvas, phase: Phase, result: Result, first: int) -> Plot | None:
+    """Return a phase plot of the rows from `first` on; None if value or rate is constant."""
+    sources = phase.value, phase.rate
+    x, y = (np.atleast_2d(values_of(result, source).T).T[first:] for source in sources)
+    if not all(c.size and np.nanmax(c) > np.nanmin(c) for c in (x, y)):
+        return None
     names = {1: ("",), 3: AXES}.get(x.shape[1], tuple(str(k + 1) for k in range(x.shape[1])))
     curves = []
     for k, name in enumerate(names):
-        look = {"colour": k, "dash": DASHES[k], "ends": True}
+        look: Plot = {"colour": k, "dash": DASHES[k], "ends": True}
+        if all(isinstance(source, str) for source in sources):
+            parts = (canvas.arrays.instruction(result, str(source), k) for source in sources)
+            look |= canvas.source(result, result.time[first], **dict(zip("xy", parts, strict=True)))
         curves.append({"name": name, **canvas.plane(x[:, k], y[:, k], **look)})
     return diagram(phase.title, phase.x, phase.y, curves)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The page of one run: its figures in their sections, all signals, the replay; in words and numbers
-state, measures, verdicts, margins, parameters, as `page/run.html` words them.
+"""Page of one run: figures by section, all signals, the replay, and texts and numbers for
+`page/run.html`: state, metrics, verdicts, margins, parameters.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from harness.claims.case import listed
-from harness.claims.report import OTHER, judged, rule_findings
+from harness.claims.report import OTHER, judgements, rule_findings
 from harness.figures.choice import figures_of
 from harness.figures.plots import paint
 from harness.mission import Limits
@@ -18,8 +18,8 @@ from harness.mission.exchange import remarks
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.arrays import Arrays, Canvas, points_of
 from harness.report.plots import PAGE, Shown, number, painted, phases, sections, signals
-from harness.report.story import replay
 from harness.report.template import render
+from harness.report.timeline import finite_rows, replay
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Kind
@@ -38,70 +38,83 @@ SECTIONS = {
 
 
 def canvas_of(result: Result, arrays: Arrays) -> Canvas:
-    """A canvas on which all curves of a run, each drawn about twice, fit a page."""
+    """Return a canvas with so few points per curve that all curves of a run fit a page; each is
+    drawn about twice.
+    """
     return Canvas(arrays, points_of(2 * len(result.columns), 200, 2400))
 
 
 def of_run(result: Result) -> str:
-    """The page of one run as text."""
+    """Return the page of one run as text."""
     canvas = canvas_of(result, Arrays())
     return render("run.html", canvas, content(canvas, result), **texts(result))
 
 
 def content(canvas: Canvas, result: Result) -> dict[str, Any]:
-    """Replay, figures and signals as data, their numbers in the arrays of the canvas."""
-    lasts = len(result.time) > 1
+    """Return replay, figures and signals as data; their numbers are in the arrays of the canvas."""
+    has_duration = len(result.time) > 1
     return {
-        "figures": sections(_figures(canvas, result)) if lasts else [],
+        "figures": sections(_figures(canvas, result)) if has_duration else [],
         "scene": replay(result, canvas.arrays),
-        "signals": signals(canvas, result) if lasts else [],
+        "signals": signals(canvas, result) if has_duration else [],
     }
 
 
 def _figures(canvas: Canvas, result: Result) -> Iterator[Shown]:
-    """The figures of the result."""
+    """Yield the figures of the result."""
     yield "phases", "phases", "", list(phases(canvas, result))
     with PAGE.used():
         for figure in figures_of(result):
             if not figure.is_empty(result):
-                plots = painted(canvas, paint(figure, result, PAGE))
+                plots = painted(canvas, paint(figure, result, PAGE), result)
                 yield SECTIONS.get(figure.name, "figures"), figure.name, figure.title, plots
 
 
 WORST_FIRST = ("bad", "fair", "none", "idle", "good")
-"""Looks of verdicts in the order of the head."""
+"""Styles of verdicts in the order of the head of the page."""
 
 
 def texts(result: Result) -> dict[str, Any]:
-    """What the template shows in words and tables."""
+    """Return texts and tables for the template."""
     given = result.provenance.set if result.provenance else ()
     return {
         "result": result,
         "message": message(result),
         "notes": notes(result),
         "chips": chips(result),
-        "measures": list(measures(result)),
-        "demands": findings(result),
-        "papers": judged(result),
+        "metrics": list(metrics(result)),
+        "requirements": findings(result),
+        "papers": judgements(result),
         "margins": rule_findings(of_result(result), result),
         "changed": {base(name) for name, _ in given},
-        "told": {"Kind": Kind, "OPEN": OPEN, "OTHER": OTHER, "listed": listed, "number": number},
+        "words": {"Kind": Kind, "OPEN": OPEN, "OTHER": OTHER, "listed": listed, "number": number},
     }
 
 
 def message(result: Result) -> str:
-    """Why a run is not complete, "" if it is."""
+    """Return the reason why a run is incomplete, "" if it is complete."""
     return result.message or ("" if result.complete else "the run ended early")
 
 
 def notes(result: Result) -> list[str]:
-    """What else is to be known of a run."""
-    return [*notes_of(result), *remarks(result), *filter(None, (missing(result),))]
+    """Return the notes about a run, a line each."""
+    found = [*notes_of(result), *remarks(result), missing(result), gaps(result)]
+    return [line for line in found if line]
+
+
+def gaps(result: Result) -> str:
+    """Return a line about variables that are not finite in all rows, "" if there are none."""
+    rows = len(result.time)
+    bad = {name: rows - int(finite_rows(result[name]).sum()) for name in result.names}
+    names = listed([f"{name} in {count} of {rows} rows" for name, count in bad.items() if count])
+    return f"values that are not finite, left out of plots and replay: {names}" if names else ""
 
 
 def chips(result: Result) -> list[tuple[str, str]]:
-    """How many rules, requirements and claims have which verdict, with its look, worst first."""
-    given = judged(result)
+    """Return style and text of the verdicts with the number of rules, requirements and claims that
+    have each, worst first.
+    """
+    given = judgements(result)
     found = [("good", "complete") if result.complete else ("bad", "incomplete")]
     found += [("fair", OTHER) for paper in given if paper.deviations]
     tallies = {
@@ -116,11 +129,11 @@ def chips(result: Result) -> list[tuple[str, str]]:
     return sorted(found, key=lambda chip: WORST_FIRST.index(chip[0]))
 
 
-def measures(result: Result) -> Iterator[tuple[str, float, str]]:
-    """Name, value and unit of the measures of harness compare that this run has."""
+def metrics(result: Result) -> Iterator[tuple[str, float, str]]:
+    """Yield name, value and unit of the metrics of harness compare that this run has."""
     offered = of_result(result)
     limits = offered.limits(Limits(), {"": result}) if len(result.time) else Limits()
-    for measure in offered.measures if len(result.time) else ():
-        value = measure(result, limits)
-        if math.isfinite(value) and not measure.beside:
-            yield measure.name, value, measure.unit
+    for metric in offered.metrics if len(result.time) else ():
+        value = metric(result, limits)
+        if math.isfinite(value) and not metric.beside:
+            yield metric.name, value, metric.unit

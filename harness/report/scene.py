@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A replay as data: bodies with their parts, where they are and how they stand at chosen rows,
-marks that belong to a body or to a frame.
+"""Replay as data: bodies with their parts, positions and attitudes at chosen rows, and zones that
+belong to a body or to a frame.
 
 Positions are relative to the origin of the scene, in N axes; attitudes are quaternions of the body
-relative to N, scalar first, v_N = q v_B q*. With the quaternion of the Hill frame the page turns
-all of it into H axes.
+relative to N, scalar first, v_N = q v_B q*. With the quaternion of the Hill frame the page
+transforms them into H axes.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ Part = dict[str, Any]
 """A shape that the page draws: `kind`, `at` (centre, body axes) and sizes [m]."""
 
 LEAST, MOST = 600, 3000
-"""Instants of a replay."""
+"""Smallest and largest number of instants of a replay."""
 TURN = np.radians(8)
-"""Angle that a body turns between two instants, if MOST allows it."""
+"""Angle by which a body turns between two instants, if MOST permits [rad]."""
 
 
 def instants(result: Result, *attitudes: str) -> Rows:
-    """Rows of the replay, equally spaced, so many that turning bodies are followed."""
+    """Return the rows of the replay, equally spaced, enough of them to follow turning bodies."""
     histories = (result[name] for name in attitudes)
     turned = (float(np.nansum(rotation_angle(q[:-1], q[1:]))) for q in histories)
     count = int(np.clip(max(turned, default=0.0) / TURN, LEAST, MOST))
@@ -38,11 +38,13 @@ def instants(result: Result, *attitudes: str) -> Rows:
 
 
 class Body(NamedTuple):
-    """A body of the scene: position and attitude (rows), its parts, bodies that hang on it."""
+    """Body of the scene: names of the arrays of its position and attitude, its parts, bodies that
+    hang on it.
+    """
 
     name: str
-    r: Array
-    q: Array
+    r: str
+    q: str
     parts: list[Part]
     colour: int
     radius: float
@@ -53,18 +55,17 @@ class Body(NamedTuple):
 
 
 def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: Any) -> Scene:
-    """Bodies at the instants `time` [s] about an origin, with what else is about the scene."""
-    instants, shown = arrays.keep(time), []
-    for body in found:
-        kept = {"r": arrays.keep(body.r), "q": arrays.keep(body.q), "links": list(body.links)}
-        shown.append(body._asdict() | kept)
-    return {"time": instants, "origin": origin, "bodies": shown, **about}
+    """Return bodies at the instants `time` [s] about an origin, with further parts of the scene."""
+    shown = [body._asdict() | {"links": list(body.links)} for body in found]
+    return {"time": arrays.store(time), "origin": origin, "bodies": shown, **about}
 
 
 def joint(
     at: Any, angle: str, index: int, parts: list[Part], axis: Any = (0, 0, 1), **about: Any
 ) -> Scene:
-    """What turns about an axis of what carries it, by a column of an array of angles."""
+    """Return a link that turns about an axis of the body or link that carries it; angle, index:
+    array of angles and column.
+    """
     place, along = ([float(x) for x in v] for v in (at, axis))
     return {"at": place, "axis": along, "angle": angle, "index": index, "parts": parts, **about}
 
@@ -72,14 +73,14 @@ def joint(
 def number(  # noqa: PLR0913, PLR0917 - what is shown, and how
     result: Result, arrays: Arrays, rows: Rows, name: str, words: Sequence[str] = (), text: str = ""
 ) -> Scene:
-    """A number that runs along with the replay; angles in degrees; words: shown in place of the
-    whole numbers from 0 on; text: what it is, else the name of the variable in words.
+    """Return a value that the replay shows, with angles in degrees; words: shown in place of the
+    numbers 0, 1, ...; text: name of the value, by default the name of the variable in words.
     """
     angle = result.unit(name) == "rad"
     return {
         "name": text or name.partition(".")[2].replace("_", " "),
         "unit": "deg" if angle else result.unit(name),
         "factor": float(np.degrees(1.0)) if angle else 1.0,
-        "values": arrays.keep(result[name][rows]),
+        "values": arrays.sample(result, rows, name),
         **({"words": words} if words else {}),
     }

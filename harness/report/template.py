@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Templates of the folder `page` filled with texts, numbers, scripts and libraries.
+"""Templates of the folder `page`, filled with texts, numbers, scripts and libraries.
 
 Plotly draws the plots, and K3D brings three.js for the replay; their scripts are in their Python
 packages, of the extra `report`.
@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import base64
 import gzip
+import hashlib
 import importlib.util
 import json
+import re
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
@@ -25,17 +27,28 @@ from harness.report.arrays import Canvas
 
 SCRIPTS = {"plotly": "package_data/plotly.min.js", "k3d": "static/standalone.js"}
 """Script of a library in its package."""
+FONTS = re.compile(rb"@font-face\{(?:\$\{\w+\}|[^{}])*\}|data:font/woff2;base64,[\w+/=]*")
+"""Fonts of formulas inside K3D: the replay has none, and a browser would look for their files."""
 CODE = (
-    "symbols", "plots", "history", "shapes", "labels", "bodies", "marks", "sky", "cameras", "clock",
-    "story", "record", "replay", "page",
+    "symbols", "plots", "history", "shapes", "labels", "bodies", "zones", "sky", "cameras", "clock",
+    "timeline", "record", "replay", "page",
 )  # fmt: skip
 """Scripts of the page in the order in which they are loaded."""
+LIVE = ("simulation", "program", "course", "live")
+"""Further scripts of a live page."""
+POLICY = (
+    "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data: blob:; "
+    "style-src 'unsafe-inline'; script-src"
+)
+"""Content-Security-Policy of every page, up to the hashes of its scripts: no network, and no other
+script. Styles may be inline, because Plotly and K3D write their own; they can load nothing either.
+"""
 
 
 @cache
-def script(name: str) -> str:
-    """Script of a library, compressed and as text; HarnessError naming the extra if it is not
-    there.
+def _script(name: str) -> tuple[str, str]:
+    """Return the script of a library, compressed and in base64, and its source for the policy;
+    HarnessError naming the extra if the library is not there.
     """
     found = importlib.util.find_spec(name)
     file = Path(found.origin).parent / SCRIPTS[name] if found and found.origin else None
@@ -43,20 +56,35 @@ def script(name: str) -> str:
         raise HarnessError(
             f"a report needs {name}: pip install 'servicing-fmus[report]' (or {name})"
         )
-    return base64.b64encode(gzip.compress(file.read_bytes(), 4, mtime=0)).decode()
+    text = FONTS.sub(b"", file.read_bytes())
+    return base64.b64encode(gzip.compress(text, 4, mtime=0)).decode(), _source(text)
 
 
-def render(template: str, canvas: Canvas, data: dict[str, Any], **texts: Any) -> str:
-    """A page from a template: texts are filled in, numbers go to its scripts as JSON."""
+def _source(script: bytes) -> str:
+    """Return the source expression by which a policy allows an inline script."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
+
+
+def render(
+    template: str, canvas: Canvas, data: dict[str, Any], live: bool = False, **texts: Any
+) -> str:
+    """Return a page made from a template: texts are filled in, numbers go to its scripts as JSON.
+
+    live: with the scripts that run the system, whose WebAssembly the policy then allows.
+    """
+    code = [_text_of(f"{name}.js") for name in (*CODE, *(LIVE if live else ()))]
+    libraries = {name: _script(name) for name in SCRIPTS}
+    sources = [_source(text.encode()) for text in code] + [own for _, own in libraries.values()]
     page: str = _template(template).render(
         **texts,
         points=canvas.points if canvas.thinned else 0,
         data=_json(data),
         arrays=_json(canvas.arrays.content),
-        scripts={name: script(name) for name in SCRIPTS},
-        style=text_of("style.css"),
-        code=[text_of(f"{name}.js") for name in CODE],
-        coasts=text_of("coasts.json"),
+        scripts={name: packed for name, (packed, _) in libraries.items()},
+        style=_text_of("style.css") + (_text_of("live.css") if live else ""),
+        code=code,
+        policy=" ".join([POLICY, *sources, *(["'wasm-unsafe-eval'"] if live else [])]),
+        coasts=_text_of("coasts.json"),
         version=version("servicing-fmus"),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
@@ -75,19 +103,21 @@ def _template(name: str) -> Any:
     return environment.get_template(name)
 
 
-def text_of(name: str) -> str:
-    """A file of the folder `page`."""
+def _text_of(name: str) -> str:
+    """Return the text of a file of the folder `page`."""
     return (files("harness.report") / "page" / name).read_text(encoding="utf-8")
 
 
 def _json(data: Any) -> str:
-    """JSON that no markup ends: a script of the page holds it."""
-    text = json.dumps(data, separators=(",", ":"), default=_plain)
-    return text.replace("<", "\\u003c")
+    """Return JSON for a script element of the page: no text in the data can end the element, and
+    null replaces numbers that are not finite, which JSON cannot express.
+    """
+    finite = json.loads(json.dumps(data, default=_plain), parse_constant=lambda _: None)
+    return json.dumps(finite, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _plain(value: Any) -> Any:
-    """Numbers of numpy, which a mission's scene may hold, as Python's."""
+    """Return numbers of numpy, which the scene of a mission may contain, as numbers of Python."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise TypeError(f"the page holds numbers and texts, not {type(value).__name__}")

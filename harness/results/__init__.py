@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a run leaves behind: a table with names and units, its files, and quantities derived from
-it.
+"""Results of a run: a table with names and units, its files, and derived quantities.
 
-Results know nothing of the master that made them or of the figures and claims that read them.
+This package depends neither on the master that made a result nor on figures and claims that read
+it.
 """

@@ -1,96 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Values and units of expressions over the variables of a result."""
+"""Units of expressions over the variables of a result."""
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache, reduce
+from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 from harness.results.expressions import FUNCTIONS, Node, parsed
-from harness.results.histories import minus, plus
 from harness.results.result import Result
-from harness.system.units import convert
-
-OPERATIONS: Mapping[str, Callable[..., Any]] = {
-    "+": plus, "-": minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
-    "!=": operator.ne, "and": np.logical_and, "or": np.logical_or, "not": np.logical_not,
-    "implies": np.logical_not,
-    "negative": operator.neg, "positive": operator.pos,
-}  # fmt: skip
-
-
-def evaluate(node: Node, look_up: Callable[[str], Any]) -> Any:
-    """Value of an expression; look_up: value of `time`, `component.variable` or `parameter
-    component.name`. ValueError where a number has a unit: resolved() first.
-    """
-    match node:
-        case Node("name", name):
-            return look_up(name)
-        case Node("number", unit=""):  # 9**9**9 is infinite and not endless
-            return node.value if isinstance(node.value, bool) else np.float64(node.value)
-        case Node("number"):
-            raise ValueError(f"{node.value:g} {node.unit}: a unit stands in a comparison only")
-        case Node("window", name):
-            raise ValueError(f"{name}() is a condition of a requirement, not a number")
-        case Node("pick", parts=[a]) | Node("call", "last", [a]):
-            return _picked(a, -1 if node.kind == "call" else node.value, look_up)
-    values = [evaluate(part, look_up) for part in node.parts]
-    if node.kind == "join":
-        return reduce(OPERATIONS[node.name], values)
-    function = FUNCTIONS[node.name].value if node.kind == "call" else OPERATIONS[node.name]
-    return function(*values)
-
-
-# ---- one row of what is computed row by row
-
-ROWWISE = ("abs", "cos", "degrees", "exp", "log", "sin", "sqrt")
-"""Functions of every element; norm and total are of every row."""
-
-
-def _picked(node: Node, place: Any, look_up: Callable[[str], Any]) -> Any:
-    """Some of an expression; of one row only that row is computed, if it knows nothing of the
-    others.
-    """
-    if not isinstance(place, int) or not _axes(node, look_up):
-        return evaluate(node, look_up)[place]
-
-    def one(path: str) -> Any:
-        found = look_up(path)
-        return found if path.startswith("parameter ") else found[[place]]
-
-    return evaluate(node, one)[0]
-
-
-def _axes(node: Node, look_up: Callable[[str], Any]) -> int:
-    """Axes of the value of an expression whose first one is that of the rows, and whose rows know
-    nothing of each other; 0 where that is not so or is not known.
-    """
-    axes = [_axes(part, look_up) for part in node.parts if not _is_scalar(part, look_up)]
-    match node:
-        case Node("name", name) if not name.startswith("parameter "):
-            return int(np.ndim(look_up(name)))
-        case Node("call", "norm" | "total"):
-            return max(0, sum(axes) - 1)
-        case Node("call", name) if name not in ROWWISE:
-            return 0
-    elementwise = node.kind in ("call", "negative", "positive", "not", "operator", "compare")
-    return axes[0] if elementwise and len(set(axes)) == 1 else 0
-
-
-def _is_scalar(node: Node, look_up: Callable[[str], Any]) -> bool:
-    """Whether a part is a number, or a parameter that is one."""
-    fixed = node.kind == "name" and node.name.startswith("parameter ")
-    return node.kind == "number" or (fixed and not np.ndim(look_up(node.name)))
+from harness.system.units import convert, product
 
 
 def history(result: Result, path: str) -> Any:
-    """What a name in an expression stands for in a result; KeyError."""
+    """Return the value of a name of an expression in a result; raise KeyError if it is unknown."""
     if path == "time":
         return result.time
     word, _, parameter = path.partition(" ")
@@ -100,50 +24,115 @@ def history(result: Result, path: str) -> Any:
 # ---- units
 
 
+Measured = tuple[Node, str | None]
+"""Part of an expression with its unit: "" for a name without one, None if the units of its parts
+determine none, as for the root of a length.
+"""
+
+
 def unit_of(node: Node, unit: Callable[[str], str]) -> str:
-    """Unit of the value of an expression, "" if it is not known; unit: that of a name."""
-    match node:
-        case Node("name", name):
-            return unit(name)
-        case Node("negative" | "positive" | "pick", parts=[a]):
-            return unit_of(a, unit)
-        case Node("operator", "+" | "-", [a, b]):
-            return unit_of(a, unit) or unit_of(b, unit)
-        case Node("operator", "*", [Node("number"), a]) | Node(
-            "operator", "*" | "/", [a, Node("number")]
-        ):
-            return unit_of(a, unit)
-        case Node("call", name, parts):
-            own = FUNCTIONS[name].unit
-            return own if isinstance(own, str) else unit_of(parts[own], unit)
-    return ""
+    """Return the unit of the value of an expression, "" if it is not known; unit: of a name."""
+    try:
+        return _measured(node, unit)[1] or ""
+    except ValueError:
+        return ""
 
 
 def resolved(node: Node, unit: Callable[[str], str]) -> Node:
-    """The tree with every number with a unit in the unit of the other side of its comparison, which
-    then has the unit as it was written; ValueError if they do not fit, or that unit is not known.
+    """Return the tree in which the sides of comparisons and sums, and related arguments of
+    functions, have one unit; raise ValueError if units are incompatible, or one is unknown.
+
+    A comparison with a number has the unit in which the number was written.
     """
-    parts = [resolved(part, unit) for part in node.parts]
-    if node.kind != "compare":
-        return replace(node, parts=tuple(parts))
-    given = [part.unit for part in node.parts]
-    for k in (0, 1):
-        if given[k]:
-            parts[k] = _fitting(parts[k], node.parts[1 - k], unit)
-    return replace(node, parts=tuple(parts), unit=given[0] or given[1])
+    return _measured(node, unit)[0]
 
 
-def _fitting(number: Node, other: Node, unit: Callable[[str], str]) -> Node:
-    """A number with a unit in the unit of what it is compared with."""
-    if not (wanted := unit_of(other, unit)):
-        raise ValueError(
-            f"{number.value:g} {number.unit}: the unit of `{other.text}` is not known, leave it out"
-        )
-    return replace(number, value=convert(number.value, number.unit, wanted), unit="")
+def _measured(node: Node, unit: Callable[[str], str]) -> Measured:
+    """Return the resolved() tree with the unit of its value."""
+    if node.kind in ("name", "number"):
+        return node, unit(node.name) if node.kind == "name" else node.unit
+    parts = [_measured(part, unit) for part in node.parts]
+    written = ""
+    if node.kind == "call":
+        for place, wanted in FUNCTIONS[node.name].takes.items():
+            if isinstance(wanted, int):
+                parts[place] = _fitting(parts[place], parts[wanted])
+            elif parts[place][1] != "1":
+                parts[place] = _fitting(parts[place], (Node("number", wanted), wanted))
+    elif node.kind == "compare" or node.name in ("+", "-"):
+        rule = ruling(parts)
+        parts = [part if part is rule else _fitting(part, rule) for part in parts]
+        if node.kind == "compare":
+            numbers = [part.unit for part in node.parts if part.kind == "number"]
+            written = next(filter(None, numbers), "")
+    made = replace(node, parts=tuple(part for part, _ in parts), unit=written)
+    return made, _unit(made, [unit for _, unit in parts])
+
+
+def ruling(sides: Sequence[Measured]) -> Measured:
+    """Return the side whose unit both sides get: the first with variables and a unit."""
+    return min(sides, key=lambda side: (not side[0].variables, side[1] == ""))
+
+
+def _fitting(side: Measured, rule: Measured) -> Measured:
+    """Return a part of an expression in the unit of another one."""
+    part, given = side
+    wanted = rule[1]
+    if given == "" or (given == wanted and wanted) or (wanted == "" and part.variables):
+        return side
+    if not (given and wanted):
+        lost = rule[0] if given else part
+        if not part.variables:
+            raise ValueError(
+                f"{part.text}: the unit of `{lost.text}` is not known; write the number "
+                "without a unit"
+            )
+        meeting = f"`{part.text}` cannot be added to or compared with `{rule[0].text}`"
+        raise ValueError(f"{meeting}: the unit of `{lost.text}` is not known")
+    try:
+        factor = convert(1.0, given, wanted)
+        if part.kind == "number":
+            return replace(part, value=convert(part.value, given, wanted), unit=wanted), wanted
+    except ValueError as error:
+        sides = f"`{part.text}` [{given}], `{rule[0].text}` [{wanted}]"
+        raise ValueError(f"{sides}: {error}") from None
+    scale = Node("number", value=factor, unit=product(wanted, given, -1) or "")
+    made = Node("operator", "*", (scale, part), source=part.source)
+    return part if factor == 1 else made, wanted
+
+
+def _unit(node: Node, parts: Sequence[str | None]) -> str | None:
+    """Return the unit of a part of an expression from the units of its own parts."""
+    match node:
+        case Node("compare" | "not" | "join" | "window"):
+            return "1"
+        case Node("call", name):
+            own = FUNCTIONS[name].unit
+            if callable(own):
+                return None if parts[0] is None else own(parts[0])
+            return own if isinstance(own, str) else parts[own]
+        case Node("operator", "+" | "-", sides):
+            return ruling(list(zip(sides, parts, strict=True)))[1]
+        case Node("operator", name, sides) if any(each != "" for each in parts):
+            plain = ["1" if each == "" and not side.variables else each
+                     for side, each in zip(sides, parts, strict=True)]  # fmt: skip
+            return _product(name, sides[1], *plain)
+    return parts[0]
+
+
+def _product(operation: str, second: Node, a: str | None, b: str | None) -> str | None:
+    """Return the unit of a product, a quotient or a power of numbers in units a and b."""
+    if operation == "**":
+        if a in ("", "1") or a is None or second.kind != "number":
+            return a if a in ("", "1") else None
+        return product("1", a, second.value)
+    if a is None or b is None:
+        return None
+    return product(a, b, 1 if operation == "*" else -1) if a and b else ""
 
 
 def unit_in(result: Result, path: str) -> str:
-    """Unit of a name in an expression; "" if it is not known."""
+    """Return the unit of a name in an expression; "" if it is not known."""
     if path == "time":
         return "s"
     word, _, parameter = path.partition(" ")
@@ -152,8 +141,8 @@ def unit_in(result: Result, path: str) -> str:
 
 
 def fitted(result: Result, text: str) -> Node:
-    """The resolved() tree of a text in the units of a result, made once for all that have these;
-    ValueError.
+    """Return the resolved() tree of a text in the units of a result, cached for results with equal
+    units; raise ValueError.
     """
     return _fitted(text, tuple(unit_in(result, path) for path in _parsed(text).variables))
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Expressions over the variables of a result, for metrics of campaigns and for requirements.
 
-An expression names variables as the result does, `norm(servicer.r_SN_N - target.r_TN_N)[-1]`, and
-knows the functions of FUNCTIONS and nothing else. In a comparison a number may have a unit, which
-is converted to that of the other side: `guidance.beta_t <= 2 deg`.
+An expression names variables as the result does, `last(norm(servicer.r_SN_N - target.r_TN_N))`,
+elements as `servicer.r_SN_N[1]`, and knows the functions of FUNCTIONS and nothing else. A number
+may have a unit: `guidance.beta_t <= 2 deg`. Names are compared in Unicode's normal form NFKC.
 """
 
 from __future__ import annotations
@@ -12,27 +12,30 @@ import ast
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
+from unicodedata import normalize
 
 import numpy as np
 
-from harness.results.histories import minus, norm, plus, total
+from harness.results.histories import hill_attitude, minus, norm, plus, total
 from harness.results.result import Array
 from harness.spelling import did_you_mean
-from harness.system.units import convert
+from harness.system.units import convert, product
 
 STEADY = 0.2
-"""Last part of the time in which an error is steady."""
+"""Last share of the time in which an error counts as steady."""
+TOLERANCE = 1e-9
+"""Relative distance in time up to which a row belongs to an instant."""
 
 LONGEST = 10_000
-"""Characters of an expression."""
+"""Largest number of characters of an expression."""
 DIGITS = 300
-"""Digits of a number: 1e308 is the end of the doubles."""
+"""Largest number of digits of a number: doubles end at 1e308."""
 DEEPEST = 200
-"""Levels of an expression; every further term of a sum is one."""
+"""Largest number of levels of an expression; every further term of a sum is one."""
 
 QUANTITY = re.compile(
     r"(?<![\w.])(?P<number>(?>\d+\.?\d*|\.\d+)(?>[eE][-+]?\d+)?)\s+"
@@ -42,86 +45,122 @@ QUANTITY = re.compile(
 
 
 def settling_time(time: Array, error: Array, band: float) -> float:
-    """Time [s] after which an error (rows,) stays within a band, which one that is no number is
-    not; NaN if it never does.
+    """Return the time [s] after which an error (rows,) stays within a band; NaN if it never does.
+    An error of NaN is outside.
     """
+    if np.shape(error) != np.shape(time):
+        raise ValueError("settling_time(time, error, band): error is a vector; write norm(error)")
     outside = np.flatnonzero(~(error <= band))
     first_inside = outside[-1] + 1 if len(outside) else 0
     return float(time[first_inside] - time[0]) if first_inside < len(time) else float("nan")
 
 
 def steady_error(time: Array, error: Array) -> float:
-    """Largest error (rows,) in the last fifth of the time."""
+    """Return the largest error (rows,) in the last fifth of the time."""
     return float(np.max(error[time >= time[-1] - STEADY * (time[-1] - time[0])]))
 
 
 def _angle(q: Array, p: Array) -> Array:
-    """Angle between two attitudes [rad] by their unit quaternions, row by row; exact near zero: of
-    q and p the shorter of difference and sum is 2 sin(angle / 4), the longer 2 cos(angle / 4).
+    """Return the angle between two attitudes [rad] by their unit quaternions, row by row. It is
+    exact near zero: |q - p| and |q + p| are 2 sin(angle / 4), the shorter, and 2 cos(angle / 4).
     """
     a, b = norm(minus(q, p)), norm(plus(q, p))
     return np.asarray(4 * np.arctan2(np.minimum(a, b), np.maximum(a, b)))
 
 
+def row_at(instant: float, time: Array) -> int:
+    """Return the last row up to an instant [s]; raise ValueError if the run does not cover it."""
+    slack = TOLERANCE * max(1.0, float(np.abs(time).max()))
+    if not time[0] - slack <= instant <= time[-1] + slack:
+        raise ValueError(
+            f"at(): expected a time from {time[0]:g} to {time[-1]:g} s, got {instant:g} s"
+        )
+    return max(0, int(np.searchsorted(time, instant + slack, side="right")) - 1)
+
+
+def _plain(unit: str) -> str | None:
+    """Return the unit of exp and log: unchanged for a plain number, else unknown."""
+    return unit if unit in ("", "1") else None
+
+
+def _in_degrees(unit: str) -> str | None:
+    if unit in ("", "1"):
+        return "deg"
+    return product(unit, "deg/rad") if "rad" in unit else None
+
+
 class Function(NamedTuple):
-    """What a function of an expression computes, the names of its arguments, and the unit of its
-    value: that of an argument by its place, or one of its own.
+    """Function of expressions: its implementation, the names of its arguments, and units.
+
+    unit: unit of the value: the place of the argument with the same unit, a unit, or a function of
+    the unit of the first argument; takes: units to which arguments are converted, by place: a unit,
+    or the place of the argument that has it; per_row: the value in a row depends on that row alone.
     """
 
     value: Callable[..., Any]
     arguments: tuple[str, ...] = ("x",)
-    unit: int | str = ""
+    unit: int | str | Callable[[str], str | None] = 0
+    takes: Mapping[int, int | str] = {}
+    per_row: bool = False
 
 
 FUNCTIONS: dict[str, Function] = {
-    "abs": Function(np.abs, unit=0),
-    "angle": Function(_angle, ("q", "p"), "rad"),
-    "cos": Function(np.cos),
-    "degrees": Function(np.degrees, unit="deg"),
-    "exp": Function(np.exp),
-    "first": Function(lambda x: x[0], unit=0),
-    "last": Function(lambda x: x[-1], unit=0),
-    "log": Function(np.log),
-    "max": Function(np.max, unit=0),
-    "mean": Function(np.mean, unit=0),
-    "min": Function(np.min, unit=0),
-    "norm": Function(norm, unit=0),
-    "percentile": Function(np.percentile, ("x", "percent"), 0),
-    "rms": Function(lambda x: np.sqrt(np.mean(np.square(x))), unit=0),
-    "settling_time": Function(settling_time, ("time", "error", "band"), "s"),
-    "sin": Function(np.sin),
-    "sqrt": Function(np.sqrt),
-    "std": Function(np.std, unit=0),
+    "abs": Function(np.abs, per_row=True),
+    "angle": Function(_angle, ("q", "p"), "rad", {1: 0}, per_row=True),
+    "at": Function(row_at, ("x", "time"), takes={1: "s"}),
+    "cos": Function(np.cos, unit="1", takes={0: "rad"}, per_row=True),
+    "degrees": Function(np.degrees, unit=_in_degrees, per_row=True),
+    "exp": Function(np.exp, unit=_plain, per_row=True),
+    "first": Function(lambda: 0),
+    "hill": Function(hill_attitude, ("r", "v"), "1", per_row=True),
+    "last": Function(lambda: -1),
+    "log": Function(np.log, unit=_plain, per_row=True),
+    "max": Function(np.max),
+    "mean": Function(np.mean),
+    "min": Function(np.min),
+    "norm": Function(norm, per_row=True),
+    "percentile": Function(np.percentile, ("x", "percent"), takes={1: "%"}),
+    "rms": Function(lambda x: np.sqrt(np.mean(np.square(x)))),
+    "settling_time": Function(settling_time, ("time", "error", "band"), takes={2: 1}),
+    "sin": Function(np.sin, unit="1", takes={0: "rad"}, per_row=True),
+    "sqrt": Function(np.sqrt, unit=partial(product, "1", power=0.5), per_row=True),
+    "std": Function(np.std),
     "steady": Function(steady_error, ("time", "error"), 1),
-    "total": Function(total, unit=0),
+    "total": Function(total, per_row=True),
 }
-"""Functions of an expression: a further argument of one of numpy may be where it writes to."""
+"""Functions of expressions. The number of arguments is checked, because functions of numpy write to
+further ones.
+"""
+ROW = ("first", "last", "at")
+"""Functions that return one row of their first argument."""
 WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
-"""Conditions over windows of time, with the conditions they are made of; up to two times follow."""
+"""Conditions over windows of time with their conditions as arguments; up to two times follow."""
 
 IMPLIES = "implies"
-"""implies(x, y): y counts in the rows in which x holds."""
+"""implies(x, y): y must hold in the rows in which x holds."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("operator", "+"), ast.Sub: ("operator", "-"), ast.Mult: ("operator", "*"),
     ast.Div: ("operator", "/"), ast.Pow: ("operator", "**"), ast.Lt: ("compare", "<"),
     ast.LtE: ("compare", "<="), ast.Gt: ("compare", ">"), ast.GtE: ("compare", ">="),
     ast.Eq: ("compare", "=="), ast.NotEq: ("compare", "!="), ast.And: ("join", "and"),
-    ast.BitAnd: ("join", "and"), ast.Or: ("join", "or"), ast.BitOr: ("join", "or"),
-    ast.Not: ("not", "not"), ast.Invert: ("not", "not"), ast.USub: ("negative", "negative"),
+    ast.Or: ("join", "or"), ast.Not: ("not", "not"), ast.USub: ("negative", "negative"),
     ast.UAdd: ("positive", "positive"),
 }  # fmt: skip
-"""Kind and name of the operators that an expression may hold."""
+"""Kind and name of the operators that an expression may contain."""
+BITWISE = (ast.BitAnd, ast.BitOr, ast.Invert)
+"""Operators that Python binds more strongly than a comparison."""
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A part of an expression, which is made of further parts.
+    """Node of the tree of an expression.
 
     kind: `name` (of a variable, `time`, or `parameter component.name`), `number`, `operator`,
-    `compare`, `negative`, `positive`, `not`, `join` (and, or), `window`, `call` or `pick`; name: of
-    what is looked up, called or done; value: of a number, index of a pick, begin and end [s] of a
-    window; unit: of a number as it was written; source: what it was made of.
+    `compare`, `negative`, `positive`, `not`, `join` (and, or), `window`, `call` or `pick`; name:
+    name of the variable, function or operation; value: number, index of the element of a pick, or
+    begin and end [s] of a window; unit: unit of a number, or unit in which a comparison was
+    written; source: parsed Python.
     """
 
     kind: str
@@ -133,77 +172,99 @@ class Node:
 
     @property
     def text(self) -> str:
-        """The part as it was written."""
+        """Return the text of this part as it was written."""
         written = ast.unparse(self.source) if self.source else self.name
         return re.sub(r"quantity\((\S+), '(\S+)'\)", r"\1 \2", written)
 
     def walk(self) -> Iterator[Node]:
-        """The part itself and all that it is made of."""
+        """Yield the node and all nodes below it."""
         yield self
         for part in self.parts:
             yield from part.walk()
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """What it looks up: variables, `time` and `parameter component.name`."""
+        """Return the names that it contains: variables, `time` and `parameter component.name`."""
         return tuple(dict.fromkeys(n.name for n in self.walk() if n.kind == "name"))
 
-    # ---- of conditions
+    @cached_property
+    def is_history(self) -> bool:
+        """Return whether the value has rows: it depends on a variable or the time, which no
+        function reduces to a single row or number.
+        """
+        if self.kind == "name":
+            return not self.name.startswith("parameter ")
+        reduces = self.kind == "call" and not FUNCTIONS[self.name].per_row
+        return not reduces and any(part.is_history for part in self.parts)
+
+    # ---- conditions
 
     @property
     def conditions(self) -> tuple[Node, ...]:
-        """Those that a condition joins, negates or looks at over a window; none of a leaf."""
+        """Return the conditions that it joins, negates or evaluates over a window; none for
+        a leaf.
+        """
         return self.parts if self.kind in ("not", "join", "window") else ()
 
     @property
     def shown(self) -> Node:
-        """Of a comparison what is named as the worst value: the side that is not a number."""
+        """Return the side of a comparison whose worst value is reported: not a constant number."""
         if self.kind != "compare":
             return self
         return self.parts[1 if self.parts[0].kind == "number" else 0]
 
     @cached_property
     def has_window(self) -> bool:
-        """Whether it holds at the start of the run, not in every row."""
+        """Return whether it contains a window: it then applies to the start of the run, not to
+        every row.
+        """
         return any(node.kind == "window" for node in self.walk())
 
     @cached_property
     def is_timing(self) -> bool:
-        """Whether it says when others count: a condition on time alone, beside parameters, or what
-        implies() begins with.
+        """Return whether it determines when other conditions apply: a condition on time and
+        parameters alone, or the first argument of implies().
         """
         others = [name for name in self.variables if not name.startswith("parameter ")]
         return self.name == IMPLIES or others == ["time"]
 
 
 def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:
-    """The tree of a text; ValueError if it is not an expression, or longer, deeper or with more
-    digits than the limits. others: names, of such a `kind`, that the user may have meant.
+    """Return the tree of a text; raise ValueError if it is not an expression, or exceeds the limits
+    of length, depth and digits. others: further names, of a `kind`, that the text may name.
     """
+    text = normalize("NFKC", text)
     if len(text) > LONGEST:
-        raise ValueError(f"it is longer than {LONGEST} characters")
+        raise ValueError(f"expression is longer than {LONGEST} characters")
     if re.search(rf"[\d_]{{{DIGITS + 1}}}", text):
-        raise ValueError(f"a number has more than {DIGITS} digits")
+        raise ValueError(f"a number in the expression has more than {DIGITS} digits")
+    if "#" in text:
+        raise ValueError(f"`{text[text.index('#') :]}`: an expression cannot contain a comment (#)")
     try:
         tree = _tree(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         names = did_you_mean(text, others)
-        what = f"there is no such {kind}, and " if kind else ""
-        raise ValueError(f"{what}it is not an expression{names}") from error
+        what = f"neither a known {kind} nor" if kind else "not"
+        raise ValueError(f"is {what} an expression{names}") from error
     if _depth(tree) > DEEPEST:
-        raise ValueError(f"it has more than {DEEPEST} levels, of which each term is one")
+        raise ValueError(
+            f"expression is nested too deeply (limit {DEEPEST} levels, one per term of a sum)"
+        )
+    for each in ast.walk(tree):
+        if isinstance(getattr(each, "op", None), BITWISE):
+            raise ValueError(f"`{ast.unparse(each)}`: write `and`, `or`, `not` for &, |, ~")
     return _Reader(others, kind).node(tree)
 
 
 def _tree(text: str) -> ast.expr:
-    """The text as Python reads it, a number with its unit as a call of quantity()."""
+    """Return the text as parsed by Python, a number with a unit as a call of quantity()."""
     with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
         marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
         return ast.parse(marked, mode="eval").body
 
 
 def _depth(tree: ast.AST) -> int:
-    """Levels of a tree of whatever depth."""
+    """Return the levels of a tree, without recursion."""
     levels, nodes = 0, [tree]
     while nodes:
         levels += 1
@@ -212,17 +273,19 @@ def _depth(tree: ast.AST) -> int:
 
 
 Make = Callable[..., Node]
-"""Node, of what was read."""
+"""Constructor of a node with its source."""
 
 
 class _Reader:
-    """Makes nodes of what Python has read; ValueError at whatever an expression may not hold."""
+    """Converter of parsed Python to nodes. It raises ValueError for anything else than an
+    expression.
+    """
 
     def __init__(self, others: Sequence[str], kind: str) -> None:
         self.others, self.kind = others, kind
 
     def node(self, given: ast.expr) -> Node:  # noqa: PLR0911 - one per kind
-        """The node of an expression."""
+        """Return the node of parsed Python."""
         node = partial(Node, source=given)
         if path := _path_of(given):
             return node("name", self._known(path))
@@ -231,7 +294,7 @@ class _Reader:
                 return node("number", value=_within(number))
             case ast.BoolOp(op=op, values=parts):
                 return self._operation(op, parts, node)
-            case ast.UnaryOp(op=op, operand=a):
+            case ast.UnaryOp(op=op, operand=a) if type(op) in OPERATORS:
                 return self._operation(op, [a], node)
             case (
                 ast.BinOp(left=a, op=op, right=b) | ast.Compare(left=a, ops=[op], comparators=[b])
@@ -240,17 +303,26 @@ class _Reader:
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._called(name, arguments, node)
             case ast.Subscript(value=a, slice=index):
-                return node("pick", parts=self._all([a]), value=_index_of(index))
+                return self._element(a, _index_of(index), node)
         raise ValueError(f"an expression cannot hold `{ast.unparse(given)}`")
 
     def _operation(self, op: ast.AST, given: Sequence[ast.expr], node: Make) -> Node:
         parts = self._all(given)
-        if isinstance(op, ast.USub) and parts[0].unit:  # -2 deg
-            return replace(parts[0], value=-parts[0].value)
+        if isinstance(op, ast.USub) and parts[0].kind == "number":  # -2 deg
+            return replace(node("number"), value=-parts[0].value, unit=parts[0].unit)
         return node(*OPERATORS[type(op)], parts)
 
     def _all(self, given: Sequence[ast.expr]) -> tuple[Node, ...]:
         return tuple(map(self.node, given))
+
+    def _element(self, given: ast.expr, index: tuple[int, ...], node: Make) -> Node:
+        """Return an element of a variable as a name, an element of a computed vector as a pick."""
+        whole, places = self.node(given), ",".join(map(str, index))
+        if whole.kind == "name":
+            return node("name", f"{whole.name}[{places}]")
+        if len(index) > 1 or index[0] < 1:
+            raise ValueError(f"{ELEMENT}, not [{places}]")
+        return node("pick", parts=(whole,), value=index[0])
 
     def _known(self, path: str) -> str:
         if "." in path or path == "time":
@@ -267,12 +339,16 @@ class _Reader:
             ]:
                 return node("number", value=float(x), unit=unit)
             case "parameter", [argument]:
-                if not (path := _path_of(argument)):
+                if (inner := self.node(argument)).kind != "name":
                     raise ValueError("parameter() expects component.name")
-                return node("name", f"parameter {path}")
+                return node("name", f"parameter {inner.name}")
         if name not in WINDOWED:
             _check_call(name, len(given))
         parts = self._all(given)
+        if name == "at":
+            if parts[1].is_history:
+                raise ValueError(f"at(x, time): expected a time as `60 s`, got `{parts[1].text}`")
+            parts += (Node("name", "time"),)
         if name in WINDOWED:
             count = len(WINDOWED[name])
             return node("window", name, parts[:count], _window(name, parts))
@@ -283,12 +359,12 @@ class _Reader:
 
 def _within(number: float) -> float:
     if isinstance(number, int) and number > 10**DIGITS:
-        raise ValueError(f"there is no number beyond 1e{DIGITS}")
+        raise ValueError(f"a number exceeds 1e{DIGITS}")
     return number
 
 
 def _check_call(name: str, given: int) -> None:
-    """ValueError if there is no such function, or with another number of arguments."""
+    """Raise ValueError for an unknown function, or a wrong number of arguments."""
     known = {name: each.arguments for name, each in FUNCTIONS.items()} | {IMPLIES: ("x", "y")}
     if name not in known:
         raise ValueError(f"there is no function {name}{did_you_mean(name, (*known, *WINDOWED))}")
@@ -298,8 +374,9 @@ def _check_call(name: str, given: int) -> None:
 
 
 def _window(name: str, parts: Sequence[Node]) -> tuple[float, float]:
-    """Begin and end [s] of the window of always(), eventually() or until(), counted from the row;
-    ValueError. `60 s` alone is its end; without times it goes on to the end of the run.
+    """Return begin and end [s], relative to the row, of the window of always(), eventually() or
+    until(); raise ValueError. `60 s` alone is its end; without times it extends to the end of the
+    run.
     """
     conditions = WINDOWED[name]
     head = f"{name}({', '.join(conditions)}, ...)"
@@ -308,7 +385,9 @@ def _window(name: str, parts: Sequence[Node]) -> tuple[float, float]:
         raise ValueError(f"{head}: expected {' and '.join(conditions)}, then at most two times")
     begin, end = (0.0, *times)[-2:] if times else (0.0, math.inf)
     if not 0 <= begin <= end:
-        raise ValueError(f"{head}: a window of {begin:g} to {end:g} s ends before it begins")
+        raise ValueError(
+            f"{head}: expected 0 <= begin <= end, got a window of {begin:g} to {end:g} s"
+        )
     return begin, end
 
 
@@ -319,7 +398,7 @@ def _seconds(node: Node, head: str) -> float:
 
 
 def _path_of(node: ast.expr) -> str:
-    """`guidance.los.elevation` of nested attributes, "" of anything else."""
+    """Return `guidance.los.elevation` for nested attributes, "" for anything else."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute):
@@ -328,15 +407,17 @@ def _path_of(node: ast.expr) -> str:
     return ""
 
 
-def _index_of(node: ast.expr) -> Any:
-    """Indices and slices of numbers, counted from 0 as in numpy."""
-    match node:
-        case ast.Tuple(elts=elements):
-            return tuple(_index_of(e) for e in elements)
-        case ast.Slice(lower=a, upper=b, step=c):
-            return slice(*(None if x is None else _index_of(x) for x in (a, b, c)))
-        case ast.Constant(value=int(number)) if not isinstance(number, bool):
-            return number
-        case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int(number))):
-            return -number
-    raise ValueError(f"an index must be a whole number, not `{ast.unparse(node)}`")
+ELEMENT = "an index is the number of an element, counted from 1"
+
+
+def _index_of(node: ast.expr) -> tuple[int, ...]:
+    """Return the indices of an element; raise ValueError for other subscripts."""
+    found = []
+    indices = node.elts if isinstance(node, ast.Tuple) else [node]
+    for each in indices:
+        if not isinstance(each, ast.Constant) or type(each.value) is not int:
+            given = ", ".join(map(ast.unparse, indices))
+            rows = "for a row, write first(x), last(x) or at(x, 60 s)"
+            raise ValueError(f"{ELEMENT}, not [{given}]; {rows}")
+        found.append(each.value)
+    return tuple(found)

@@ -2,13 +2,13 @@
 """Results files: .csv and .parquet (flat columns), .nc (netCDF4: vectors, units, long names) and
 .mat (one struct per component).
 
-All keep the parameters of the run and its provenance too. A .nc: as variables without time, and as
-attributes; a .mat: in the structs `parameters` and `provenance`; a .csv, which stays a bare table
-for whatever reads tables: in NAME.csv.toml beside it, with the units.
+All store the parameters of the run and its provenance too. A .nc stores them as variables without
+time and as attributes, a .mat in the structs `parameters` and `provenance`. A .csv is a plain table
+for any reader of tables, so they are in NAME.csv.toml beside it, with the units.
 
-A run that ended early leaves a file NAME.partial.nc beside, so that a complete file is replaced by
-complete ones only: .nc and .mat say `complete = 0`, a .csv ends with a line `# incomplete: reason`.
-What cannot be written there is kept elsewhere.
+A run that ended early writes NAME.partial.nc beside the file, so that a complete file is replaced
+only by complete ones. A .nc or .mat then has `complete = 0`, a .csv ends with a line `# incomplete:
+reason`. A result that cannot be written there is stored elsewhere.
 """
 
 from __future__ import annotations
@@ -33,43 +33,47 @@ READERS = {ending: kind.read for ending, kind in FORMATS.items()}
 
 
 class ResultFile:
-    """A results file that was found writable before the run. It appears whole or not at all."""
+    """Results file that was found writable before the run. It appears complete or not at all."""
 
     def __init__(self, path: Path) -> None:
-        """UsageError for an unknown ending, ResultsError if the file cannot be written there."""
+        """Prepare the file; raise UsageError for an unknown ending, ResultsError if the file cannot
+        be written there.
+        """
         if path.suffix not in FORMATS:
             raise UsageError(
                 f"{path}: results are written as {', '.join(FORMATS)}, not as "
                 f"'{path.suffix or path.name}'"
             )
         self.path = path
-        self._target = path.absolute()  # wherever an FMU may lead this process
+        self._target = path.absolute()  # an FMU may change the working directory
         self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
         try:
             found = path.exists()
-            self._special = found and not path.is_file()  # as a pipe
+            self._special = found and not path.is_file()  # a pipe or device
             if found and not os.access(path, os.W_OK):
                 raise PermissionError("no permission")
             if not self._special:
                 self._try()
-        except (OSError, ValueError) as error:  # or a name that no file can have
-            raise self._refused(reason_of(error)) from error
+        except (OSError, ValueError) as error:  # ValueError: an impossible file name
+            raise self._unwritable(reason_of(error)) from error
         if path.is_dir():
-            raise ResultsError(f"{path}: cannot be written, it is a folder")
+            raise ResultsError(
+                f"{path}: is a folder; give the name of a file, such as {path / 'results.nc'}"
+            )
 
-    def _refused(self, reason: str) -> ResultsError:
+    def _unwritable(self, reason: str) -> ResultsError:
         return ResultsError(f"{self.path}: cannot be written ({reason})")
 
     def _try(self) -> None:
-        """Write something beside, or into the folder where the folders will be, and remove it."""
+        """Write and remove a file in the nearest existing folder."""
         folder = next(folder for folder in self._target.parents if folder.exists())
         if not folder.is_dir():
             raise NotADirectoryError(f"{folder} is not a folder")
         new_beside(folder / self.path.name).unlink(missing_ok=True)
 
     def accept(self, system: System) -> None:
-        """Look whether the file can hold the names of a system; ResultsError with those that it
-        cannot.
+        """Check that the file can store the names of a system; raise ResultsError with the names
+        that it cannot store.
         """
         if self.path.suffix != ".nc":
             return
@@ -81,13 +85,15 @@ class ResultFile:
         if bad := [name for name in names if not netcdf.fits(name)]:
             more = f" and {len(bad) - 3} more" if len(bad) > 3 else ""
             shown = ", ".join(repr(name[:80]) for name in bad[:3]) + more
-            raise ResultsError(f"{self.path}: a .nc cannot hold {shown}: choose .csv or .mat")
+            raise ResultsError(
+                f"{self.path}: a .nc cannot store the names {shown}; choose .csv or .mat"
+            )
 
     def write(self, result: Result) -> None:
-        """Write the result of a complete run, in the place of an earlier partial one too.
+        """Write the result of a complete run, replacing an earlier partial one too.
 
-        ResultsError if that fails; an earlier file is then left as it was, and the result is kept
-        elsewhere if that is possible.
+        Raises ResultsError on failure. An earlier file then stays unchanged, and the result is
+        stored elsewhere if possible.
         """
         try:
             self._write(result, self._target)
@@ -100,10 +106,10 @@ class ResultFile:
             partial.unlink(missing_ok=True)
             comma_separated.beside(partial).unlink(missing_ok=True)
 
-    def keep(self, result: Result) -> str:
-        """Write the result of a run that ended early, beside the file; returns where it is.
+    def write_partial(self, result: Result) -> str:
+        """Write the result of a run that ended early beside the file, and return its path.
 
-        ResultsError if it can be written nowhere.
+        Raises ResultsError if it can be written nowhere.
         """
         partial = self.path if self._special else self.partial
         try:
@@ -124,15 +130,15 @@ class ResultFile:
             if isinstance(error, HarnessError) and not isinstance(error, ResultsError):
                 raise  # a library is missing
             cause = error.__cause__ if isinstance(error, ResultsError) else None
-            raise self._refused(reason_of(cause or error)) from error
+            raise self._unwritable(reason_of(cause or error)) from error
 
 
 def _rescued(result: Result, path: Path) -> Path | None:
-    """Where a result was written that could not be written to its place."""
+    """Return where a result was stored that could not be written to its place."""
     elsewhere = Path(tempfile.gettempdir())
     for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
         place = folder / f"{path.stem[:100]}-{secrets.token_hex(6)}{ending}"
-        with suppress(Exception), written(place) as target:  # as at its own place
+        with suppress(Exception), written(place) as target:  # the original error is reported
             WRITERS[ending](result, target)
         if place.exists():
             return place
@@ -140,14 +146,14 @@ def _rescued(result: Result, path: Path) -> Path | None:
 
 
 def read(file: str | Path) -> Result:
-    """Read a results file written by the harness; ResultsError if it cannot be read.
+    """Read a results file written by the harness; raise ResultsError if it cannot be read.
 
-    A .csv without the .toml beside it knows neither units nor parameters nor the name of the
-    system, which is then the stem of the file.
+    A .csv without the .toml beside it has no units, no parameters and no name of the system, which
+    is then the stem of the file.
     """
     path = Path(file)
     if path.suffix not in FORMATS:
-        raise UsageError(f"{path}: only {', '.join(FORMATS)} can be read back")
+        raise UsageError(f"{path}: expected a results file ({', '.join(FORMATS)})")
     try:
         return sound(READERS[path.suffix](path))
     except HarnessError:  # a library is missing
@@ -157,11 +163,11 @@ def read(file: str | Path) -> Result:
 
 
 def save(result: Result, path: str | Path) -> Path:
-    """Write to .nc, .csv or .mat, an incomplete result to NAME.partial beside; UsageError,
-    ResultsError. Returns where it is.
+    """Write to .nc, .csv, .mat or .parquet, an incomplete result to NAME.partial beside it; return
+    the path. Raises UsageError, ResultsError.
     """
     file = ResultFile(Path(path))
     if not result.complete:
-        return Path(file.keep(result))
+        return Path(file.write_partial(result))
     file.write(result)
     return Path(path)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Arithmetic on histories, (rows, elements): vectors, quaternions (scalar first, v_N = q v_B q*).
 
-Vectors go column by column: numpy takes several times as long for many rows of a few elements. The
-bits are those of the plain operations.
+Vectors are computed column by column, because numpy takes several times as long for many rows of a
+few elements. The bits are equal to the plain operations.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import numpy as np
 from harness.results.result import Array
 
 PAIRWISE = 8
-"""So many numbers in a row numpy adds in pairs, fewer from the first to the last."""
+"""Number of elements from which on numpy adds in pairs; fewer are added from first to last."""
 
 
 # ---- vectors
 
 
 def _is_narrow(x: Any) -> bool:
-    """Whether an array is a history of a few numbers; one of another class, as one that records how
-    it was made, goes the plain way.
+    """Return whether an array is a history of a few numbers, and of no subclass, such as one that
+    records its operations.
     """
     return (
         type(x) is np.ndarray
@@ -49,7 +49,7 @@ minus = partial(_each, np.subtract, operator.sub)
 
 
 def norm(x: Any) -> Array:
-    """Length of every row."""
+    """Return the length of every row."""
     array = np.asarray(x, dtype=np.float64)
     if not _is_narrow(array):
         return np.asarray(np.sqrt(total(np.square(array))))
@@ -60,7 +60,7 @@ def norm(x: Any) -> Array:
 
 
 def total(x: Any) -> Array:
-    """Sum over the elements of every row."""
+    """Return the sum over the elements of every row."""
     if not _is_narrow(x):
         return np.asarray(np.sum(x, axis=-1))
     result = x[:, 0].copy()
@@ -73,8 +73,8 @@ def total(x: Any) -> Array:
 
 
 def rotation_angle(a: Array, b: Array) -> Array:
-    """Angle of the rotation between attitudes given by quaternions (rows, 4), scalar first; 0 to
-    pi, (rows,) [rad].
+    """Return the angle (rows,) [rad], 0 to pi, of the rotation between attitudes given by
+    quaternions (rows, 4), scalar first.
     """
     a0, a1, a2, a3 = np.ascontiguousarray(a.T)
     b0, b1, b2, b3 = np.ascontiguousarray(b.T)
@@ -86,15 +86,26 @@ def rotation_angle(a: Array, b: Array) -> Array:
 
 
 def turned(q: Array, v: Array) -> Array:
-    """v_N = q v_B q* for quaternions (rows, 4), scalar first, and vectors (rows, 3)."""
+    """Return v_N = q v_B q* for quaternions (rows, 4), scalar first, and vectors (rows, 3)."""
     t = 2 * np.cross(q[:, 1:], v)
     return np.asarray(v + q[:, :1] * t + np.cross(q[:, 1:], t))
 
 
+def hill_attitude(r: Any, v: Any) -> Array:
+    """Return the quaternions (..., 4) of the Hill frame of an orbit relative to N by position and
+    velocity (..., 3); x: r, z: r x v.
+    """
+    r, v = (np.asarray(x, dtype=np.float64) for x in (r, v))
+    normal = np.cross(r, v)
+    axes = (x.reshape(-1, 3) for x in (r, np.cross(normal, r), normal))
+    found = quaternion(*(x / np.linalg.norm(x, axis=1)[:, None] for x in axes))
+    return found.reshape(*r.shape[:-1], 4)
+
+
 def quaternion(x: Array, y: Array, z: Array) -> Array:
-    """Quaternions (rows, 4) of frames by their axes (rows, 3), unit vectors."""
+    """Return quaternions (rows, 4) of frames from their axes (rows, 3), unit vectors."""
     (a, d, g), (b, e, h), (c, f, i) = (axis.T for axis in (x, y, z))
-    # 4 q q^T row by row; the row with the largest element of its own is the exactest
+    # rows of 4 q q^T; the row with the largest diagonal element is the most accurate
     rows = (
         (1 + a + e + i, h - f, c - g, d - b),
         (h - f, 1 + a - e - i, b + d, c + g),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a result comes from: all that is needed to make it again, as plain data.
+"""Provenance of a result: everything that is needed to repeat its run, as plain data.
 
-A provenance is filled from the System as it was run, travels with the Result through its files, and
-is compared with that of another run.
+A provenance is made from the System of the run, stored with the Result in its files, and compared
+with the provenance of another run.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
+from hashlib import sha256
 from importlib.metadata import version
 from typing import Any, NamedTuple, get_origin, get_type_hints
 
@@ -22,18 +23,21 @@ import msgspec
 
 from harness.errors import UsageError
 from harness.files.output import command_line
+from harness.system.interface import Interface
 from harness.system.model import Swap, System
-from harness.system.schema import Count, Number, problems
+from harness.system.tables import Count, Number, problems
 from harness.system.values import parse, too_deep
 
 SCHEMA = 1
-"""Version of what results files hold, see docs/release.md; files without a number have 1."""
+"""Version of the content of results files, see docs/release.md; files without a number have 1."""
+OF_A_RUN = ("command", "date", "executor", "platform", "timing")
+"""Settings that a system has only while it runs."""
 LAST_SECOND = 253402300799
-"""Of the year 9999, in seconds since 1970."""
+"""Last second of the year 9999, in seconds since 1970."""
 
 
 class Slot(NamedTuple):
-    """A component in its place: its FMU by name, macro steps per step, macro steps of latency."""
+    """Component with the name of its FMU, macro steps per step, and macro steps of latency."""
 
     component: str
     fmu: str
@@ -43,17 +47,16 @@ class Slot(NamedTuple):
 
 @dataclass(frozen=True)
 class Provenance:
-    """What was flown.
+    """Settings of a run.
 
-    version: of this package; system: its name; mission: the one it belongs to; source: name or path
-    as the user gave it; sha256: of the .ssp ("": the system was made in Python); params: named set
-    or file, params_sha256: of the file; set: (`component.variable`, value) as given, text or value;
+    version: of this package; system: its name; mission: its mission; source: name or path as the
+    user gave it; sha256: of the .ssp ("": the system was made in Python); params: parameter set or
+    file; params_sha256: of the file; set: (`component.variable`, value) as given, text or value;
     swaps: other FMUs; on: (component, place) on other processors; maps: (their port, our name);
-    latency: (component, macro steps) as given; algorithm, step [s], stop [s], epoch (UTC of t
-    = 0, "": none), schedule, executor, every: as run; timing: how well the pace of a clock was kept
-    ("": there was none); requirements: (name, text); command: command line (None: from Python);
-    date: when the result was taken, UTC; platform: of the host; schema:
-    version of the file's content.
+    latency: (component, macro steps) as given; algorithm, step [s], stop [s], epoch (UTC of t = 0,
+    "": none), schedule, executor, every: as run; timing: accuracy of the pace of a clock ("":
+    none); requirements: (name, text); command: command line (None: from Python); date: when the
+    result was taken, UTC; platform: of the host; schema: version of the file's content.
     """
 
     version: str = ""
@@ -83,7 +86,7 @@ class Provenance:
     schema: Count = SCHEMA
 
     def changes(self) -> dict[str, Any]:
-        """The changes that make the same run of the same source, for run()."""
+        """Return the arguments of run() that repeat the run with the same source."""
         changes: dict[str, Any] = {
             "params": self.params,
             "set": dict(self.set),
@@ -100,16 +103,16 @@ class Provenance:
 
     @property
     def time_units(self) -> str:
-        """CF units of the time: with the date of t = 0 if there is one."""
+        """Return the CF units of the time: with the date of t = 0 if there is one."""
         return f"seconds since {self.epoch}" if self.epoch else "s"
 
     def lines(self) -> list[str]:
-        """What was flown, for reading: one fact per line."""
+        """Return the settings of the run as text, one fact per line."""
         return list(_lines(self))
 
 
-def flown(system: System, executor: str, every: int, timing: str = "") -> Provenance:
-    """Provenance of a run of a system that begins or ends now."""
+def run_provenance(system: System, executor: str, every: int, timing: str = "") -> Provenance:
+    """Return the provenance of a run of a system that begins or ends now."""
     origin, experiment = system.origin, system.experiment
     given = {
         name: getattr(origin, name) for name in ("source", "sha256", "params", "params_sha256")
@@ -135,6 +138,36 @@ def flown(system: System, executor: str, every: int, timing: str = "") -> Proven
     )
 
 
+class WholeProvenance(NamedTuple):
+    """Version of this package, date of the newest FMU (or SOURCE_DATE_EPOCH), and settings of a
+    system that was written as one FMU: parameter set, changes, schedule and its FMUs.
+    """
+
+    version: str
+    date: str
+    provenance: dict[str, Any]
+
+
+def whole_provenance(system: System, interfaces: Mapping[str, Interface]) -> WholeProvenance:
+    """Return the provenance of a system as one FMU; interfaces: of its components by name."""
+    settings = table(run_provenance(system, "", system.experiment.every))
+    fixed = {k: v for k, v in settings.items() if k not in OF_A_RUN and v not in ("", [])}
+    models = [interfaces[c.name].model for c in system.components]
+    fmus = [
+        {
+            "component": component.name,
+            "fmu": component.fmu.name,
+            "guid": model.guid,
+            "version": model.version,
+            "sha256": sha256(component.fmu.read_bytes()).hexdigest(),
+        }
+        for component, model in zip(system.components, models, strict=True)
+    ]
+    newest = max(model.generationDateAndTime or "" for model in models)
+    date = now() if os.environ.get("SOURCE_DATE_EPOCH") or not newest else newest
+    return WholeProvenance(_version(), date, {**fixed, "fmus": fmus})
+
+
 @lru_cache
 def _version() -> str:
     return version("servicing-fmus")
@@ -146,8 +179,8 @@ def _platform() -> str:
 
 
 def now() -> str:
-    """Date and time, or that of SOURCE_DATE_EPOCH, for files that shall be the same again;
-    UsageError if that is no second of the years 1970 to 9999.
+    """Return date and time, or SOURCE_DATE_EPOCH for reproducible files; raise UsageError if its
+    value is not a second of the years 1970 to 9999.
     """
     if not (given := os.environ.get("SOURCE_DATE_EPOCH", "")):
         moment = datetime.now(UTC)
@@ -155,7 +188,8 @@ def now() -> str:
         moment = datetime.fromtimestamp(int(given), UTC)
     else:
         raise UsageError(
-            f"SOURCE_DATE_EPOCH={given[:40]}: expected seconds since 1970, at most {LAST_SECOND}"
+            f"SOURCE_DATE_EPOCH={given[:40]}: expected whole seconds since 1970, at most "
+            f"{LAST_SECOND}"
         )
     return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 
@@ -164,13 +198,13 @@ def now() -> str:
 
 
 KINDS = get_type_hints(Provenance, include_extras=True)
-"""Fields with what stands in them."""
+"""Types of the fields by name."""
 PLAIN = {name for name, kind in KINDS.items() if get_origin(kind) is not tuple}
 """Fields that are a text or a number; the others are lists."""
 
 
 def table(provenance: Provenance) -> dict[str, Any]:
-    """Fields by name with texts, numbers and lists of lists; what is None is left out."""
+    """Return fields by name with texts, numbers and lists of lists, without empty ones."""
     found = {name: getattr(provenance, name) for name in KINDS}
     return {
         name: value if name in PLAIN else [list(row) for row in value]
@@ -180,8 +214,8 @@ def table(provenance: Provenance) -> dict[str, Any]:
 
 
 def from_table(given: Mapping[str, Any]) -> Provenance:
-    """The inverse of table(); ValueError for a schema that is newer than ours. A schema stays the
-    same if fields are added: those that are not known are passed over.
+    """Return the provenance from table(); raise ValueError for a schema that is newer than ours.
+    Fields may be added to a schema; unknown fields are ignored.
     """
     if _field("schema", given.get("schema", SCHEMA)) > SCHEMA:
         raise ValueError(
@@ -192,7 +226,7 @@ def from_table(given: Mapping[str, Any]) -> Provenance:
 
 
 def _field(name: str, value: Any) -> Any:
-    """A field of a file; ValueError if it is not what a run has there."""
+    """Return a field of a file; raise ValueError if its type differs from a run's."""
     if too_deep(value):
         raise ValueError(f"{name}: too many lists within each other")
     for problem in problems(value, KINDS[name], name):
@@ -201,7 +235,7 @@ def _field(name: str, value: Any) -> Any:
 
 
 def flat(provenance: Provenance) -> dict[str, str | float]:
-    """The table with lists as JSON, for files that have texts and numbers only."""
+    """Return the table with lists as JSON, for files that have texts and numbers only."""
     return {
         name: value if name in PLAIN else json.dumps(value)
         for name, value in table(provenance).items()
@@ -209,12 +243,14 @@ def flat(provenance: Provenance) -> dict[str, str | float]:
 
 
 def from_flat(given: Mapping[str, Any]) -> Provenance:
-    """The inverse of flat()."""
+    """Return the provenance from flat()."""
     return from_table({name: _unpacked(name, value) for name, value in given.items()})
 
 
 def _unpacked(name: str, value: Any) -> Any:
-    """A list of its JSON; a number of an array of one, and as a .mat has an empty text."""
+    """Return a list from its JSON, a number from an array of one, and an empty text as a .mat
+    stores it.
+    """
     if name in KINDS.keys() - PLAIN:
         try:
             return json.loads(value)
@@ -225,7 +261,7 @@ def _unpacked(name: str, value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-# ---- for reading
+# ---- as text
 
 
 def _lines(p: Provenance) -> Iterator[str]:
@@ -258,11 +294,11 @@ def _g(value: float | None) -> str:
     return "?" if value is None else f"{value:g}"
 
 
-# ---- two of them
+# ---- comparison
 
 
 def differences(ours: Provenance | None, theirs: Provenance | None) -> list[str]:
-    """What was asked for differently, by name: fields that decide on the numbers, no hashes."""
+    """Return the names of differing fields that determine the numbers, without hashes."""
     if ours is None or theirs is None:
         return []
     names = ("system", "params", "algorithm", "step", "stop", "every", "maps", "schedule")

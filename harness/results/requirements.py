@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Requirements of the user: expressions that must hold in every recorded row, with the worst one.
+"""Requirements of the user: expressions that must hold in every recorded row, with the worst row.
 
 A requirement is a name and a text, `guidance.range >= 4 m` or `time < 20 min or norm(controller.e)
-< 5 cm`, see harness.results.expressions. A system brings its own along, the user adds others. One
-with windows, `eventually(always(guidance.range <= 4 m, 60 s), 20 min)`, holds at the start of the
-run. Its margin says how far it is from failing, in the unit of what it compares.
+< 5 cm`, see harness.results.expressions. A system contains requirements, and the user adds others.
+A requirement with windows, `eventually(always(guidance.range <= 4 m, 60 s), 20 min)`, holds at the
+start of the run. Its margin is the distance to failing, in the unit of the compared quantities.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from harness.results.evaluation import fitted, resolved, unit_in
+from harness.results.evaluation import history, resolved
 from harness.results.expressions import Node, parsed
-from harness.results.margins import Margins, by_row, compared, leaves, unit_of_margin
+from harness.results.margins import Requirement, compared, compiled, leaves
 from harness.results.provenance import Provenance
 from harness.results.result import Result
-from harness.results.verdict import Judged, Kind, Verdict
+from harness.results.verdict import Kind, Outcome, Verdict
 from harness.spelling import did_you_mean
 from harness.system.graph import Graph, build_graph, columns, constants, read_interfaces, rebuilt
 from harness.system.model import Port, System
-from harness.system.units import unit
+from harness.system.units import convert, unit
 from harness.system.values import base
 
 _log = logging.getLogger("harness")
@@ -35,12 +35,12 @@ _log = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Finding:
-    """What became of a requirement.
+    """Outcome of evaluating one requirement.
 
-    value, unit, time [s]: what was compared where the margin was least (None: where there is none);
-    reason: why it is not exercised, or cannot be judged; margin, margin_unit: distance to failing,
-    negative where it fails, -inf of a run that ended early or of what is not a number, None where
-    there is no verdict ("": several units are compared).
+    value, unit, time [s]: the compared quantity at the smallest margin (None: there is none);
+    reason: why it is not exercised or not judged; margin, margin_unit: distance to failing,
+    negative where it fails, -inf for a run that ended early or a value that is not a number, None
+    without a verdict ("": several units are compared).
     """
 
     name: str
@@ -60,18 +60,18 @@ class Finding:
         return f"{shown}: {named}{f'; {self.detail}' if self.detail else ''}"
 
     @property
-    def told(self) -> str:
-        """The verdict in words, with its detail."""
+    def statement(self) -> str:
+        """Return the verdict in words, with its detail."""
         return ", ".join(filter(None, [Kind.REQUIREMENT.word(self.verdict), self.detail]))
 
     @property
-    def judged(self) -> Judged:
-        """What decides on the exit status."""
-        return Judged(Kind.REQUIREMENT, self.name, self.verdict, str(self))
+    def outcome(self) -> Outcome:
+        """Return the verdict for the exit status."""
+        return Outcome(Kind.REQUIREMENT, self.name, self.verdict, str(self))
 
     @property
     def detail(self) -> str:
-        """The worst value with its instant, or why there is none."""
+        """Return the worst value with its time, or why there is none."""
         if self.value is None:
             return self.reason
         place = "" if self.time is None else f" at {self.time:g} s"
@@ -80,9 +80,9 @@ class Finding:
         return f"worst {self.value:.6g} {self.unit.removeprefix('1')}".rstrip() + place
 
 
-def refused(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:
-    """What is wrong with requirements that are made of a system, one line each: texts that are no
-    conditions, variables and parameters that nobody has, units that do not fit; fixed: they are
+def rejected(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:
+    """Return the problems of requirements of a system, one line each: texts that are not
+    conditions, variables and parameters that do not exist, incompatible units; fixed: they are
     conditions on parameters alone.
     """
     known = _units(system, fixed)
@@ -93,8 +93,8 @@ def refused(system: System, requirements: Mapping[str, Any], fixed: bool = False
     ]
 
 
-def say_inconsistencies(*systems: System) -> None:
-    """Where parameters of systems contradict each other, in the log: a line with their values."""
+def log_inconsistencies(*systems: System) -> None:
+    """Log contradictions between parameters of systems, a line each with their values."""
     known: tuple[System, Graph] | None = None
     for system in systems:
         if system.consistency:
@@ -105,8 +105,8 @@ def say_inconsistencies(*systems: System) -> None:
 
 
 def _inconsistencies(system: System, graph: Graph) -> Iterator[str]:
-    """A line per condition on parameters that does not hold; conditions on what a swapped FMU does
-    not have say nothing.
+    """Yield a line per condition on parameters that does not hold. Conditions on parameters that a
+    swapped FMU lacks are ignored.
     """
     given = list(constants(graph))
     names, units, texts = columns([slot for slot, _ in given])
@@ -128,7 +128,9 @@ def _written(table: Result, path: str) -> str:
 
 
 def _units(system: System, fixed: bool) -> dict[str, str]:
-    """Units of everything that an expression may name, of parameters alone if fixed."""
+    """Return the units of all names that an expression may contain, of parameters alone if
+    fixed.
+    """
     known = {} if fixed else {"time": "s"}
     for component, interface in read_interfaces(system).items():
         tables = {"parameter ": interface.named("parameter")}
@@ -142,7 +144,7 @@ def _units(system: System, fixed: bool) -> dict[str, str]:
 
 @lru_cache(maxsize=256)
 def condition(text: str) -> Node:
-    """The tree of a requirement; ValueError if it is none."""
+    """Return the tree of a requirement; raise ValueError if the text is not a condition."""
     tree = parsed(text)
     _check(tree)
     return tree
@@ -170,12 +172,19 @@ def _unknown(path: str, known: Iterable[str]) -> str:
 
 
 def _check(tree: Node) -> None:
-    """ValueError if a text is no condition, or a unit of it none."""
+    """Raise ValueError if a text is not a condition, or contains an unknown unit."""
     if not (tree.kind == "compare" or tree.conditions):
         raise ValueError("is not a condition; write one like `component.variable >= 4 m`")
     for leaf, inside in leaves(tree):
+        if not leaf.variables:
+            raise ValueError(
+                f"`{leaf.text}` contains no variable, so its outcome is always the same"
+            )
         if leaf.has_window:
-            raise ValueError(f"`{leaf.text}`: a window is a condition, not a number")
+            raise ValueError(
+                f"`{leaf.text}`: always(), eventually() and until() are conditions and cannot be "
+                "compared"
+            )
         if tree.has_window and not inside:
             raise ValueError(
                 f"`{leaf.text}` beside a window is evaluated at the start of the run only; "
@@ -186,21 +195,21 @@ def _check(tree: Node) -> None:
 
 
 def has_slope(text: str) -> bool:
-    """Whether the margin of a requirement changes steadily, as a search needs it: not that of an
-    equation or of a flag, which is met or not.
+    """Return whether the margin of a requirement changes gradually, as a search requires. The
+    margin of an equation or a flag does not: it is met or not.
     """
     found = list(compared(parsed(text)))
     return bool(found) and all(leaf.name in ("<", "<=", ">", ">=") for leaf in found)
 
 
 def margin(result: Result, text: str) -> float:
-    """Distance of a requirement to failing, see Finding; NaN where there is no verdict."""
+    """Return the distance of a requirement to failing, see Finding; NaN without a verdict."""
     found = finding(result, text, text)
     return math.nan if found.margin is None else found.margin
 
 
 def demanding(result: Result, further: Mapping[str, str]) -> Result:
-    """The result with further requirements beside those it has, by name."""
+    """Return the result with further requirements, by name."""
     before = result.provenance or Provenance(system=result.system)
     both = {**dict(before.requirements), **further}
     if not further:
@@ -209,13 +218,15 @@ def demanding(result: Result, further: Mapping[str, str]) -> Result:
 
 
 def findings(result: Result) -> list[Finding]:
-    """All requirements of a result with their verdicts."""
+    """Return all requirements of a result with their verdicts."""
     own = () if result.provenance is None else result.provenance.requirements
     return [finding(result, name, text) for name, text in own]
 
 
 def finding(result: Result, name: str, text: str) -> Finding:
-    """Whether a requirement holds in every row of a result, and where it was closest to failing."""
+    """Return whether a requirement holds in every row of a result, and where it was closest to
+    failing.
+    """
     if not len(result.time):
         return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")
     try:
@@ -228,12 +239,12 @@ def finding(result: Result, name: str, text: str) -> Finding:
 
 def _found(result: Result, name: str, text: str) -> Finding:
     condition(text)
-    tree = fitted(result, text)
-    unit = unit_of_margin(tree, partial(unit_in, result))
-    nothing = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=unit)
-    if tree.has_window:
-        return _judged_at_start(result, nothing, tree)
-    found = _judged(result, nothing, tree)
+    required = compiled(result, text)
+    values = required.program.run(partial(history, result), result.complete)
+    nothing = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=required.margin_unit)
+    if required.at_start:
+        return _evaluated_at_start(result, nothing, required, values)
+    found = _evaluated(result, nothing, required, values)
     if result.complete:
         return found
     if found.verdict is Verdict.NOT_MET:
@@ -242,39 +253,61 @@ def _found(result: Result, name: str, text: str) -> Finding:
 
 
 def _ended_early(result: Result, found: Finding) -> Finding:
-    """A run that ended early meets nothing: what it did not live to see is open."""
+    """Return the finding for a run that ended early, which meets no requirement: its end is
+    unknown.
+    """
     reason = f"the run ended early, at {result.time[-1]:g} s"
     nothing = replace(found, value=None, unit="", time=None)
     return replace(nothing, verdict=Verdict.NOT_MET, reason=reason, margin=-math.inf)
 
 
-def _judged_at_start(result: Result, found: Finding, tree: Node) -> Finding:
-    """Of a requirement with windows."""
-    margins = Margins(result, guarded=not tree.is_timing)
-    margin, sign = (float(each[0]) for each in margins.over_windows(tree))
-    if margins.undecided:
+def _evaluated_at_start(
+    result: Result, found: Finding, required: Requirement, values: list[Any]
+) -> Finding:
+    """Return the finding for a requirement with windows."""
+    margin, sign = (float(values[k][0, 0]) for k in (required.margin, required.truth))
+    if values[required.undecided]:
         return replace(found, verdict=Verdict.NOT_MET, value=math.nan, margin=-math.inf)
     if math.isnan(sign) and not result.complete:
         return _ended_early(result, found)
     if math.isnan(sign):
         reason = f"the run ends at {result.time[-1]:g} s, before its window is over"
+        for window, is_empty in required.empty.items():
+            if values[is_empty]:
+                reason = f"no recorded row lies in a window of {window}"
         return replace(found, verdict=Verdict.NOT_EXERCISED, reason=reason)
     reason = f"margin {margin + 0.0:.6g} {found.margin_unit.removeprefix('1')}".rstrip()
-    verdict = Verdict.MET if sign > 0 else Verdict.NOT_MET
-    return replace(found, verdict=verdict, margin=margin, reason=reason)
+    return replace(_with_margin(found, sign > 0, margin), reason=reason)
 
 
-def _judged(result: Result, found: Finding, tree: Node) -> Finding:
-    margins = Margins(result, guarded=not tree.is_timing)
-    met = bool(np.all(margins.truth(tree) == 1))
-    if met and not margins.exercised(tree):
+def _evaluated(result: Result, found: Finding, required: Requirement, values: list[Any]) -> Finding:
+    """Return the finding for a requirement that must hold in every row."""
+    truth, least = values[required.truth], values[required.margin]
+    met = bool(np.all(truth == 1))
+    if met and not values[required.exercised]:
         reason = f"the run ends at {result.time[-1]:g} s, before it applies"
         return replace(found, verdict=Verdict.NOT_EXERCISED, reason=reason)
-    undecided = by_row(np.any, np.isnan(margins.rows_of(margins.truth(tree))))
-    least = np.where(undecided, -np.inf, margins.of(tree))
+    undecided = np.isnan(truth).any(axis=1)
     row = int(np.argmax(undecided) if undecided.any() else np.argmin(least))
-    value, unit = margins.value(margins.decisive(tree, row), row)
-    value = math.nan if undecided.any() else value
-    instant = float(result.time[row]) if len(least) == len(result.time) else None
-    worst = replace(found, value=value, unit=unit, time=instant, margin=float(least[row]))
-    return replace(worst, verdict=Verdict.MET if met else Verdict.NOT_MET)
+    value, unit = math.nan, ""
+    if not undecided.any():
+        element = int(np.argmin(_at(values[required.elements], row)))
+        value, which = (
+            float(_at(_at(values[k], row), element)) for k in (required.value, required.which)
+        )
+        given, written = required.units[int(which)]
+        value, unit = (convert(value, given, written), written) if written else (value, given)
+    instant = float(result.time[row]) if required.has_rows else None
+    worst = replace(found, value=value, unit=unit, time=instant)
+    return _with_margin(worst, met, float(least[row, 0]))
+
+
+def _at(rows: Any, row: int) -> Any:
+    return rows[row if len(rows) > 1 else 0]
+
+
+def _with_margin(found: Finding, met: bool, margin: float) -> Finding:
+    """Return a finding with its verdict and margin, less than 0 where `x > 4` fails at x = 4."""
+    if met:
+        return replace(found, verdict=Verdict.MET, margin=margin)
+    return replace(found, verdict=Verdict.NOT_MET, margin=min(margin, -math.ulp(0.0)))

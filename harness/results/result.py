@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The outcome of a run: a table with names and units, vectors by name, and the files it is kept
-in.
+"""Result of a run: a table with names and units, vectors by name, and the files in which it is
+stored.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from html import escape
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.provenance import Provenance
-from harness.results.views import as_page, attributes, labelled, time_labels
+from harness.results.provenance import Provenance, flat
 from harness.spelling import did_you_mean
-from harness.system.values import base, grid, index
+from harness.system.values import base, expand, grid, index
 
 Array = NDArray[np.float64]
 """Numbers of a result, of a history by row: (rows,) or (rows, n)."""
@@ -26,12 +26,12 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """The recorded rows of a run, with parameters and provenance.
+    """Recorded rows of a run, with parameters and provenance.
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
     unknown); values: (rows, columns), read-only like time; complete: False if the run ended early,
-    `message` then holds the reason; parameters: all parameters of all components as set, a table of
-    one row (None if unknown); provenance: the system, its files and changes (None if unknown).
+    `message` then contains the reason; parameters: all parameters of all components as set, a table
+    of one row (None if unknown); provenance: the system, its files and changes (None if unknown).
     """
 
     system: str
@@ -50,23 +50,23 @@ class Result:
     report: ClassVar[Callable[..., Any]]
 
     def __post_init__(self) -> None:
-        """What was recorded stays as it is, whatever is computed from it."""
+        """Make the recorded rows read-only."""
         for name in ("time", "values"):
             array = getattr(self, name).view()
             array.flags.writeable = False
             object.__setattr__(self, name, array)
 
     def parameter(self, name: str) -> Array:
-        """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close
-        matches.
+        """Return the value of a parameter: (), (n,) for a vector, (m, n) for a matrix; raise
+        KeyError with close matches.
         """
         if self.parameters is None:
             raise KeyError(f"{name}: the result does not hold the parameters of the run")
         return np.asarray(self.parameters[name][0])
 
     def __getitem__(self, name: str) -> Array:
-        """History of a variable: (rows,) for a scalar or an element, (rows, n) for a vector, (rows,
-        m, n) for a matrix.
+        """Return the history of a variable: (rows,) for a scalar or an element, (rows, n) for a
+        vector, (rows, m, n) for a matrix.
 
         Raises KeyError with close matches.
         """
@@ -76,7 +76,7 @@ class Result:
             raise KeyError(f"{name}{did_you_mean(name, [*self.vectors, *self.columns])}")
         columns = self.vectors[name]
         flat = columns.reshape(-1)
-        consecutive = bool((np.diff(flat) == 1).all())  # then no copy is made
+        consecutive = bool((np.diff(flat) == 1).all())  # a slice needs no copy
         values = self.values[:, flat[0] : flat[-1] + 1] if consecutive else self.values[:, flat]
         return values.reshape(len(self.time), *columns.shape)
 
@@ -84,16 +84,18 @@ class Result:
         return name in self._column or name in self.vectors
 
     def holds(self, *names: str, parameters: Iterable[str] = ()) -> bool:
-        """Whether the result has all these variables, and all these parameters of the run."""
+        """Return whether the result has all these variables, and all these parameters
+        of the run.
+        """
         known: Result | tuple[()] = () if self.parameters is None else self.parameters
         return all(name in self for name in names) and all(name in known for name in parameters)
 
     def unit(self, name: str) -> str:
-        """Unit of a scalar, element, vector or matrix; "" if unknown."""
+        """Return the unit of a scalar, element, vector or matrix; "" if unknown."""
         return self.units[self._first(name)]
 
     def description(self, name: str) -> str:
-        """Meaning of a variable; "" if unknown."""
+        """Return the description of a variable; "" if unknown."""
         return self.descriptions[self._first(name)] if self.descriptions else ""
 
     def _first(self, name: str) -> int:
@@ -105,25 +107,25 @@ class Result:
 
     @cached_property
     def vectors(self) -> Mapping[str, NDArray[np.intp]]:
-        """Columns of every variable by its name without indices, in an array of the variable's own
-        shape.
+        """Return the columns of every variable by its name without indices, in an array of the
+        variable's own shape.
         """
         return _vectors(tuple(self.columns))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Variables of their own shape, then the elements of what is not whole."""
+        """Return the variables in their own shape, then the elements of incomplete ones."""
         whole = {column for columns in self.vectors.values() for column in columns.flat}
         return (*self.vectors, *(n for i, n in enumerate(self.columns) if i not in whole))
 
-    # ---- for others
+    # ---- views
 
     def __repr__(self) -> str:
         return f"<Result {self.summary}>"
 
     @property
     def summary(self) -> str:
-        """System, time span, size and state in one line."""
+        """Return system, time span, size and state in one line."""
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else "nothing recorded"
         state = "" if self.complete else f", incomplete: {self.message or 'the run ended early'}"
         return f"{self.system}: {span}, {len(self.time)} rows, {len(self.columns)} columns{state}"
@@ -132,8 +134,8 @@ class Result:
         return as_page(self)
 
     def to_xarray(self) -> Any:
-        """The result as an xarray.Dataset, what xarray.open_dataset() makes of its .nc: vectors
-        with an axis, parameters without time, units as attributes.
+        """Return the result as an xarray.Dataset, equal to xarray.open_dataset() of its .nc:
+        vectors with an axis, parameters without time, units as attributes.
         """
         import xarray
 
@@ -142,8 +144,8 @@ class Result:
         return xarray.decode_cf(found)
 
     def to_dataframe(self) -> Any:
-        """The result as a pandas.DataFrame: a column per scalar, time [s] as index; `attrs` holds
-        system and units by column.
+        """Return the result as a pandas.DataFrame: a column per scalar, time [s] as index; `attrs`
+        contains system and units by column.
         """
         import pandas as pd
 
@@ -157,7 +159,7 @@ class Result:
 
 @lru_cache(maxsize=16)
 def _vectors(columns: tuple[str, ...]) -> Mapping[str, NDArray[np.intp]]:
-    """The same for every run of a system, so a campaign asks once."""
+    """Return the vectors of columns, computed once for all runs of a system."""
     groups: dict[str, dict[tuple[int, ...], int]] = {}
     for i, name in enumerate(columns):
         groups.setdefault(base(name), {})[index(name)] = i
@@ -165,8 +167,8 @@ def _vectors(columns: tuple[str, ...]) -> Mapping[str, NDArray[np.intp]]:
 
 
 def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
-    """Columns in the shape of their indices, which begin at 0 or 1; None if elements are missing,
-    then only single elements have names.
+    """Return columns in the shape of their indices, which begin at 0 or 1; None if elements are
+    missing, so that only single elements have names.
     """
     whole = grid(group)
     if whole is None or max(whole.first, default=0) > 1:
@@ -176,3 +178,109 @@ def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
         array[whole.place(i)] = column
     array.flags.writeable = False
     return array
+
+
+# ---- views: variables with axes, and a table with units for a notebook
+
+
+ELEMENTS = "elements"
+"""Attribute with the names of the elements of a vector where they are not counted from 1."""
+PROVENANCE = "provenance_"
+"""Prefix of the attributes with the provenance of a result."""
+AXES = {3: "axis"}
+"""Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
+SHOWN = 400
+"""Variables that a table in a notebook lists."""
+
+
+def variables(
+    table: Result | None,
+) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
+    """Yield vectors with an axis, matrices with row and column, other variables unchanged: name,
+    axes, (rows, ...), attributes.
+    """
+    if table is None:
+        return
+    for name in table.names:
+        values = table[name]
+        about = {"units": table.unit(name), "long_name": table.description(name)}
+        if name in table.vectors:
+            given = [table.columns[i] for i in table.vectors[name].flat]
+            if given != element_names(name, values.shape[1:]):
+                about[ELEMENTS] = in_lines(given)
+        yield name, _dimensions(values.shape[1:]), values, about
+
+
+def labelled(
+    table: Result,
+) -> dict[str, tuple[tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
+    """Return axes, values and attributes of the parameters, which have no time, and of the
+    variables.
+    """
+    fixed = {name: (axes, x[0], about) for name, axes, x, about in variables(table.parameters)}
+    return fixed | {name: (("time", *axes), x, about) for name, axes, x, about in variables(table)}
+
+
+def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
+    if len(shape) == 1:
+        return (AXES.get(shape[0], f"axis_{shape[0]}"),)
+    return tuple(f"{name}_{n}" for name, n in zip(("row", "column", "layer"), shape, strict=False))
+
+
+def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
+    """Return the scalars of a variable of that shape, counted from 1."""
+    return list(expand(name, np.empty(shape).tolist())) if shape else [name]
+
+
+def in_lines(names: Iterable[str]) -> str:
+    """Return names in one text, a line each; a backslash precedes a line break inside a name."""
+    return "\n".join(name.replace("\\", r"\\").replace("\n", r"\n") for name in names)
+
+
+def time_labels(table: Result) -> dict[str, str]:
+    """Return the CF attributes of the time."""
+    units = "s" if table.provenance is None else table.provenance.time_units
+    dated = {} if units == "s" else {"calendar": "proleptic_gregorian"}
+    return {"units": units, "long_name": "time", **dated}
+
+
+def attributes(table: Result) -> dict[str, Any]:
+    """Return the attributes of a whole result."""
+    origin = {} if table.provenance is None else flat(table.provenance)
+    return {
+        "system": table.system,
+        "message": table.message,
+        "complete": int(table.complete),
+        **{PROVENANCE + name: value for name, value in origin.items()},
+    }
+
+
+def as_page(table: Result) -> str:
+    """Return a result for a notebook: settings of the run, and a table of its variables."""
+    settings = table.provenance.lines() if table.provenance is not None else []
+    found = list(variables(table))
+    rows = [_row("th", ("name", "shape", "unit", "first", "last", "meaning"))]
+    rows += [_row("td", _cells(*each)) for each in found[:SHOWN]]
+    more = f"<p>and {len(found) - SHOWN} more</p>" if len(found) > SHOWN else ""
+    return (
+        f"<p><b>{escape(table.summary)}</b></p><p>{'<br>'.join(map(escape, settings))}</p>"
+        f"<details><summary>{len(found)} variables</summary>"
+        f"<table>{''.join(rows)}</table>{more}</details>"
+    )
+
+
+def _row(tag: str, cells: Iterable[str]) -> str:
+    return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+
+def _cells(name: str, _axes: Any, values: Any, about: dict[str, str]) -> tuple[str, ...]:
+    shape = " x ".join(map(str, values.shape[1:])) or "scalar"
+    ends = (_short(values[0]), _short(values[-1])) if len(values) else ("", "")
+    return (name, shape, about["units"], *ends, about["long_name"])
+
+
+def _short(value: Any) -> str:
+    """Return a number, or a vector of up to four, as text."""
+    numbers = value.reshape(-1).tolist()
+    shown = ", ".join(f"{number:.4g}" for number in numbers[:4])
+    return f"[{shown}{', ...' if len(numbers) > 4 else ''}]" if value.ndim else shown

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One scale of verdicts for requirements, claims of papers, safety rules and what a campaign
-expects, and the one rule by which they decide on the exit status.
+"""Scale of verdicts for requirements, claims of papers, safety rules and expected values of a
+campaign, and the rule by which they determine the exit status.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Verdict(Enum):
-    """Outcome of a requirement, a claim or a safety rule; the value is how it looks on a page.
+    """Outcome of a requirement, a claim or a safety rule. The value is its style on a page.
 
     NOT_EXERCISED: the run ended before the time from which it counts.
     """
@@ -25,12 +25,12 @@ class Verdict(Enum):
 
     @property
     def fulfilled(self) -> bool:
-        """Whether one may rely on it."""
+        """Return whether the verdict is positive."""
         return self in {Verdict.MET, Verdict.PARTLY}
 
 
 class Kind(Enum):
-    """What is judged, as it is called."""
+    """Kind of a statement with a verdict; the value is its name."""
 
     REQUIREMENT = "requirement"
     EXPECTATION = "expectation"
@@ -38,11 +38,11 @@ class Kind(Enum):
     RULE = "safety rule"
 
     def word(self, verdict: Verdict) -> str:
-        """A verdict in the words of its kind."""
+        """Return a verdict in the terms of its kind."""
         return WORDS[self].get(verdict) or OPEN[verdict]
 
     def tally(self, verdicts: Iterable[Verdict]) -> list[tuple[Verdict, str, int]]:
-        """Verdicts that were given, in the words of their kind, and how often."""
+        """Return the verdicts that occur, in the terms of their kind, with their counts."""
         count = Counter(verdicts)
         return [(each, self.word(each), count[each]) for each in Verdict if count[each]]
 
@@ -58,11 +58,11 @@ WORDS = {
     Kind.RULE: {Verdict.HOLDS: "holds", Verdict.VIOLATED: "violated"},
 }
 OPEN = {Verdict.NOT_EXERCISED: "not exercised", Verdict.NOT_JUDGED: "not judged"}
-"""Words of all kinds."""
+"""Names of the verdicts that all kinds share: no decision."""
 
 
-class Judged(NamedTuple):
-    """Something that was judged: its kind, name and verdict, and the line that says so."""
+class Outcome(NamedTuple):
+    """Statement with its verdict: kind, name, verdict, and a line of text."""
 
     kind: Kind
     name: str
@@ -71,14 +71,15 @@ class Judged(NamedTuple):
 
 
 def missed(
-    judged: Iterable[Judged], required: Collection[str] = (), strict: bool = False
+    outcomes: Iterable[Outcome], required: Collection[str] = (), strict: bool = False
 ) -> list[str]:
-    """Lines of what gives the exit status 1: requirements of the names `required` and, if strict,
-    everything that is not fulfilled; claims that are not exercised or cannot be judged always.
+    """Return lines for everything that gives the exit status 1: requirements with a name in
+    `required` and, if strict, everything that is not fulfilled; always claims that are not
+    exercised or not judged.
     """
     return [
         f"{each.kind.value} {each.text}"
-        for each in judged
+        for each in outcomes
         if not each.verdict.fulfilled
         and (
             strict

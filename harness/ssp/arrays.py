@@ -20,12 +20,12 @@ from harness.system.values import Index, Name, Variable, elements_of, grid, inde
 
 
 def elements(fmu: Path | None, variable: str) -> dict[Index, str]:
-    """Variables of an FMU that a name stands for, by their indices from 1 on in row-major order; of
-    a scalar, and where there is no FMU to be read, the name itself by ().
+    """Return the variables of an FMU that a name represents, by their indices from 1 in row-major
+    order. A scalar, and a name without a readable FMU, is itself with index ().
     """
     try:
         variables = read_interface(fmu).variables if fmu else {}
-    except FmuError:  # which is said where the graph is built
+    except FmuError:  # reported where the graph is built
         variables = {}
     names = [] if variable in variables else elements_of(variable, variables)
     found = grid(map(index, names)) if names else None
@@ -35,16 +35,18 @@ def elements(fmu: Path | None, variable: str) -> dict[Index, str]:
 
 
 def size_text(shape: Index | None) -> str:
-    """A shape in words: `a scalar`, `an array of 2 x 3`, `an array` where it is not known."""
+    """Return a shape as text: `a scalar`, `an array of 2 x 3`, `an array` if it is unknown."""
     of = f" of {' x '.join(map(str, shape))}" if shape else ""
     return "a scalar" if shape == () else f"an array{of}"
 
 
-# ---- what stands in a file
+# ---- names and values in a file
 
 
 def indices(connection: XmlElement, side: str) -> Index:
-    """What a connection is restricted to at its `start` or `end`, () if it is not; ValueError."""
+    """Return the indices to which a connection is restricted at its `start` or `end`, () without a
+    restriction; raise ValueError.
+    """
     texts = connection.get(f"{side}Indices", "").split()
     if not all(map(_count, texts)):
         raise ValueError(f"{side}Indices='{' '.join(texts)}' are not numbers from 1 on")
@@ -52,13 +54,13 @@ def indices(connection: XmlElement, side: str) -> Index:
 
 
 def _count(text: str) -> int:
-    """A number from 1 on, 0 for anything else."""
+    """Return a number from 1 on, 0 for anything else."""
     return int(text) if text.isdecimal() and len(text) < 10 else 0
 
 
 def parameter_names(parameter: XmlElement, count: int) -> list[str]:
-    """Names of the elements of an ssv:Parameter of so many values; ValueError if its Dimensions
-    want another number.
+    """Return the names of the elements of an ssv:Parameter with `count` values; raise ValueError if
+    its Dimensions require another number.
     """
     name, sizes = parameter.get("name"), parameter.findall("ssc:Dimension", NS)
     shape = tuple(_count(d.get("size", "")) for d in sizes) or (() if count == 1 else (count,))
@@ -68,7 +70,7 @@ def parameter_names(parameter: XmlElement, count: int) -> list[str]:
 
 
 def values(element: XmlElement) -> list[str]:
-    """The values of ssv:Real, ssv:String, ... as they stand there; of an array several."""
+    """Return the values of ssv:Real, ssv:String, ... as text; an array has several."""
     if several := element.findall("ssv:Value", NS):
         return [value.get("value", "") for value in several]
     text: str = element.get("value", "")
@@ -79,9 +81,7 @@ def values(element: XmlElement) -> list[str]:
 
 
 class JoinedEnd(NamedTuple):
-    """A connector at an end of a connection, the element of it that is meant, () for all, and its
-    shape.
-    """
+    """Connector at an end of a connection, its element, () for all elements, and its shape."""
 
     connector: str
     indices: Index
@@ -92,13 +92,15 @@ Joined = tuple[Connection, JoinedEnd, JoinedEnd]
 
 
 def connector_name(interface: Interface, variable: Variable) -> str:
-    """Name of a variable in SSP: of an element of an array of FMI 3.0 that of the array."""
+    """Return the name of a variable in SSP. An element of an array of FMI 3.0 has the name of the
+    array.
+    """
     return Name.read(variable.name).variable if shape(interface, variable) else variable.name
 
 
 def shape(interface: Interface, variable: Variable) -> Index:
-    """The shape of the array of FMI 3.0 that a variable is an element of; () for a scalar, which in
-    FMI 2.0 every element is.
+    """Return the shape of the array of FMI 3.0 to which a variable belongs, () for a scalar. In FMI
+    2.0 every element is a scalar.
     """
     name = Name.read(variable.name)
     if interface.fmi == 2 or not name.element:
@@ -109,13 +111,15 @@ def shape(interface: Interface, variable: Variable) -> Index:
 
 
 def type_name(variable: Variable, version: int) -> str:
-    """Type of a variable in a version of SSP; from 2.0 on numbers have the types of FMI 3.0."""
+    """Return the type of a variable in a version of SSP. From 2.0 on numbers have the types of FMI
+    3.0.
+    """
     return variable.access if version > 1 and variable.type in NUMBERS else variable.type
 
 
 def joined(connections: Sequence[Connection], interfaces: Interfaces) -> Iterator[Joined]:
-    """Connections with both ends as SSP has them: one for all elements of two arrays of one shape
-    that are joined each with its like.
+    """Yield connections with both ends in SSP form: one connection for all elements of two arrays
+    of equal shape that are connected element by element.
     """
     bundles: dict[tuple[str, ...], list[Joined]] = {}
     rows = []
@@ -133,7 +137,9 @@ def joined(connections: Sequence[Connection], interfaces: Interfaces) -> Iterato
 
 
 def _is_whole(bundle: Sequence[Joined]) -> bool:
-    """Whether connections join all elements of two arrays of one shape, each with its like."""
+    """Return whether connections join all elements of two arrays of equal shape element
+    by element.
+    """
     (first, source, _), *_ = bundle
     alike = all(c.hops == first.hops and a[1:] == b[1:] for c, a, b in bundle)
     return bool(source.shape) and alike and len(bundle) == math.prod(source.shape)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From ssp/*.toml to .ssp: components wired by name, parameters in one table per component,
-everything checked.
+"""Build of an .ssp from ssp/*.toml: components connected by name, one table of parameters per
+component, all checks.
 
     python -m harness.ssp.build SYSTEM.toml --fmus FOLDER -o SYSTEM.ssp
 
-All problems are reported at once: unknown names, inputs without a driver or with several, unequal
-units, ill-shaped values.
+All problems are reported at once: unknown names, inputs without a source or with several, unequal
+units, values of another shape.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from harness.results import requirements
 from harness.spelling import did_you_mean
 from harness.ssp.extends import extended
 from harness.ssp.writer import write_ssp
-from harness.system import graph, problems, schema, sliders
+from harness.system import graph, problems, sliders
 from harness.system.instants import date
 from harness.system.interface import Interfaces, read_interface
 from harness.system.model import (
@@ -40,9 +40,9 @@ from harness.system.model import (
     System,
 )
 from harness.system.schedule import macro_steps
-from harness.system.schema import Count, Number, Text, Whole
 from harness.system.swap import exchange
-from harness.system.tables import Assignments
+from harness.system.tables import Assignments, Count, Number, Text, Whole
+from harness.system.tables import problems as table_problems
 from harness.system.wiring import split, wire
 
 # ---- what a file may hold
@@ -60,7 +60,7 @@ class Time(Struct, frozen=True):
 
 
 class Timing(Struct, frozen=True):
-    """How often a component steps, `[schedule.COMPONENT]`."""
+    """Step period of a component, `[schedule.COMPONENT]`."""
 
     every: Count = 1
     latency: Whole = 0
@@ -87,13 +87,13 @@ class Replacement(Struct, frozen=True):
 
 
 class Compared(Struct, frozen=True):
-    """What `harness compare` takes, `[compare]`."""
+    """Settings of `harness compare`, `[compare]`."""
 
     set: Text = ""
 
 
-class Flown(Struct, frozen=True):
-    """What the reader of a page that flies may change, `[fly]`."""
+class Live(Struct, frozen=True):
+    """Parameters that the reader of a live page may change, `[live]`."""
 
     sliders: dict[
         str, Annotated[list[Number], Meta(max_length=2, description="[least, largest] or []")]
@@ -101,7 +101,7 @@ class Flown(Struct, frozen=True):
 
 
 class Scene(Struct, frozen=True):
-    """What a replay shows, `[scene]`; models: glTF files by body."""
+    """Contents of a replay, `[scene]`; models: glTF files by body."""
 
     models: dict[str, Text] = {}
 
@@ -125,21 +125,21 @@ class Source(Struct, frozen=True):
     requirements: dict[str, Text] = {}
     consistency: dict[str, Text] = {}
     compare: Compared = Compared()
-    fly: Flown = Flown()
+    live: Live = Live()
     scene: Scene = Scene()
 
 
 def _parted(table: Mapping[str, Any], kind: type[Struct]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The entries of a kind in a table, and the parameters beside them."""
+    """Return the entries of a kind in a table, and the parameters beside them."""
     head = {key: value for key, value in table.items() if key in kind.__struct_fields__}
     return head, {key: value for key, value in table.items() if key not in head}
 
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
-    """The system that a TOML describes; fmus: paths by name. Raises FmuError or StructureError with
-    all problems.
+    """Return the system that a TOML describes; fmus: paths by name. Raises FmuError or
+    StructureError with all problems.
     """
-    if found := list(schema.problems(source, Source)) or list(_ill_formed(source, fmus)):
+    if found := list(table_problems(source, Source)) or list(_ill_formed(source, fmus)):
         raise StructureError(found)
     tables = convert(source, Source)
     system = _Builder(tables, fmus).system()
@@ -147,7 +147,7 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
 
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator[str]:
-    """Problems that make it pointless to look further."""
+    """Yield the problems that make further checks pointless."""
     for name in source["components"]:
         if not (name.isidentifier() and name.isascii()):
             yield f"{name}: the name of a component must be a C identifier"
@@ -157,12 +157,12 @@ def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator
             yield f"{name}: there is no FMU {fmu}{did_you_mean(fmu, fmus)}"
     for tables, kind in (("sets", Set), ("alternatives", Replacement)):
         for name, table in source.get(tables, {}).items():
-            yield from schema.problems(_parted(table, kind)[0], kind, f"{tables}.{name}")
+            yield from table_problems(_parted(table, kind)[0], kind, f"{tables}.{name}")
 
 
 def _begun(tables: Source, system: System) -> Source:
-    """The tables of a system with the values of its `starts` among the parameters, and with its
-    epoch; HarnessError.
+    """Return the tables of a system with the values of its `starts` among the parameters, and with
+    its epoch; raise HarnessError.
     """
     values, _, epoch = of_system(system)
     parameters = {c: dict(own) for c, own in tables.parameters.items()}
@@ -212,16 +212,17 @@ class _Builder:
             consistency=source.consistency,
             compared=source.compare.set,
             sliders={
-                name: (r[0], r[-1]) if r else (None, None) for name, r in source.fly.sliders.items()
+                name: (r[0], r[-1]) if r else (None, None)
+                for name, r in source.live.sliders.items()
             },
             starts=source.start,
             mission=source.mission,
         )
-        self._judge(system, wiring.problems)
+        self._check(system, wiring.problems)
         return replace(system, alternatives=tuple(self._alternatives(system)))
 
     def _open(self) -> Assignments:
-        """Values of the inputs that nobody drives."""
+        """Return the values of the unconnected inputs."""
         values = Assignments(self.interfaces)
         for name, value in self.source.open.items():
             try:
@@ -243,7 +244,7 @@ class _Builder:
         self.problems += [f"{place}.{problem}" for problem in problems]
 
     def _epoch(self) -> str:
-        """UTC of t = 0, a text or a date of TOML, which may have an offset."""
+        """Return UTC of t = 0 from a text or a TOML date, which may have an offset."""
         given = self.source.experiment.epoch
         if isinstance(given, datetime):
             given = (given.astimezone(UTC) if given.tzinfo else given).isoformat().partition("+")[0]
@@ -254,7 +255,9 @@ class _Builder:
             return ""
 
     def _set(self, name: str, components: Sequence[Component]) -> ParameterSet:
-        """A named set: the default parameters with the tables of the set put over them."""
+        """Return a named parameter set: the default parameters, overridden by the tables of the
+        set.
+        """
         head, tables = _parted(self.source.sets[name], Set)
         about, overrides = convert(head, Set), self._assignments(tables, f"sets.{name}")
         parameters: dict[str, Parameters] = {
@@ -263,15 +266,15 @@ class _Builder:
         stop, step = about.experiment.stop, about.experiment.step
         return ParameterSet(name, about.description, parameters, stop, step)
 
-    # ---- what is wrong with it
+    # ---- checks
 
-    def _judge(self, system: System, wiring: Sequence[str]) -> None:
+    def _check(self, system: System, wiring: Sequence[str]) -> None:
         """Raise everything that was found."""
         self._note("schedule", _unknown(self.source.schedule, self.interfaces))
         self._note("compare", _unknown(filter(None, [system.compared]), self.source.sets))
-        self._note("fly.sliders", sliders.problems(system.sliders, self.interfaces))
-        self._note("requirements", requirements.refused(system, system.requirements))
-        self._note("consistency", requirements.refused(system, system.consistency, fixed=True))
+        self._note("live.sliders", sliders.problems(system.sliders, self.interfaces))
+        self._note("requirements", requirements.rejected(system, system.requirements))
+        self._note("consistency", requirements.rejected(system, system.consistency, fixed=True))
         self._note("scene.models", self._odd_models())
         further = problems.problems(system, self.interfaces)
         if found := [*wiring, *self.problems, *further]:
@@ -279,7 +282,9 @@ class _Builder:
         macro_steps(system.experiment, [c.every for c in system.components])
 
     def _odd_models(self) -> Iterator[str]:
-        """Models of bodies: files beside the TOML, which only a report reads."""
+        """Yield the problems of models of bodies: files beside the TOML, which only a
+        report reads.
+        """
         models = self.source.scene.models
         yield from _unknown(models, self.interfaces)
         for name, given in models.items():
@@ -287,8 +292,8 @@ class _Builder:
                 yield f"{name}: {given}: there is no such file .glb or .gltf"
 
     def _alternatives(self, system: System) -> Iterator[Alternative]:
-        """Parameters for other FMUs, each tried in its place; StructureError with what does not
-        fit.
+        """Yield the parameters for other FMUs, each tried in its place; raise StructureError with
+        the mismatches.
         """
         problems = []
         for fmu, table in self.source.alternatives.items():
@@ -300,7 +305,9 @@ class _Builder:
             raise StructureError(problems)
 
     def _alternative(self, system: System, fmu: str, table: Mapping[str, Any]) -> Alternative:
-        """Parameters for another FMU in the place of the component that the table `replaces`."""
+        """Return the parameters for another FMU in the place of the component that the table
+        `replaces`.
+        """
         head, tables = _parted(table, Replacement)
         place, path = head["replaces"], self.fmus[fmu]
         values = Assignments({**self.interfaces, place: read_interface(path)})
@@ -315,14 +322,16 @@ class _Builder:
 
 
 def _unknown(names: Iterable[str], known: Collection[str]) -> Iterator[str]:
-    """A line for every name that is none of those known."""
+    """Yield a line for every name that is not among the known names."""
     for name in names:
         if name not in known:
             yield f"{name}: there is none of this name{did_you_mean(name, known)}"
 
 
 def read(source: Path, fmus: Mapping[str, Path]) -> System:
-    """The system of a TOML; fmus: paths by name, others by their path from it. HarnessError."""
+    """Return the system of a TOML; fmus: paths by name, other FMUs by their path relative to the
+    TOML. Raises HarnessError.
+    """
     try:
         table = extended(source)
         named = (str(fmu) for fmu in dict(table.get("components") or {}).values())
@@ -341,7 +350,7 @@ def build(source: Path, fmus: Path, output: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line of the build; exit status 0/1/2."""
+    """Run the command line of the build and return the exit status 0, 1 or 2."""
     parser = argparse.ArgumentParser(
         prog="python -m harness.ssp.build", description="Build an .ssp from each TOML system."
     )

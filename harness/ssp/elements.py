@@ -30,7 +30,7 @@ INWARD = ("input", "parameter", "structuralParameter")
 """Kinds of connectors that a value goes into, seen from outside of their element."""
 
 EITHER = ("inout", "unspecified")
-"""Kinds of connectors whose other end says which way a value goes."""
+"""Kinds of connectors for which the other end determines the direction of a value."""
 
 
 class Connector(NamedTuple):
@@ -41,7 +41,7 @@ class Connector(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A connector of an element; of a system it is the same point seen from inside and from
+    """Connector of an element. A connector of a system is the same point from inside and from
     outside.
     """
 
@@ -53,7 +53,7 @@ class Point(NamedTuple):
 
 
 class End(NamedTuple):
-    """An end of a connection; element: the one of an array that is meant, () for all."""
+    """End of a connection; element: the selected element of an array, () for all."""
 
     point: Point
     element: Index = ()
@@ -75,15 +75,17 @@ class Leaf(NamedTuple):
 
 
 class Given(NamedTuple):
-    """A parameter for a connector, and its place in the order of all: of two the later one wins."""
+    """Parameter for a connector, and its place in the order of all parameters: the last parameter
+    for a connector applies.
+    """
 
     order: int
     parameter: Parameter
 
 
 class Part(NamedTuple):
-    """A kind of file that an element may hold instead: its type, its schema, and where it stands
-    then.
+    """Kind of content that is in a file or inside the element itself: MIME type, schema, and path
+    of the content inside the element.
     """
 
     mime: str
@@ -97,10 +99,11 @@ MAPPING = Part("application/x-ssp-parameter-mapping", xml.SSM_SCHEMA, "*")
 
 class Tree:
     """All elements of a file: components, names of the elements in every system, connectors,
-    connections, and parameters by what they are for.
+    connections, and parameters by their destination.
 
-    own: whether the file is ours; then a parameter that its component does not have is an error;
-    problems: all that cannot be read; notes: what is ignored or taken otherwise.
+    own: whether the file was written by this project, so that a parameter without a variable is an
+    error; problems: everything that cannot be read; notes: everything that is ignored or read
+    differently.
     """
 
     def __init__(self, folder: Path, root: XmlElement, own: bool) -> None:
@@ -162,19 +165,19 @@ class Tree:
     # ---- connections
 
     def _edge(self, element: XmlElement, place: Place) -> Edge:
-        """A connection of the system at a place; ValueError."""
+        """Return a connection of the system at a place; raise ValueError."""
         (start, gives), (end, takes) = (self._end(element, side, place) for side in SIDES)
         if gives is not None and gives == takes:
             both = "give" if gives else "take"
             raise ValueError(f"is a connection between two that {both} a value")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
-        is_last = target.point.place in self.components  # then the FMU says the unit
+        is_last = target.point.place in self.components  # then the FMU gives the unit
         unit = None if is_last else self.connectors[target.point].unit
         return Edge(source, target, hop_of(element, unit))
 
     def _end(self, element: XmlElement, side: str, place: Place) -> tuple[End, bool | None]:
-        """One end of a connection, and whether it gives the connection a value (None: not said)."""
+        """Return one end of a connection, and whether it is the source (None: undetermined)."""
         name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
         if name is not None and name not in self.inside[place]:
             close = did_you_mean(name, self.inside[place])
@@ -183,15 +186,15 @@ class Tree:
         found = self.connectors.get(point)
         if found is None and point.place not in self.components:
             raise ValueError(f"the system has no connector {connector}")
-        said = found is not None and found.kind not in EITHER
-        gives = (found.kind in INWARD) == (name is None) if found and said else None
+        stated = found is not None and found.kind not in EITHER
+        gives = (found.kind in INWARD) == (name is None) if found and stated else None
         return End(point, indices(element, side)), gives
 
     # ---- parameters
 
     def _bindings(self, element: XmlElement, place: Place) -> None:
-        """All parameter sets bound to an element, later ones winning, over those of the elements in
-        it.
+        """Bind all parameter sets of an element, later ones first, over the sets of the elements
+        inside it.
         """
         label = _label(place)
         for binding in xml.every(element, "ssd:ParameterBindings/ssd:ParameterBinding"):
@@ -221,7 +224,7 @@ class Tree:
         self.given[point] = given
 
     def declared(self, point: Point) -> Connector | None:
-        """What the file says of a connector, or of the array that it is an element of."""
+        """Return the declaration of a connector, or of the array to which it belongs."""
         whole = point._replace(connector=base(point.connector))
         return self.connectors.get(point) or self.connectors.get(whole)
 
@@ -235,8 +238,8 @@ class Tree:
         return parameters if root is None else mapped(parameters, root, self.notes)
 
     def _part(self, element: XmlElement, part: Part, label: str) -> XmlElement | None:
-        """Root of a parameter set or mapping, inside the element or a file of the archive; None
-        where it binds nothing.
+        """Return the root of a parameter set or mapping, inside the element or in a file of the
+        archive; None if it binds nothing.
         """
         inline, source = xml.first(element, part.inline), element.get("source")
         if source is None and inline is None:
@@ -253,7 +256,7 @@ class Tree:
         return xml.parse(path, part.schema) if is_file(path) else None
 
     def _file(self, source: str | None, label: str) -> Path:
-        """A file inside the archive; a problem is noted if it is not there."""
+        """Return a file inside the archive; record a problem if it is missing."""
         name = source or ""
         if urlsplit(name).scheme:
             self.problems.append(f"{label}: {name} is not read, only files in the archive are")
@@ -269,7 +272,7 @@ SIDES = ("start", "end")
 
 
 def is_fmu(path: Path) -> bool:
-    """Whether a file is an FMU, whatever it is called."""
+    """Return whether a file is an FMU, regardless of its name."""
     try:
         return "modelDescription.xml" in inspect(path)
     except ArchiveError:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""TOML files of systems, each over the one that it `extends`."""
+"""TOML files of systems, each merged over the file that it `extends`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,8 @@ from harness.system.tables import read_toml
 
 
 def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Content of a TOML; one that `extends` another system is put over it. The mission of a system
-    is its folder's, or that of the system it extends where its own folder has no Python.
+    """Return the content of a TOML, merged over the system that it `extends`. The mission of a
+    system is the mission of its folder, or of the extended system if its own folder has no Python.
 
     above: the files that extend this one.
     """
@@ -33,9 +33,16 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     return table | {"mission": mission}
 
 
+def chain(source: Path) -> Iterator[Path]:
+    """Yield a TOML and those that it extends."""
+    yield source
+    if (base := read_toml(source).get("extends")) is not None:
+        yield from chain(_base(source, str(base)))
+
+
 def _read(source: Path) -> dict[str, Any]:
-    """Content of a TOML; paths of files as seen from the folder that it stands in. What has several
-    lines is the content of a file.
+    """Return the content of a TOML with absolute paths of files. A text of several lines is the
+    content of a file.
     """
     table = read_toml(source)
     scene = table.get("scene")
@@ -48,8 +55,8 @@ def _read(source: Path) -> dict[str, Any]:
 
 
 def _base(source: Path, name: str) -> Path:
-    """The TOML of the system that another one extends: of the same folder, of a mission beside it,
-    or of any mission at hand.
+    """Return the TOML of the extended system: in the same folder, in a mission beside it, or in any
+    available mission.
     """
     folder = source.resolve().parent
     known = {**systems(), **{path.stem: path for path in sorted(folder.glob("*.toml"))}}
@@ -61,8 +68,8 @@ def _base(source: Path, name: str) -> Path:
 
 
 def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """One table over another; in the order of the upper one where that names all there is, so that
-    a component can be put between others (components run in their order).
+    """Return one table merged over another. The order is the order of the upper table if it names
+    all entries, so that a component can be inserted between others (components run in their order).
     """
     merged = dict.fromkeys(own) | dict(base) if set(base) <= set(own) else dict(base)
     for key, value in own.items():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Nested systems made flat: components with names of their own, signals followed through the
-connectors of systems.
+"""Flattening of nested systems: unique names of components, signals followed through the connectors
+of systems.
 
-From every connected variable of a component the way is followed back, scalar by scalar, to the
-output that drives it or to an open connector. A parameter for a connector on the way counts for the
-variable. Every connection on the way is a hop; sizes of arrays are those of the FMUs.
+Each connected variable of a component is followed back, scalar by scalar, to the output that drives
+it or to an open connector. A parameter for a connector on the way is a parameter of the variable.
+Every connection on the way is a hop. Sizes of arrays are taken from the FMUs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MAX_CHAIN = 200
 
 
 class Flat:
-    """A tree of systems as components, connections and parameters; what cannot be flattened is
+    """Tree of systems as components, connections and parameters. Parts that cannot be flattened are
     added to the problems of the tree, one line each.
     """
 
@@ -60,7 +60,7 @@ class Flat:
             yield f"components with other names than in the file: {', '.join(other)}"
 
     def declared(self) -> dict[Port, Unit]:
-        """Units that the file claims for variables of components."""
+        """Return the units that the file claims for variables of components."""
         return {
             self._port(point.place, name): connector.unit
             for point, connector in self.tree.connectors.items()
@@ -82,10 +82,10 @@ class Flat:
             self.tree.problems.append(f"{edge.source.point} to {target}: {error}")
 
     def _follow(self, edge: Edge, shape: Index | None, index: Index, variable: Point) -> None:
-        """Go back from a variable to the output that drives it, if there is one; ValueError.
+        """Follow a variable back to the output that drives it, if there is one; raise ValueError.
 
-        shape: of the array that is followed as a whole, None for an element of any; index: where
-        in it the scalar is.
+        shape: shape of the array that is followed as a whole, None for an element; index: indices
+        of the scalar in it.
         """
         hops: Hops = ()
         for _ in range(MAX_CHAIN):
@@ -120,8 +120,8 @@ class Flat:
         self.connections.append(Connection(*ends, () if hops == (PLAIN,) else hops))
 
     def _scalars(self, point: Point) -> dict[Index, str]:
-        """Variables of a component that a connector of it stands for, by their indices from 1 on;
-        the last indices are the shape.
+        """Return the variables that a connector of a component represents, by their indices from 1.
+        The last indices are the shape.
         """
         if point not in self._known:
             fmu = self.tree.components[point.place].fmu if self.tree.has_arrays else None
@@ -159,7 +159,7 @@ class Flat:
 
 
 def _one(scalars: dict[Index, str], array: Point, index: Index) -> str:
-    """The name of one element; ValueError if there is none."""
+    """Return the name of one element; raise ValueError if there is none."""
     if index not in scalars:
         shape = size_text(next(reversed(scalars)))
         raise ValueError(f"there is no element {Name(array.connector, index)}, it is {shape}")
@@ -172,8 +172,8 @@ def _unequal(a: Index, b: Index | None) -> str:
 
 
 def _names(places: list[Place]) -> dict[Place, str]:
-    """A C identifier for every component: its own name, or all names on the way to it joined;
-    unique.
+    """Return a unique C identifier for every component: its own name, or all names on the way to it
+    joined.
     """
     names: dict[Place, str] = {}
     taken: set[str] = set()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems by name or path: those of the project and of installed missions, any .ssp, any TOML, and
-the folder of a mission.
+"""Systems by name or path: systems of the project and of installed missions, any .ssp, any TOML,
+and the folder of a mission.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from harness.errors import UsageError
 from harness.files import paths
-from harness.files.sealed import sha256
+from harness.files.checksums import sha256
 from harness.mission.library import FILE, SYSTEM, systems, use
 from harness.spelling import did_you_mean
 from harness.ssp import reader
@@ -21,10 +21,11 @@ from harness.system.model import Origin, System
 
 @contextmanager
 def load(system: str | Path | System) -> Iterator[System]:
-    """The system of that name or path; its FMUs are unpacked until the end of the `with` block.
+    """Yield the system with that name or path. Its FMUs stay unpacked until the end of the `with`
+    block.
 
-    A System is handed through; a TOML and the folder of a mission are built on the way, and the
-    folder's Python is taken from then on. Raises UsageError, ArchiveError or StructureError.
+    A System is returned unchanged. A TOML and the folder of a mission are built first, and the
+    Python of the folder is used from then on. Raises UsageError, ArchiveError or StructureError.
     """
     if isinstance(system, System):
         yield system
@@ -40,8 +41,8 @@ def load(system: str | Path | System) -> Iterator[System]:
 
 @contextmanager
 def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
-    """The system of a file as far as it can be read, and what is wrong with its description; raises
-    ArchiveError or StructureError if there is nothing to read.
+    """Yield the system of a file as far as it can be read, and the problems of its description;
+    raise ArchiveError or StructureError if nothing can be read.
     """
     if path.suffix == ".toml":
         yield _built(path), ()
@@ -51,12 +52,12 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
 
 
 def name_of(path: Path) -> str:
-    """The name of a system by its file."""
+    """Return the name of a system from its file."""
     return path.resolve().parent.name if path.name == SYSTEM else path.stem
 
 
 def _built(path: Path) -> System:
-    """The system of a TOML, with the mission of its folder."""
+    """Return the system of a TOML, with the mission of its folder."""
     from harness.ssp import build  # with msgspec, which an .ssp does not need
 
     take_mission(path)
@@ -68,14 +69,14 @@ _without_python: set[Path] = set()
 
 
 def leave_python(system: str | Path) -> None:
-    """Take no Python from the folder of a system that a results file names; UsageError if there is
-    no such system.
+    """Disable the Python in the folder of a system that a results file names; raise UsageError if
+    the system does not exist.
     """
     _without_python.add(find_system(system).resolve().parent)
 
 
 def take_mission(system: Path) -> None:
-    """Take what the folder of a TOML offers beside it, from now on."""
+    """Use the mission in the folder of a TOML from here on, if leave_python() permits that."""
     if system.resolve().parent in _without_python:
         return
     if system.suffix == ".toml" and any((system.parent / n).is_file() for n in (FILE, SYSTEM)):
@@ -83,7 +84,9 @@ def take_mission(system: Path) -> None:
 
 
 def find_system(name: str | Path) -> Path:
-    """Path of an .ssp or TOML by name or path; UsageError with close matches if there is none."""
+    """Return the path of an .ssp or TOML by name or path; raise UsageError with close matches if
+    there is none.
+    """
     known = paths.systems()
     if str(name) in known:
         return known[str(name)]
@@ -99,8 +102,8 @@ def find_system(name: str | Path) -> Path:
 
 
 def of_component(name: str | Path) -> tuple[Path, str] | None:
-    """System and component that `SYSTEM` (component "") or `SYSTEM.component` names; None if it
-    begins with no system, by name or path.
+    """Return system and component that `SYSTEM` (component "") or `SYSTEM.component` names; None if
+    the text begins with no system, by name or path.
     """
     text, known = str(name), paths.systems()
     ends = [i for i, character in enumerate(text) if character == "."]

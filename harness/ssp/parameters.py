@@ -25,13 +25,15 @@ UnitsByName = Mapping[str, Unit]
 
 
 def read_ssv(path: Path) -> dict[str, Parameter]:
-    """Parameters of an .ssv file by name; StructureError if it is not one or holds NaN."""
+    """Return the parameters of an .ssv file by name; raise StructureError if it is invalid or
+    contains NaN.
+    """
     return parameter_set(xml.parse(path, xml.SSV_SCHEMA))
 
 
 def parameter_set(root: XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
-    """Parameters of an ssv:ParameterSet element by name, arrays element by element; further: units
-    known beside its own.
+    """Return the parameters of an ssv:ParameterSet element by name, arrays element by element;
+    further: known units beside its own.
 
     Raises StructureError if a value is NaN or binary, or a parameter is given twice.
     """
@@ -56,7 +58,7 @@ def parameter_set(root: XmlElement, further: UnitsByName | None = None) -> dict[
 
 
 def units_of(root: XmlElement, table: str) -> dict[str, Unit]:
-    """Units that a file defines, by name."""
+    """Return the units that a file defines, by name."""
     units = {}
     for e in xml.every(root, f"{table}/ssc:Unit"):
         base = {n: float(e[0].get(n, "1" if n == "factor" else "0")) for n in BASE_UNITS}
@@ -65,7 +67,7 @@ def units_of(root: XmlElement, table: str) -> dict[str, Unit]:
 
 
 def _scalar(element: XmlElement, text: str) -> Scalar:
-    """A value of ssv:Real, ssv:Integer, ... as Python has it; ValueError."""
+    """Return a value of ssv:Real, ssv:Integer, ... in Python; raise ValueError."""
     kind = xml.kind_of(element)
     if kind not in ("Real", "Integer", "Boolean"):
         return text
@@ -85,8 +87,8 @@ BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 
 def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
-    """What a connection or mapping entry does to a number that ends in `unit`; ValueError if it is
-    not finite.
+    """Return the conversion of a connection or mapping entry to a number in `unit`; raise
+    ValueError if it is not finite.
     """
     linear = xml.first(element, "ssc:LinearTransformation")
     change = Affine()
@@ -101,10 +103,10 @@ def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
 def mapped(
     parameters: Mapping[str, Parameter], root: XmlElement, notes: list[str]
 ) -> dict[str, Parameter]:
-    """Parameters under the names of the targets in an ssm:ParameterMapping element, arrays element
-    by element; StructureError if one is not there, or with a transformation that makes no sense.
+    """Return parameters under the names of the targets in an ssm:ParameterMapping element, arrays
+    element by element; raise StructureError for a missing parameter or an invalid transformation.
 
-    What a mapping does not mention is not set, with a note.
+    A parameter that a mapping does not mention is not set, with a note.
     """
     problems, result, mentioned = [], {}, set[str]()
     for entry in xml.every(root, "ssm:MappingEntry"):
@@ -136,9 +138,9 @@ BaseUnits = Mapping[str, Mapping[str, float]]
 def ssv(
     set_name: str, parameters: Parameters, interface: Interface, units: BaseUnits, version: int
 ) -> bytes:
-    """A parameter set of one component; names are relative to the component. Of an array of FMI 3.0
-    it has all elements, from SSP 2.0 on. Values are those that reach the FMU: in its unit, an
-    enumeration by the name of the item.
+    """Return the parameter set of one component. Names are relative to the component. An array of
+    FMI 3.0 has all elements, from SSP 2.0 on. Values are the values that reach the FMU, in its
+    unit; an enumeration is the name of the item.
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
@@ -154,7 +156,7 @@ def ssv(
         listed = bool(sizes) and variable.type in ("String", "Enumeration")
         for text in values if listed else [" ".join(values)]:
             place = child(value, "ssv:Value") if listed else value
-            place.set("value", "")  # which attributes() leaves out
+            place.set("value", "")  # attributes() leaves out an empty value
             attributes(place, value=text)
         if variable.type == "Real" and variable.unit in interface.units:
             attributes(value, unit=variable.unit)
@@ -165,7 +167,7 @@ def ssv(
 
 
 def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
-    """Parameters for an FMU that is not in the archive: numbers in the units of its own
+    """Return the parameters for an FMU outside the archive: numbers in the units of its own
     variables.
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
@@ -177,13 +179,13 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
 
 
 def _written(variable: Variable, given: Parameter | None, interface: Interface) -> str:
-    """The value of a variable in an .ssv, that of its FMU where nothing is given."""
+    """Return the text of a value in an .ssv, by default the value of the FMU."""
     number = resting(variable) if given is None else final(given, variable, interface)
     return literal(next((item for item, i in variable.items.items() if i == number), number))
 
 
 def unit_table(root: XmlElement, name: str, units: BaseUnits, used: Iterable[str | None]) -> None:
-    """The definitions of the units that are used, if any, as element ssd:Units or ssv:Units."""
+    """Write the definitions of the used units, if any, as element ssd:Units or ssv:Units."""
     names = sorted({unit for unit in used if unit in units and unit is not None})
     table = child(root, name) if names else None
     for unit in names:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From an .ssp file to a System: safe unpacking, schema validation, and no FMI call.
+"""Reader of .ssp files: safe unpacking, schema validation, and no FMI call.
 
-Names are read by namespace, whatever the prefixes. Nested systems are flattened. What cannot be run
-is refused, not ignored: model exchange, signal dictionaries, connections between parameters, tables
-that transform signals.
+Names are read by namespace, regardless of the prefixes. Nested systems are flattened. Contents that
+cannot be run are rejected, not ignored: model exchange, signal dictionaries, connections between
+parameters, tables that transform signals.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from lxml import etree
 from harness.errors import ArchiveError, StructureError
 from harness.files import cache
 from harness.files.archive import MAX_UNPACKED, XmlElement, unpack, unpacked_size
+from harness.files.output import PrivateFolder
 from harness.files.paths import is_file
-from harness.files.temporary import PrivateFolder
 from harness.ssp import xml
 from harness.ssp.elements import Tree
 from harness.ssp.flatten import Flat
@@ -47,7 +47,7 @@ _log = logging.getLogger("harness")
 
 
 class Reading(NamedTuple):
-    """The system in an unpacked .ssp, what is wrong with it, and what is to be said of it."""
+    """System in an unpacked .ssp, its problems, and notes about it."""
 
     system: System
     problems: tuple[str, ...]
@@ -56,8 +56,8 @@ class Reading(NamedTuple):
 
 @contextmanager
 def opened(path: Path) -> Iterator[System]:
-    """The system in an .ssp, whose files are there until the end of the `with` block: unpacked in
-    the cache, else in a private temporary folder.
+    """Yield the system in an .ssp. Its files exist until the end of the `with` block, in the cache
+    or in a private temporary folder.
 
     Raises ArchiveError (damaged or unsafe archive) or StructureError (all problems of the
     description).
@@ -70,16 +70,16 @@ def opened(path: Path) -> Iterator[System]:
 
 @contextmanager
 def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
-    """The system in an .ssp as far as it can be read, and what is wrong with its description.
+    """Yield the system in an .ssp as far as it can be read, and the problems of its description.
 
-    Unpacked as by opened(). Raises ArchiveError or StructureError if there is nothing to read.
+    Unpacks like opened(). Raises ArchiveError or StructureError if nothing can be read.
     """
-    kept = cache.unpacked(path)
-    with PrivateFolder() if kept is None else nullcontext(kept) as folder:
-        if kept is None:
+    cached = cache.unpacked(path)
+    with PrivateFolder() if cached is None else nullcontext(cached) as folder:
+        if cached is None:
             unpack(path, folder)
         try:  # what is in the cache is read once: its names say its content
-            system, problems, notes = _of_folder(folder) if kept is None else _known(folder)
+            system, problems, notes = _of_folder(folder) if cached is None else _known(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
         for note in notes:
@@ -89,18 +89,20 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
 
 
 def _size_problems(path: Path, system: System) -> Iterator[str]:
-    """The limit of archive.py for the .ssp and the FMUs of all its components together."""
+    """Yield the problem if the .ssp and the FMUs of all its components together exceed the limit of
+    archive.py.
+    """
     size = unpacked_size(path)
     for fmu, count in Counter(c.fmu for c in system.components).items():
-        with suppress(ArchiveError):  # which is said where the FMU is read
+        with suppress(ArchiveError):  # reported where the FMU is read
             size += count * unpacked_size(fmu)
     if size > MAX_UNPACKED:
         limit = f"more than the limit of {MAX_UNPACKED}"
-        yield f"with the FMUs of all components it would unpack to {size} bytes, {limit}"
+        yield f"with the FMUs of all components the archive would unpack to {size} bytes, {limit}"
 
 
 def _of_folder(folder: Path) -> Reading:
-    """The system in an unpacked .ssp; StructureError if it cannot be read."""
+    """Return the system in an unpacked .ssp; raise StructureError if it cannot be read."""
     if not (folder / xml.SSD_FILE).is_file():
         raise StructureError([f"it holds no {xml.SSD_FILE}"])
     root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
@@ -116,17 +118,17 @@ _known = lru_cache(maxsize=MOST_KNOWN)(_of_folder)
 
 
 class _Reader:
-    """What the root of SystemStructure.ssd says: time, order, parameter sets; the elements are read
+    """Reader of the root of SystemStructure.ssd: time, order, parameter sets. The elements are read
     elsewhere.
     """
 
     def __init__(self, folder: Path, root: XmlElement) -> None:
         self.folder = folder
         self.root = root
-        ours = f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run"
+        ours = f"ssd:System/ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run"
         found = xml.first(root, ours)
         self.run = etree.Element("none") if found is None else found
-        """Our own annotation; in a file of another tool it says nothing."""
+        """Our own annotation, empty in a file of another tool."""
         self.schedule = {e.get("name"): e for e in self._own("Component")}
         self.tree = Tree(folder, root, own=found is not None)
         self.problems = self.tree.problems
@@ -160,19 +162,21 @@ class _Reader:
                 e.get("name", ""): (self._number(e, "low"), self._number(e, "high"))
                 for e in self._own("Slider")
             },
-            mission=mission if mission.isidentifier() else "",  # what is no name says nothing
+            mission=mission if mission.isidentifier() else "",  # other texts are ignored
             declared=flat.declared(),
         )
 
     def _own(self, kind: str) -> Iterator[XmlElement]:
-        """Elements of our own annotation."""
+        """Yield the elements of our own annotation."""
         return xml.every(self.run, f"run:{kind}")
 
     def _texts(self, kind: str) -> dict[str, str]:
         return {e.get("name", ""): e.get("text", "") for e in self._own(kind)}
 
     def _compared(self) -> str:
-        """Name of the set that a comparison takes; one that is not there is a problem."""
+        """Return the name of the parameter set that a comparison uses; a missing set is
+        a problem.
+        """
         name: str = self.run.get("compare", "")
         if name and name not in {e.get("name") for e in self._own("ParameterSet")}:
             self.problems.append(f"compare: there is no parameter set {name}")
@@ -180,8 +184,8 @@ class _Reader:
         return name
 
     def _experiment(self) -> Experiment:
-        """Time span of the file; the step is OSP's, the algorithm ours, without ours Jacobi, which
-        needs no order.
+        """Return the time span of the file. The step is in the OSP annotation, the algorithm in
+        ours; without ours it is Jacobi, which needs no order.
         """
         default = xml.first(self.root, "ssd:DefaultExperiment")
         step = xml.first(self.root, "ssd:DefaultExperiment//osp:FixedStepAlgorithm")
@@ -195,7 +199,7 @@ class _Reader:
         )
 
     def _epoch(self) -> str:
-        """UTC of t = 0; what is no date says nothing and is a problem."""
+        """Return UTC of t = 0; a text that is not a date is a problem and is ignored."""
         text = self.run.get("epoch", "")
         try:
             return date(text)
@@ -204,7 +208,9 @@ class _Reader:
             return ""
 
     def _schedule(self, name: str, hint: float | None, experiment: Experiment) -> tuple[int, int]:
-        """Period and latency from our annotation, else every from OSP's hint of a longer step."""
+        """Return period and latency from our annotation, or else the period from the OSP hint of a
+        longer step.
+        """
         own = self.schedule.get(name)
         if own is not None:
             return round(self._number(own, "every") or 1), round(self._number(own, "latency") or 0)
@@ -214,8 +220,8 @@ class _Reader:
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 
     def _set(self, element: XmlElement, components: tuple[Component, ...]) -> ParameterSet:
-        """A set that our annotation lists but nothing binds: one .ssv per component that has
-        parameters.
+        """Return a parameter set that our annotation lists but no element binds: one .ssv per
+        component that has parameters.
         """
         name = element.get("name", "")
         parameters = self._files(f"resources/sets/{name}", components)
@@ -231,7 +237,7 @@ class _Reader:
         return Alternative(element.get("component", ""), fmu, parameters)
 
     def _files(self, place: str, components: tuple[Component, ...]) -> dict[str, Parameters]:
-        """Parameters by component from the .ssv files of a folder of the archive."""
+        """Return parameters by component from the .ssv files of a folder of the archive."""
         found: dict[str, Parameters] = {}
         for c in components:
             path = self.folder / place / f"{c.name}.ssv"

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From a System to an .ssp file, in the dialect that FMPy, libcosim, ecos and OMSimulator all
-accept.
+"""Writer of .ssp files in the dialect that FMPy, libcosim, ecos and OMSimulator all accept.
 
-Literal prefixes, OSP's namespace on the root, every connector with its type, one .ssv per component
-with the same name of the set everywhere, nothing nested. The same system always gives the same
-bytes. It is SSP 1.0 where all FMUs are of FMI 2.0, else SSP 2.0, which knows the types and arrays
-of FMI 3.0.
+Prefixes are literal, the OSP namespace is on the root, every connector has its type, each component
+has one .ssv with the same name of the parameter set everywhere, and nothing is nested. Annotations
+are in the root system and the experiment alone, and the system has no geometry: OMSimulator rejects
+a file that has them elsewhere. The same
+system always gives the same bytes. The version is SSP 1.0 if all FMUs are of FMI 2.0, else SSP 2.0,
+which has the types and arrays of FMI 3.0.
 """
 
 from __future__ import annotations
@@ -34,26 +35,30 @@ WIDTH, GAP, PITCH = 80, 60, 5
 """Block diagram: width of a component, distance between components, distance between connectors."""
 
 
-def write_ssp(system: System, path: Path, version: int | None = None) -> None:
-    """Write a system with its FMUs; version: of SSP, 1 or 2 (default: the first that can hold it).
+def write_ssp(
+    system: System, path: Path, version: int | None = None, *, hints: bool = False
+) -> None:
+    """Write a system with its FMUs; version: of SSP, 1 or 2 (default: the first that can hold it);
+    hints: write the periods of slow components for libcosim and ecos too.
 
     Raises FmuError, StructureError, or ResultsError if the file cannot be written.
     """
-    pack(path, _Writer(system, version).content())
+    pack(path, _Writer(system, version, hints).content())
 
 
-def _annotation(element: XmlElement, kind: str) -> XmlElement:
-    """The annotation of a kind that an element gets."""
-    return child(child(element, "ssd:Annotations"), "ssc:Annotation", type=kind)
+def _annotation(annotations: XmlElement, kind: str) -> XmlElement:
+    """Add an annotation of a kind and return it."""
+    return child(annotations, "ssc:Annotation", type=kind)
 
 
 class _Writer:
-    """The files of an archive; SystemStructure.ssd element by element in the order of the
+    """Writer of the files of an archive; SystemStructure.ssd element by element in the order of the
     schema.
     """
 
-    def __init__(self, system: System, version: int | None) -> None:
+    def __init__(self, system: System, version: int | None, hints: bool) -> None:
         self.system = system
+        self.hints = hints
         self.interfaces = read_interfaces(system)
         new = [name for name, interface in self.interfaces.items() if interface.fmi == 3]
         if new and version == 1:
@@ -73,7 +78,7 @@ class _Writer:
     # ---- files
 
     def content(self) -> dict[str, bytes]:
-        """Files of the archive by name."""
+        """Return the files of the archive by name."""
         system = self.system
         content = {self.sources[c.name]: c.fmu.read_bytes() for c in system.components}
         content[xml.SSD_FILE] = self._description()
@@ -81,9 +86,9 @@ class _Writer:
             if c.parameters:
                 content[_ssv_name(c)] = self._ssv(DEFAULT_SET, c.name, c.parameters)
         for s in system.sets:
-            told = {c.name for c in system.components if c.parameters or s.parameters.get(c.name)}
+            listed = {c.name for c in system.components if c.parameters or s.parameters.get(c.name)}
             for name, parameters in s.parameters.items():
-                if name in told or not told:
+                if name in listed or not listed:
                     place = f"resources/sets/{s.name}/{name}.ssv"
                     content[place] = self._ssv(s.name, name, parameters)
         for a in system.alternatives:
@@ -101,26 +106,25 @@ class _Writer:
         root = document("ssd:SystemStructureDescription", prefixes, self.version, **about)
         top = child(root, "ssd:System", name=self.system.name)
         elements = child(top, "ssd:Elements")
-        lowest = max(
+        for column, component in enumerate(self.system.components):
             self._component(elements, component, column * (WIDTH + GAP))
-            for column, component in enumerate(self.system.components)
-        )
         self._connections(top)
-        right = len(self.system.components) * (WIDTH + GAP)
-        child(top, "ssd:SystemGeometry", x1=-GAP, y1=-lowest - GAP, x2=right, y2=GAP)
-        if self.version == 2 and self.system.experiment.step:  # SSP 1.0 keeps its bytes
-            self._fixed_step(top)
+        annotations = child(top, "ssd:Annotations")
+        if self.system.experiment.step:
+            self._fixed_step(annotations)  # OMSimulator reads the first annotation only
+        self._run(annotations)
         used = list(chain.from_iterable(self.connected.values()))
         self._enumerations(root, used)
         unit_table(root, "ssd:Units", self.units, (v.unit for v in used))
         self._experiment(root)
-        self._run(_annotation(root, xml.RUN_ANNOTATION))
         return serialized(root)
 
     # ---- elements
 
-    def _component(self, elements: XmlElement, component: Component, left: int) -> int:
-        """A component with the given left edge in the block diagram; its height."""
+    def _component(self, elements: XmlElement, component: Component, left: int) -> None:
+        """Write a component with the given left edge in the block diagram. Without hints it has no
+        annotation, which OMSimulator would reject.
+        """
         name, source = component.name, quote(self.sources[component.name])
         element = child(elements, "ssd:Component", name=name, type=xml.FMU_TYPE, source=source)
         about = self.interfaces[name].model.description
@@ -130,14 +134,14 @@ class _Writer:
         if component.parameters:
             bindings = child(element, "ssd:ParameterBindings")
             child(bindings, "ssd:ParameterBinding", source=_ssv_name(component))
-        if component.every > 1 and self.system.experiment.step:
-            hint = _annotation(element, xml.OSP_ANNOTATION)
-            child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
-        return height
+        if self.hints and component.every > 1 and (step := self.system.experiment.step):
+            hint = _annotation(child(element, "ssd:Annotations"), xml.OSP_ANNOTATION)
+            child(hint, "osp:StepSizeHint", value=component.every * step)
 
     def _connectors(self, element: XmlElement, component: str) -> int:
-        """Inputs down the left edge, outputs down the right one; (0, 0) is the lower left corner.
-        Returns the larger number of both. Of an array of FMI 3.0 there is one for all elements.
+        """Write inputs down the left edge and outputs down the right edge, and return the larger
+        number of both; (0, 0) is the lower left corner. An array of FMI 3.0 has one connector for
+        all elements.
         """
         interface = self.interfaces[component]
         sides: dict[str, dict[str, Variable]] = {"input": {}, "output": {}}
@@ -161,7 +165,7 @@ class _Writer:
             child(connector, "ssc:Dimension", size=size)
 
     def _enumerations(self, root: XmlElement, used: Sequence[Variable]) -> None:
-        """Types of enumerations; the last variable that has a type of that name defines it."""
+        """Write the types of enumerations. The last variable with a type of a name defines it."""
         types = {v.type_name: v.items for v in used if v.type == "Enumeration"}
         table = child(root, "ssd:Enumerations") if types else None
         for name, items in sorted(types.items()):
@@ -169,11 +173,12 @@ class _Writer:
             for item, value in items.items():
                 child(enumeration, "ssc:Item", name=item, value=value)
 
-    def _fixed_step(self, top: XmlElement) -> None:
-        """For OMSimulator, which would take a step of a millisecond or, in old versions, not know
-        what kind of system this is; the tolerances are those that it writes itself.
+    def _fixed_step(self, annotations: XmlElement) -> None:
+        """Write the simulation settings for OMSimulator, which would otherwise take a step of a
+        millisecond or reject the system. The tolerances equal the values in OMSimulator's own
+        files.
         """
-        annotation = _annotation(top, xml.OMS_ANNOTATION)
+        annotation = _annotation(annotations, xml.OMS_ANNOTATION)
         settings = etree.SubElement(annotation, tag("oms:Annotations"), nsmap={"oms": NS["oms"]})
         master = {"description": "oms-ma", "stepSize": self.system.experiment.step}
         tolerances = {"absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
@@ -199,12 +204,14 @@ class _Writer:
         times = {"startTime": experiment.start, "stopTime": experiment.stop}
         default = child(root, "ssd:DefaultExperiment", **times)
         if experiment.step:
-            algorithm = child(_annotation(default, xml.OSP_ANNOTATION), "osp:Algorithm")
+            annotation = _annotation(child(default, "ssd:Annotations"), xml.OSP_ANNOTATION)
+            algorithm = child(annotation, "osp:Algorithm")
             fixed = {"baseStepSize": experiment.step, "numWorkerThreads": 0}
             child(algorithm, "osp:FixedStepAlgorithm", **fixed)
 
-    def _run(self, annotation: XmlElement) -> None:
-        """Our annotation: what a run needs and SSP has no place for."""
+    def _run(self, annotations: XmlElement) -> None:
+        """Write our annotation: run settings for which SSP has no place."""
+        annotation = _annotation(annotations, xml.RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
         system, experiment = self.system, self.system.experiment
         attributes(
@@ -234,7 +241,9 @@ class _Writer:
 
 
 def _units(interfaces: Interfaces) -> BaseUnits:
-    """All units of all FMUs; StructureError if two FMUs mean different things by one name."""
+    """Return all units of all FMUs; raise StructureError if two FMUs define one name
+    differently.
+    """
     units: dict[str, Mapping[str, float]] = {}
     for component, interface in interfaces.items():
         for name, base in interface.units.items():
@@ -245,8 +254,8 @@ def _units(interfaces: Interfaces) -> BaseUnits:
 
 
 def _sources(components: Sequence[Component]) -> dict[str, str]:
-    """Place of every FMU in the archive; different FMUs with one file name are told apart by the
-    component.
+    """Return the path of every FMU in the archive. Different FMUs with one file name are
+    distinguished by the component.
     """
     owner: dict[str, Path] = {}
     sources = {}

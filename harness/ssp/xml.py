@@ -68,7 +68,7 @@ NOT_SUPPORTED = tuple(
         ),
     )
 )  # fmt: skip
-"""Elements that no run heeds: a file with one is refused."""
+"""Elements that a run cannot take into account; a file with one of them is rejected."""
 
 OPTIONAL = (
     "startElement",
@@ -84,25 +84,23 @@ OPTIONAL = (
 
 
 def first(element: XmlElement, path: str) -> XmlElement | None:
-    """The first element at a path of prefixed names; None if there is none."""
+    """Return the first element at a path of prefixed names; None if there is none."""
     return element.find(path, NS)
 
 
 def every(element: XmlElement, path: str) -> Iterator[XmlElement]:
-    """All elements at a path of prefixed names."""
+    """Yield all elements at a path of prefixed names."""
     found: Iterator[XmlElement] = element.iterfind(path, NS)
     return found
 
 
 def kind_of(element: XmlElement) -> str:
-    """The name of an element without its namespace."""
+    """Return the name of an element without its namespace."""
     return str(etree.QName(element).localname)
 
 
 def number(element: XmlElement, attribute: str, problems: list[str]) -> float | None:
-    """A finite number in an attribute, None without it; a problem is noted if it is something
-    else.
-    """
+    """Return a finite number in an attribute, None without it; record a problem for other texts."""
     text = None if element is None else element.get(attribute)
     try:
         value = None if text is None else float(text)
@@ -115,11 +113,11 @@ def number(element: XmlElement, attribute: str, problems: list[str]) -> float | 
 
 
 def parse(source: Path, schema: str) -> XmlElement:
-    """Root element of an XML file, valid against one of the SSP schemas; neither entities nor the
-    network are used.
+    """Return the root element of an XML file that is valid against one of the SSP schemas, without
+    using entities or the network.
 
-    A file of SSP 2.0 has the names of SSP 1.0 for its types of numbers, and no metadata. Raises
-    StructureError with every violation of the schema.
+    In a file of SSP 2.0, types of numbers get their names of SSP 1.0, and metadata is removed.
+    Raises StructureError with every violation of the schema.
     """
     name = source.name
     try:
@@ -137,7 +135,7 @@ def parse(source: Path, schema: str) -> XmlElement:
 
 
 def embedded(element: XmlElement, schema: str) -> XmlElement:
-    """An element inside another file as the root of its own, valid against one of the SSP
+    """Return an element inside another file as a root of its own, valid against one of the SSP
     schemas.
     """
     root = deepcopy(element)
@@ -147,10 +145,10 @@ def embedded(element: XmlElement, schema: str) -> XmlElement:
 
 
 def _made_readable(root: XmlElement) -> None:
-    """Rewrite the spellings of SSP 2.0 and of other tools that mean the same."""
+    """Rewrite equivalent spellings of SSP 2.0 and of other tools."""
     if is_version_2(root):
         simplify(root)
-    for element in root.iter():  # of OMSimulator
+    for element in root.iter():  # as OMSimulator writes them
         needed = ("source",) if element.tag == tag("ssd:Component") else ()
         for name in OPTIONAL:
             if element.get(name) == "" and name not in needed:
@@ -172,7 +170,7 @@ def _validate(root: XmlElement, schema: str, name: str) -> None:
 
 
 def _named(element: XmlElement) -> str:
-    """The name of an element, or of the one that it stands in."""
+    """Return the name of an element, or of the element that contains it."""
     ancestors = (element, *element.iterancestors())
     return next((each.get("name") for each in ancestors if each.get("name")), "")
 
@@ -209,7 +207,7 @@ _NEW_ATTRIBUTES = ("startIndices", "endIndices", "systemInnerX", "systemInnerY")
 
 
 def is_version_2(root: XmlElement) -> bool:
-    """Whether the root of a file says so."""
+    """Return whether the root of a file declares SSP 2.0."""
     return str(root.get("version", "")) == "2.0"
 
 
@@ -223,14 +221,14 @@ def simplify(root: XmlElement) -> None:
 
 
 def as_version_1(root: XmlElement) -> XmlElement:
-    """A copy of a simplified root without all that SSP 1.0 does not know, to be judged by its
+    """Return a copy of a simplified root without everything that SSP 1.0 lacks, for a check by its
     schema.
     """
     copy = deepcopy(root)
     copy.set("version", "1.0")
     etree.strip_elements(copy, *_NEW_PARTS)
     for element in copy.iter(*_VALUES):
-        element.set("value", "0")  # one or several, of any size: judged where they are read
+        element.set("value", "0")  # one or several, of any size: the reader checks them
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
     for element in copy.iter(tag("ssd:Component")):
@@ -244,21 +242,21 @@ def as_version_1(root: XmlElement) -> XmlElement:
 
 
 def document(kind: str, prefixes: tuple[str, ...], version: int, **values: str) -> XmlElement:
-    """The root of a new file of a version of SSP."""
+    """Return the root of a new file of a version of SSP."""
     root = etree.Element(tag(kind), nsmap={prefix: NS[prefix] for prefix in prefixes})
     attributes(root, version=f"{version}.0", **values, generationTool=TOOL)
     return root
 
 
 def child(parent: XmlElement, kind: str, /, **values: Scalar | None) -> XmlElement:
-    """A new element at the end of its parent."""
+    """Return a new element at the end of its parent."""
     element = etree.SubElement(parent, tag(kind))
     attributes(element, **values)
     return element
 
 
 def attributes(element: XmlElement, /, **values: Scalar | None) -> None:
-    """Set attributes in the given order; None and "" are left out."""
+    """Set attributes in the given order, leaving out None and ""."""
     for name, value in values.items():
         if value is not None and value != "":
             try:
@@ -269,7 +267,7 @@ def attributes(element: XmlElement, /, **values: Scalar | None) -> None:
 
 
 def literal(value: Scalar) -> str:
-    """A value as XML schema writes it."""
+    """Return a value in the notation of XML schema."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) and not math.isfinite(value):
@@ -278,5 +276,5 @@ def literal(value: Scalar) -> str:
 
 
 def serialized(root: XmlElement) -> bytes:
-    """The file that an element is the root of."""
+    """Return the file whose root is an element."""
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))

@@ -1,2 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Several runs of one system, or several looks at one FMU: comparisons, linear models, checks."""
+"""Analyses of one system by several runs, and of one FMU: comparisons, campaigns, linear models,
+checks.
+"""

@@ -1,29 +1,38 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is wrong with a system or an FMU: everything at once, errors apart from warnings.
+"""Check of a system or an FMU: all problems at once, errors apart from warnings.
 
-Errors keep it from being run, exactly those that a run would end with. Warnings are what is not by
-the book.
+An error prevents a run, and a run would end with the same error. A warning is a deviation from the
+standard. An FMU checks its parameters when it is initialised, which needs no other FMU, so values
+that it rejects are found before any run.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
-from harness.errors import FmuError, HarnessError, RefusalError, StructureError, UsageError
+from harness.conformance.check import examine
+from harness.errors import (
+    FmuError,
+    HarnessError,
+    RejectedValueError,
+    RunError,
+    StructureError,
+    UsageError,
+)
 from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
-from harness.master.messages import noted
-from harness.master.refusals import as_typed
-from harness.master.trial import refused, unreachable
+from harness.master.isolated import in_child, timed
+from harness.master.messages import as_typed, noted, without
+from harness.master.simulation import Simulation
 from harness.mission.library import SYSTEM
-from harness.remote.targets import TARGETS, missing
-from harness.results.requirements import say_inconsistencies
-from harness.rules.judge import judge
+from harness.remote.firmware import PROCESSORS, missing
+from harness.results.requirements import log_inconsistencies
 from harness.spelling import did_you_mean
 from harness.ssp.library import examined
 from harness.system.graph import readable_interfaces
@@ -35,7 +44,7 @@ from harness.system.schedule import macro_steps
 
 
 class Verdict(NamedTuple):
-    """What can be run: a line that says so, and the warnings, one line each."""
+    """System or FMU that can be run: a line that states it, and the warnings, one line each."""
 
     text: str
     warnings: tuple[str, ...] = ()
@@ -46,10 +55,10 @@ class Verdict(NamedTuple):
 
 
 def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdict:
-    """Verdict on a system or FMU, given by name or path.
+    """Return the verdict on a system or FMU, given by name or path.
 
-    strict: warnings are errors; changes: those of run(), then what it would fly is judged instead
-    of all parameter sets. Raises StructureError or FmuError with everything that is wrong, warnings
+    strict: warnings are errors; changes: as for run(), and then the changed system is checked
+    instead of all parameter sets. Raises StructureError or FmuError with all problems, warnings
     included, and UsageError for changes that cannot be made.
     """
     systems, fmus = paths.systems(), paths.fmus()
@@ -63,20 +72,22 @@ def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdic
     if path.suffix != ".fmu":
         return _check_system(path, strict, changes)
     if changes:
-        raise UsageError(f"{name}: --{next(iter(changes))} changes a system, and this is an FMU")
+        raise UsageError(
+            f"--{next(iter(changes))}: is valid only for a system, and {name} is an FMU"
+        )
     return _check_fmu(path, strict)
 
 
 def machine() -> Iterator[str]:
-    """For every flight processor, whether this machine can build for it and emulate it, or what it
-    lacks; a line each.
+    """Yield a line per flight processor: whether this machine can build for it and emulate it, or
+    what it lacks.
     """
-    for target in TARGETS.values():
-        yield missing(target) or f"{target.name}: {target.text}: ready"
+    for processor in PROCESSORS.values():
+        yield missing(processor) or f"{processor.name}: {processor.text}: ready"
 
 
 def _check_fmu(path: Path, strict: bool) -> Verdict:
-    found = judge(path)
+    found = examine(path)
     errors = found.errors or _complaints(lambda: _load(path))
     lines = (*errors, *(f"warning: {w}" for w in found.warnings))
     if errors or (strict and lines):
@@ -88,14 +99,14 @@ def _check_fmu(path: Path, strict: bool) -> Verdict:
 
 
 def _load(path: Path) -> None:
-    """FmuError if an FMU without errors of its description has nothing to load."""
+    """Raise FmuError if an FMU has no binary that this machine can load."""
     if problem := binary_problem(read_interface(path)):
         raise FmuError(problem)
 
 
 def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
-    """Everything that is wrong with the file, its wiring with every parameter set or with these
-    changes, its FMUs, the values that they are given, and its time span.
+    """Check the file, its wiring with every parameter set or with these changes, its FMUs, their
+    values, and its time span.
     """
     with noted() as notes, examined(path) as (found, problems):
         system = apply(found, **changes) if changes and not problems else found
@@ -103,7 +114,7 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
         chosen = [choose_set(system, name) if name else system for name in sets]
         errors = [*problems, *_system_errors(system, chosen)]
         if not errors:
-            say_inconsistencies(*chosen)
+            log_inconsistencies(*chosen)
     lines = (*errors, *(f"warning: {note}" for note in notes))
     if errors or (strict and lines):
         raise StructureError(lines)
@@ -112,19 +123,19 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
         f"{len(system.components)} components, {len(system.connections)} connections, "
         f"{'these changes' if changes else f'{len(set_names(system))} sets'}"
     )
-    wanted = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
-    return Verdict(f"{system.name}: fine ({counts}){wanted}", tuple(notes))
+    needed = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
+    return Verdict(f"{system.name}: fine ({counts}){needed}", tuple(notes))
 
 
 def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
-    """Time span, FMUs, wiring, and the values of the system in its parameter sets as far as the
-    FMUs can be read.
+    """Yield the errors of time span, FMUs, wiring, and of the values in all parameter sets as far
+    as the FMUs can be read.
     """
     experiment = system.experiment
     if experiment.step is not None and experiment.stop is not None:
         periods = [max(1, c.every) for c in system.components]
         yield from _complaints(partial(macro_steps, experiment, periods))
-    there = tuple(c for c in system.components if c.fmu.is_file())  # else the reader has said it
+    there = tuple(c for c in system.components if c.fmu.is_file())  # the reader reports the others
     interfaces, unreadable = readable_interfaces(replace(system, components=there))
     yield from unreadable
     for component in system.components:
@@ -134,12 +145,12 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
     yield from size_problems(system, interfaces)
     first, *others = chosen
     yield from graph_problems(first, interfaces)
-    for each in others:  # which differ from it in values only
+    for each in others:  # parameter sets differ in values only
         yield from value_problems(each, interfaces, each.components)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
-    for error in (*refused(chosen), *unreachable(system, boards)):
+    for error in (*rejected(chosen), *unreachable(system, boards)):
         typed: HarnessError = error
-        if isinstance(error, RefusalError):
+        if isinstance(error, RejectedValueError):
             typed = as_typed(error, system.origin.set, f"{error.component}.")
         yield from str(typed).splitlines()
     for interface in {i.path: i for i in interfaces.values()}.values():
@@ -153,3 +164,82 @@ def _complaints(test: Callable[[], object]) -> list[str]:
     except HarnessError as error:
         return str(error).splitlines()
     return []
+
+
+# ---- rejected values and boards, before any run
+
+
+def rejected(
+    systems: Iterable[System], third_party: Collection[str] = (), patience: float = math.inf
+) -> Iterator[RejectedValueError]:
+    """Yield the rejections of the FMUs of these systems, one error per component and set of values.
+
+    third_party: components to try although their FMUs are third-party, each in a separate process;
+    patience: limit for one call into such an FMU [s].
+    """
+    for system in _alone_once(systems, third_party):
+        try:
+            _try(system, patience)
+        except RejectedValueError as error:
+            yield error
+        except HarnessError:  # the run itself reports other errors
+            continue
+
+
+def _alone_once(systems: Iterable[System], third_party: Collection[str]) -> Iterator[System]:
+    """Yield the components that can be tried, once per set of values."""
+    tried = set()
+    for system in systems:
+        for c in system.components:
+            values = c.name, c.fmu, frozenset(c.parameters.items())
+            chosen = c.name in third_party or paths.is_ours(c.fmu)
+            if chosen and values not in tried and paths.is_file(c.fmu):
+                tried.add(values)
+                yield _alone(system, c.name)
+
+
+def always_rejected(
+    systems: Iterable[System], given: Mapping[str, Any], varied: Collection[str], patience: float
+) -> Iterator[HarnessError]:
+    """Yield the values that FMUs reject in every run, because no varied parameter is involved, in
+    terms of the user's input; given: values by name, as typed; varied: names of parameters that
+    vary.
+    """
+    components = {name.partition(".")[0] for name in given}
+    for error in rejected(systems, components, patience):
+        if common := without(error, varied):
+            yield as_typed(common, given, f"{error.component}.")
+
+
+def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessError]:
+    """Yield the problems of components on boards: no answer, another interface, rejected values.
+    Each board is tried up to its initialization, in a separate process.
+    """
+    for name in components:
+        try:
+            in_child(_begin, _alone(system, name))
+        except (FmuError, RejectedValueError) as error:
+            yield error
+        except RunError:  # its reaction to open inputs is irrelevant
+            continue
+
+
+def _alone(system: System, name: str) -> System:
+    """Return a system of one component with one macro step."""
+    component, experiment = system.component(name), system.experiment
+    step = experiment.step or 1.0
+    span = replace(experiment, step=step, stop=experiment.start + max(1, component.every) * step)
+    return System(system.name, (component,), (), span)
+
+
+def _begin(system: System) -> None:
+    with Simulation(system) as simulation:
+        simulation.initialize()
+
+
+def _try(system: System, patience: float) -> None:
+    with noted():
+        if paths.is_ours(system.components[0].fmu):
+            _begin(system)
+        else:
+            timed(system, patience=patience)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Several runs of one system side by side, measured and put into one table: by the engine of a
-campaign, but every result is kept whole.
+"""Comparison of several runs of one system in one table, by the engine of a campaign, with complete
+results.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from harness.files.output import command_line, work_for, written
 from harness.master.changes import apply
 from harness.master.executors import known_executor
 from harness.master.isolated import PATIENCE
-from harness.master.messages import said_once
+from harness.master.messages import logged_once
 from harness.mission import Limits
+from harness.mission.fields import several
 from harness.mission.library import of_result
 from harness.mission.mission import Mission, apart, measured, together
 from harness.results.files import ResultFile, read
@@ -30,27 +31,27 @@ from harness.results.result import Result
 from harness.spelling import one_line
 from harness.ssp.library import load
 from harness.studies.campaign.clusters import Workers
-from harness.studies.campaign.engine import Block, crew, get_ready
+from harness.studies.campaign.engine import Block, prestart, worker_pool
+from harness.studies.reuse import ReusedSimulation, quietly, rejected_before, retained
 from harness.studies.variants import Variant
-from harness.studies.warm import Warm, kept, quietly, refused_before
 from harness.system.graph import checked
 from harness.system.model import System
 from harness.system.values import base
 
 ROWS = 20_000
-"""Rows that a run has at most unless the user wants otherwise."""
+"""Largest number of rows of a run by default."""
 TABLE = "comparison.csv"
 WIDTH = 120
-Measures = Mapping[tuple[str, str], Mapping[str, float]]
-"""Values by (name, unit) of a measure, then by the label of a run."""
+Metrics = Mapping[tuple[str, str], Mapping[str, float]]
+"""Values by (name, unit) of a metric, then by the label of a run."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a run: its results file, if there are results (of a run that ended early the
-    partial one), and the one line that says why it ended early ("": it did not).
+    """Outcome of a run: its results file, if there are results (the partial file of a run that
+    ended early), and a line that states why it ended early ("": it did not).
 
-    pace: time of a macro step, of the quickest tenth of a second of the run [us].
+    pace: time of a macro step, in the quickest tenth of a second of the run [us].
     """
 
     file: Path | None
@@ -59,9 +60,9 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Flights:
-    """What all runs of a comparison have in common, and how one process runs them; command: the
-    command line that they come of.
+class ComparisonRuns:
+    """Data that all runs of a comparison share, and their execution in one process; command: the
+    command line that started them.
     """
 
     system: str | Path
@@ -70,39 +71,43 @@ class Flights:
     command: str | None
     piece = 1
 
-    def fly(self, part: Sequence[tuple[Variant, Path, int]]) -> list[Outcome]:
-        """Variants, with the file of the result and the macro steps per row."""
+    def run(self, part: Sequence[tuple[Variant, Path, int]]) -> list[Outcome]:
+        """Return the outcomes of variants; each comes with its results file and macro steps per
+        row.
+        """
         work_for(self.command)
         with quietly():
-            warm = kept(self, lambda: Warm(self.system, self.executor))
-            return [_flown(warm, *each, self.patience) for each in part]
+            reused = retained(self, lambda: ReusedSimulation(self.system, self.executor))
+            return [_run(reused, *each, self.patience) for each in part]
 
     @staticmethod
     def lost(message: str) -> Outcome:
-        """Of a run that has left nothing but a message."""
+        """Return the outcome of a run that has left only a message."""
         return Outcome(None, message)
 
 
-def _flown(warm: Warm, variant: Variant, path: Path, every: int, patience: float) -> Outcome:
+def _run(
+    reused: ReusedSimulation, variant: Variant, path: Path, every: int, patience: float
+) -> Outcome:
     file = ResultFile(path)
     try:
-        result = warm.fly(variant.changes, every, patience)
-        with suppress(OSError):  # of an earlier comparison
+        result = reused.run(variant.changes, every, patience)
+        with suppress(OSError):  # the table of an earlier comparison
             (path.parent / TABLE).unlink()
         file.write(result)
     except RunError as error:
         return _ended(file, error)
     except HarnessError as error:
         return Outcome(None, _as_given(variant, str(error)))
-    return Outcome(path, "", warm.pace)
+    return Outcome(path, "", reused.pace)
 
 
 def _ended(file: ResultFile, error: RunError) -> Outcome:
-    """What came of a run that ended early."""
+    """Return the outcome of a run that ended early."""
     if error.partial is None:
         return Outcome(None, str(error))
     try:
-        file.keep(error.partial)
+        file.write_partial(error.partial)
     except HarnessError as lost:
         return Outcome(None, f"{error}; {lost}")
     return Outcome(file.partial if file.partial.is_file() else None, str(error))
@@ -110,34 +115,36 @@ def _ended(file: ResultFile, error: RunError) -> Outcome:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Outcomes and results by label, the limits they are held against, the measures of all:
+    """Outcomes and results by label, the limits they are held against, the metrics of all:
     (name, unit) -> label -> value, and which actuator limits were in force, in a line.
     """
 
     outcomes: Mapping[str, Outcome]
     results: Mapping[str, Result]
     limits: Limits
-    measures: Measures
+    metrics: Metrics
     mission: Mission
     in_force: str = ""
 
     def text(self, names: Sequence[str] = ()) -> str:
-        """The table for reading, with the limits in force above and the definitions of its columns
-        below; names: of the measures that it shall have (default: all).
+        """Return the table as text, with the limits in force above and the definitions of its
+        columns below; names: metrics in the table (default: all).
         """
-        chosen = {k: c for k, c in self.measures.items() if not names or k[0] in names}
-        keys = {(m.name, m.unit): m for m in self.mission.measures}
+        chosen = {k: c for k, c in self.metrics.items() if not names or k[0] in names}
+        keys = {(m.name, m.unit): m for m in self.mission.metrics}
         about = {key: m.about(self.limits, self.results) for key, m in keys.items() if m.about}
         words = {key: m.words for key, m in keys.items() if m.words}
-        warnings = (f"warning: {line}" for line in apart(self.mission.measures, self.measures))
-        defined = (text for lines in self.mission.definitions for text in lines(self.limits))
+        warnings = (f"warning: {line}" for line in apart(self.mission.metrics, self.metrics))
+        defined = (
+            text for lines in self.mission.definitions for text in several(str, lines, self.limits)
+        )
         shown = table(chosen, self.labels, about, words)
         head = [self.in_force, ""] if self.in_force else []
         lines = [*head, shown, *warnings, *defined, *self.findings()]
         return "\n".join(line if line is shown else _wrapped(line) for line in lines)
 
     def findings(self) -> list[str]:
-        """One line per requirement and run."""
+        """Return one line per requirement and run."""
         return [
             f"requirement {label}: {finding}"
             for label, result in self.results.items()
@@ -146,12 +153,12 @@ class Comparison:
 
     @property
     def labels(self) -> list[str]:
-        """Labels of the variants in the order of the table."""
+        """Return the labels of the variants in the order of the table."""
         return [*self.outcomes]
 
     @property
     def failures(self) -> list[str]:
-        """One line per run that ended early."""
+        """Return one line per run that ended early."""
         ended = {label: each.failure for label, each in self.outcomes.items() if each.failure}
         return [f"{label}: {failure}" for label, failure in ended.items()]
 
@@ -160,7 +167,7 @@ def _wrapped(line: str) -> str:
     return textwrap.fill(line, WIDTH, subsequent_indent="  ") if line.strip() else line
 
 
-def compare(  # noqa: PLR0913 - what a comparison can be told
+def compare(  # noqa: PLR0913 - options of a comparison
     system: str | Path,
     variants: Sequence[Variant],
     directory: Path,
@@ -171,29 +178,29 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     progress: Callable[[int], None] | None = None,
     executor: str = "c",
 ) -> Comparison:
-    """Run all variants in parallel and measure them; results go to `directory` as LABEL.nc, the
-    table to comparison.csv.
+    """Run all variants in parallel and compute their metrics; results go to `directory` as
+    LABEL.nc, the table to comparison.csv.
 
     limits: bands and keep-out radius that the runs are held against; every: record every N-th
-    macro step (default: as many that a run has at most 20 000 rows);
-    patience: how long an FMU that is not ours may take for one call [s]; progress: called with the
-    number of runs that are over; executor: as for run(). Raises what run() raises before its first
+    macro step (default: such that a run has at most 20 000 rows);
+    patience: limit for one call into a third-party FMU [s]; progress: called with the number of
+    completed runs; executor: as for run(). Raises what run() raises before its first
     step, and ResultsError; a run that fails under way ends early, the others go on.
     """
     known_executor(executor)
     workers = Workers(min(len(variants), os.cpu_count() or 1))
-    get_ready(workers, __name__)
+    prestart(workers, __name__)
     variants, in_force = _in_force(system, variants)
     if every is not None and every < 1:
         raise UsageError(f"--every must be at least 1, not {every}")
-    work = Flights(system, executor, patience, command_line())
+    work = ComparisonRuns(system, executor, patience, command_line())
     steps = _check(work, variants, ResultFile(directory / "any.nc"))
     files = [ResultFile(directory / f"{variant.file}.nc").path for variant in variants]
     thinning = [_thinning(n) if every is None else every for n in steps]
     orders = list(zip(variants, files, thinning, strict=True))
     over: dict[int, Outcome] = {}
-    with crew(workers) as fly:
-        for k, (outcome,) in fly(work, (Block(k, [each]) for k, each in enumerate(orders))):
+    with worker_pool(workers) as run_blocks:
+        for k, (outcome,) in run_blocks(work, (Block(k, [each]) for k, each in enumerate(orders))):
             over[k] = outcome
             if progress is not None:
                 progress(len(over))
@@ -202,15 +209,15 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     offered = together(map(of_result, results.values()))
     held = offered.limits(limits or Limits(), results)
     paces = {label: each.pace for label, each in outcomes.items() if not each.failure}
-    taken = measured(offered.measures, results, held) | {("macro step", "us"): paces}
+    taken = measured(offered.metrics, results, held) | {("macro step", "us"): paces}
     comparison = Comparison(outcomes, results, held, taken, offered, in_force)
-    write_csv(comparison.measures, comparison.labels, directory / TABLE)
+    write_csv(comparison.metrics, comparison.labels, directory / TABLE)
     return comparison
 
 
 def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence[Variant], str]:
-    """The variants in the set that the system has for comparisons, unless they name theirs, and the
-    line that says so.
+    """Return the variants with the parameter set that the system has for comparisons, unless they
+    name another, and a line that states it.
     """
     with load(system) as found:
         sets = {s.name: s for s in found.sets}
@@ -220,8 +227,8 @@ def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence
         return variants, ""
     named = {str(v.changes["params"]) for v in variants if v.changes.get("params") is not None}
     if named:
-        usually = f"; usually set {chosen.name}" if chosen.name not in named else ""
-        return variants, f"limits: as --params {', '.join(sorted(named))} has them{usually}"
+        usually = f"; the default is set {chosen.name}" if chosen.name not in named else ""
+        return variants, f"limits: values of --params {', '.join(sorted(named))}{usually}"
     own: dict[str, list[str]] = {}
     for component, given in chosen.parameters.items():
         for name, parameter in given.items():
@@ -229,29 +236,27 @@ def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence
                 own.setdefault(base(f"{component}.{name}"), []).append(str(parameter.value))
     values = ", ".join(f"{name} = {' '.join(numbers)}" for name, numbers in own.items())
     text = f"limits: set {chosen.name}, {chosen.description}{f' ({values})' if values else ''}"
-    text += "; --params default: those of the system"
+    text += "; --params default: the values of the system"
     return [replace(v, changes={**v.changes, "params": chosen.name}) for v in variants], text
 
 
-def _check(work: Flights, variants: Sequence[Variant], file: ResultFile) -> list[int]:
-    """Find everything that is wrong with a variant before any is run; returns the macro steps of
-    each.
-    """
-    with load(work.system) as found, said_once():
+def _check(work: ComparisonRuns, variants: Sequence[Variant], file: ResultFile) -> list[int]:
+    """Check all variants before the first run, and return the macro steps of each."""
+    with load(work.system) as found, logged_once():
         systems = [_applied(found, variant) for variant in variants]
         for changed in systems:
             file.accept(changed)
         ready = [(changed, checked(changed)) for changed in systems]
         varied = variants[0].varied
         fixed = {n: value for n, value in systems[0].origin.set.items() if n not in varied}
-        for error in refused_before(ready, fixed, varied, work.patience, work.executor):
+        for error in rejected_before(ready, fixed, varied, work.patience, work.executor):
             if isinstance(error, UsageError):
                 raise error
     return [each.steps for _, each in ready]
 
 
 def _applied(system: System, variant: Variant) -> System:
-    """The system of a variant; what is wrong with a value is told of the option that gave it."""
+    """Return the system of a variant. An error names the option that gave the value."""
     try:
         return apply(system, **variant.changes)
     except UsageError as error:
@@ -259,34 +264,34 @@ def _applied(system: System, variant: Variant) -> System:
 
 
 def _as_given(variant: Variant, text: str) -> str:
-    """A text with the option that gave each value."""
+    """Return a text with the option that gave each value."""
     for name in variant.varied:
         text = re.sub(rf"--set (?={re.escape(name)}(?!\w))", "--vary ", text)
     return text
 
 
 def _thinning(steps: int) -> int:
-    """Macro steps per row for at most ROWS rows, with the end of the run in the last row if that is
-    possible.
+    """Return the macro steps per row for at most ROWS rows, with the end of the run in the last row
+    if possible.
     """
     least = math.ceil(steps / ROWS)
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)
 
 
-# ---- the table, for reading and as .csv
+# ---- table as text and as .csv
 
 
 def table(
-    measures: Measures,
+    metrics: Metrics,
     labels: Sequence[str],
     about: Mapping[tuple[str, str], str] = {},
     words: Mapping[tuple[str, str], Sequence[str]] = {},
 ) -> str:
-    """The table for reading, in blocks of at most WIDTH columns; measures that no run has are left
-    out, single gaps are `-`; about: last line of a heading, words: what values 0, 1, .. stand for.
+    """Return the table as text, in blocks of at most WIDTH columns, without metrics that no run
+    has; missing values are `-`; about: last line of a heading; words: names of the values 0, 1, ...
     """
     shown = {
-        key: column for key, column in measures.items() if any(map(math.isfinite, column.values()))
+        key: column for key, column in metrics.items() if any(map(math.isfinite, column.values()))
     }
     heads = 4 if any(about.get(key) for key in shown) else 3
     columns = []
@@ -311,24 +316,24 @@ def table(
 
 
 def _block(columns: Sequence[Sequence[str]]) -> str:
-    """Lines of columns of cells that are equally wide."""
+    """Return columns of equally wide cells as lines."""
     return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
 
 
 def _numbers(values: Sequence[float]) -> list[str]:
-    """Numbers with the same decimals everywhere: four digits of the largest, or powers of ten where
-    the smallest would vanish.
+    """Return numbers with equal decimals: four digits of the largest, or powers of ten if the
+    smallest would vanish.
     """
     sizes = [abs(v) for v in values if math.isfinite(v) and v]
     decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))
     small = bool(sizes) and min(sizes) < 0.5 * 10.0 ** -min(decimals, 4)
-    form = "z.2e" if small else f"z.{min(decimals, 4)}f"  # z: no zero has a sign
+    form = "z.2e" if small else f"z.{min(decimals, 4)}f"  # z: zeros are printed without a sign
     return [format(v, form) if math.isfinite(v) else "-" for v in values]
 
 
 def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
-    """Columns of a table of write_csv() by their heading `name [unit]`, then by the label of the
-    run, and the labels; ResultsError if it cannot be read.
+    """Return the columns of a table of write_csv() by heading `name [unit]` and label of the run,
+    and the labels; raise ResultsError if it cannot be read.
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
@@ -342,13 +347,13 @@ def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
         raise ResultsError(f"{path}: cannot be read ({error})") from error
 
 
-def write_csv(measures: Measures, labels: Sequence[str], path: Path) -> None:
-    """All measures with all digits, one line per run; what does not exist is empty. ResultsError if
-    the file cannot be written.
+def write_csv(metrics: Metrics, labels: Sequence[str], path: Path) -> None:
+    """Write all metrics with all digits, one line per run; missing values are empty. Raise
+    ResultsError if the file cannot be written.
     """
     with written(path) as target, target.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["run", *(one_line(f"{name} [{unit}]") for name, unit in measures)])
+        writer.writerow(["run", *(one_line(f"{name} [{unit}]") for name, unit in metrics)])
         for label in labels:
-            values = (column.get(label, math.nan) for column in measures.values())
+            values = (column.get(label, math.nan) for column in metrics.values())
             writer.writerow([one_line(label), *("" if math.isnan(v) else repr(v) for v in values)])

@@ -5,10 +5,10 @@ itself.
     x(t+h) = A x(t) + B u(t),   y(t+h) = C x(t+h) + D u(t)       deviations from the operating
     point, u held
 
-The states of an FMU are those of its outputs whose start value is a parameter: `x` starts at
-`x_0`, a position at the parameter that a mission names. Outputs that do not follow that parameter
-(the angle of a panel that does not exist) are none. The FMU is restarted at the operating point
-with them moved, so nothing but FMI is needed.
+The states of an FMU are the outputs whose start value is a parameter: `x` starts at `x_0`, a
+position at the parameter that a mission names. Outputs that do not follow that parameter (the angle
+of a panel that does not exist) are not states. The FMU is restarted at the operating point with its
+states moved, so nothing but FMI is needed.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from harness.system.values import base, index
 
 Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
-"""Distances of the differences, relative to the size of the vector that is moved, at least of 1."""
+"""Distances of the differences, relative to the length of the moved vector, but at least to 1."""
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """A (n, n), B (n, m), C (p, n), D (p, m) at time t [s] for the step h [s], with names, units,
-    operating point.
+    """Matrices A (n, n), B (n, m), C (p, n), D (p, m) at time t [s] for the step h [s], with names,
+    units and operating point.
     """
 
     A: Array
@@ -70,28 +70,31 @@ class LinearModel:
 def linearize(
     fmu: Path, at: float = 0.0, step: float = 0.1, values: Mapping[str, Any] | None = None
 ) -> LinearModel:
-    """Linear model of an FMU after running alone for `at` seconds.
+    """Return the linear model of an FMU after running alone for `at` seconds.
 
     at: operating point [s], a multiple of step; step: h [s]; values: parameters and held inputs by
-    name, as texts or numbers, vectors as lists. Raises UsageError for unknown names, refused values
-    or a time that is no multiple of the step, FmuError, RunError.
+    name, as texts or numbers, vectors as lists. Raises UsageError for unknown names, rejected
+    values or a time that is not a multiple of the step, FmuError, RunError.
     """
     steps = at / step if step > 0 else math.nan
     if not 0 <= steps < 2**53 or abs(steps - round(steps)) > 1e-9 * max(1.0, steps):
-        raise UsageError(f"time {at:g} s: expected a multiple of the step, {step:g} s, above 0 s")
+        raise UsageError(
+            f"--at {at:g}: expected a multiple of the step of {step:g} s, 0 or more; the step "
+            "must be above 0"
+        )
     name = re.sub(r"\W", "_", fmu.stem)
     alone = System(name, (Component(name, fmu),), (), Experiment(0.0, at + step, step))
     given = {f"{name}.{variable}": value for variable, value in (values or {}).items()}
     try:
         with Simulation(alone, set=given) as simulation:
             return _Differences(simulation, at, step).model(round(steps))
-    except UsageError as error:  # in the words that were typed
+    except UsageError as error:  # without the component, as typed
         raise UsageError(str(error).replace(f"--set {name}.", "--set ")) from error
 
 
 def start_parameters(interface: Interface) -> dict[str, str]:
-    """Elements of outputs that are states, and the parameters that hold their start values; of two
-    outputs with the same one (body and centre of mass) the first.
+    """Return the elements of outputs that are states with the parameters of their start values; of
+    two outputs with the same parameter (body and centre of mass) the first.
     """
     found: dict[str, str] = {}
     for name in interface.outputs():
@@ -120,13 +123,15 @@ class _Differences:
         self.inputs = {n: self._begin(n) for n in self.interface.named("input")}
 
     def _begin(self, name: str) -> float:
-        """Value of an input as set, else its start value."""
+        """Return the value of an input as set, else its start value."""
         if name in self.component.parameters:
             return float(self.component.parameters[name].value)
         return self.interface.variables[name].start or 0.0
 
     def _run(self, values: Mapping[str, float], start: float, steps: int) -> Array:
-        """Outputs after so many steps from `start` with these values beside those that are set."""
+        """Return the outputs after a number of steps from `start` with these values beside the
+        settings.
+        """
         parameters = {**self.component.parameters, **{n: Parameter(v) for n, v in values.items()}}
         stop = start + max(steps, 1) * self.h
         system = replace(
@@ -146,14 +151,14 @@ class _Differences:
         return values | {p: x for state, p, x in everything().restarts if state in values}
 
     def _follows(self, name: str, state: Mapping[str, float]) -> bool:
-        """Whether the output starts elsewhere when its start parameter is moved."""
+        """Return whether the start of the output changes when its start parameter is moved."""
         moved = state[name] + RELATIVE_STATE * max(1.0, _size(name, state))
         found = self._run({**self._restart(state), self.starts[name]: moved}, self.at, 0)
         return bool(found[self.names.index(name)] != state[name])
 
     def _matrix(self, values: Mapping[str, float], relative: float, moves_state: bool) -> Array:
-        """Derivatives of the outputs after one step by each value, a column each: differences at d
-        and d/2, extrapolated.
+        """Return the derivatives of the outputs after one step by each value, a column each:
+        differences at d and d/2, extrapolated.
         """
         columns = np.zeros((len(self.names), len(values)))
         for k, (name, value) in enumerate(values.items()):
@@ -169,8 +174,8 @@ class _Differences:
 
     @np.errstate(over="ignore", invalid="ignore")
     def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
-        """Central difference; at a lower bound of the variable the one-sided one, also of second
-        order.
+        """Return the central difference; at a lower bound of the variable the one-sided difference
+        of second order.
         """
 
         def after(moved: float) -> Array:
@@ -188,13 +193,18 @@ class _Differences:
         return RunError(self.component.name, self.at, f"{reason}: no linear model")
 
     def model(self, steps: int) -> LinearModel:
-        """All matrices after so many steps; y(t+h) is split into C x(t+h) + D u."""
+        """Return all matrices after `steps` steps; y(t+h) is split into C x(t+h) + D u."""
         outputs = dict(zip(self.names, self._run({}, 0.0, steps).tolist(), strict=True))
         state = {name: outputs[name] for name in self.starts}
         again = dict(zip(self.names, self._run(self._restart(state), self.at, 0), strict=True))
         for name, value in state.items():
             if abs(again[name] - value) > 1e-9 * max(1.0, abs(again[name])):
-                raise RunError(self.component.name, self.at, "it cannot be restarted here", name)
+                raise RunError(
+                    self.component.name,
+                    self.at,
+                    "a restart from the state of the FMU gives another state: no linear model",
+                    name,
+                )
         self.state = {name: value for name, value in state.items() if self._follows(name, state)}
         by_state = self._matrix(self.state, RELATIVE_STATE, True)
         by_input = self._matrix(self.inputs, RELATIVE_INPUT, False)
@@ -203,7 +213,9 @@ class _Differences:
         try:
             c: Array = np.asarray(np.linalg.solve(a.T, by_state.T).T) if rows else by_state
         except np.linalg.LinAlgError as error:
-            raise self._no_model("its states after a step do not depend on those before") from error
+            raise self._no_model(
+                "the matrix A is singular: states after a step do not depend on the states before"
+            ) from error
         units = {v.name: v.unit or "" for v in self.interface.variables.values()}
         names = tuple(self.state), tuple(self.inputs), tuple(self.names)
         point = {**self.inputs, **outputs}
@@ -211,6 +223,6 @@ class _Differences:
 
 
 def _size(name: str, values: Mapping[str, float]) -> float:
-    """Length of the vector that a scalar belongs to."""
+    """Return the length of the vector that a scalar belongs to."""
     parts = [v for n, v in values.items() if base(n) == base(name) and index(n)]
     return math.hypot(*(parts or [values[name]]))

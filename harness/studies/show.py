@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What there is before anything is run: components of a system, variables of a component or FMU, to
-connect and to set; what a mission plans.
+"""Contents of a system before any run: its components, the variables of a component or FMU to
+connect and to set, and the plan of its mission.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ GROUPS = ("input", "output", "parameter")
 
 
 class Signal(NamedTuple):
-    """A variable of an FMU: a scalar, or a vector or matrix whose elements are gathered.
+    """Variable of an FMU: a scalar, or a vector or matrix with all its elements.
 
-    shape: () for a scalar; default: its start value; value: what it has in the system, None where
-    it stands in none, is driven or an output; low, high: limits that the FMU declares; wires: the
-    outputs that drive an input, or the inputs that read an output, as `component.variable`.
+    shape: () for a scalar; default: its start value; value: its value in the system, None if it is
+    in no system, is connected, or is an output; low, high: limits that the FMU declares; wires:
+    outputs connected to an input, or inputs connected to an output, as `component.variable`.
     """
 
     name: str
@@ -68,18 +68,19 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Shown:
-    """What was asked for, in one line, and its parts (of a system) or signals (of an FMU)."""
+    """Title in one line, and the parts (of a system) or signals (of an FMU)."""
 
     title: str
     rows: tuple[Part, ...] | tuple[Signal, ...]
 
 
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
-    """Components of a system, or signals of an FMU, alone or in its place in a system.
+    """Return the components of a system, or the signals of an FMU, alone or as a component of a
+    system.
 
-    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: only rows that have
-    it in their name or description; changes: those of run(), to see what they come to. Raises
-    UsageError, and what load() and apply() raise.
+    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: only rows with this
+    word in name or description; changes: as for run(), to see their effect. Raises UsageError, and
+    the errors of load() and apply().
     """
     if (place := of_component(name)) is None:
         found = _of_fmu(name, changes)
@@ -92,7 +93,7 @@ def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) 
     rows = tuple(r for r in found.rows if word.casefold() in f"{r.name}\n{r.text}".casefold())
     if not rows:
         close = did_you_mean(word, [row.name for row in found.rows])
-        raise UsageError(f"{word}: nothing is called or described so{close}")
+        raise UsageError(f"{word}: no name or description contains this word{close}")
     return Shown(found.title, rows)  # type: ignore[arg-type]
 
 
@@ -106,7 +107,10 @@ def _of_fmu(name: str | Path, changes: Changes) -> Shown:
             "a component is named SYSTEM.component"
         )
     if changes:
-        raise UsageError(f"--{next(iter(changes))}: {name} is an FMU alone, not SYSTEM.component")
+        raise UsageError(
+            f"--{next(iter(changes))}: is valid only for a system; {name} is an FMU, not "
+            "SYSTEM.component"
+        )
     interface = read_interface(path)
     rows = (s._replace(value=None) for s in _signals(interface, {}, {}))
     return Shown(_title(interface.path.name, interface.model.description), tuple(rows))
@@ -151,8 +155,8 @@ def _title(name: str, description: str | None) -> str:
 def _signals(
     interface: Interface, given: Parameters, ends: Mapping[str, Sequence[Port]]
 ) -> Iterator[Signal]:
-    """Variables with their elements gathered; ends: ports at the other ends by variable. A vector
-    or matrix with gaps stays as scalars.
+    """Yield variables with their elements combined; ends: connected ports by variable. A vector or
+    matrix with missing elements is listed as scalars.
     """
     for causality in GROUPS:
         groups: dict[str, list[str]] = {}
@@ -166,7 +170,7 @@ def _signals(
                 yield from (_signal(e, [e], None, interface, given, ends) for e in elements)
 
 
-def _signal(  # noqa: PLR0913, PLR0917 - of a signal
+def _signal(  # noqa: PLR0913, PLR0917 - data of a signal
     name: str,
     elements: Sequence[str],
     whole: Grid | None,
@@ -187,7 +191,7 @@ def _signal(  # noqa: PLR0913, PLR0917 - of a signal
 
 
 def _value(name: str, given: Parameters, interface: Interface) -> Scalar | None:
-    """What a variable is given, or else its start value."""
+    """Return the given value of a variable, or else its start value."""
     variable = interface.variables.get(name)
     if variable is None:
         return None
@@ -195,7 +199,7 @@ def _value(name: str, given: Parameters, interface: Interface) -> Scalar | None:
 
 
 def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
-    """Values by element as a scalar, list or list of lists; None if there is none at all."""
+    """Return values by element as a scalar, list or list of lists; None if there are none."""
     if whole is None or all(value is None for value in values.values()):
         return next(iter(values.values()))
     table = np.empty(whole.shape, dtype=object)
@@ -209,16 +213,16 @@ def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
-    """The plan of a system by its mission; changes: those of run().
+    """Return the plan of a system by its mission; changes: as for run().
 
-    Raises UsageError if its mission plans nothing, else what run() raises.
+    Raises UsageError if its mission has no plan, or the errors of run().
     """
     with load(system) as found:
         own = mission(found.mission) if found.mission else everything()
         planners = own.plans if own else ()
         if not planners:
-            raise UsageError(f"{found.name}: its mission plans nothing")
-        for planner in planners[:-1]:  # of a system without a mission every one is asked
+            raise UsageError(f"{found.name}: its mission has no plan")
+        for planner in planners[:-1]:  # a system without a mission tries all planners
             with suppress(UsageError):
                 return planner(found, **changes)
         return planners[-1](found, **changes)

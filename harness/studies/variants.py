@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a comparison runs: every combination of the options that were given several values, which
-are factors as a campaign has them.
+"""Variants of a comparison: every combination of the options with several values, which are factors
+as in a campaign.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from harness.studies.campaign.factors import Factor
 from harness.studies.campaign.plan import changes_of, kind_of, option_of
 
 MAX_RUNS = 10_000
-"""Runs of one comparison."""
+"""Largest number of runs of one comparison."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One run: a label that tells it from the others, and what is changed in the system."""
+    """Run of a comparison: a unique label, and its changes to the system."""
 
     label: str
     changes: Changes
     file: str = ""
-    """The label as the stem of a file name, which no other variant has."""
+    """Label as a unique stem of a file name."""
     varied: frozenset[str] = frozenset()
-    """Parameters that --vary gives, not --set."""
+    """Parameters that --vary sets, not --set."""
 
 
 def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Variant]:
-    """All combinations, the last option changing fastest.
+    """Return all combinations, the last option changing fastest.
 
     fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its
     values separated by commas, for the last three after `component=` or `component.parameter=`; a
@@ -49,7 +49,7 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
             raise UsageError(f"{_given(name)}: is given twice")
     several = [f for f in factors if len(f.choices) > 1]
     if (count := math.prod(len(f.choices) for f in factors)) > MAX_RUNS:
-        raise UsageError(f"these are {count} runs, more than the limit of {MAX_RUNS}")
+        raise UsageError(f"{count} runs are defined, more than the limit of {MAX_RUNS}")
     if not several:
         raise UsageError("there is nothing to compare: give several values, e.g. --params A,B")
     labels = {f.name: _labels(f, several) for f in several}
@@ -63,7 +63,7 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
 
 
 def _factor(option: str, text: str) -> Factor:
-    """An option and its values."""
+    """Return an option with its values as a factor."""
     shown = f"--{'vary' if option == 'set' else option}"
     named = option in ("swap", "latency", "set")
     name, given = next(pairs(shown, [text])) if named else ("", text)
@@ -80,7 +80,7 @@ def _factor(option: str, text: str) -> Factor:
 
 
 def _pieces(text: str) -> list[str]:
-    """Parts of a text between the commas outside all brackets."""
+    """Return the parts of a text between commas outside brackets."""
     pieces, depth = [""], 0
     for character in text:
         depth += (character == "[") - (character == "]")
@@ -92,18 +92,20 @@ def _pieces(text: str) -> list[str]:
 
 
 def _given(factor: str) -> str:
-    """A factor as the option that gives it."""
+    """Return the option that gives a factor."""
     option, name = option_of(factor)
     return f"--{'vary' if option == 'set' else option} {name}".rstrip()
 
 
 def _range(text: str, place: str) -> Sequence[str]:
-    """The numbers of `first:last:step`, both ends included; anything else is itself."""
+    """Return the numbers of `first:last:step`, both ends included; any other text is a single
+    value.
+    """
     parts = text.split(":")
     if len(parts) != 3 and (len(parts) == 1 or not all(map(is_number, parts))):
         return [text]
-    wanted = "a range first:last:step that ends at last after whole steps"
-    wrong = UsageError(f"{place}: expected {wanted}, not more than the limit of {MAX_RUNS} values")
+    needed = "a range first:last:step that ends at last after whole steps"
+    wrong = UsageError(f"{place}: expected {needed}, not more than the limit of {MAX_RUNS} values")
     try:
         first, last, step = map(float, parts)
         count = round((last - first) / step)
@@ -115,8 +117,8 @@ def _range(text: str, place: str) -> Sequence[str]:
 
 
 def _labels(factor: Factor, several: Sequence[Factor]) -> dict[str, str]:
-    """What a factor's values are called: FMUs and files by their stems unless these are equal, with
-    the component where FMUs of several are compared.
+    """Return the labels of a factor's values: FMUs and files by their stems unless these are equal,
+    with the component if FMUs of several components are compared.
     """
     option, name = option_of(factor.name)
     if option == "set":
@@ -134,7 +136,9 @@ def _labels(factor: Factor, several: Sequence[Factor]) -> dict[str, str]:
 
 
 def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
-    """Every variant with those names of ports that its FMUs know; UsageError if one is for none."""
+    """Return every variant with the names of ports that its FMUs have; raise UsageError for a name
+    that no FMU has.
+    """
     names = dict(pairs("--map", variants[0].changes.get("map", ())))
     if not names:
         return variants
@@ -150,7 +154,9 @@ def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
 
 
 def with_files(variants: Sequence[Variant]) -> list[Variant]:
-    """Every variant with a file of its own, on file systems too that do not tell cases apart."""
+    """Return every variant with a unique file, also on file systems that do not
+    distinguish cases.
+    """
     taken: set[str] = set()
     found = []
     for variant in variants:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a signal or parameter is worth where it arrives: after units, transformations and names of
+"""Conversion of signals and parameters at their destination: units, transformations and names of
 enumeration items.
 """
 
@@ -15,10 +15,10 @@ from harness.system.values import Scalar, Variable, coerce
 
 
 def way(connection: Connection, interfaces: Interfaces, strict: bool = False) -> Affine:
-    """What happens to a signal between its output and its input; ValueError if the units do not
-    fit.
+    """Return the conversion of a signal between its output and its input.
 
-    Where a unit has no meaning nothing is converted, or if strict, UndefinedUnitError is raised.
+    A unit without a definition is not converted. Raises ValueError if the units are not compatible,
+    UndefinedUnitError for a unit without a definition if `strict`.
     """
     ends = [(interfaces[port.component], port.variable) for port in connection[:2]]
     units = [interface.unit(interface.variables[variable]) for interface, variable in ends]
@@ -37,8 +37,10 @@ def _composed(start: Unit | None, hops: Sequence[Hop], end: Unit | None, strict:
 
 
 def final(parameter: Parameter, variable: Variable, interface: Interface) -> Scalar:
-    """Value of a parameter in type and unit of its variable; ValueError if it has none. In files of
-    other tools a unit that nobody defines changes nothing.
+    """Return the value of a parameter in type and unit of its variable.
+
+    In files of other tools a unit without a definition changes nothing. Raises ValueError if there
+    is no such value.
     """
     value = parameter.value
     if variable.type == "Enumeration" and isinstance(value, str):
@@ -56,14 +58,16 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
 
 
 def _start(parameter: Parameter, interface: Interface) -> Unit | None:
-    """The unit that a parameter is given in; one that its file does not define may be the FMU's."""
+    """Return the unit in which a parameter is given. The FMU may define a unit that the file does
+    not.
+    """
     if parameter.unit is None:
         return None
     return parameter.meaning or Unit(parameter.unit, interface.units.get(parameter.unit))
 
 
 def is_unconverted(parameter: Parameter, variable: Variable, interface: Interface) -> bool:
-    """Whether a parameter is taken as it is because nobody defines its unit."""
+    """Return whether a parameter is used without conversion because its unit has no definition."""
     try:
         compose(_start(parameter, interface), parameter.hops, interface.unit(variable))
     except ValueError as error:

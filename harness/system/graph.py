@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From a System and the descriptions of its FMUs to the bus: one slot per output scalar, and who
-reads which slot.
+"""Graph of a system: one slot of the bus per output scalar, and the components that read it.
 
-The bus carries numbers (Real, Integer, Boolean, Enumeration); String outputs have no slot. All
+The bus carries numbers (Real, Integer, Boolean, Enumeration). String outputs have no slot. All
 problems are reported at once.
 """
 
@@ -40,7 +39,7 @@ Texts = tuple[str, ...]
 
 
 def columns(slots: Sequence[Slot]) -> tuple[Texts, Texts, Texts]:
-    """Names, units and descriptions of slots, as a result has them."""
+    """Return names, units and descriptions of slots in the form of a result."""
     names, units, descriptions = zip(*slots, strict=True) if slots else ((), (), ())
     return names, units, descriptions
 
@@ -64,8 +63,8 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class Node:
-    """One component with its FMU: what it reads from the bus, what it writes to it, what is set
-    before; parameters: all it has, but for strings.
+    """Component with its FMU: slots that it reads, slots that it writes, values set before the run;
+    parameters: all its parameters except strings.
     """
 
     component: Component
@@ -112,8 +111,8 @@ class Checked(NamedTuple):
 
 
 def checked(system: System) -> Checked:
-    """The graph and the number of macro steps of a system; raises what build_graph() and
-    macro_steps() raise.
+    """Return the graph and the number of macro steps of a system; raise the errors of build_graph()
+    and macro_steps().
     """
     graph = build_graph(system)
     steps = macro_steps(system.experiment, [c.every for c in system.components])
@@ -126,7 +125,9 @@ SAMPLE_PERIOD = "sample_period"
 
 
 def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
-    """Components whose samples do not all fall onto the ends of their steps, and what to do."""
+    """Yield a line per component whose samples do not all fall on the ends of its steps, with a
+    remedy.
+    """
     every = {node.component.name: node.component.every for node in graph.nodes}
     for slot, period in constants(graph):
         component, _, name = slot.name.partition(".")
@@ -145,13 +146,13 @@ def _is_uneven(steps: float) -> bool:
 
 
 def rechecked(system: System, known: System, graph: Graph) -> Checked:
-    """What checked() gives; from the graph of `known` is taken whatever has not changed since."""
+    """Return the result of checked(), reusing unchanged parts of the graph of `known`."""
     graph = rebuilt(system, known, graph)
     return Checked(graph, macro_steps(system.experiment, [c.every for c in system.components]))
 
 
 def rebuilt(system: System, known: System, graph: Graph) -> Graph:
-    """What build_graph() gives; from the graph of `known` is taken whatever has not changed."""
+    """Return the result of build_graph(), reusing unchanged parts of the graph of `known`."""
     if not _same_structure(system, known, graph):
         return build_graph(system)
     pairs = list(zip(graph.nodes, system.components, strict=True))
@@ -163,7 +164,7 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
 
 
 def _same_structure(system: System, known: System, graph: Graph) -> bool:
-    """Whether two systems differ in values only: parameters, schedule, experiment."""
+    """Return whether two systems differ only in values: parameters, schedule, experiment."""
     return (
         system.connections == known.connections
         and system.strict == known.strict
@@ -179,14 +180,14 @@ def _same_structure(system: System, known: System, graph: Graph) -> bool:
 
 
 def _with_new_values(node: Node, component: Component) -> Component:
-    """The component with those parameters only that its node does not have."""
+    """Return the component with only those parameters that differ from its node."""
     known = node.component.parameters
     new = {name: p for name, p in component.parameters.items() if known.get(name) is not p}
     return replace(component, parameters=new)
 
 
 def _adapted(node: Node, component: Component) -> Node:
-    """The node with another component of the same FMU; settings are made anew if they differ."""
+    """Return the node for another component of the same FMU, with new settings if they differ."""
     new = {s.variable.name: s for s in _settings(_with_new_values(node, component), node.interface)}
     if not new and component.parameters.keys() == node.component.parameters.keys():
         return replace(node, component=component)
@@ -196,7 +197,9 @@ def _adapted(node: Node, component: Component) -> Node:
 
 
 def read_interfaces(system: System) -> dict[str, Interface]:
-    """Interface of every component by name; FmuError with one line per FMU that cannot be read."""
+    """Return the interface of every component by name; raise FmuError with a line per FMU that
+    cannot be read.
+    """
     interfaces, unreadable = readable_interfaces(system)
     if unreadable:
         raise FmuError("\n".join(unreadable))
@@ -204,7 +207,7 @@ def read_interfaces(system: System) -> dict[str, Interface]:
 
 
 def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]]:
-    """Interfaces of the components whose FMUs can be read, and what is wrong with the others."""
+    """Return the interfaces of components with a readable FMU, and the problems of the others."""
     interfaces, unreadable = {}, []
     for component in system.components:
         try:
@@ -214,17 +217,15 @@ def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]
     return interfaces, unreadable
 
 
-def say_warnings(*systems: System) -> None:
-    """What is not by the book in the FMUs of systems, in the log: a line per FMU that can be
-    read.
-    """
+def log_warnings(*systems: System) -> None:
+    """Log a line per readable FMU of the systems that deviates from the standard."""
     for fmu in dict.fromkeys(c.fmu for system in systems for c in system.components):
         with suppress(FmuError):
-            say_warnings_of(read_interface(fmu))
+            log_warnings_of(read_interface(fmu))
 
 
-def say_warnings_of(interface: Interface) -> None:
-    """What is not by the book in one FMU, in the log: one line."""
+def log_warnings_of(interface: Interface) -> None:
+    """Log the deviations of one FMU from the standard in one line."""
     first, count = interface.warnings[:1], len(interface.warnings)
     more = f", and {count - 1} more (harness check lists them)" if count > 1 else ""
     for warning in first:
@@ -260,12 +261,12 @@ def _node(
 def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
     for name, parameter in component.parameters.items():
         variable = interface.variables.get(name)
-        if variable is not None and variable.causality != STRUCTURAL:  # which has the value it has
+        if variable is not None and variable.causality != STRUCTURAL:  # fixed
             yield Setting(variable, final(parameter, variable, interface))
 
 
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
-    """Every parameter of every component with the value it has in the run; strings are left out."""
+    """Yield every parameter of every component with its value in the run, without strings."""
     for node in graph.nodes:
         given = {setting.variable.name: setting.value for setting in node.settings}
         for variable, slot in node.parameters:

@@ -19,8 +19,8 @@ _DATE = re.compile(r"(\d{4,})-\d\d-\d\d(T\d\d:\d\d(:\d\d(\.\d{1,9})?)?)?")
 
 
 def moment(text: str) -> np.datetime64:
-    """UTC of a date as 2026-01-31T12:00:00, with or without Z; ValueError if it is none, or of a
-    year that cannot be counted.
+    """Return the UTC instant of a date such as 2026-01-31T12:00:00, with or without Z; raise
+    ValueError for other texts and for years outside the range of 64-bit nanoseconds.
     """
     date = _DATE.fullmatch(text.removesuffix("Z"))
     if date is None:
@@ -29,12 +29,12 @@ def moment(text: str) -> np.datetime64:
         raise ValueError(f"expected a year from {FIRST} to {LAST}, got {date[1]}")
     try:
         return np.datetime64(date[0], "ns")
-    except ValueError as error:  # a month 13, a second 60
+    except ValueError as error:  # such as month 13, second 60
         raise ValueError(f"expected a date as 2026-01-31T12:00:00 ({error})") from error
 
 
 def written(instant: np.datetime64) -> str:
-    """A date as moment() reads it, in the digits that say it all: 0, 6 or 9 of a second."""
+    """Return a date that moment() reads, with 0, 6 or 9 decimals of a second, as many as needed."""
     for shorter in (instant.astype("datetime64[s]"), instant.astype("datetime64[us]")):
         if shorter == instant:
             return str(np.datetime_as_string(shorter))
@@ -42,17 +42,17 @@ def written(instant: np.datetime64) -> str:
 
 
 def date(text: str) -> str:
-    """A date as written() gives it, "" for none; ValueError."""
+    """Return a date in the form of written(), "" for an empty text; raise ValueError."""
     return written(moment(text)) if text else ""
 
 
-def told(instant: np.datetime64) -> str:
-    """What a user is told of the instant at which a run starts."""
+def start_note(instant: np.datetime64) -> str:
+    """Return the note about the instant at which a run starts."""
     return f"t = 0 is {np.datetime_as_string(instant.astype('datetime64[us]'))} UTC"
 
 
 def epoch_of(text: str) -> np.datetime64:
-    """The instant of the option --epoch; UsageError."""
+    """Return the instant of the option --epoch; raise UsageError."""
     try:
         return moment(text)
     except ValueError as error:
@@ -60,20 +60,22 @@ def epoch_of(text: str) -> np.datetime64:
 
 
 def after(start: np.datetime64, seconds: NDArray[np.float64]) -> NDArray[np.datetime64]:
-    """Instants so many seconds after another; ResultsError if that leaves the years that can be
-    counted.
+    """Return the instants `seconds` after `start`; raise ResultsError outside the range of 64-bit
+    nanoseconds.
     """
     begin, end = (np.datetime64(f"{year}-01-01", "s") for year in (FIRST, LAST + 1))
     here = start.astype("datetime64[s]")
     least, most = ((limit - here).astype(np.float64) for limit in (begin, end))
     if not ((seconds >= least) & (seconds < min(most, 9e9))).all():  # 64 bits of nanoseconds
-        raise ResultsError(f"times of the result lead from {here} out of {FIRST} to {LAST}")
+        raise ResultsError(
+            f"times of the result, from {here} on, leave the range of years {FIRST} to {LAST}"
+        )
     return np.asarray(start + np.round(seconds * 1e9).astype("timedelta64[ns]"))
 
 
 def days_since_j2000(instants: Any) -> Any:
-    """Days of 86 400 s since J2000, as arguments of erfa and SGP4; the nanoseconds between two
-    instants may be more than 64 bits hold.
+    """Return days of 86 400 s since J2000 as arguments of erfa and SGP4. The difference of two
+    instants in nanoseconds may exceed 64 bits.
     """
     days = instants.astype("datetime64[D]")
     part = (instants - days.astype("datetime64[ns]")) / np.timedelta64(1, "D")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What an FMU says about itself: variables and units, read from modelDescription.xml by FMPy
-without any FMI call.
+"""Interface of an FMU: variables and units that FMPy reads from modelDescription.xml without any
+FMI call.
 """
 
 from __future__ import annotations
@@ -15,12 +15,20 @@ from typing import Any
 
 from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
 
+from harness.conformance.check import examine
+from harness.conformance.description import NUMBERS, Declared, Description, without_variables
 from harness.errors import FmuError
 from harness.files import machine
-from harness.files.archive import head, inspect, unpacked_size
+from harness.files.archive import (
+    UnsafeXmlError,
+    head,
+    inspect,
+    parsed,
+    read_entry,
+    unpack,
+    unpacked_size,
+)
 from harness.files.paths import Stamp, is_file, stamp
-from harness.rules.description import NUMBERS, Declared, Description, without_variables
-from harness.rules.judge import judge
 from harness.system.units import Unit
 from harness.system.values import Variable
 
@@ -42,10 +50,11 @@ OPTIONAL = (
 
 @dataclass(frozen=True)
 class Interface:
-    """Variables by name in the order of the file; units: base units by name; model: FMPy's
-    description; warnings: what is not by the book, one line each; size: bytes when unpacked.
+    """Interface of an FMU: variables by name in the order of the file; units: base units by name;
+    model: FMPy's description; warnings: deviations from the standard, one line each; size: bytes
+    when unpacked.
 
-    left_out: variables that no system can have, and why, one line each.
+    left_out: variables that no system can use, with the reason, one line each.
     """
 
     path: Path
@@ -58,11 +67,11 @@ class Interface:
 
     @property
     def fmi(self) -> int:
-        """The version of FMI: 2 or 3."""
+        """Return the version of FMI, 2 or 3."""
         return 3 if str(self.model.fmiVersion).startswith("3.") else 2
 
     def row(self, variable: Variable) -> tuple[Variable, ...]:
-        """All elements of the array that a variable belongs to, in their order."""
+        """Return all elements of the array to which a variable belongs, in order."""
         return self._rows[variable.reference, variable.access]
 
     @cached_property
@@ -73,7 +82,7 @@ class Interface:
         return {key: tuple(row[k] for k in sorted(row)) for key, row in found.items()}
 
     def named(self, causality: str) -> Mapping[str, Variable]:
-        """Variables of one causality (input, output, parameter, ...)."""
+        """Return the variables of one causality (input, output, parameter, ...)."""
         return self._by_causality.get(causality, {})
 
     @cached_property
@@ -84,11 +93,13 @@ class Interface:
         return found
 
     def unit(self, variable: Variable) -> Unit | None:
-        """Unit of a variable with its meaning, if declared; None if there is no unit."""
+        """Return the unit of a variable with its definition if it has one; None if there is no
+        unit.
+        """
         return None if variable.unit is None else Unit(variable.unit, self.units.get(variable.unit))
 
     def outputs(self) -> Mapping[str, Variable]:
-        """Outputs that a connection can carry: numbers."""
+        """Return the outputs that a connection can carry: numbers."""
         return self._outputs
 
     @cached_property
@@ -96,7 +107,7 @@ class Interface:
         return {name: v for name, v in self.named("output").items() if v.type not in NO_NUMBERS}
 
     def settable(self) -> Mapping[str, Variable]:
-        """Variables that may be given a value before initialization: parameters, inputs, start
+        """Return the variables that may be set before initialization: parameters, inputs, start
         values of states.
         """
         return self._settable
@@ -111,8 +122,8 @@ Interfaces = Mapping[str, Interface]
 
 
 def read_interface(path: Path) -> Interface:
-    """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not for co-simulation by
-    FMI 2.0 or FMI 3.0.
+    """Return the interface of a .fmu; raise FmuError if it is missing, damaged, invalid, or not for
+    co-simulation by FMI 2.0 or FMI 3.0.
     """
     if not is_file(path):
         raise FmuError(f"{path.name}: no such FMU")
@@ -122,22 +133,20 @@ def read_interface(path: Path) -> Interface:
 @lru_cache(maxsize=64)
 def _read(path: Path, _: Stamp) -> Interface:
     path = path.resolve()
-    verdict = judge(path)
-    if verdict.errors:
-        raise FmuError("\n".join(f"{path.name}: {problem}" for problem in verdict.errors))
-    assert verdict.description is not None
-    model = _description(path, verdict.description)
-    variables, left_out = _variables(path, verdict.description)
+    found = examine(path)
+    if found.errors:
+        raise FmuError("\n".join(f"{path.name}: {problem}" for problem in found.errors))
+    assert found.description is not None
+    model = _description(path, found.description)
+    variables, left_out = _variables(path, found.description)
     defined = [u for u in model.unitDefinitions if u.baseUnit is not None]
     units = {u.name: {n: getattr(u.baseUnit, n) for n in BASE_UNITS} for u in defined}
-    named, warnings = {v.name: v for v in variables}, (*verdict.warnings, *left_out)
+    named, warnings = {v.name: v for v in variables}, (*found.warnings, *left_out)
     return Interface(path, named, units, model, warnings, unpacked_size(path), left_out)
 
 
 def _description(path: Path, description: Description) -> FmpyObject:
-    """FMPy's reading of modelDescription.xml, from the very bytes that were judged, without
-    variables.
-    """
+    """Return FMPy's description of the bytes that passed the checks, without variables."""
     bare = io.BytesIO()
     with zipfile.ZipFile(bare, "w") as archive:
         archive.writestr("modelDescription.xml", without_variables(description))
@@ -147,9 +156,31 @@ def _description(path: Path, description: Description) -> FmpyObject:
         raise FmuError(f"{path.name}: cannot be read ({' '.join(str(error).split())})") from error
 
 
+def unpacked_sources(fmu: Path, folder: Path) -> list[Path]:
+    """Unpack an FMU into a folder and return its C files, the file of the model first; [] if the
+    archive has none.
+
+    Raises ArchiveError, and FmuError for a listed file that is not in the archive.
+    """
+    unpack(fmu, folder)
+    place, root = folder / "sources", folder.resolve()
+    name, files = "sources/buildDescription.xml", "BuildConfiguration/SourceFileSet/SourceFile"
+    if name not in inspect(fmu):
+        name, files = "modelDescription.xml", "CoSimulation/SourceFiles/File"
+    try:
+        listed = [file.get("name", "") for file in parsed(read_entry(fmu, name)).findall(files)]
+    except UnsafeXmlError as error:
+        raise FmuError(f"{fmu.name}: {name}: {error}") from error
+    found = [(place / each).resolve() for each in listed]
+    for each, path in zip(listed, found, strict=True):
+        if not (path.is_relative_to(root) and is_file(path)):
+            raise FmuError(f"{fmu.name}: {name} lists the source {each!r}, which it does not hold")
+    return found
+
+
 def binaries(interface: Interface) -> tuple[str, ...]:
-    """Places inside the archive where FMI looks for the binary of this platform: FMI 3.0, and FMI
-    2.0 since 2.0.5, in the second.
+    """Return the paths inside the archive at which FMI expects the binary of this platform. FMI
+    3.0, and FMI 2.0 from 2.0.5 on, use the second.
     """
     file = interface.model.coSimulation.modelIdentifier + sharedLibraryExtension
     both = f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
@@ -157,11 +188,11 @@ def binaries(interface: Interface) -> tuple[str, ...]:
 
 
 def binary_problem(interface: Interface) -> str | None:
-    """Why the archive holds nothing that can be loaded here, or None."""
+    """Return why the archive contains no binary that can be loaded here, or None."""
     names = inspect(interface.path)
     found = next((name for name in binaries(interface) if name in names), None)
     if found is not None:
-        reason = machine.foreign(head(interface.path, found, machine.HEAD))
+        reason = machine.other_platform(head(interface.path, found, machine.HEAD))
         return f"{found} {reason}" if reason else None
     places = (name.split("/") for name in names if name.startswith("binaries/"))
     others = sorted({place[1] for place in places if len(place) > 2})
@@ -170,18 +201,18 @@ def binary_problem(interface: Interface) -> str | None:
 
 
 def units_agree(a: str | None, b: str | None) -> bool:
-    """Units are equal, or one end declares none; systems of the project want that, files of other
-    tools need not.
+    """Return whether units are equal or one end declares none. Systems of the project require it,
+    files of other tools do not.
     """
     return a is None or b is None or a == b
 
 
-# ---- variables; of FMI 3.0 every element of an array is one, `r[2]` or `J[1,3]`, as in FMI 2.0
+# ---- variables: every element of an array of FMI 3.0 is one, `r[2]` or `J[1,3]`, as in FMI 2.0
 
 
 def _variables(path: Path, description: Description) -> tuple[list[Variable], tuple[str, ...]]:
-    """Variables in the order of the file, and a line for each that is left out; FmuError if an
-    input or output has a clock.
+    """Return the variables in the order of the file, and a line per omitted variable; raise
+    FmuError if an input or output has a clock.
     """
     found, left_out = list[Variable](), list[str]()
     optional = set(description.root.xpath(OPTIONAL))
@@ -200,12 +231,12 @@ def _variables(path: Path, description: Description) -> tuple[list[Variable], tu
 
 def _clocked(description: Description, v: Declared) -> str:
     clock = description.numbered(v.clocks[0])
-    assert clock is not None  # else the rules have refused it
-    return f"{clock.name}: clocks are not supported, and {v.name} has it"
+    assert clock is not None  # the conformance checks reject a missing clock
+    return f"{clock.name}: clocks are not supported, but {v.name} has this clock"
 
 
 def _renamed(elements: list[Variable], name: str, alias: str) -> Iterator[Variable]:
-    """The same variable under another name: it can be read and nothing else."""
+    """Yield the elements under the name of an alias, which can only be read."""
     for each in elements:
         called = alias + each.name.removeprefix(name)
         yield replace(each, name=called, causality="local", settable=False, optional=False)
@@ -222,7 +253,7 @@ def _elements(d: Description, v: Declared, optional: bool) -> Iterator[Variable]
 
 
 def _whole(d: Description, v: Declared, optional: bool) -> Variable:
-    """What the elements of an array have in common."""
+    """Return the properties that all elements of an array share."""
     items = dict(d.enumerations).get(v.type_name, [])
     is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
     has_limits = v.type in ("Real", "Integer")
@@ -239,7 +270,7 @@ def _whole(d: Description, v: Declared, optional: bool) -> Variable:
 
 
 def _begin(kind: str, text: str) -> float | str | None:
-    """A start value in the type of the variable."""
+    """Return a start value in the type of the variable."""
     if kind == "Boolean":
         return float(text.strip() in ("true", "1"))
     if kind in ("Integer", "Enumeration"):

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Ports of an FMU from elsewhere that go by other names: which of theirs is which of ours.
+"""Mapping of ports of a third-party FMU with other names to the ports of a component.
 
-What a user says is taken. What differs in the style of its indices only (`r[0]`, `r_1`, `r(1)` for
-`r[1]`) is taken too. The rest is guessed from size, unit, name and description, and only offered.
+A mapping from the user is applied. Names that differ only in the style of their indices (`r[0]`,
+`r_1`, `r(1)` for `r[1]`) are mapped as well. Other names are guessed from size, unit, name and
+description, and only suggested.
 """
 
 from __future__ import annotations
@@ -36,14 +37,16 @@ class Family(NamedTuple):
     shape: Index
 
 
-# ---- signals whose elements are written in any style
+# ---- signals with indices in any style
 
 _UNDERSCORED = re.compile(r"(.+?)((?:_\d{1,4})+)", re.ASCII | re.DOTALL)
 _ROUND = re.compile(r"(.+)\((\d{1,4}(?: *, *\d{1,4})*)\)", re.ASCII | re.DOTALL)
 
 
 def families(names: Collection[str]) -> dict[str, Family]:
-    """The signals that scalar variables belong to, by name; what is no whole vector stays alone."""
+    """Return the signals to which scalar variables belong, by name. A scalar that is not part of a
+    complete vector is a signal of its own.
+    """
     groups: dict[tuple[str, str], dict[Index, str]] = {}
     for name in names:
         stem, style, place = _read(name)
@@ -73,14 +76,17 @@ def _read(text: str) -> tuple[str, str, Index]:
     return text, "", ()
 
 
-# ---- what is said, and what differs in style only
+# ---- names from the user, and names that differ only in style
 
 
-def told(given: Sequence[tuple[str, str]], theirs: Collection[str], ours: Collection[str]) -> Names:
-    """Names by the pairs (theirs, ours) of a user, each a scalar or a whole signal.
+def given_names(
+    given: Sequence[tuple[str, str]], theirs: Collection[str], ours: Collection[str]
+) -> Names:
+    """Return names of scalars from the pairs (theirs, ours) of a user, each a scalar or a whole
+    signal.
 
-    Raises ValueError: no such port at one end (with close matches), sizes that differ, one port
-    given twice.
+    Raises ValueError for a port that does not exist (with close matches), sizes that differ, and a
+    port that is given twice.
     """
     their_families, our_families, names = families(theirs), families(ours), Names()
     for their, our in given:
@@ -95,7 +101,7 @@ def told(given: Sequence[tuple[str, str]], theirs: Collection[str], ours: Collec
 
 
 def has_port(name: str, theirs: Collection[str]) -> bool:
-    """Whether an FMU has a port or a whole signal of this name."""
+    """Return whether an FMU has a port or a whole signal of this name."""
     return name in theirs or name in families(theirs)
 
 
@@ -110,7 +116,9 @@ def _members(
 
 
 def by_style(theirs: Collection[str], ours: Collection[str]) -> dict[Family, Family]:
-    """Signals of one name and shape at both ends whose elements are written in another style."""
+    """Return the signals of equal name and shape at both ends whose indices are written in another
+    style.
+    """
     mine = families(ours)
     return {
         each: mine[name]
@@ -122,14 +130,14 @@ def by_style(theirs: Collection[str], ours: Collection[str]) -> dict[Family, Fam
     }
 
 
-# ---- what is guessed
+# ---- guessed names
 
 
 def guesses(
     theirs: Mapping[str, Variable], ours: Mapping[str, Variable]
 ) -> Iterator[tuple[str, str]]:
-    """Pairs of names (theirs, ours) of equal size and unit that are most alike, none twice; where
-    there is only one of a size and unit at both ends, these two.
+    """Yield the most similar pairs of names (theirs, ours) of equal size and unit, each name once.
+    If only one signal of a size and unit is at each end, the two are a pair.
     """
     mine, others = list(families(ours).values()), list(families(theirs).values())
     fitting = [
@@ -153,14 +161,14 @@ def guesses(
 
 
 def options(pairs: Sequence[tuple[str, str]]) -> str:
-    """Pairs as options of a command line."""
+    """Return pairs in the form of command-line options."""
     return " ".join(f"--map {shlex.quote(f'{their}={our}')}" for their, our in pairs)
 
 
 def _fit(
     a: Family, b: Family, theirs: Mapping[str, Variable], ours: Mapping[str, Variable]
 ) -> bool:
-    """Whether two signals have one size, type, unit and direction."""
+    """Return whether two signals have equal size, type, unit and direction."""
     their, our = theirs[a.elements[0]], ours[b.elements[0]]
     return (
         len(a.elements) == len(b.elements)
@@ -170,7 +178,9 @@ def _fit(
 
 
 def _likeness(a: Family, b: Family, ours: Mapping[str, Variable]) -> float:
-    """0: nothing in common; 1: all words of their name are in the name or description of ours."""
+    """Return a similarity from 0 (nothing in common) to 1: the share of the words of their name
+    that occur in our name or description.
+    """
     our = ours[b.elements[0]]
     letters = difflib.SequenceMatcher(None, _plain(a.name), _plain(b.name)).ratio()
     words = _words(a.name) or {a.name}
@@ -184,11 +194,11 @@ def _plain(name: str) -> str:
 
 
 def _words(text: str) -> set[str]:
-    """Words of a name or description: parts between underscores, blanks and capitals."""
+    """Return the words of a name or description: parts between underscores, blanks and capitals."""
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text[:300]).replace("_", " ")
     return {word for word in re.findall(r"\w+", parted.casefold()) if len(word) > 1}
 
 
 def _same(a: str, b: str) -> bool:
-    """Words are equal, or one is the beginning of the other: pos and position."""
+    """Return whether words are equal or one is the beginning of the other, as pos and position."""
     return a == b or (min(len(a), len(b)) > 2 and (a.startswith(b) or b.startswith(a)))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A co-simulated system as plain data: what an .ssp says, and nothing else.
+"""Co-simulated system as plain data: the content of an .ssp, and nothing else.
 
-All classes are frozen; a variant of a system is made with dataclasses.replace().
+All classes are frozen. dataclasses.replace() makes a variant of a system.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Port(NamedTuple):
 
 
 class Connection(NamedTuple):
-    """The output `source` drives the input `target`; hops: what happens on the way (none: units are
-    converted).
+    """Connection from the output `source` to the input `target`; hops: conversions on the way
+    (none: units are converted).
     """
 
     source: Port
@@ -46,11 +46,10 @@ class Connection(NamedTuple):
 
 @dataclass(frozen=True)
 class Parameter:
-    """Value of a parameter, or start value of an input that nobody drives; `unit` as written in the
-    file.
+    """Value of a parameter, or start value of an unconnected input; `unit` as written in the file.
 
-    meaning: what that unit is, if the file defines it; hops: what happens to the value before it is
-    set; optional: of a file of another tool, where SSP wants it ignored if its component has no
+    meaning: definition of the unit, if the file has one; hops: conversions before the value is set;
+    optional: for a file of another tool, in which SSP ignores the value if its component has no
     such variable.
     """
 
@@ -67,7 +66,7 @@ Parameters = Mapping[str, Parameter]
 
 @dataclass(frozen=True)
 class Component:
-    """One FMU in its place.
+    """FMU as a part of a system.
 
     every: macro steps per step of this component; latency: macro steps by which its outputs are
     published later.
@@ -82,9 +81,9 @@ class Component:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Time span and macro step [s] of a run (None: the file does not say), the order of execution,
-    and that every N-th macro step is recorded unless told otherwise; epoch: UTC of t = 0 as
-    2026-01-31T12:00:00 ("": it has no date).
+    """Time span and macro step [s] of a run (None: the file gives none), and order of execution;
+    every: each N-th macro step is recorded by default; epoch: UTC of t = 0 as 2026-01-31T12:00:00
+    ("": no date).
     """
 
     start: float = 0.0
@@ -97,7 +96,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """A named alternative to the parameters of all components; stop and step [s] override the
+    """Named alternative to the parameters of all components; stop and step [s] override the
     experiment if given.
     """
 
@@ -131,8 +130,8 @@ class Swap(NamedTuple):
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a system comes from, and what was changed in it on the way; harness.results.provenance
-    says more of each.
+    """Source of a system and the changes made to it; harness.results.provenance describes each
+    entry.
     """
 
     source: str = ""
@@ -147,21 +146,21 @@ class Origin:
 
 
 Range = tuple[float | None, float | None]
-"""Least and largest value; None: not said."""
+"""Smallest and largest value; None: not given."""
 
 
 @dataclass(frozen=True)
 class System:
-    """Components in execution order, who drives whom, and how to run it.
+    """Components in execution order, their connections, and the settings of a run.
 
-    strict: an input that is neither driven nor given a value is an error (systems of other tools
-    rely on start values); declared: units that the file claims for variables of components, to be
-    compared with what the FMUs say; requirements: conditions by name, see
-    harness.results.requirements; consistency: conditions on parameters by name, with a note
-    where one does not hold; compared: the set that a comparison takes unless told otherwise ("":
-    none); sliders: names and ranges (None: that of the FMU) of what a page that flies lets its
-    reader change; mission: name of the one it belongs to; starts: file or elements of `[start]` by
-    component, whose values the parameters hold; origin: where all this comes from.
+    strict: an unconnected input without a value is an error (systems of other tools rely on start
+    values); declared: units that the file claims for variables of components, to be compared with
+    the FMUs; requirements: conditions by name, see harness.results.requirements; consistency:
+    conditions on parameters by name, with a note where one does not hold; compared: parameter set
+    that a comparison uses by default ("": none); sliders: names and ranges (None: range of the FMU)
+    of the parameters that the reader of a live page may change; mission: name of its mission;
+    starts: file or elements of `[start]` by component, from which the values of the parameters
+    follow; origin: source and changes of the system.
     """
 
     name: str
@@ -182,7 +181,7 @@ class System:
     origin: Origin = field(default_factory=Origin, compare=False)
 
     def component(self, name: str) -> Component:
-        """The component of that name; KeyError if there is none."""
+        """Return the component with this name; raise KeyError if there is none."""
         return self._by_name[name]
 
     @cached_property

@@ -22,7 +22,7 @@ _log = logging.getLogger("harness")
 
 
 def problems(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Everything that is wrong with a system, one line each, as far as its FMUs can be read."""
+    """Yield all problems of a system, one line each, as far as its FMUs can be read."""
     unread = {c.name for c in system.components} - interfaces.keys()
     if not system.components:
         yield "the system has no components"
@@ -39,7 +39,7 @@ def problems(system: System, interfaces: Interfaces) -> Iterator[str]:
 def value_problems(
     system: System, interfaces: Interfaces, changed: Sequence[Component]
 ) -> Iterator[str]:
-    """Problems that new values of some components can cause."""
+    """Yield the problems that new values of some components can cause."""
     yield from schedule_problems(system.experiment.algorithm, system.components)
     if system.strict and changed:
         yield from _open_inputs(system, interfaces)
@@ -51,7 +51,9 @@ def value_problems(
 
 
 def _shared_streams(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Components that draw the same random numbers: seed and stream are equal."""
+    """Yield a line per group of components that draw the same random numbers: equal seed and
+    stream.
+    """
     owners: dict[tuple[float, ...], list[str]] = {}
     for component in system.components:
         known = interfaces[component.name].variables if component.name in interfaces else {}
@@ -64,7 +66,7 @@ def _shared_streams(system: System, interfaces: Interfaces) -> Iterator[str]:
     for (seed, stream), names in owners.items():
         if len(names) > 1:
             drawn = f"the same random numbers (seed {seed:g}, stream {stream:g})"
-            yield f"{' and '.join(names)}: draw {drawn}: give each a stream of its own"
+            yield f"{' and '.join(names)}: draw {drawn}: set a different stream for each"
 
 
 def _connection_problems(
@@ -82,7 +84,7 @@ def _connection_problems(
 
 
 def _end(port: Port, causality: str, interfaces: Interfaces) -> Variable:
-    """The variable at one end of a connection; ValueError with what is wrong with it."""
+    """Return the variable at one end of a connection; raise ValueError with its problem."""
     if port.component not in interfaces:
         close = did_you_mean(port.component, interfaces)
         raise ValueError(f"there is no component '{port.component}'{close}")
@@ -100,8 +102,8 @@ def _end(port: Port, causality: str, interfaces: Interfaces) -> Variable:
 def _misfit(
     connection: Connection, source: Variable, target: Variable, interfaces: Interfaces, strict: bool
 ) -> str | None:
-    """Why an output cannot drive an input: types, or units, which in a strict system have to be
-    equal since no other tool converts.
+    """Return why an output cannot drive an input, or None: types, or units, which must be equal in
+    a strict system because no other tool converts.
     """
     if source.type != target.type or source.type in NO_NUMBERS:
         return f"is {target.type}, cannot be driven by {connection.source}, a {source.type}"
@@ -111,7 +113,7 @@ def _misfit(
     except UndefinedUnitError as error:
         if strict:
             return str(error)
-        _log.warning("%s: taken as it is, %s", connection.target, error)
+        _log.warning("%s: not converted: %s", connection.target, error)
         return None
     except ValueError as error:
         return f"{unequal} ({error})"
@@ -122,8 +124,8 @@ def _misfit(
 
 
 def _declared_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Connectors that claim another unit than the FMU has, whatever its name; the log says where
-    that is not known.
+    """Yield a line per connector that claims a unit other than the unit of the FMU, regardless of
+    its name; log units that have no definition.
     """
     for port, claimed in system.declared.items():
         interface = interfaces.get(port.component)
@@ -173,11 +175,11 @@ def _parameter_problems(component: Component, interface: Interface) -> Iterator[
     for name, parameter in component.parameters.items():
         place = f"{component.name}.{name}"
         if name not in interface.variables and parameter.optional:
-            _log.warning("%s: %s does not have it, ignored", place, interface.path.name)
+            _log.warning("%s: ignored, %s has no such parameter", place, interface.path.name)
         elif problem := _parameter_problem(name, parameter, interface):
             yield f"{place}: {problem}"
         elif is_unconverted(parameter, interface.variables[name], interface):
-            note = "%s: is given in %s, which nobody defines, taken as it is"
+            note = "%s: its unit %s has no definition, so the value is not converted"
             _log.warning(note, place, parameter.unit)
 
 
@@ -186,9 +188,13 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
     if variable is None:
         return f"there is no such parameter{did_you_mean(name, interface.settable())}"
     if variable.causality == STRUCTURAL:
-        return None if parameter.value == variable.begin else unsettable(variable)
+        return (
+            None
+            if parameter.value == variable.begin
+            else unsettable(variable, interface.settable())
+        )
     if not variable.settable:
-        return unsettable(variable)
+        return unsettable(variable, interface.settable())
     if parameter.value != parameter.value:
         return "must not be NaN"
     try:
@@ -201,7 +207,9 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
 
 
 def size_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """The limits of archive.py for the run as a whole: every component is unpacked on its own."""
+    """Yield the limits of archive.py that the run as a whole exceeds. Every component is unpacked
+    separately.
+    """
     size = sum(interfaces[c.name].size for c in system.components if c.name in interfaces)
     if size > MAX_UNPACKED:
         limit = f"more than the limit of {MAX_UNPACKED}"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The master algorithm as data: what to do with whom in which order at every macro step.
+"""Master algorithm as data: the actions on the instances and their order in every macro step.
 
 An instance with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0.
-`latency = L` publishes its outputs L macro steps later than its algorithm would (a computer that
-needs its time).
+An instance with `latency = L` publishes its outputs L macro steps later than its algorithm would (a
+computer that needs its time).
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ MOST = 2**31 - 1
 
 
 NOT_FINITE, TOO_WIDE, TERMINATION, EARLY_RETURN = -1, -2, -3, -4
-"""What loop.c says beside the statuses of FMI: an output is no finite number, or a whole number
-that is none of the bus; a step asks for the end, or has ended before its time.
+"""Statuses of loop.c besides the FMI statuses: an output is not finite, or a whole number outside
+the range of the bus; a step requests termination, or has returned early.
 """
 
 
 class Verb(Enum):
-    """SET: bus to inputs; STEP: advance; GET: outputs to bus."""
+    """Action on an instance. SET: bus to inputs; STEP: advance; GET: outputs to bus."""
 
     SET = "set"
     STEP = "step"
     GET = "get"
 
     def call(self, fmi: int = 2) -> str:
-        """The function that it stands for in a version of FMI."""
+        """Return the FMI function that the verb represents in a version of FMI."""
         real = "Real" if fmi == 2 else "Float64"
         done = {"set": f"Set{real}", "step": "DoStep", "get": f"Get{real}"}[self.value]
         return f"fmi{fmi}{done}"
 
 
 class Periodic(Protocol):
-    """What a schedule needs to know of an instance: its name, period and latency in macro steps."""
+    """Properties of an instance that a schedule needs: name, period and latency in macro steps."""
 
     @property
     def name(self) -> str:
@@ -49,11 +49,11 @@ class Periodic(Protocol):
 
     @property
     def every(self) -> int:
-        """Macro steps per step of the instance."""
+        """Return the macro steps per step of the instance."""
 
     @property
     def latency(self) -> int:
-        """Macro steps by which it publishes later."""
+        """Return the macro steps by which the instance publishes later."""
 
 
 Scheduled = TypeVar("Scheduled", bound=Periodic)
@@ -68,16 +68,16 @@ class Action(NamedTuple, Generic[Scheduled]):
     phase: int = 0
 
     def due(self, k: int) -> bool:
-        """Whether the action is due in macro step k."""
+        """Return whether the action is due in macro step k."""
         return k % self.every == self.phase
 
 
 def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
-    """One after the other: each reads what the instances before it have just published, steps and
-    publishes at once.
+    """Return the schedule in which each instance in turn reads what the instances before it have
+    published, steps, and publishes at once.
 
     An instance with latency L (at most its period) publishes at the beginning of the macro step L
-    after it was sampled.
+    after its sample.
     """
     late = [Action(Verb.GET, i, i.every, i.latency % i.every) for i in instances if i.latency]
     return late + [
@@ -89,7 +89,8 @@ def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
 
 
 def jacobi(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
-    """Everybody reads, everybody steps, everybody publishes when its step is over.
+    """Return the schedule in which all instances read, then all step, then all publish at the end
+    of their step.
 
     An instance with latency 1 publishes one macro step later, after the others have read and before
     its own next step.
@@ -113,8 +114,8 @@ ALGORITHMS = {
 
 
 def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
-    """What is wrong with the periods and latencies of the instances under an algorithm, one line
-    each.
+    """Return the problems of the periods and latencies of the instances under an algorithm, one
+    line each.
     """
     if algorithm not in ALGORITHMS:
         return [f"algorithm: there is no {algorithm}, only {' and '.join(ALGORITHMS)}"]
@@ -130,8 +131,8 @@ def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
 
 
 def schedule(algorithm: str, instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
-    """The list of actions of one macro step; StructureError if a period or latency cannot be
-    expressed.
+    """Return the actions of one macro step; raise StructureError if the algorithm cannot express a
+    period or latency.
     """
     if found := problems(algorithm, instances):
         raise StructureError(found)
@@ -139,10 +140,10 @@ def schedule(algorithm: str, instances: Sequence[Scheduled]) -> list[Action[Sche
 
 
 def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
-    """Number of macro steps of an experiment in which every component takes whole steps of its own.
+    """Return the number of macro steps of an experiment in which every component takes whole steps.
 
-    periods: `every` of the components. Raises StructureError: no step or stop time, or a stop time
-    that is not a multiple.
+    periods: `every` of the components. Raises StructureError without a step or stop time, or for a
+    stop time that is not a multiple.
     """
     start, stop, step = experiment.start, experiment.stop, experiment.step
     cycle = math.lcm(*periods)
@@ -157,7 +158,7 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
 
 
 def _time_problem(start: float, stop: float | None, step: float | None, cycle: int) -> str | None:
-    """Why a time span has no number of macro steps."""
+    """Return why a time span has no whole number of macro steps, or None."""
     if step is None and stop is None:
         return "the system defines neither macro step nor stop time: set both with --step, --stop"
     if step is None or not (step > 0 and math.isfinite(step)):

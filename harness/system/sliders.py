@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the reader of a page may change: parameters of a system by name, each with its range."""
+"""Sliders of a live page: parameters of a system by name, each with its range."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ class Slider(NamedTuple):
 
 
 def problems(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[str]:
-    """What is wrong with sliders, a line each: nobody has such a parameter, or it has no range."""
+    """Yield the problems of sliders, a line each: no component has the parameter, or it has no
+    range.
+    """
     for name, given in ranges.items():
         try:
             _slider(name, given, interfaces)
@@ -32,7 +34,7 @@ def problems(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[st
 
 
 def sliders(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[Slider]:
-    """The sliders of a system that its FMUs allow: a swapped FMU may have other parameters."""
+    """Yield the sliders of a system for the parameters that its FMUs have."""
     for name, given in ranges.items():
         with suppress(ValueError):
             yield _slider(name, given, interfaces)
@@ -43,7 +45,7 @@ BOUND = 1e300
 
 
 def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
-    """A slider with its range, or that of the FMU; ValueError."""
+    """Return a slider with its own range or the range of the FMU; raise ValueError."""
     real = {
         f"{component}.{v.name}": v
         for component, interface in interfaces.items()
@@ -57,9 +59,9 @@ def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
     least, largest = (None if x is None or abs(x) >= BOUND else x for x in both)
     low, high = (a if a is not None else b for a, b in zip(given, (least, largest), strict=True))
     if low is None or high is None:
-        raise ValueError("has no range of its own, give one as [least, largest]")
+        raise ValueError("the FMU declares no range; give one as [least, largest]")
     if not low < high:
-        raise ValueError(f"{low:g} to {high:g} is no range")
+        raise ValueError(f"expected [least, largest], got [{low:g}, {high:g}]")
     if (least is not None and low < least) or (largest is not None and high > largest):
-        raise ValueError(f"{low:g} to {high:g} goes beyond what the FMU allows")
+        raise ValueError(f"{low:g} to {high:g} exceeds the range of the FMU")
     return Slider(name, variable, low, high)

@@ -24,7 +24,7 @@ _log = logging.getLogger("harness")
 
 
 def find_fmu(name: str | Path) -> Path:
-    """Path of an FMU by name or path, or in the folder of a controller that has been built;
+    """Return the path of an FMU by name or path, or in the folder of a built controller; raise
     UsageError with close matches if there is none.
     """
     known = paths.fmus()
@@ -45,14 +45,14 @@ def exchange(
 ) -> System:
     """Return the system with another FMU as component `name`.
 
-    Its outputs must include all that others read, with equal units. Its inputs take over the wiring
-    of the same names, further ones are wired to the one output of their name. Which of its ports go
-    by another name is given in pairs (theirs, ours), of scalars or whole vectors; vectors that only
-    write their indices in another style are found without. It keeps the parameters that it shares
-    with its predecessor, and over them come those that the system has for an FMU of its model name;
-    for an FMU unknown to the system the parameters that are dropped are named in a warning. Raises
-    UsageError (unknown component, FMU or port), FmuError, or StructureError with all that is
-    missing, and what it could be.
+    The outputs of the FMU must include all outputs that other components read, with equal units.
+    Its inputs take over the connections of the same names. A further input is connected to the one
+    output with its name. Ports with another name are given in pairs (theirs, ours) of scalars or
+    whole vectors. Vectors whose indices are written in another style are found without such pairs.
+    The FMU takes over the parameters that it shares with its predecessor, and then the parameters
+    that the system has for an FMU of its model name. For an FMU unknown to the system a warning
+    names the parameters that are dropped. Raises UsageError (unknown component, FMU or port),
+    FmuError, or StructureError with all missing ports and suggestions.
     """
     known = [c.name for c in system.components]
     if name not in known:
@@ -65,7 +65,9 @@ def exchange(
 
 
 class _Exchange:
-    """An FMU in the place of a component; names: ours by those of the FMU, where they differ."""
+    """Replacement of a component by another FMU; names: our names by the names of the FMU where
+    they differ.
+    """
 
     def __init__(
         self, system: System, name: str, path: Path, given: Sequence[tuple[str, str]]
@@ -87,7 +89,7 @@ class _Exchange:
         ours = {**self.signals, **self.before[self.name].settable()}
         theirs = {**self.ports, **self.interface.settable()}
         try:
-            names = mapping.told(given, self.ports, self.signals)
+            names = mapping.given_names(given, self.ports, self.signals)
         except ValueError as error:
             raise UsageError(f"--map {error}") from None
         styled = mapping.by_style(theirs, ours)
@@ -104,7 +106,7 @@ class _Exchange:
             _log.warning(note, self.name, self.path.name, shown)
 
     def _offered(self) -> list[str]:
-        """Ports of the new FMU that fit nothing yet, as options for what they could be."""
+        """Return options for ports of the new FMU that match nothing yet, with suggestions."""
         ends = (port for c in self.system.connections for port in c[:2])
         wired = {port.variable for port in ends if port.component == self.name}
         done = {self.names.get(n, n) for n in self.ports}
@@ -116,7 +118,9 @@ class _Exchange:
     # ---- connections
 
     def connections(self) -> list[Connection]:
-        """Those of the system with the FMU; StructureError with what is missing."""
+        """Return the connections of the system with the FMU; raise StructureError with the missing
+        ports.
+        """
         connections, problems = self._rewired()
         problems += self._missing_outputs(connections)
         if problems:
@@ -126,7 +130,7 @@ class _Exchange:
         return connections
 
     def _missing_outputs(self, connections: Sequence[Connection]) -> Iterator[str]:
-        """What others read from the component and the new FMU does not offer."""
+        """Yield the outputs that other components read and the new FMU does not have."""
         offered = self.interface.outputs()
         for source, target, hops in connections:
             if source.component != self.name:
@@ -136,12 +140,14 @@ class _Exchange:
                 yield f"it has no output {source.signal}, which {reader} needs"
                 continue
             unit = offered[source.variable].unit
-            wanted = self.interfaces[target.component].variables[target.variable].unit
-            if not hops and not units_agree(unit, wanted):
-                yield f"its output {source.signal} is in {unit}, {reader} expects {wanted}"
+            required = self.interfaces[target.component].variables[target.variable].unit
+            if not hops and not units_agree(unit, required):
+                yield f"its output {source.signal} is in {unit}, {reader} expects {required}"
 
     def _rewired(self) -> tuple[list[Connection], list[str]]:
-        """Connections with the ports of the new FMU, and what keeps inputs from being driven."""
+        """Return the connections with the ports of the new FMU, and the reasons why inputs stay
+        unconnected.
+        """
         connections, problems = list(self._renamed()), []
         driven = {c.target for c in connections}
         given = self.system.component(self.name).parameters
@@ -160,7 +166,7 @@ class _Exchange:
         return connections, problems
 
     def _renamed(self) -> Iterator[Connection]:
-        """The connections there were; one for every input of the FMU that stands for ours."""
+        """Yield the former connections, one for every input of the FMU that replaces ours."""
         outputs = self.interface.outputs()
         theirs = {our: their for their, our in self.names.items() if their in outputs}
         readers: dict[str, list[str]] = {}
@@ -177,8 +183,8 @@ class _Exchange:
     # ---- parameters
 
     def system_with_values(self) -> System:
-        """The system with the FMU; of the values for its predecessor those that it has, under its
-        names, and over them those that the system has for it.
+        """Return the system with the FMU: values of the predecessor that it has, under its names,
+        overridden by the values that the system has for it.
         """
         theirs = {our: their for their, our in self.names.items()}
         known = self.interface.settable()

@@ -1,14 +1,24 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameter tables as people write them in TOML: one per component, and `shared` for all that know
-a parameter.
+"""Tables as people write them in TOML: parameters, one table per component and `shared` for all
+that know a parameter; and the check of tables against their declared types, which yields all
+problems at once, a line each.
+
+A table of known entries is a msgspec.Struct, `Struct | None` if it may be missing. A table of
+arbitrary entries is a `dict[str, X]`. Entries have one of the types below, or another type of
+msgspec. msgspec.convert(table, Struct) makes an object of a table without problems.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from sys import float_info
+from types import NoneType
+from typing import Annotated, Any, get_args, get_origin
+
+import msgspec
+from msgspec import Meta
 
 from harness.errors import StructureError, UsageError
 from harness.files.paths import contents
@@ -35,7 +45,9 @@ LONGEST = 16 * 1024**2
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Content of a TOML file; StructureError if it is not one, UsageError if it is not there."""
+    """Return the content of a TOML file; raise StructureError if it is invalid, UsageError if it
+    does not exist.
+    """
     try:
         table = tomllib.loads(contents(path, LONGEST).decode())
         if too_deep(table):
@@ -72,11 +84,11 @@ class Assignments:
                 self.set(component, name, value)
         for name in odd:
             close = did_you_mean(name, sorted(known - {name}))
-            fault = f"parameters stand in a table per component, and this is none{close}"
+            fault = f"expected a table per component, and no component has this name{close}"
             self.problems.append(f"{name}: {fault}")
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:
-        """Set a parameter of every component that has it; written: as a user has typed it."""
+        """Set a parameter of every component that has it; written: the value is a user's text."""
         owners = [c for c, i in self.interfaces.items() if elements_of(name, i.named("parameter"))]
         for component in owners:
             (self.write if written else self.set)(component, name, value)
@@ -88,13 +100,13 @@ class Assignments:
     def set(
         self, component: str, name: str, value: Value, known: Collection[str] | None = None
     ) -> None:
-        """Set a scalar, vector or matrix of one component; known: the names allowed (default:
-        whatever can be set).
+        """Set a scalar, vector or matrix of one component; known: permitted names (default:
+        everything that can be set).
         """
         interface = self.interfaces[component]
         found = interface.variables.get(name)
         if found is not None and known is None and not found.settable:
-            self.problems.append(f"{component}.{name}: {unsettable(found)}")
+            self.problems.append(f"{component}.{name}: {unsettable(found, interface.settable())}")
             return
         try:
             scalars = assign(name, value, interface.settable() if known is None else known)
@@ -113,5 +125,67 @@ class Assignments:
         self.set(component, name, parse_text(text) if is_text else parse(text))
 
     def over(self, component: str, parameters: Parameters) -> Parameters:
-        """The parameters of a component with what was assigned here put over them."""
+        """Return the parameters of a component, overridden by the values assigned here."""
         return {**parameters, **self.parameters[component]}
+
+
+# ---- types of tables
+
+
+LARGEST = float_info.max
+
+Text = Annotated[str, Meta(description="a text")]
+Flag = Annotated[bool, Meta(description="true or false")]
+Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST, description="a finite number")]
+Positive = Annotated[float, Meta(gt=0, le=LARGEST, description="a finite number above 0")]
+Whole = Annotated[int, Meta(ge=0, description="a whole number of at least 0")]
+Count = Annotated[int, Meta(ge=1, description="a whole number of at least 1")]
+
+
+def problems(given: Any, kind: Any, place: str = "") -> Iterator[str]:
+    """Yield the problems of a value that should have a type, a line each: entry, rule and value.
+
+    place: name of the entry, "" for the whole file.
+    """
+    if NoneType in get_args(kind):  # TOML knows no None
+        (kind,) = (each for each in get_args(kind) if each is not NoneType)
+    table = get_origin(kind) is dict
+    if not table and not _is_struct(kind):
+        try:
+            msgspec.convert(given, kind)
+        except msgspec.ValidationError as error:
+            yield f"{place}: must be {_words(kind, error)}, not {given!r:.80}"
+    elif not isinstance(given, Mapping):
+        yield f"{place}: must be a table, not {given!r:.80}"
+    elif table:
+        for name, value in given.items():
+            yield from problems(value, get_args(kind)[1], _inside(place, name))
+    else:
+        yield from _of_entries(given, kind, place)
+
+
+def _of_entries(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str) -> Iterator[str]:
+    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    for name, value in given.items():
+        if name in fields:
+            yield from problems(value, fields[name].type, _inside(place, name))
+        else:
+            close = did_you_mean(name, fields)
+            yield f"{_inside(place, name)}: there is no such entry{close}"
+    for name, field in fields.items():
+        if field.required and name not in given:
+            yield f"{_inside(place, name)}: is missing"
+
+
+def _is_struct(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+
+
+def _inside(place: str, name: str) -> str:
+    return f"{place}.{name}" if place else name
+
+
+def _words(kind: Any, error: Exception) -> str:
+    """Return the rule for a value from its type, or else from msgspec."""
+    metas = [each for each in get_args(kind)[1:] if isinstance(each, Meta) and each.description]
+    return str(metas[0].description if metas else str(error).removeprefix("Expected "))

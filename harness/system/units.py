@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import NamedTuple
@@ -46,7 +46,7 @@ class Affine(NamedTuple):
     offset: float = 0.0
 
     def __call__(self, value: float) -> float:
-        """The value after the change."""
+        """Return the converted value."""
         return self.factor * value + self.offset
 
 
@@ -54,8 +54,8 @@ IDENTITY = Affine()
 
 
 class Hop(NamedTuple):
-    """One connection or mapping: convert to `unit` (None: that of the variable at the end of the
-    way), then transform.
+    """Step of a conversion, for one connection or mapping: convert to `unit` (None: the unit of the
+    variable at the end of the way), then transform.
 
     convert: False where the file suppresses the conversion of units.
     """
@@ -72,11 +72,11 @@ _NOTHING: _Exact = Fraction(1), Fraction(0)
 
 
 def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine:
-    """All hops from a variable in unit `start` to one in unit `end` as one step; ValueError if
-    units do not fit.
+    """Return the conversion of all hops from a variable in unit `start` to a variable in unit
+    `end`; raise ValueError if units are not compatible.
 
-    The last hop ends at the variable itself; no hops at all stand for a plain connection, which
-    converts units.
+    The last hop ends at the variable itself. No hops represent a plain connection, which converts
+    units.
     """
     if not hops and (start is None or end is None or start.name == end.name):
         return IDENTITY
@@ -92,24 +92,26 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
         return Affine(float(factor), float(offset))
     except OverflowError:
         names = " to ".join(unit.name for unit in (start, end) if unit is not None)
-        raise ValueError(f"the conversion {names} goes beyond all numbers") from None
+        raise ValueError(f"the conversion {names} overflows") from None
 
 
 def _fraction(number: float) -> Fraction:
-    """A number as it was written: 0.001 is a thousandth."""
+    """Return a number as a fraction of its decimal digits: 0.001 is a thousandth."""
     return Fraction(repr(float(number)))
 
 
 def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
-    """Exact conversion of numbers in unit a to numbers in unit b; none where they are alike."""
+    """Return the exact conversion of numbers in unit a to numbers in unit b, the identity for equal
+    units.
+    """
     if a is None or b is None or a.name == b.name:
         return _NOTHING
     if a.base is None or b.base is None:
         undefined = f"{(a if a.base is None else b).name} is not defined by a BaseUnit"
         raise UndefinedUnitError(f"{a.name} cannot be converted to {b.name}: {undefined}")
     if _dimension(a.base) != _dimension(b.base):
-        wanted = f"{b.name} [{_text(b.base)}]"
-        raise ValueError(f"{a.name} [{_text(a.base)}] cannot be converted to {wanted}")
+        required = f"{b.name} [{_text(b.base)}]"
+        raise ValueError(f"{a.name} [{_text(a.base)}] cannot be converted to {required}")
     (fa, oa), (fb, ob) = _scale(a.name, a.base), _scale(b.name, b.base)
     return fa / fb, (oa - ob) / fb
 
@@ -123,12 +125,12 @@ def _scale(name: str, base: Base) -> _Exact:
 
 
 def _dimension(base: Base) -> dict[str, int]:
-    """Exponents that are not zero."""
+    """Return the exponents that are not zero."""
     return {name: int(n) for name, n in base.items() if name not in ("factor", "offset") and n}
 
 
 def _text(base: Base) -> str:
-    """Dimension in words: kg.m.s-2."""
+    """Return a dimension as text, such as kg.m.s-2."""
     return ".".join(f"{name}{n if n != 1 else ''}" for name, n in _dimension(base).items()) or "1"
 
 
@@ -168,41 +170,66 @@ FACTOR = re.compile(r"([A-Za-z%]+|1)\^?(-?\d)?")
 
 
 def unit(text: str) -> Unit:
-    """A unit with its meaning; ValueError if it has none."""
-    exponents: Counter[str] = Counter()
+    """Return a unit with its definition; raise ValueError if it is unknown."""
+    dimension: Counter[str] = Counter()
     factor = 1.0
-    for place, part in enumerate(text.replace(" ", "").split("/")):
-        for each in part.removeprefix("(").removesuffix(")").split("."):
-            symbol, power = _factor(each, text)
-            power *= -1 if place else 1
-            size, dimension = SYMBOLS[symbol]
-            factor *= size**power
-            exponents.update({name: power * n for name, n in dimension.items()})
-    base: Base = {**exponents, "factor": factor}
+    for symbol, power in _factors(text):
+        if symbol not in SYMBOLS:
+            raise ValueError(f"there is no unit {text}{did_you_mean(symbol, SYMBOLS)}")
+        size, exponents = SYMBOLS[symbol]
+        factor *= size**power
+        dimension.update({name: power * n for name, n in exponents.items()})
+    base: Base = {**dimension, "factor": factor}
     return Unit(text, base)
 
 
-def _factor(text: str, whole: str) -> tuple[str, int]:
-    match = FACTOR.fullmatch(text)
-    if match is None or match[1] not in SYMBOLS:
-        symbol = text if match is None else match[1]
-        raise ValueError(f"there is no unit {whole}{did_you_mean(symbol, SYMBOLS)}")
-    return match[1], int(match[2] or 1)
+def _factors(text: str) -> Iterator[tuple[str, int]]:
+    """Yield the symbols of a unit with their exponents."""
+    for place, part in enumerate(text.replace(" ", "").split("/")):
+        for each in part.removeprefix("(").removesuffix(")").split("."):
+            match = FACTOR.fullmatch(each)
+            symbol, power = (match[1], int(match[2] or 1)) if match else (each, 1)
+            yield symbol, -power if place else power
 
 
-def convert(value: float, given: str, wanted: str) -> float:
-    """A number in another unit; ValueError if there is no way."""
-    if given == wanted:
+def product(a: str, b: str, power: float = 1) -> str | None:
+    """Return the unit of a number in unit a times one in unit b to a power, as `kg.m/s2`; None if
+    an exponent is not a whole number.
+    """
+    exponents: Counter[str] = Counter()
+    for text, times in ((a, 1), (b, power)):
+        for symbol, n in _factors(text):
+            if symbol != "1":
+                exponents[symbol] += times * n  # type: ignore[assignment]
+    if not all(float(n).is_integer() for n in exponents.values()):
+        return None
+    above, below = (
+        [
+            f"{symbol}{abs(int(n)) if abs(n) != 1 else ''}"
+            for symbol, n in exponents.items()
+            if sign * n > 0
+        ]
+        for sign in (1, -1)
+    )
+    under = ".".join(below) if len(below) < 2 else f"({'.'.join(below)})"
+    return "/".join(filter(None, (".".join(above) or "1", under)))
+
+
+def convert(value: float, given: str, required: str) -> float:
+    """Return a number in another unit; raise ValueError if the units are not compatible."""
+    if given == required:
         return value
-    return _between(given, wanted)(value)
+    return _between(given, required)(value)
 
 
 @lru_cache(maxsize=256)
-def _between(given: str, wanted: str) -> Affine:
-    return compose(unit(given), (), unit(wanted))
+def _between(given: str, required: str) -> Affine:
+    return compose(unit(given), (), unit(required))
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:
-    """`miss [m]`, or the name alone where units know none; an element has that of its vector."""
+    """Return `miss [m]`, or the name alone without a known unit. An element has the unit of its
+    vector.
+    """
     found = units.get(name) or units.get(base(name))
     return f"{name} [{found}]" if found else name

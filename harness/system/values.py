@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Names and values of scalar variables, as FMUs have them and as people write them.
+"""Names and values of scalar variables, as FMUs have them and as users write them.
 
-FMI knows scalars only, so the structure stands in the names: `J[1,2]` is element (1, 2) of `J`.
-Here it is read; everything else asks. Indices may begin anywhere (`x[0]`), and other tools put
-blanks between them (`J[1, 2]`).
+FMI has scalars only, so names contain the structure: `J[1,2]` is element (1, 2) of `J`. All other
+modules rely on the reading of names here. Indices may begin at any number (`x[0]`), and other tools
+write blanks between them (`J[1, 2]`).
 
-A vector `rho = [0, 20, 0]` stands for `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]`
-for `J[1,1]` ... `J[2,2]`; a table `M = {bias = 1.0}` for `M.bias`. Systems in TOML, `--set` and
-`--params` all come through here.
+A vector `rho = [0, 20, 0]` represents `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]`
+represents `J[1,1]` ... `J[2,2]`; a table `M = {bias = 1.0}` represents `M.bias`. Systems in TOML,
+`--set` and `--params` all use this module.
 """
 
 from __future__ import annotations
@@ -26,16 +26,14 @@ Index = tuple[int, ...]
 
 
 class Name(NamedTuple):
-    """Name of a scalar variable: that of the vector or matrix it belongs to, and its place in it,
-    () for a scalar.
-    """
+    """Name of a scalar variable: name of its vector or matrix, and its indices, () for a scalar."""
 
     variable: str
     element: Index = ()
 
     @classmethod
     def read(cls, text: str) -> Name:
-        """The name as an FMU or a user writes it."""
+        """Return the name from the text of an FMU or a user."""
         return _read(text)
 
     def __str__(self) -> str:
@@ -59,25 +57,25 @@ def base(text: str) -> str:
 
 
 def index(text: str) -> Index:
-    """Indices of an element; () for a scalar."""
+    """Return the indices of an element; () for a scalar."""
     return _read(text).element
 
 
 def elements_of(port: str, names: Collection[str]) -> list[str]:
-    """Scalar variables that `port` stands for: itself, or all elements of the vector or matrix in
-    order.
+    """Return the scalar variables that `port` represents: itself, or all elements of the vector or
+    matrix in order.
     """
     return [port] if port in names else list(_arrays(tuple(names)).get(port, ()))
 
 
 def with_arrays(names: Collection[str]) -> tuple[str, ...]:
-    """Names of scalar variables, and of the vectors and matrices that they are elements of."""
+    """Return names of scalar variables and of the vectors and matrices to which they belong."""
     return (*names, *_arrays(tuple(names)))
 
 
 @lru_cache(maxsize=64)
 def _arrays(names: tuple[str, ...]) -> Mapping[str, tuple[str, ...]]:
-    """Elements in order by the vector or matrix that they belong to."""
+    """Return the elements in order by the vector or matrix to which they belong."""
     found: dict[str, list[str]] = {}
     for name in names:
         if index(name):
@@ -92,12 +90,12 @@ class Grid(NamedTuple):
     shape: Index
 
     def place(self, element: Index) -> Index:
-        """Where an element stands in an array, counted from 0."""
+        """Return the position of an element in an array, counted from 0."""
         return tuple(i - first for i, first in zip(element, self.first, strict=True))
 
 
 def grid(elements: Iterable[Index]) -> Grid | None:
-    """The grid that is filled by these elements exactly; None if some are missing or of another
+    """Return the grid that these elements fill exactly; None if elements are missing or differ in
     dimension.
     """
     found = set(elements)
@@ -117,8 +115,8 @@ Value: TypeAlias = "Scalar | Sequence[Value]"
 
 
 def parse(text: str) -> Value:
-    """Value of `--set name=text`: a number, a (nested) list or true/false as in TOML; else the text
-    itself.
+    """Return the value of `--set name=text`: a number, a (nested) list or true/false as in TOML;
+    otherwise the text itself.
     """
     try:
         number = float(text)
@@ -138,7 +136,7 @@ DEEPEST = 50
 
 
 def too_deep(value: Any) -> bool:
-    """Whether more tables and lists stand within each other than is worth following."""
+    """Return whether tables and lists are nested more deeply than the limit."""
     nodes, levels = [value], 0
     while nodes and levels <= DEEPEST:
         levels += 1
@@ -152,7 +150,9 @@ def _holds(value: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """A value of Python as TOML has it: arrays and numbers of numpy, tuples as lists."""
+    """Return a Python value in the form of TOML: arrays, numbers of numpy and tuples become lists
+    and numbers.
+    """
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -161,15 +161,13 @@ def plain(value: Any) -> Any:
 
 
 def parse_text(text: str) -> str:
-    """Value of `--set name=text` for a String: the text, without the quotes of TOML if it has
-    some.
-    """
+    """Return the value of `--set name=text` for a String: the text without TOML quotes."""
     value = parse(text)
     return value if isinstance(value, str) else text
 
 
 def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted names and values of a (nested) table: {"M": {"bias": 1}} gives ("M.bias", 1)."""
+    """Yield dotted names and values of a (nested) table: {"M": {"bias": 1}} gives ("M.bias", 1)."""
     for key, value in table.items():
         if isinstance(value, Mapping):
             yield from leaves(value, f"{prefix}{key}.")
@@ -178,8 +176,8 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def expand(name: str, value: Value, first: Index = ()) -> dict[str, Scalar]:
-    """Scalar variables of a value: a number is `name`, a list `name[i]`, a list of lists
-    `name[i,j]`; first: indices of the first element, 1 where nothing is said.
+    """Return the scalar variables of a value: a number is `name`, a list `name[i]`, a list of lists
+    `name[i,j]`; first: indices of the first element, by default 1.
     """
     elements = list(_elements(value, (), first))
     if not elements:
@@ -197,7 +195,7 @@ def _elements(value: Value, index: Index, first: Index) -> Iterator[tuple[Index,
 
 
 def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]:
-    """Scalar variables set by `name = value`, given the names that exist.
+    """Return the scalar variables that `name = value` sets, given the existing names.
 
     Raises ValueError: unknown name (with close matches), wrong number of elements, or NaN.
     """
@@ -212,21 +210,23 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
 
 
 def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, Scalar]:
-    """Scalars of a value by the elements that the FMU has; ValueError if there are others."""
+    """Return the scalars of a value for the elements of the FMU; raise ValueError if there are
+    others.
+    """
     is_scalar = elements == [name]
     whole = None if is_scalar else grid(map(index, elements))
     by_place = expand(name, value, whole.first if whole else ())
     places = {e: e if is_scalar else str(Name.read(e)) for e in elements}
     if by_place.keys() != set(places.values()):
-        wanted = "a number" if is_scalar else _shape(elements)
+        required = "a number" if is_scalar else _shape(elements)
         got = _quoted(value) if isinstance(value, str) else _shape([*by_place])
-        raise ValueError(f"expected {wanted}, got {got}{_as_a_list(value, elements)}")
+        raise ValueError(f"expected {required}, got {got}{_as_a_list(value, elements)}")
     return {element: by_place[place] for element, place in places.items()}
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:
-    """What to write instead of one number or of numbers without brackets, as the end of a line;
-    lists of another shape have no place in the FMU.
+    """Return a suggestion for one number or numbers without brackets, as the end of a line. Lists
+    of another shape do not fit the FMU.
     """
     if isinstance(value, str):
         return f"; write [{value}]" if "," in value else ""
@@ -237,7 +237,7 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
 
 
 def _shape(names: Sequence[str]) -> str:
-    """Shape of a variable in words: `a number`, `3 elements`, `3 x 3 elements`."""
+    """Return the shape of a variable as text: `a number`, `3 elements`, `3 x 3 elements`."""
     indices = [index(name) for name in names]
     if indices == [()]:
         return "a number"
@@ -249,10 +249,10 @@ def _shape(names: Sequence[str]) -> str:
 
 
 def coerce(value: Scalar, kind: str, access: str = "") -> Scalar:
-    """A value as an FMI type (Real, Integer, Enumeration, Boolean, String) holds it; ValueError if
-    it cannot.
+    """Return a value in an FMI type (Real, Integer, Enumeration, Boolean, String); raise ValueError
+    if it does not fit.
 
-    access: the type of FMI 3.0 (UInt8, Float32, ...), if it is one.
+    access: type of FMI 3.0 (UInt8, Float32, ...), if it is one.
     """
     if kind == "String":
         return _checked_text(str(value).lower() if isinstance(value, bool) else str(value))
@@ -288,19 +288,19 @@ def _float(value: float) -> float:
 
 
 def _checked_text(text: str) -> str:
-    """A text as C can hold it."""
+    """Return a text that C can hold; raise ValueError otherwise."""
     if re.search("[\0\ud800-\udfff]", text):
         raise ValueError(f"{_quoted(text)} is not a text in UTF-8 without a zero character")
     return text
 
 
 def _quoted(text: str) -> str:
-    """A text in an error message: printable, and not too long."""
+    """Return a text for an error message, printable and shortened."""
     shown = text if len(text) <= 60 else f"{text[:57]}..."
     return repr(shown) if not shown.isprintable() or "'" in shown else f"'{shown}'"
 
 
-# ---- one variable of an FMU, whatever the version of FMI
+# ---- variables of an FMU, in any version of FMI
 
 EXACT = 2**53
 """Whole numbers up to here are the same as a double, which is what the bus carries."""
@@ -308,16 +308,16 @@ EXACT = 2**53
 
 @dataclass(frozen=True)
 class Variable:
-    """One scalar variable, or one element of an array of FMI 3.0; unit: None if undeclared;
-    settable: may be given a value before initialization.
+    """Scalar variable, or one element of an array of FMI 3.0; unit: None if undeclared; settable:
+    may be set before initialization.
 
-    type: Real, Integer, Boolean, Enumeration, String or Binary; access: that of the functions of
-    FMI that read and set it (Real, Float64, UInt8, ...); reference: value reference, in FMI 3.0 of
-    the whole array, of which it is the element `element`, counted from 0, of `size`.
+    type: Real, Integer, Boolean, Enumeration, String or Binary; access: type of the FMI functions
+    that read and set it (Real, Float64, UInt8, ...); reference: value reference, in FMI 3.0 of the
+    whole array, of which this is the element `element`, counted from 0, of `size`.
 
-    items: values by name of an enumeration; type_name: name of its type; start: None if it has none
-    or is a String; low, high: the limits declared; begin: start value of any type; optional: an
-    input that keeps its start value where nobody drives it, by an annotation of its own.
+    items: values of an enumeration by name; type_name: name of its type; start: None if it has none
+    or is a String; low, high: declared limits; begin: start value of any type; optional: input that
+    an annotation permits to stay at its start value when unconnected.
     """
 
     name: str
@@ -340,16 +340,18 @@ class Variable:
 
 
 def resting(variable: Variable) -> Scalar:
-    """The value of a variable that nobody gives one."""
+    """Return the value of a variable to which none is assigned."""
     if variable.begin is not None:
         return variable.begin
     return "" if variable.type == "String" else 0
 
 
 STRUCTURAL = "structuralParameter"
-"""Causality of what the sizes of arrays may depend on."""
+"""Causality of parameters that determine the sizes of arrays."""
 
 
-def unsettable(variable: Variable) -> str:
-    """Why a variable cannot be given a value."""
-    return f"its causality is {variable.causality}, it cannot be set"
+def unsettable(variable: Variable, settable: Iterable[str]) -> str:
+    """Return why a variable cannot be set, with close matches among those that can."""
+    close = did_you_mean(variable.name, settable)
+    article = "an" if variable.causality[0] in "aeiou" else "a"
+    return f"is {article} {variable.causality} and cannot be set{close}"

@@ -18,7 +18,7 @@ Owners = Mapping[str, Sequence[str]]
 
 
 class Wiring(NamedTuple):
-    """Connections found between components, and what is wrong with those that were wished, a line
+    """Connections between components, and the problems of the requested connections, a line
     each.
     """
 
@@ -31,11 +31,11 @@ def wire(
     explicit: Mapping[str, str] | None = None,
     left_open: Collection[Port] = (),
 ) -> Wiring:
-    """Connections of a system; inputs that no output is called like stay open.
+    """Return the connections of a system. An input without an output of its name stays open.
 
     interfaces: by component, in execution order; explicit: exceptions, outputs by input, each
-    `component.variable`, for whole vectors or single elements; left_open: inputs that nobody
-    drives.
+    `component.variable`, for whole vectors or single elements; left_open: inputs that stay
+    unconnected.
     """
     connections, problems, driven = list[Connection](), list[str](), set[Port]()
     for target, source in (explicit or {}).items():
@@ -67,7 +67,7 @@ def wire(
 
 
 def output_owners(interfaces: Interfaces) -> Owners:
-    """Who has an output of which name."""
+    """Return the components with an output, by the name of the output."""
     owners: dict[str, list[str]] = {}
     for component, interface in interfaces.items():
         for name in interface.outputs():
@@ -76,20 +76,20 @@ def output_owners(interfaces: Interfaces) -> Owners:
 
 
 def drivers(owners: Owners, target: Port) -> list[Port]:
-    """Outputs of the other components that are called like an input."""
+    """Return the outputs of other components with the name of an input."""
     others = (c for c in owners.get(target.variable, ()) if c != target.component)
     return [Port(component, target.variable) for component in others]
 
 
 def ambiguous(sources: Sequence[Port]) -> str:
-    """Why an input is not driven by one of several outputs."""
+    """Return why an input is not connected to one of several outputs."""
     owners = " and ".join(source.component for source in sources)
     return f"ambiguous, {owners} have an output of this name"
 
 
 def ports(interfaces: Interfaces, name: str, causality: str) -> list[Port]:
-    """Scalar ports that `component.variable` stands for; ValueError with close matches if there are
-    none.
+    """Return the scalar ports that `component.variable` represents; raise ValueError with close
+    matches if there are none.
     """
     component, variable = split(name, interfaces)
     known = interfaces[component].named(causality)
@@ -100,7 +100,9 @@ def ports(interfaces: Interfaces, name: str, causality: str) -> list[Port]:
 
 
 def split(name: str, components: Collection[str]) -> tuple[str, str]:
-    """Component and variable of `component.variable`; ValueError if there is no such component."""
+    """Return component and variable of `component.variable`; raise ValueError if there is no such
+    component.
+    """
     component, dot, variable = name.partition(".")
     if not dot:
         example = f"{next(iter(components), 'component')}.{name}"

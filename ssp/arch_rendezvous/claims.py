@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The rendezvous benchmark SPRE of ARCH-COMP (Chan & Mitra 2017): what other tools have proved, and
-what one flight shows.
+"""Rendezvous benchmark SPRE of ARCH-COMP (Chan & Mitra 2017): results proved by other tools, and
+evidence from one run.
 
-A proof covers every start and every abort time of an instance, a flight one of them: "reproduced"
-means that this flight keeps the published verdict, not that it is proved again.
+A proof covers every start and every abort time of an instance, a run one of them. "Reproduced"
+means that this run agrees with the published verdict, not that it is proved again.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ STOP = 300 * 60.0
 
 
 def abort_time(result: Result) -> float:
-    """When thrust ends [s]."""
+    """Return when thrust ends [s]."""
     return scalar(result, ABORT)
 
 
 def unsafe(result: Result) -> bool:
-    """Whether the published verdict for this abort time is "unsafe"."""
+    """Return whether the published verdict for this abort time is "unsafe"."""
     low, high = UNSAFE_ABORT
     return low < abort_time(result) <= high
 
 
 def box(result: Result) -> tuple[float, ...]:
-    """Distance kept to the box, and the abort time [min]."""
+    """Return the distance to the box, and the abort time [min]."""
     return _least(result, 0), min(abort_time(result), STOP) / 60
 
 
 def corridor(result: Result) -> tuple[float, ...]:
-    """Distance kept to the edge of the cone, and the duration of the attempt [min]."""
+    """Return the distance to the edge of the cone, and the duration of the attempt [min]."""
     return _least(result, 1), _attempt(result)
 
 
 def speed(result: Result) -> tuple[float, ...]:
-    """What is left of the speed limit and the duration of the attempt [min]."""
+    """Return the margin to the speed limit and the duration of the attempt [min]."""
     return _least(result, 2) * 60, _attempt(result)
 
 
@@ -62,8 +62,8 @@ LINE_OF_SIGHT = Claim(
     text="during the attempt |y| <= -x tan 30 deg (published: holds in all safe instances)",
     where="SRNA01, SRA01 to SRA08, SRU01, SRU02",
     needs=(LEAST, PHASE),
-    measure=corridor,
-    figure="keeps {0:.3g} m off the edge of the cone in {1:.0f} min of attempt",
+    compute=corridor,
+    value="stays {0:.3g} m off the edge of the cone in {1:.0f} min of attempt",
     unit="m",
     reproduced=at_least(0.0),
     interval=STOP,
@@ -74,20 +74,20 @@ SPEED = Claim(
     "(published: holds in all safe instances)",
     where="SRNA01, SRA01 to SRA08, SRU01, SRU02",
     needs=(LEAST, PHASE),
-    measure=speed,
-    figure="keeps {0:.3g} m/min below the limit in {1:.0f} min of attempt",
+    compute=speed,
+    value="stays {0:.3g} m/min below the limit in {1:.0f} min of attempt",
     unit="m/min",
     reproduced=at_least(0.0),
     interval=STOP,
 )
 SAFE = Claim(
     name="passive safety",
-    text="after the abort the drift keeps out of the box |x|, |y| <= 0.2 m "
+    text="after the abort the drift stays out of the box |x|, |y| <= 0.2 m "
     "(published: safe, verified)",
     where="SRA01 to SRA08, abort up to 240 min; SRNA01",
     needs=(LEAST,),
-    measure=box,
-    figure="stays {0:.3g} m outside; no thrust from {1:.0f} min on",
+    compute=box,
+    value="stays {0:.3g} m outside; no thrust from {1:.0f} min on",
     unit="m",
     reproduced=at_least(0.0),
     interval=STOP,
@@ -98,8 +98,8 @@ UNSAFE = Claim(
     "(published: unsafe, falsified)",
     where="SRU01, SRU02, abort at 260 min",
     needs=(LEAST,),
-    measure=box,
-    figure="least margin {0:.3g} m; no thrust from {1:.0f} min on",
+    compute=box,
+    value="least margin {0:.3g} m; no thrust from {1:.0f} min on",
     unit="m",
     reproduced=Band(high=-1e-9),
     interval=STOP,
@@ -113,7 +113,7 @@ TITLE = (
 
 
 def outside_start_box(result: Result) -> Iterator[str]:
-    """How far the start lies from x in [-925, -875] m, y in [-425, -375] m."""
+    """Yield the distance of the start from x in [-925, -875] m, y in [-425, -375] m."""
     off = np.abs(parameter(result, "servicer.rho_0_H") - (-900, -400, 0)) - (25, 25, 0)
     if (distance := float(np.max(off))) > 0:
         yield f"start outside the box by {distance:.6g} m instead of 0 m"

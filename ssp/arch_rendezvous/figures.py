@@ -9,14 +9,14 @@ from harness.figures.style import draw_paths, legend_above
 from harness.mission.figure import Axes, Curve, Drawing, Figure, Panel
 from harness.results.result import Result
 
-from ..shared.relative_motion import SERVICER, TARGET, VELOCITIES, range_, relative_speed
+from ..shared.relative_motion import DISTANCE, SPEED
 
 PHASE = "controller.phase"
 POSITION = "controller.rho_H"
 
 
 def _trajectory(canvas: Axes, result: Result) -> None:
-    """Path about the target in Hill axes: in space, and seen along the orbit normal."""
+    """Draw the path about the target in Hill axes: in space, and seen along the orbit normal."""
     path, phase = result[POSITION], result[PHASE]
     paths = {
         f"phase {number:g}": (np.where((phase == number)[:, None], path, np.nan), "-")
@@ -32,8 +32,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "approach",
         "Range, speed and phase",
         (
-            Panel("range [m]", (Curve(range_, needs=(SERVICER, TARGET)),), log=True),
-            Panel("speed [m/s]", (Curve(relative_speed, needs=VELOCITIES),), log=True),
+            Panel("range [m]", (Curve(DISTANCE),), log=True),
+            Panel("speed [m/s]", (Curve(SPEED),), log=True),
             Panel("phase", (Curve(PHASE),)),
         ),
         (PHASE,),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the rendezvous benchmark hands the engine."""
+"""Mission: rendezvous benchmark."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is said of the arm: by the paper of the synchronised approach, which ends where the arm
-begins to work, and by an independent flight of the laws of arm_capture.
+"""Claims about the arm: from the paper of the synchronised approach, which ends where the arm
+begins to work, and from an independent simulation of the laws of arm_capture.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET
 from .kinematics import ARM, arm_of
-from .measures import (
+from .metrics import (
     ALIGN,
     ATTITUDE,
     CLOSE,
@@ -67,7 +67,7 @@ def fixture(result: Result) -> Array:
 
 
 def reaching(result: Result) -> Array:
-    """Rows from the first motion of the arm to the grip, or to the end."""
+    """Return the rows from the first motion of the arm to the grip, or to the end."""
     out = result[MODE] >= DEPLOY
     if not out.any():
         raise NotExercisedError("the arm never leaves its seat")
@@ -76,8 +76,8 @@ def reaching(result: Result) -> Array:
 
 
 def within_reach(result: Result) -> tuple[float, ...]:
-    """Largest distance of the fixture from the second joint while the arm works, over the length of
-    the arm from there; both [m].
+    """Return the largest distance of the fixture from the second joint while the arm works, over
+    the length of the arm from there; both [m].
     """
     arm, rows = arm_of(result), reaching(result)
     length = float(np.linalg.norm([*arm.offset[2:], arm.tip], axis=1).sum())
@@ -86,8 +86,8 @@ def within_reach(result: Result) -> tuple[float, ...]:
 
 
 def at_any_time(result: Result) -> tuple[float, ...]:
-    """Share of the time in which an arm that stands still could grip: the fixture moves by less
-    than the gripper allows, as seen from the base; largest speed [m/s].
+    """Return the share of the time in which an arm at rest could grip, because the fixture moves
+    relative to the base no faster than the gripper allows; and its largest speed [m/s].
     """
     rows = reaching(result)
     if rows.sum() < 3:
@@ -131,28 +131,28 @@ APPROACH = Paper(
 )
 
 
-# ---- an independent flight of the same laws
+# ---- independent simulation of the same laws
 
 
 def deploying(result: Result) -> NDArray[np.bool_]:
-    """Rows of the deployment, of a base that starts on its reference."""
+    """Return the rows of the deployment, of a base that starts on its reference."""
     if turned(result)[0] > START:
         raise NotExercisedError("the base does not start on its reference")
     return during(result, DEPLOY)
 
 
 def base_turned(result: Result) -> tuple[float, ...]:
-    """Attitude error of the base in deployment, from its reference on [deg]."""
+    """Return the attitude error of the base in deployment, from its reference on [deg]."""
     return (float(np.degrees(largest(turned(result)[deploying(result)]))),)
 
 
 def base_shifted(result: Result) -> tuple[float, ...]:
-    """Position error of the base in deployment [mm]."""
+    """Return the position error of the base in deployment [mm]."""
     return (1e3 * largest(off(result)[deploying(result)]),)
 
 
 def tip_largest(result: Result) -> tuple[float, ...]:
-    """Largest error of E from its reference while aligning and closing [mm]."""
+    """Return the largest error of E from its reference while aligning and closing [mm]."""
     rows = during(result, ALIGN, CLOSE)
     if not rows.any():
         raise NotExercisedError("the arm never follows the fixture")
@@ -160,7 +160,7 @@ def tip_largest(result: Result) -> tuple[float, ...]:
 
 
 def tip_late(result: Result) -> tuple[float, ...]:
-    """The same in the second half of CLOSE, rms [mm]."""
+    """Return the tip error in the second half of CLOSE, rms [mm]."""
     rows = late(result)
     if not rows.any():
         raise NotExercisedError("the arm never closes")
@@ -168,13 +168,13 @@ def tip_late(result: Result) -> tuple[float, ...]:
 
 
 def grip(result: Result) -> tuple[float, ...]:
-    """From the start of ALIGN to the grip [s]."""
+    """Return the time from the start of ALIGN to the grip [s]."""
     time = _once(result, GRIP, "grip")
     return (time - float(result.time[during(result, ALIGN)][0]),)
 
 
 def locked_after(result: Result) -> tuple[float, ...]:
-    """From the grip to the closed brakes [s]."""
+    """Return the time from the grip to the closed brakes [s]."""
     time = _once(result, GRIP, "grip")
     braked = (result[LOCK][:, 0] == 1) & during(result, REST) & (result.time >= time)
     if not braked.any():
@@ -183,26 +183,26 @@ def locked_after(result: Result) -> tuple[float, ...]:
 
 
 def hard_after(result: Result) -> tuple[float, ...]:
-    """From the grip to hard capture [s]."""
+    """Return the time from the grip to hard capture [s]."""
     return (_once(result, HARD, "hard capture") - _once(result, GRIP, "grip"),)
 
 
 def stack_rate(result: Result) -> tuple[float, ...]:
-    """Rate of the servicer and of the target at hard capture [rad/s]."""
+    """Return the rate of the servicer and of the target at hard capture [rad/s]."""
     row = np.searchsorted(result.time, _once(result, HARD, "hard capture"))
     rates = (float(np.linalg.norm(result[name][row])) for name in RATES)
     return tuple(rates)
 
 
 def _line(  # noqa: PLR0913, PLR0917 - the columns of the table
-    name: str, there: str, measure: Evaluation, figure: str, unit: str, band: Band, *needs: str
+    name: str, there: str, evaluation: Evaluation, figure: str, unit: str, band: Band, *needs: str
 ) -> Claim:
-    return Claim(name, f"{name}: {there}", "table", (MODE, *needs), measure, figure, unit, band,
+    return Claim(name, f"{name}: {there}", "table", (MODE, *needs), evaluation, figure, unit, band,
                  interval=0.2)  # fmt: skip
 
 
-FLIGHT = Paper(
-    title="Capture by the arm (independent flight of the same laws)",
+INDEPENDENT = Paper(
+    title="Capture by the arm (independent simulation of the same laws)",
     needs=(MODE, TIP, GRIP, HARD, LOCK),
     parameters=(T_CLOSE,),
     meant=lambda result: bool((result[MODE] >= DEPLOY).any()),
@@ -231,4 +231,4 @@ FLIGHT = Paper(
     ),
 )  # fmt: skip
 
-PAPERS = (APPROACH, FLIGHT)
+PAPERS = (APPROACH, INDEPENDENT)

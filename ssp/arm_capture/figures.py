@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from harness.mission.figure import Curve, Figure, Panel, degrees
+from harness.mission.figure import Curve, Figure, Panel
 
 JOINTS = tuple(f"joint {k}" for k in range(1, 8))
 
@@ -12,8 +12,8 @@ ARM = (
         "joints",
         "Joints of the arm",
         (
-            Panel("angle [deg]", (Curve("servicer.joint_angle", convert=degrees, labels=JOINTS),)),
-            Panel("rate [deg/s]", (Curve("servicer.joint_rate", convert=degrees, labels=JOINTS),)),
+            Panel("angle [deg]", (Curve("degrees(servicer.joint_angle)", labels=JOINTS),)),
+            Panel("rate [deg/s]", (Curve("degrees(servicer.joint_rate)", labels=JOINTS),)),
             Panel("torque [N m]", (Curve("arm_controller.joint_torque", labels=JOINTS),)),
             Panel("torque of the lock [N m]", (Curve("servicer.lock_torque", labels=JOINTS),)),
         ),
@@ -23,7 +23,7 @@ ARM = (
         "End effector: error from its reference, and place in axes of the grapple fixture",
         (
             Panel("position error [m]", (Curve("arm_guidance.position_error"),)),
-            Panel("angle error [deg]", (Curve("arm_guidance.angle_error", convert=degrees),)),
+            Panel("angle error [deg]", (Curve("degrees(arm_guidance.angle_error)"),)),
             Panel("place, Q axes [m]", (Curve("arm_guidance.tip_Q"),)),
             Panel("mode", (Curve("arm_guidance.arm_mode"),)),
         ),

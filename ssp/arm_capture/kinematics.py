@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where an arm is at given joint angles, and how its end effector moves with them, base axes.
+"""Kinematics of an arm: positions at given joint angles and the Jacobian of its end effector, base
+axes.
 
-R_0 = I, o_0 = 0;   a_i = R_(i-1) joint_axis_i,   o_i = o_(i-1) + R_(i-1) joint_offset_i
-R_i = R_(i-1) Rot(joint_axis_i, q_i);   p_E = o_n + R_n p_EA_A;   J_m = [a_j x (p_E - o_j); a_j]
+    R_0 = I, o_0 = 0;   a_i = R_(i-1) joint_axis_i,   o_i = o_(i-1) + R_(i-1) joint_offset_i
+    R_i = R_(i-1) Rot(joint_axis_i, q_i);   p_E = o_n + R_n p_EA_A;   J_m = [a_j x (p_E - o_j); a_j]
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ ARM = tuple(f"servicer.{name}" for name in NAMES)
 
 
 class Arm(NamedTuple):
-    """axis, offset: (n, 3), zero pose; tip: of E from the last joint (3,), frame: columns are the
-    axes of E in those of the last link (3, 3); radius: of the links (n,) [m].
+    """Geometry of an arm. axis, offset: (n, 3), zero pose; tip: of E from the last joint (3,);
+    frame: columns are the axes of E in the axes of the last link (3, 3); radius: of the links (n,)
+    [m].
     """
 
     axis: Array
@@ -43,8 +45,8 @@ class Pose(NamedTuple):
 
 
 def arm_of(result: Result) -> Arm:
-    """The arm by the parameters of the servicer; a link is as thick as the cylinder of uniform
-    density with its mass and its least moment of inertia, m r^2/2.
+    """Return the arm from the parameters of the servicer. A link is as thick as the cylinder of
+    uniform density with its mass and its least moment of inertia, m r^2/2.
     """
     count, axis, offset, tip, q, mass, inertia = (result.parameter(name) for name in ARM)
     n = int(count)
@@ -53,7 +55,9 @@ def arm_of(result: Result) -> Arm:
 
 
 def rotations(axis: Array, angle: Array) -> Array:
-    """Matrices (rows, 3, 3) that turn vectors about an axis (3,) by angles (rows,), Rodrigues."""
+    """Return the matrices (rows, 3, 3) that turn vectors about an axis (3,) by angles (rows,),
+    Rodrigues.
+    """
     x, y, z = axis
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
@@ -61,7 +65,7 @@ def rotations(axis: Array, angle: Array) -> Array:
 
 
 def pose(arm: Arm, q: Array) -> Pose:
-    """The arm at joint angles (rows, n) [rad]."""
+    """Return the pose of the arm at joint angles (rows, n) [rad]."""
     R, o = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
     joints, axes, links = [], [], []
     for k, (axis, offset) in enumerate(zip(arm.axis, arm.offset, strict=True)):
@@ -80,6 +84,8 @@ def pose(arm: Arm, q: Array) -> Pose:
 
 
 def jacobian(at: Pose) -> Array:
-    """J_m, (rows, 6, n): velocity and angular velocity of E by the joint rates, base at rest."""
+    """Return J_m, (rows, 6, n): velocity and angular velocity of E by the joint rates, base at
+    rest.
+    """
     lever = at.tip[:, None] - at.joint
     return np.concatenate([np.cross(at.axis, lever), at.axis], axis=2).transpose(0, 2, 1)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the capture by arm hands the engine: that of an approach, and the arm."""
+"""Mission: capture by arm. It extends an approach by the arm."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from harness.mission import Gauge
+from harness.mission import WatchedMetric
 
 from ..shared.approach import approach
 from .claims import PAPERS
 from .figures import FIGURES
-from .measures import MEASURES
+from .metrics import METRICS
 from .plan import plan
 from .plan_figures import OVERLAYS
 from .scene import SCENE
@@ -18,12 +18,12 @@ from .scene import SCENE
 APPROACH = approach(FIGURES, PAPERS, OVERLAYS)
 MISSION = replace(
     APPROACH,
-    measures=(*MEASURES, *APPROACH.measures),
+    metrics=(*METRICS, *APPROACH.metrics),
     scene=(SCENE,),
     plans=(plan,),
-    gauges=(
-        Gauge("arm mode", "", (), "arm_guidance.arm_mode"),
-        Gauge("tip error", "mm", (), "1000 * arm_guidance.position_error"),
-        Gauge("misalignment", "deg", (), "degrees(arm_guidance.misalignment)"),
+    watched=(
+        WatchedMetric("arm mode", "", (), "arm_guidance.arm_mode"),
+        WatchedMetric("tip error", "mm", (), "1000 * arm_guidance.position_error"),
+        WatchedMetric("misalignment", "deg", (), "degrees(arm_guidance.misalignment)"),
     ),
 )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The plan of a capture before it is flown: whether the arm reaches the fixture from where the
-guidance holds the base, how far singular poses are, whether the stowed arm touches itself.
+"""Plan of a capture before its run: whether the arm reaches the fixture from the base position of
+the guidance, the distance to singular poses, and contact of the stowed arm with itself.
 
-Only guidance and target are run: where the fixture is from a base that stands on its reference,
+Only guidance and target are run. The position of the fixture from a base on its reference is
 
     r_QS = C_DN (C_TN^T p_QT_T - rho_ref_N),   X_E = -X_Q
 """
@@ -36,7 +36,7 @@ GOALS = tuple(
 )
 KNOWN = (*ARM, *DOCKING, *POSES, *GOALS)
 INSTANTS = 60
-"""Places of the fixture that are judged."""
+"""Places of the fixture that the plan evaluates."""
 LINE = np.arange(-1.2, 1.2001, 0.05)
 """Places on the axis of the fixture, from the seat on outwards, whose reach is looked for [m]."""
 
@@ -54,18 +54,18 @@ class Plan:
 
     @property
     def histories(self) -> Mapping[str, Result]:
-        """Stand and seat."""
+        """Return the results at the stand and at the seat, by place."""
         return {"stand": self.stand, "seat": self.seat}
 
     @property
     def good(self) -> bool:
-        """Whether stand and seat are reached at every instant, away from singular poses, and the
-        stowed arm does not touch itself.
+        """Return whether stand and seat are reached at every instant, away from singular poses, and
+        the stowed arm does not touch itself.
         """
         return not any(self._reasons())
 
     def text(self) -> str:
-        """Reach as a table, clearance, and the verdict."""
+        """Return the reach as a table, the clearance and the verdict."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -77,13 +77,13 @@ class Plan:
             held = r["plan.reached"]
             pose = f"{r['plan.singular'][row]:20.3f}   {worst}" if held.all() else f"{'-':>20}"
             yield f"{name:5}   {place}   {np.mean(held):8.0%}   {pose}"
-        yield self._room()
+        yield self._clearance()
         distance, (i, j) = self.touches
         yield f"stowed: links {i} and {j} are nearest, {1e3 * distance:.0f} mm between them"
         yield "; ".join(self._reasons()) or "planned: stand and seat are reached all the time"
 
-    def _room(self) -> str:
-        """How far the base may be off, on the axis of the fixture."""
+    def _clearance(self) -> str:
+        """Return the permitted offset of the base along the axis of the fixture as text."""
         held, seat = self.line, int(np.argmin(np.abs(LINE)))
         if not held.any():
             return "on the axis of the fixture nothing is reached"
@@ -113,20 +113,20 @@ def _way(off: float) -> str:
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
-    """The plan of a capture by arm; changes: those of run().
+    """Return the plan of a capture by arm; changes: as for run().
 
-    Raises UsageError if the system has no arm with its guidance, else what run() raises.
+    Raises UsageError if the system has no arm with its guidance, or the errors of run().
     """
     with load(system) as found:
         whole = apply(found, **changes)
         known = _parameters(whole)
-        flown = simulate(_alone(whole), every=1)
+        run = simulate(_alone(whole), every=1)
     arm, limits, stowed = arm_of(known), limits_of(known), known.parameter(POSES[3])
-    time, fixture, out = _fixture(flown, known)
+    time, fixture, out = _fixture(run, known)
     standoff, depth = (float(known.parameter(name)) for name in GOALS[:2])
     places = [fixture - standoff * out, fixture + depth * out]
     stand, seat = (
-        _result(flown, known, time, place, reach(arm, limits, place, out)) for place in places
+        _result(run, known, time, place, reach(arm, limits, place, out)) for place in places
     )
     line = reach(
         arm, limits, places[1][0] + LINE[:, None] * out[0], np.tile(out[0], (len(LINE), 1))
@@ -135,29 +135,29 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
 
 
 def limits_of(known: Result) -> Limits:
-    """Joint limits and posture of the guidance of the arm."""
+    """Return the joint limits and posture of the guidance of the arm."""
     n = int(known.parameter(ARM[0]))
     low, high, ready = (known.parameter(name)[:n] for name in POSES[:3])
     return Limits(low, high, ready)
 
 
 def _parameters(system: System) -> Result:
-    """A result of no rows with the parameters of a system."""
+    """Return a result without rows that has the parameters of a system."""
     known = Simulation(system).parameters()
     names = {component.name for component in system.components}
     table = replace(
         known, time=np.zeros(0), values=np.zeros((0, len(known.columns))), parameters=known
     )
     if not (names.issuperset(ALONE) and table.holds(parameters=KNOWN)):
-        raise UsageError(f"{system.name}: it has no arm with its guidance; try arm_capture")
+        raise UsageError(f"{system.name}: the system has no arm with a guidance; try arm_capture")
     if table.parameter(ARM[0]) < 1:
         raise UsageError(f"{system.name}: servicer.joints is 0: there is no arm to plan for")
     return table
 
 
 def _alone(system: System) -> System:
-    """Guidance and target, and what they tell each other."""
-    kept = tuple(c for c in system.components if c.name in ALONE)
+    """Return the system of guidance and target with the connections between them."""
+    chosen = tuple(c for c in system.components if c.name in ALONE)
     wires = tuple(
         wire
         for wire in system.connections
@@ -165,7 +165,7 @@ def _alone(system: System) -> System:
     )
     return replace(
         system,
-        components=kept,
+        components=chosen,
         connections=wires,
         sets=(),
         alternatives=(),
@@ -175,28 +175,28 @@ def _alone(system: System) -> System:
     )
 
 
-def _fixture(flown: Result, known: Result) -> tuple[Array, Array, Array]:
-    """Times (rows,) [s], places of the fixture from S (rows, 3) [m], what X_E is to be (rows, 3),
-    base axes; from the time on at which the arm reaches for it. A reference belongs to the row
-    before the one where it is new.
+def _fixture(run: Result, known: Result) -> tuple[Array, Array, Array]:
+    """Return times (rows,) [s], positions of the fixture from S (rows, 3) [m] and required X_E
+    (rows, 3), base axes, from the time on at which the arm reaches for it. A reference belongs to
+    the row before its first appearance.
     """
-    rho, late = flown["guidance.rho_ref_N"], float(known.parameter(GOALS[2]))
+    rho, late = run["guidance.rho_ref_N"], float(known.parameter(GOALS[2]))
     new = np.array([0, *np.flatnonzero(np.diff(rho, axis=0).any(axis=1))])
-    new = new[flown.time[new] >= late] if (flown.time[new] >= late).any() else new
+    new = new[run.time[new] >= late] if (run.time[new] >= late).any() else new
     row = new[np.unique(np.linspace(0, len(new) - 1, INSTANTS).round().astype(int))]
-    q_T, q_D = flown["target.q_TN"][row], flown["guidance.q_DN"][row + 1]
+    q_T, q_D = run["target.q_TN"][row], run["guidance.q_DN"][row + 1]
     place, X = known.parameter(DOCKING[2]), outward(known.parameter(DOCKING[3]))
     to_D = q_D * (1, -1, -1, -1)
     seen = turned(q_T, np.tile(place, (len(row), 1))) - rho[row + 1]
     return (
-        flown.time[row],
+        run.time[row],
         turned(to_D, seen),
         -turned(to_D, turned(q_T, np.tile(X, (len(row), 1)))),
     )
 
 
-def _result(flown: Result, known: Result, time: Array, place: Array, found: Reach) -> Result:
-    """What is reached as histories of component plan."""
+def _result(run: Result, known: Result, time: Array, place: Array, found: Reach) -> Result:
+    """Return the reach as histories of the component plan."""
     tables = {
         "place": (place, "m"),
         "error": (found.error, "m"),
@@ -214,7 +214,7 @@ def _result(flown: Result, known: Result, time: Array, place: Array, found: Reac
             units.append(unit)
             values.append(column)
     return replace(
-        flown,
+        run,
         time=time,
         columns=tuple(columns),
         units=tuple(units),

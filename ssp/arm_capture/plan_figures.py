@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from harness.mission.figure import Axes, Colour, Curve, Figure, Overlay, Panel, degrees
+from harness.mission.figure import Axes, Colour, Curve, Figure, Overlay, Panel
 from harness.results.result import Array, Result
 
 from .figures import JOINTS
@@ -21,8 +21,8 @@ CELL = 0.15
 
 
 def map_around(result: Result, up: int) -> tuple[Array, Array, Reach]:
-    """Edges of the cells along x and along another base axis [m], and the reach of their middles,
-    in the plane through the first place, X_E along x.
+    """Return the edges of the cells along x and along another base axis [m], and the reach of their
+    middles, in the plane through the first place, X_E along x.
     """
     arm, place = arm_of(result), result[PLACE][0]
     far = float(np.linalg.norm([*arm.offset[1:], arm.tip], axis=1).sum()) + CELL
@@ -37,14 +37,14 @@ def map_around(result: Result, up: int) -> tuple[Array, Array, Reach]:
 
 
 def _line(arm: Arm, q: Array, up: int) -> tuple[Array, Array]:
-    """The arm from S to E: x and another coordinate [m]."""
+    """Return the arm from S to E: x and another coordinate [m]."""
     at = pose(arm, q[None, : len(arm.axis)])
     points = np.vstack([np.zeros(3), at.joint[0], at.tip])
     return points[:, 0], points[:, up]
 
 
 def _reach(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
-    """Least singular value where the arm reaches, the arm stowed and at its goals."""
+    """Draw the least singular value where the arm reaches, the arm stowed and at its goals."""
     first = next(iter(results.values()))
     arm = arm_of(first)
     panels = canvas.subplots(1, 2)
@@ -70,7 +70,7 @@ OVERLAYS: tuple[Figure | Overlay, ...] = (
         "planned_joints",
         "Arm on the fixture from a base that is held",
         (
-            Panel("joint angle [deg]", (Curve(ANGLE, convert=degrees, labels=JOINTS),)),
+            Panel("joint angle [deg]", (Curve(f"degrees({ANGLE})", labels=JOINTS),)),
             Panel("least singular value", (Curve("plan.singular"),)),
             Panel("manipulability", (Curve("plan.manipulability"),)),
         ),

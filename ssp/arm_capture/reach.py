@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What an arm reaches from a base that is held: joint angles for a place and a direction of its end
-effector, singular values there, clearance of its links.
+"""Reach of an arm from a fixed base: joint angles for a position and direction of its end effector,
+singular values, clearance of its links.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ STEPS, FREE, STRIDE = 80, 50, 0.3
 DAMPING = 0.01
 """Damping of the iteration: it stays finite at singular poses."""
 POSTURE = 0.2
-"""Part of the way to the posture that joints go in each step, where E does not move."""
+"""Share of the way to the posture by which the joints move in each step without moving E."""
 REACHED = 1e-3
-"""Largest error of a place that counts as reached [m, rad]."""
+"""Largest errors of position and attitude of a place that counts as reached [m, rad]."""
 APART = 3
 """Links that are so many apart along the arm can touch; nearer ones share a joint block."""
 
@@ -45,17 +45,19 @@ class Reach(NamedTuple):
 
     @property
     def reached(self) -> Array:
-        """Which places are reached."""
+        """Return which places are reached."""
         return np.asarray(self.error <= REACHED)
 
     @property
     def manipulability(self) -> Array:
-        """Manipulability sqrt det J_m J_m^T (rows,)."""
+        """Return the manipulability sqrt det J_m J_m^T (rows,)."""
         return np.asarray(np.prod(self.singular, axis=1))
 
 
 def shortest_arc(x: Array, to: Array) -> Array:
-    """Matrices (rows, 3, 3) of the shortest rotation of a unit vector (3,) to others (rows, 3)."""
+    """Return the matrices (rows, 3, 3) of the shortest rotation of a unit vector (3,) to others
+    (rows, 3).
+    """
     axis, c = np.cross(x, to), to @ x
     across = np.cross(axis[:, None], np.eye(3)).transpose(0, 2, 1)
     factor = 1 / np.maximum(1 + c, 1e-12)
@@ -73,10 +75,10 @@ def errors(at: Pose, place: Array, frame: Array) -> Array:
 
 
 def reach(arm: Arm, limits: Limits, place: Array, outward: Array) -> Reach:
-    """The arm with its end effector at places (rows, 3) [m], X_E along unit vectors (rows, 3), base
-    axes, roll that of the posture turned by the shortest arc.
+    """Return the reach of the arm for end-effector positions (rows, 3) [m] with X_E along unit
+    vectors (rows, 3), base axes. The roll is the roll of the posture turned by the shortest arc.
 
-    Damped least squares from the posture, joints kept within their limits.
+    The method is damped least squares from the posture, with joints within their limits.
     """
     q = np.tile(limits.posture, (len(place), 1))
     own = pose(arm, q[:1]).frame[0]
@@ -90,10 +92,10 @@ def reach(arm: Arm, limits: Limits, place: Array, outward: Array) -> Reach:
         weight = J @ J.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
         step = home + np.einsum("kji,kj->ki", J, np.linalg.solve(weight, rest[..., None])[..., 0])
         q = np.clip(q + step, limits.low, limits.high)
-    return _judged(arm, q, place, frame)
+    return _evaluated(arm, q, place, frame)
 
 
-def _judged(arm: Arm, q: Array, place: Array, frame: Array) -> Reach:
+def _evaluated(arm: Arm, q: Array, place: Array, frame: Array) -> Reach:
     at = pose(arm, q)
     left, (U, singular, _) = errors(at, place, frame), np.linalg.svd(jacobian(at))
     worst = U[:, :3, -1] / np.maximum(np.linalg.norm(U[:, :3, -1], axis=1), 1e-12)[:, None]
@@ -105,7 +107,9 @@ def _judged(arm: Arm, q: Array, place: Array, frame: Array) -> Reach:
 
 
 def between(a: Array, b: Array, c: Array, d: Array) -> float:
-    """Least distance of the lines from a to b and from c to d [m]: inside both, else at an end."""
+    """Return the least distance between the line segments from a to b and from c to d [m]. It is
+    between inner points of both segments, or else at an end of one.
+    """
     u, v, w = b - a, d - c, a - c
     ends = [_from_line(p, c, v) for p in (a, b)] + [_from_line(p, a, u) for p in (c, d)]
     matrix = np.array([[u @ u, -u @ v], [-u @ v, v @ v]])
@@ -122,8 +126,9 @@ def _from_line(p: Array, begin: Array, along: Array) -> float:
 
 
 def clearance(arm: Arm, q: Array) -> tuple[float, tuple[int, int]]:
-    """Least distance between the surfaces of two links [m], negative where they overlap, and their
-    numbers from 1 on; q: (n,). Inf and (0, 0) of an arm that is too short to touch itself.
+    """Return the least distance between the surfaces of two links [m], negative where they overlap,
+    and their numbers from 1 on; q: (n,). Inf and (0, 0) of an arm that is too short to touch
+    itself.
     """
     at = pose(arm, q[None])
     points = [*at.joint[0], at.tip[0]]

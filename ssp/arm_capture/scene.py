@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The replay of the capture by arm: links on their joints, gripper, fixture, path of the tip."""
+"""Replay of the capture by arm: links on their joints, gripper, fixture, path of the tip."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from harness.mission import Scene
 from harness.report.arrays import Arrays
 from harness.report.scene import Part, joint, number
 from harness.report.scene import Scene as Data
-from harness.report.story import event, runs_of
+from harness.report.timeline import event, runs_of
 from harness.results.result import Array, Result, Rows
 
 from ..shared import bodies
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
 from ..shared.docking_scene import DOCKING, LATCH, drogue, floor
 from .kinematics import ARM, Arm, arm_of
-from .measures import MODE, TIP
+from .metrics import MODE, TIP
 
 ANGLES, CAPTURE, LOAD = "servicer.joint_angle", "mechanism.phase", "mechanism.load_force"
 MODES = ("stowed", "deploying", "aligning", "closing", "at rest", "folding")
@@ -29,7 +29,9 @@ PATHS = (("end effector", "servicer.r_EN_N", "servicer.q_EN"),)
 
 
 def links(arm: Arm, angle: str) -> Iterator[Data]:
-    """Every link turns about its joint on the link before; the last one has the gripper."""
+    """Yield the links, each of which turns about its joint on the link before; the last one has the
+    gripper.
+    """
     ends = [*arm.offset[1:], arm.tip]
     for k, (axis, at, end, thick) in enumerate(
         zip(arm.axis, arm.offset, ends, arm.radius, strict=True)
@@ -42,7 +44,7 @@ def links(arm: Arm, angle: str) -> Iterator[Data]:
 
 
 def gripper(arm: Arm) -> list[Part]:
-    """The last link with two fingers that end at the origin of E."""
+    """Return the last link with two fingers that end at the origin of E."""
     thick, (x, y, _) = float(arm.radius[-1]), arm.frame.T
     palm = arm.tip - 2 * thick * x
     fingers = [bodies.rod(palm + s * thick * y, arm.tip, 0.2 * thick, "accent") for s in (-1, 1)]
@@ -50,7 +52,7 @@ def gripper(arm: Arm) -> list[Part]:
 
 
 def events(result: Result) -> list[Data]:
-    """Every change of the mode of the arm and of the latch."""
+    """Return every change of the mode of the arm and of the latch."""
     arm = runs_of(result[MODE], result.time, MODES)
     latch = runs_of(result[CAPTURE], result.time, LATCH)[1:]
     return [event(each["begin"], f"arm {each['text']}", "phase") for each in arm] + [
@@ -59,7 +61,7 @@ def events(result: Result) -> list[Data]:
 
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
-    """The arm, the fixture, modes and errors; None without an arm."""
+    """Return the arm, the fixture, modes and errors; None without an arm."""
     paths = (name for _, *names in PATHS for name in names)
     shown = (MODE, *(name for name, *_ in SHOWN))
     if not result.holds(ANGLES, *shown, *paths, parameters=(*ARM, *DOCKING)):
@@ -73,14 +75,14 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
         [],
         drogue(result),
         floor(result),
-        tuple(links(arm, arrays.keep(result[ANGLES][rows]))),
+        tuple(links(arm, arrays.sample(result, rows, ANGLES))),
         float(lengths.sum()),
         arm.offset[0],
         tuple(number(result, arrays, rows, *each) for each in SHOWN),
         tuple(events(result)),
         PATHS,
         tuple(runs_of(result[MODE], result.time, words)),
-        course={"values": arrays.keep(result[MODE][rows]), "words": words},
+        course={"values": arrays.sample(result, rows, MODE), "words": words},
     )
 
 

@@ -11,21 +11,21 @@ from __future__ import annotations
 from harness.mission.claim import Band, Case, Claim, Paper, at_least, at_most
 from harness.results.result import Result
 
-from . import evaluations as measures
+from . import evaluations as metrics
 from .evaluations import ATTITUDES, COMMAND, ELEVATION, FEATURE, FUNNEL, RANGE
 
 
 def converges(seconds: float, where: str, least: float = 0.9) -> Claim:
-    """The range converges in about that time; least: part of it below which that is not "about" any
-    more.
+    """Return the claim that the range converges in about that time; least: smallest ratio to
+    this time that counts as "about".
     """
     return Claim(
         name="convergence",
         text=f"the range converges in about {seconds:g} s",
         where=where,
         needs=(RANGE,),
-        measure=measures.convergence,
-        figure="within {1:.1f} m (2 %) after {0:.1f} s",
+        compute=metrics.convergence,
+        value="within {1:.1f} m (2 %) after {0:.1f} s",
         unit="s",
         reproduced=Band(least * seconds, 1.1 * seconds),
         partly=Band(0.5 * least * seconds, 1.5 * seconds),
@@ -34,14 +34,14 @@ def converges(seconds: float, where: str, least: float = 0.9) -> Claim:
 
 
 def steady(text: str, reproduced: Band, partly: Band) -> Claim:
-    """The range error under the manoeuvre stays within a band."""
+    """Return the claim that the range error under the manoeuvre stays within a band."""
     return Claim(
         name="accuracy under manoeuvre",
         text=text,
         where="section 4.3, figure 7",
         needs=(RANGE,),
-        measure=measures.steady_range_error,
-        figure="at most {0:.2f} m after 40 s, {1:.2f} m after 60 s",
+        compute=metrics.steady_range_error,
+        value="at most {0:.2f} m after 40 s, {1:.2f} m after 60 s",
         unit="m",
         reproduced=reproduced,
         partly=partly,
@@ -53,8 +53,8 @@ HOVERS = Claim(
     text="the servicer comes near fast and then hovers 20 m above the feature of the target",
     where="section 4.2, figure 2",
     needs=(RANGE, FEATURE),
-    measure=measures.hovering,
-    figure="range within {0:.3f} m after 60 s, at most {1:.2f} deg off the axis of the feature",
+    compute=metrics.hovering,
+    value="range within {0:.3f} m after 60 s, at most {1:.2f} deg off the axis of the feature",
     unit="m",
     reproduced=at_most(0.1),
     partly=at_most(1.0),
@@ -64,8 +64,8 @@ ATTITUDE = Claim(
     text="the attitude is accurate in the steady state",
     where="section 4.2, figure 6",
     needs=ATTITUDES,
-    measure=measures.steady_attitude_error,
-    figure="at most {0:.4f} deg after 60 s, {1:.4f} deg in the last 20 s",
+    compute=metrics.steady_attitude_error,
+    value="at most {0:.4f} deg after 60 s, {1:.4f} deg in the last 20 s",
     unit="deg",
     reproduced=at_most(0.1),
     partly=at_most(1.0),
@@ -75,8 +75,8 @@ BARRIER = Claim(
     text="kappa < 1 and all generalised states inside their bounds for ever",
     where="theorem 1, (37), (39)",
     needs=FUNNEL,
-    measure=measures.barrier,
-    figure="kappa at most {0:.3f}, states at most at {1:.2f} of their bounds",
+    compute=metrics.barrier,
+    value="kappa at most {0:.3f}, states at most at {1:.2f} of their bounds",
     unit="",
     reproduced=at_most(0.999),
     interval=0.5,
@@ -86,8 +86,8 @@ SMOOTH = Claim(
     text="the angles of the line of sight converge without oscillation",
     where="section 4.2, figure 4",
     needs=(ELEVATION, RANGE),
-    measure=measures.overshoot,
-    figure="overshoot of the elevation {0:.1f} deg; minimum range {1:.2f} m",
+    compute=metrics.overshoot,
+    value="overshoot of the elevation {0:.1f} deg; minimum range {1:.2f} m",
     unit="deg",
     reproduced=at_most(2.0),
     partly=at_most(5.0),
@@ -98,8 +98,8 @@ OSCILLATION = Claim(
     text="great oscillation while it converges; the safety of the servicer is not guaranteed",
     where="figures 4, 7, section 5",
     needs=(ELEVATION, RANGE),
-    measure=measures.overshoot,
-    figure="overshoot of the elevation {0:.1f} deg; minimum range {1:.2f} m",
+    compute=metrics.overshoot,
+    value="overshoot of the elevation {0:.1f} deg; minimum range {1:.2f} m",
     unit="deg",
     reproduced=at_least(10.0),
     partly=at_least(5.0),
@@ -110,8 +110,8 @@ SLOW = Claim(
     text="still slow",
     where="section 4.3, figure 7",
     needs=(RANGE,),
-    measure=measures.convergence,
-    figure="within {1:.1f} m (2 %) after {0:.1f} s",
+    compute=metrics.convergence,
+    value="within {1:.1f} m (2 %) after {0:.1f} s",
     unit="s",
     reproduced=at_least(30.0),
     partly=at_least(20.0),
@@ -122,8 +122,8 @@ UNAFFECTED = Claim(
     text="the steady accuracy does not suffer from manoeuvre, uncertainty and disturbance",
     where="section 4.3, figure 7",
     needs=(RANGE,),
-    measure=measures.last_range_error,
-    figure="range error at most {0:.3f} m in the last 20 s",
+    compute=metrics.last_range_error,
+    value="range error at most {0:.3f} m in the last 20 s",
     unit="m",
     reproduced=at_most(0.05),
     partly=at_most(0.5),
@@ -133,8 +133,8 @@ CHATTER = Claim(
     text="severe oscillation of the control acceleration in the steady state, wasting fuel",
     where="section 4.3, figure 8",
     needs=(COMMAND,),
-    measure=measures.chatter,
-    figure="total variation {0:.1f} times the span after 60 s: it follows the manoeuvre",
+    compute=metrics.chatter,
+    value="total variation {0:.1f} times the span after 60 s: it follows the manoeuvre",
     unit="",
     reproduced=at_least(20.0),
     partly=at_least(10.0),
@@ -183,7 +183,9 @@ TABLES = {
 
 
 def _cases(controller: str, manoeuvre: bool) -> tuple[Case, ...]:
-    """Runs of section 4.2 or 4.3; the gain law as printed is there for its own controller only."""
+    """Return the runs of section 4.2 or 4.3. Only the controller of the paper has the gain law as
+    printed.
+    """
     fmu = FMUS[controller]
     own = fmu == FMUS["prescribed performance"]
     sets = ("manoeuvre",) if manoeuvre else (*PERIODS, *(("literal_law",) if own else ()))
@@ -193,7 +195,7 @@ def _cases(controller: str, manoeuvre: bool) -> tuple[Case, ...]:
 
 def _paper(controller: str, manoeuvre: bool, claims: tuple[Claim, ...]) -> Paper:
     def meant(result: Result) -> bool:
-        return measures.manoeuvring(result) is manoeuvre
+        return metrics.manoeuvring(result) is manoeuvre
 
     scenario = "4.3, unknown manoeuvre" if manoeuvre else "4.2, no manoeuvre"
     return Paper(

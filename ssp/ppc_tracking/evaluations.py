@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is measured in a result of a line-of-sight approach for the claims of Yin et al. 2017.
+"""Evaluations of a line-of-sight approach for the claims of Yin et al. 2017.
 
-Every measure returns the number that is judged and then those that are shown with it.
+Every function returns the number with the verdict first, then further numbers to show.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.mission.claim import ROUNDING, CannotJudgeError, between, parameter, since
+from harness.mission.claim import ROUNDING, NotJudgedError, between, parameter, since
 from harness.results.result import Array, Result
 
 from ..shared.relative_motion import attitude_error
@@ -30,7 +30,7 @@ LATE, SETTLED, LAST = 40.0, 60.0, 20.0
 
 
 def manoeuvring(result: Result) -> bool:
-    """Whether the target manoeuvres in this run."""
+    """Return whether the target manoeuvres in this run."""
     names = ("bias", "amplitude")
     return any(np.any(parameter(result, f"target.a_manoeuvre_N.{name}")) for name in names)
 
@@ -39,17 +39,17 @@ def manoeuvring(result: Result) -> bool:
 
 
 def range_error(result: Result) -> Array:
-    """Range less that of the hovering point [m]."""
+    """Return the range minus the range of the hovering point [m]."""
     return np.asarray(result[RANGE] - parameter(result, "guidance.rho_f"))
 
 
 def last_rows(result: Result) -> NDArray[np.intp]:
-    """Rows of the last 20 s of a run that reaches 80 s."""
+    """Return the rows of the last 20 s of a run that reaches 80 s."""
     since(result, 2 * LATE, 2 * LATE)
     return np.asarray(np.flatnonzero(result.time >= result.time[-1] - LAST - ROUNDING))
 
 
-# ---- measures
+# ---- metrics
 
 
 def convergence(result: Result) -> tuple[float, ...]:
@@ -59,36 +59,38 @@ def convergence(result: Result) -> tuple[float, ...]:
     outside = np.flatnonzero(error > band)
     between(result, 0.0, LATE)
     if len(outside) and outside[-1] + 1 == len(error):
-        raise CannotJudgeError(f"the range has not settled by {result.time[-1]:g} s")
+        raise NotJudgedError(f"the range has not settled by {result.time[-1]:g} s")
     return (result.time[outside[-1]] if len(outside) else 0.0), band
 
 
 def hovering(result: Result) -> tuple[float, ...]:
-    """Largest range error after 60 s [m]; largest angle from the axis of the feature [deg]."""
+    """Return the largest range error after 60 s [m]; largest angle from the axis of the feature
+    [deg].
+    """
     rows = since(result, SETTLED, SETTLED)
     return np.abs(range_error(result)[rows]).max(), np.degrees(result[FEATURE][rows]).max()
 
 
 def steady_range_error(result: Result) -> tuple[float, ...]:
-    """Largest range error after 40 s [m]; after 60 s."""
+    """Return the largest range error after 40 s [m]; after 60 s."""
     error = np.abs(range_error(result))
     return error[since(result, LATE, LATE)].max(), error[since(result, SETTLED, SETTLED)].max()
 
 
 def last_range_error(result: Result) -> tuple[float, ...]:
-    """Largest range error in the last 20 s [m]."""
+    """Return the largest range error in the last 20 s [m]."""
     return (np.abs(range_error(result)[last_rows(result)]).max(),)
 
 
 def steady_attitude_error(result: Result) -> tuple[float, ...]:
-    """Largest attitude error after 60 s [deg]; in the last 20 s."""
+    """Return the largest attitude error after 60 s [deg]; in the last 20 s."""
     error = np.degrees(attitude_error(result))
     return error[since(result, SETTLED, SETTLED)].max(), error[last_rows(result)].max()
 
 
 def overshoot(result: Result) -> tuple[float, ...]:
-    """Largest elevation error beyond the reference, seen from the first one [deg]; minimum range
-    [m].
+    """Return the largest elevation error beyond the reference, seen from the first one [deg];
+    minimum range [m].
     """
     error = np.degrees(result[ELEVATION])
     between(result, 0.0, LATE)
@@ -97,16 +99,14 @@ def overshoot(result: Result) -> tuple[float, ...]:
 
 
 def barrier(result: Result) -> tuple[float, ...]:
-    """Largest kappa; largest distance of a generalised state from the middle of its bounds, as part
-    of them.
-    """
+    """Return the largest kappa, and the largest |theta|, a generalised state over its bound."""
     kappa = max(result[name].max() for name in FUNNEL[:2])
     return kappa, max(np.abs(result[name]).max() for name in FUNNEL[2:])
 
 
 def chatter(result: Result) -> tuple[float, ...]:
-    """Total variation of the command after 60 s over its span, largest of the axes; a sinusoid
-    gives 2 per period.
+    """Return the total variation of the command after 60 s over its span, largest of the axes; a
+    sinusoid gives 2 per period.
     """
     command = result[COMMAND][since(result, SETTLED, 2 * LATE)]
     variation, span = np.abs(np.diff(command, axis=0)).sum(axis=0), np.ptp(command, axis=0)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What tracking with prescribed performance hands the engine; its figures are those of the
-line-of-sight controllers, which fly in every approach.
+"""Mission: tracking with prescribed performance. Its figures belong to the line-of-sight
+controllers, which are available in every approach.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is measured in a result of the relay approach for the claims of Kozlova & Fomichev 2023.
+"""Evaluations of the relay approach for the claims of Kozlova & Fomichev 2023.
 
-Every measure returns the number that is judged and then those that are shown with it.
+Every function returns the number with the verdict first, then further numbers to show.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.mission.claim import CannotJudgeError, NotExercisedError, final
+from harness.mission.claim import NotExercisedError, NotJudgedError, final
 from harness.results.result import Array, Result
 
 RANGE, TRANSITION = "guidance.range", "guidance.q_DS"
@@ -19,7 +19,7 @@ RATE_ERROR, IMPULSE = "controller.domega_S", "propulsion.impulse"
 STOP = 40000.0
 """Duration of the run [s]; the paper does not say it."""
 HOLD = 50.0
-"""Range that the paper keeps [m]."""
+"""Range that the paper holds [m]."""
 CAPTURE = 1000.0
 """Time after which the approach to that range counts as over [s]."""
 ALIGNED = 2000.0
@@ -34,35 +34,35 @@ result.
 
 
 def speeds(result: Result) -> tuple[Array, Array]:
-    """Speed of servicer and of target in the frame of the paper [m/s]; CannotJudgeError on an
-    orbit.
+    """Return the speed of servicer and of target in the frame of the paper [m/s]; raise
+    NotJudgedError on an orbit.
     """
     servicer, target = (np.linalg.norm(result[name], axis=1) for name in VELOCITIES)
     if target.max() > IN_ORBIT:
-        raise CannotJudgeError("the paper's frame does not move with an orbit")
+        raise NotJudgedError("the paper's frame does not move with an orbit")
     return np.asarray(servicer), np.asarray(target)
 
 
 def arrival_time(result: Result) -> float:
-    """When the range to hold is reached [s]; CannotJudgeError if it is not."""
+    """Return when the range to hold is reached [s]; raise NotJudgedError if it is not."""
     there = np.flatnonzero(result[RANGE] <= HOLD)
     if not len(there):
-        raise CannotJudgeError(f"{HOLD:g} m are not reached by {result.time[-1]:g} s")
+        raise NotJudgedError(f"{HOLD:g} m are not reached by {result.time[-1]:g} s")
     return float(result.time[there[0]])
 
 
 def first_leg(result: Result) -> NDArray[np.bool_]:
-    """Rows of the approach, without first alignment and arrival; CannotJudgeError if it is too
-    short.
+    """Return the rows of the approach, without first alignment and arrival; raise NotJudgedError if
+    it is too short.
     """
     leg = np.asarray((result.time >= ALIGNED) & (result.time <= arrival_time(result) - ALIGNED))
     if not leg.any():
-        raise CannotJudgeError("the first leg is too short")
+        raise NotJudgedError("the first leg is too short")
     return leg
 
 
 def hold(result: Result) -> NDArray[np.bool_]:
-    """Rows of the hold; NotExercisedError if it lasts less than 2000 s."""
+    """Return the rows of the hold; raise NotExercisedError if it lasts less than 2000 s."""
     held = np.asarray(result.time >= arrival_time(result) + CAPTURE)
     if result.time[-1] < arrival_time(result) + CAPTURE + ALIGNED:
         raise NotExercisedError(
@@ -71,11 +71,11 @@ def hold(result: Result) -> NDArray[np.bool_]:
     return held
 
 
-# ---- measures
+# ---- metrics
 
 
 def arrival(result: Result) -> tuple[float, ...]:
-    """Time of arrival at 50 m [s], range at the start [m]."""
+    """Return the time of arrival at 50 m [s] and the range at the start [m]."""
     return arrival_time(result), result[RANGE][0]
 
 
@@ -86,27 +86,31 @@ def speed_ripple(result: Result) -> tuple[float, ...]:
 
 
 def approach_speed(result: Result) -> tuple[float, ...]:
-    """Mean speed of the first leg over twice that of the target; mean speed [m/s]."""
+    """Return the mean speed of the first leg over twice the mean speed of the target, and that mean
+    speed [m/s].
+    """
     servicer, target = speeds(result)
     leg = servicer[first_leg(result)].mean()
     return leg / (2 * target.mean()), leg
 
 
 def hold_error(result: Result) -> tuple[float, ...]:
-    """Largest distance from 50 m during the hold [m]; least and largest range [m]."""
+    """Return the largest distance from 50 m during the hold [m]; least and largest range [m]."""
     distance = result[RANGE][hold(result)]
     return np.abs(distance - HOLD).max(), distance.min(), distance.max()
 
 
 def hold_speed(result: Result) -> tuple[float, ...]:
-    """Mean speed during the hold relative to that of the target; that speed [m/s]."""
+    """Return the mean speed during the hold relative to the speed of the target, and that speed
+    [m/s].
+    """
     servicer, target = (speed[hold(result)].mean() for speed in speeds(result))
     return servicer / target, servicer
 
 
 def heading(result: Result) -> tuple[float, ...]:
-    """Mean angle between the velocities of servicer and target in the last 2000 s of the hold
-    [deg].
+    """Return the mean angle between the velocities of servicer and target in the last 2000 s of the
+    hold [deg].
     """
     hold(result)
     speeds(result)
@@ -117,8 +121,8 @@ def heading(result: Result) -> tuple[float, ...]:
 
 
 def rate_error(result: Result) -> tuple[float, ...]:
-    """Root mean square of required less actual angular rate after 2000 s, in mrad/s; the largest
-    [mrad/s].
+    """Return the root mean square of required less actual angular rate after 2000 s, in mrad/s; the
+    largest [mrad/s].
     """
     if result.time[-1] < ALIGNED + CAPTURE:
         raise NotExercisedError(
@@ -129,8 +133,8 @@ def rate_error(result: Result) -> tuple[float, ...]:
 
 
 def transition_angle(result: Result) -> tuple[float, ...]:
-    """Largest rotation angle of the transition quaternion in the last 5000 s [deg]; its least
-    L0.
+    """Return the largest rotation angle of the transition quaternion in the last 5000 s [deg]; its
+    least L0.
     """
     L = result[TRANSITION][final(result, 5000.0, 6000.0)]
     angle = np.degrees(2 * np.arctan2(np.linalg.norm(L[:, 1:], axis=1), L[:, 0]))

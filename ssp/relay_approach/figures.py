@@ -12,7 +12,7 @@ from harness.figures.style import draw_paths, legend_above
 from harness.mission.figure import AXES, Axes, Curve, Drawing, Figure, Panel
 from harness.results.result import Array, Result
 
-from ..shared.relative_motion import SERVICER, TARGET, VELOCITIES, range_, relative_speed
+from ..shared.relative_motion import SERVICER, SPEED, TARGET, range_
 
 PURSUIT = ("guidance.q_DS",)
 """What only the guidance of this system publishes."""
@@ -30,7 +30,7 @@ WINDOW = 5.0
 
 
 def _origin(result: Result) -> Array:
-    """What positions are drawn relative to: N in deep space, the target in orbit."""
+    """Return the origin of drawn positions: N in deep space, the target in orbit."""
     target = result[TARGET]
     return target if np.abs(target).max() > IN_ORBIT else np.zeros_like(target)
 
@@ -50,12 +50,12 @@ def _trajectory(canvas: Axes, result: Result) -> None:
         "target": (target if target.any() else target[:1], "--" if target.any() else "ko"),
     }
     plane = draw_paths(canvas, paths, ("x_N [m]", "y_N [m]", "z_N [m]"), (0, 1))
-    marks = {"start": 0, "end": len(servicer) - 1}
+    points = {"start": 0, "end": len(servicer) - 1}
     hold = float(result.parameter(HOLD)) if result.holds(parameters=(HOLD,)) else 0.0
     near = np.flatnonzero(range_(result) <= hold)
     if len(near):
-        marks[f"{hold:g} m"] = int(near[0])
-    for (label, row), style in zip(marks.items(), ("g^", "rs", "ko"), strict=False):
+        points[f"{hold:g} m"] = int(near[0])
+    for (label, row), style in zip(points.items(), ("g^", "rs", "ko"), strict=False):
         plane.plot(*servicer[row, :2], style, label=label)
     legend_above(plane)
 
@@ -72,10 +72,10 @@ def _coordinate(k: int) -> tuple[Curve, ...]:
 
 
 def _rates(k: int) -> tuple[Curve, ...]:
-    needs = ("servicer.omega_SN_S", "controller.domega_S")
+    rate = "servicer.omega_SN_S"
     return (
-        Curve(lambda r: r[needs[0]][:, k] + r[needs[1]][:, k], "required", needs=needs),
-        Curve(lambda r: r[needs[0]][:, k], "actual", needs=needs),
+        Curve(f"{rate}[{k + 1}] + controller.domega_S[{k + 1}]", "required"),
+        Curve(f"{rate}[{k + 1}]", "actual"),
     )
 
 
@@ -83,9 +83,9 @@ def _rates(k: int) -> tuple[Curve, ...]:
 
 
 def _group(first: int, last: int, what: str, label: str) -> Curve:
-    """Sum over the thrusters first .. last - 1."""
-    name = f"propulsion.{what}"
-    return Curve(lambda r: np.asarray(r[name][:, first:last].sum(axis=1)), label, needs=(name,))
+    """Return the curve of a sum over the thrusters first .. last - 1."""
+    engines = range(first + 1, last + 1)
+    return Curve(" + ".join(f"propulsion.{what}[{k}]" for k in engines), label)
 
 
 def _groups(what: str) -> tuple[Curve, ...]:
@@ -103,7 +103,9 @@ ROTATION = tuple(f"controller.{name}" for name in ("Kp_w", "Kd_w", "xi1", "xi2")
 
 
 def _phase_planes(canvas: Axes, result: Result) -> None:
-    """Error and its derivative with the lines Kp e + Kd e' = const at which the relays switch."""
+    """Draw the error and its derivative with the lines Kp e + Kd e' = const at which the relays
+    switch.
+    """
     Kp, Kd, off, on = (result.parameter(name) for name in TRANSLATION)
     error, sigma = result["controller.e_v"], result["controller.sigma_v"]
     _phase_plane(
@@ -127,8 +129,8 @@ def _phase_planes(canvas: Axes, result: Result) -> None:
 def _phase_plane(
     axes: Axes, error: Array, sigma: Array, gains: tuple[Array, ...], names: tuple[str, str]
 ) -> None:
-    """names: of the error, and the unit of its derivative. A gain Kd = 0 leaves no derivative to be
-    drawn.
+    """Draw an error against its derivative; names: of the error, and the unit of its derivative. A
+    gain Kd = 0 leaves no derivative to be drawn.
     """
     Kp, Kd, off, on = (float(gain) for gain in gains)
     x, y = (WINDOW * on / gain if gain else 1.0 for gain in (Kp, Kd))
@@ -169,7 +171,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         (
             Panel(
                 "actual [m/s]",
-                (Curve(relative_speed, needs=VELOCITIES),),
+                (Curve(SPEED),),
             ),
             Panel("required [m/s]", (Curve("guidance.v_req"),)),
         ),

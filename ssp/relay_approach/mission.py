@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the relay approach hands the engine."""
+"""Mission: relay approach."""
 
 from __future__ import annotations
 

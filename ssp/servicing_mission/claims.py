@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The mission by its events, against an independent flight of the same laws with ideal thrust of at
-most 2, 1, 1 N along x, y, z and a lag of 0.3 s.
+"""Claims about the events of the mission, against an independent simulation of the same laws with
+ideal thrust of at most 2, 1, 1 N along x, y, z and a lag of 0.3 s.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ import numpy as np
 
 from harness.mission.claim import (
     Band,
-    CannotJudgeError,
     Case,
     Claim,
     Evaluation,
     NotExercisedError,
+    NotJudgedError,
     Paper,
     at_least,
     at_most,
@@ -21,91 +21,91 @@ from harness.mission.claim import (
 from harness.results.result import Result
 
 from ..shared.relative_motion import range_
-from .flight import ISP, NEEDS, Stay, captures, increments, stays
+from .events import ISP, NEEDS, Stay, captures, increments, stays
 
 LEAST, PEAK, LOAD = "monitor.least_margin", "mechanism.contact_force_peak", "mechanism.load_force"
 RATE, BY_ARM = "servicer.omega_SN_S", "manager.by_arm"
 
 
 def by_arm(result: Result) -> bool:
-    """Whether the arm mates: the table is that of the probe."""
+    """Return whether the arm mates, in which case the claims on the probe do not apply."""
     return result.holds(parameters=(BY_ARM,)) and bool(result.parameter(BY_ARM))
 
 
 def stay(result: Result, phase: str) -> Stay:
-    """The first time in a phase."""
+    """Return the first stay in a phase."""
     found = [s for s in stays(result) if s.phase == phase]
     if not found:
-        raise NotExercisedError(f"it never comes to {phase}")
+        raise NotExercisedError(f"the mission does not reach {phase}")
     return found[0]
 
 
 def reached(phase: str, after: str | None = None) -> Evaluation:
-    """When a phase begins, or how long after another one [s], and the range there [m]."""
+    """Return when a phase begins, or how long after another one [s], and the range there [m]."""
 
-    def measure(result: Result) -> tuple[float, ...]:
+    def evaluate(result: Result) -> tuple[float, ...]:
         there = stay(result, phase)
         since = stay(result, after).begin if after else 0.0
         return there.begin - since, float(range_(result)[there.row])
 
-    return measure
+    return evaluate
 
 
 def range_at(phase: str) -> Evaluation:
-    """Range where a phase begins [m]."""
+    """Return the range where a phase begins [m]."""
     return lambda result: (float(range_(result)[stay(result, phase).row]),)
 
 
 def _capture(result: Result, what: str) -> float:
     found = [t for t, event in captures(result) if event == what]
     if not found:
-        raise CannotJudgeError(f"no {what}")
+        raise NotJudgedError(f"no {what}")
     return found[-1]
 
 
 def soft_after_mating(result: Result) -> tuple[float, ...]:
-    """From the last mating to soft capture [s]."""
+    """Return the time from the last mating to soft capture [s]."""
     last = [s for s in stays(result) if s.phase == "MATING"][-1]
     return (_capture(result, "soft capture") - last.begin,)
 
 
 def at_soft(name: str) -> Evaluation:
-    """Size of a variable in the row before soft capture."""
+    """Return the size of a variable in the row before soft capture."""
 
-    def measure(result: Result) -> tuple[float, ...]:
+    def evaluate(result: Result) -> tuple[float, ...]:
         row = np.searchsorted(result.time, _capture(result, "soft capture")) - 1
         return (float(np.linalg.norm(result[name][row])),)
 
-    return measure
+    return evaluate
 
 
 def hard_after_soft(result: Result) -> tuple[float, ...]:
-    """From soft to hard capture [s]."""
+    """Return the time from soft to hard capture [s]."""
     return (_capture(result, "hard capture") - _capture(result, "soft capture"),)
 
 
 def largest(name: str) -> Evaluation:
-    """Largest value of a variable."""
+    """Return the largest value of a variable."""
     return lambda result: (float(result[name].max()),)
 
 
 def rate_at_end(result: Result) -> tuple[float, ...]:
-    """Rate of the servicer in the last row [rad/s]."""
+    """Return the rate of the servicer in the last row [rad/s]."""
     return (float(np.linalg.norm(result[RATE][-1])),)
 
 
 def all_increments(result: Result) -> tuple[float, ...]:
-    """Velocity increments of the whole flight [m/s]."""
+    """Return the velocity increments of the whole mission [m/s]."""
     return (float(increments(result)[-1]),)
 
 
 def least_before_mating(result: Result) -> tuple[float, ...]:
-    """Least range before the first mating [m]."""
+    """Return the least range before the first mating [m]."""
     return (float(range_(result)[: stay(result, "MATING").row].min()),)
 
 
 def least_margin(result: Result) -> tuple[float, ...]:
-    """Least margin of the rules keep-out, corridor and speed [m, m, m/s]."""
+    """Return the least margin of the rules keep-out, corridor and speed [m, m, m/s]."""
     margins = result[LEAST][-1, :3]
     return (float(margins.min()), *map(float, margins))
 
@@ -113,19 +113,19 @@ def least_margin(result: Result) -> tuple[float, ...]:
 def claim(  # noqa: PLR0913, PLR0917 - the columns of the table
     name: str,
     there: str,
-    measure: Evaluation,
+    evaluation: Evaluation,
     figure: str,
     unit: str,
     band: Band,
     *needs: str,
 ) -> Claim:
-    """One line of the table."""
-    return Claim(name, f"{name}: {there}", "events", (*NEEDS, *needs), measure, figure, unit, band,
-                 interval=1.0)  # fmt: skip
+    """Return the claim of one line of the table."""
+    return Claim(name, f"{name}: {there}", "events", (*NEEDS, *needs), evaluation, figure, unit,
+                 band, interval=1.0)  # fmt: skip
 
 
 def after(phase: str, before: str, there: str, low: float, high: float) -> Claim:
-    """A phase so long after another one."""
+    """Return the claim that a phase begins within an interval after another one."""
     return claim(phase, there, reached(phase, before), f"{{0:.0f}} s after {before}", "s",
                  Band(low, high))  # fmt: skip
 
@@ -157,7 +157,7 @@ CLAIMS = (
 )  # fmt: skip
 
 PAPER = Paper(
-    title="A mission by its events (independent flight of the same laws, ideal thrust)",
+    title="A mission by its events (independent simulation of the same laws, ideal thrust)",
     needs=NEEDS,
     claims=CLAIMS,
     parameters=(ISP,),

@@ -13,7 +13,7 @@ from harness.results.histories import turned
 from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET, range_
-from .flight import ISP, NEEDS, PHASES, increments, stays
+from .events import ISP, NEEDS, PHASES, increments, stays
 
 HALF_ANGLE = "monitor.corridor_half_angle"
 IN_TARGET = (SERVICER, TARGET, "target.q_TN")
@@ -24,13 +24,13 @@ CLOSE = 25.0
 
 
 def in_target_axes(result: Result) -> Array:
-    """Position of the servicer relative to the target, target axes, (rows, 3) [m]."""
+    """Return the position of the servicer relative to the target, target axes, (rows, 3) [m]."""
     rho = result[SERVICER] - result[TARGET]
-    return turned(result["target.q_TN"] * (1, -1, -1, -1), rho)  # from N to T
+    return turned(result["target.q_TN"] * (1, -1, -1, -1), rho)  # conjugated: from N to T
 
 
 def _mission(canvas: Axes, result: Result) -> None:
-    """Range and velocity increments; the phases as bands with their names."""
+    """Draw the range and velocity increments; the phases as bands with their names."""
     top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     clock = time_axis(result.time)
     t = result.time / clock.seconds
@@ -48,8 +48,8 @@ def _mission(canvas: Axes, result: Result) -> None:
 
 
 def _corridor(canvas: Axes, result: Result) -> None:
-    """Distance off the grasp axis over the distance along it, from the fly-around on, in the cone
-    of the monitor.
+    """Draw the distance off the grasp axis over the distance along it, from the fly-around on, in
+    the cone of the monitor.
     """
     p = in_target_axes(result)
     axis = np.asarray(result.parameter("guidance.p_T"))

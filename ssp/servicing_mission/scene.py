@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The replay of a mission: an approach with the mechanism on both bodies or with the arm as it is,
-phases and events.
+"""Replay of a mission: an approach with the mechanism on both bodies or with the arm, phases and
+events.
 
-After capture the stack needs nothing: both bodies are drawn where they are.
+After capture the stack needs no extra part: both bodies are drawn at their positions.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from functools import partial
 from harness.mission import Scene
 from harness.report.arrays import Arrays
 from harness.report.scene import number
-from harness.report.story import event, runs_of
+from harness.report.timeline import event, runs_of
 from harness.results.result import Result, Rows
 
 from ..arm_capture.scene import fit as arm
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
 from ..shared.docking_scene import DOCKING, LATCH, drogue, floor, probe
-from .flight import DOCKING as CAPTURE
-from .flight import ISP, NEEDS, PHASE, captures, stays
+from .events import DOCKING as CAPTURE
+from .events import ISP, NEEDS, PHASE, captures, stays
 
 LOAD = "mechanism.load_force"
 PHASES = (
@@ -32,7 +32,9 @@ ALARMS = ("backing off", "retreat", "safe", "aborted")
 
 
 def _events(result: Result) -> list[dict[str, object]]:
-    """Phases with what ended the one before, then contacts and latches."""
+    """Return the phases, each with the reason why the previous phase ended, then contacts and
+    latches.
+    """
     words = {s.begin: PHASES[int(result[PHASE][s.row])] for s in stays(result)}
     begun = [
         event(
@@ -46,13 +48,15 @@ def _events(result: Result) -> list[dict[str, object]]:
 
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
-    """Probe and drogue, or the arm; phase, latch and contact force run along, events are marked."""
+    """Return probe and drogue, or the arm; phase, latch and contact force run along, events are
+    marked.
+    """
     if not result.holds(*NEEDS, LOAD, parameters=(*DOCKING, ISP)):
         return None
-    told, phases = _events(result), tuple(runs_of(result[PHASE], result.time, PHASES))
-    course = {"values": arrays.keep(result[PHASE][rows]), "words": PHASES, "alarms": ALARMS}
+    captured, phases = _events(result), tuple(runs_of(result[PHASE], result.time, PHASES))
+    course = {"values": arrays.sample(result, rows, PHASE), "words": PHASES, "alarms": ALARMS}
     if (outfit := arm(result, rows, arrays)) is not None:
-        both = sorted((*told, *outfit.events), key=lambda each: each["time"])
+        both = sorted((*captured, *outfit.events), key=lambda each: each["time"])
         return outfit._replace(events=tuple(both), phases=phases, course=course)
     return Outfit(
         probe(result),
@@ -62,7 +66,7 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
             number(result, arrays, rows, CAPTURE, LATCH, "latch"),
             number(result, arrays, rows, LOAD, text="contact force"),
         ),
-        events=tuple(told),
+        events=tuple(captured),
         phases=phases,
         spot="drogue",
         course=course,

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What several missions have in common: relative motion, estimates, safety, their figures,
-measures and replay.
+"""Parts shared by several missions: relative motion, estimates, safety, their figures, metrics and
+replay.
 """

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What every approach to a target hands the engine, with what a mission has of its own."""
+"""Mission of an approach to a target, extended by a mission's own parts."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from harness.mission import Drawing, Figure, Mission, Overlay, Paper, Scene
+from harness.results.result import Result
 
 from . import (
     flexible,
@@ -18,17 +21,17 @@ from .approach_figures import (
     ATTITUDE_ERROR,
     FIRING,
     FORCE,
+    PHASES,
     RANGE,
     WHEEL_SPEEDS,
 )
 from .approach_scene import PAIR, pair, pairs
 from .conventions import CONTROLLER, ORBITS, RESTARTS
-from .gauges import GAUGES
-from .measures import MEASURES, bands, definitions
-from .notes import notes
+from .metrics import METRICS, bands, definitions
 from .overlays import FIGURES as OVERLAYS
-from .phases import PHASES
+from .relative_motion import release_time
 from .safety import LEAST, RESTING, RULES, findings
+from .watched import WATCHED
 
 COMMON = (RANGE, FORCE, *ADAPTIVE, ATTITUDE_ERROR, WHEEL_SPEEDS, ALIGNMENT)
 """Figures of any guidance and any controller."""
@@ -47,14 +50,14 @@ def approach(
     claims: tuple[Paper, ...] = (),
     overlays: tuple[Figure | Overlay, ...] = (),
 ) -> Mission:
-    """The mission of an approach: its own figures between those that all have, its papers."""
+    """Return the mission of an approach: its own figures among the shared ones, and its papers."""
     return Mission(
         figures=(*COMMON, *figures, *FURTHER),
         overlays=(*OVERLAYS, *overlays),
         phases=PHASES,
-        measures=(*MEASURES, *flexible.MEASURES),
+        metrics=(*METRICS, *flexible.METRICS),
         claims=(*claims, navigation_claims.PAPER),
-        gauges=GAUGES,
+        watched=WATCHED,
         scene=(Scene(PAIR, (), pair, pairs),),
         rules=(findings,),
         idle=tuple((name, RESTING) for name in (LEAST, *(rule.history for rule in RULES))),
@@ -65,3 +68,27 @@ def approach(
         restarts=RESTARTS,
         examples=(CONTROLLER,),
     )
+
+
+# ---- notes
+
+TORQUE_COMMANDS = ("propulsion.M_S", "controller.wheel_accel_cmd")
+"""Commands that turn the servicer."""
+
+
+def notes(result: Result) -> Iterator[str]:
+    """Yield one line per fact."""
+    yield from _torque_without_effect(result)
+
+
+def _torque_without_effect(result: Result) -> Iterator[str]:
+    """Yield a line if a torque acts on a servicer whose attitude is still frozen."""
+    release = min(release_time(result), result.time[-1])
+    frozen = result.time < release
+    for name in TORQUE_COMMANDS:
+        if name in result and result[name][frozen].any():
+            yield (
+                f"the attitude of the servicer is frozen before {release:g} s, so {name} acts on "
+                f"nothing until then; to turn it from the start: --set servicer.t_att=0"
+            )
+            return

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures that every approach has, whatever guides and controls it, and those of estimates by
-adaptive control: counterparts of figures 5 to 11 of Zhu & Yang 2009.
+"""Figures of every approach, for any guidance and controller, and figures of estimates by adaptive
+control: counterparts of figures 5 to 11 of Zhu & Yang 2009.
 """
 
 from __future__ import annotations
@@ -8,13 +8,27 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.style import time_axis
-from harness.mission.figure import AXES, Axes, Curve, Drawing, Figure, Level, Panel, degrees
+from harness.mission import Phase
+from harness.mission.figure import (
+    AXES,
+    Axes,
+    Curve,
+    Drawing,
+    Figure,
+    Level,
+    Panel,
+    degrees,
+)
 from harness.results.result import Array, Result
 
 from .relative_motion import (
     ATTITUDE,
+    DISTANCE,
     FORCE_H,
     REFERENCE_ATTITUDE,
+    SERVICER,
+    TARGET,
+    VELOCITIES,
     attitude_error,
     attitude_error_vector,
     force_H,
@@ -40,24 +54,21 @@ counts.
 
 
 def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) -> Panel:
-    """Six estimated elements from `first` on, or those on or off the diagonal, and the true ones,
-    dashed.
+    """Return six estimated elements from `first` on, or the ones on or off the diagonal, and the
+    true ones, dashed.
     """
-    chosen = [first + k for k in elements]
-    places = [(i, j) for i in range(3) for j in range(i, 3)]
-    labels = tuple("{}{}".format(*(i + 1 for i in places[k])) for k in elements)
-
-    def true(result: Result) -> Array:
-        matrix = result.parameter(parameter)
-        return np.tile([matrix[places[k]] for k in elements], (len(result.time), 1))
-
-    estimates = Curve(ETA, "", lambda x: np.asarray(x[:, chosen]), labels)
-    values = Curve(true, "", None, ("true", "", ""), "--", anew=True, parameters=(parameter,))
-    return Panel(f"{what} [kg m2]", (estimates, values), after=release_time)
+    places = [f"{i}{j}" for i in (1, 2, 3) for j in range(i, 4)]
+    estimates = [Curve(f"{ETA}[{first + k + 1}]", places[k]) for k in elements]
+    values = [
+        Curve(f"parameter({parameter}[{','.join(places[k])}])", "" if n else "true", style="--",
+              anew=not n, parameters=(parameter,))
+        for n, k in enumerate(elements)
+    ]  # fmt: skip
+    return Panel(f"{what} [kg m2]", (*estimates, *values), after=release_time)
 
 
 def _firing_chart(canvas: Axes, result: Result) -> None:
-    """Thrust of every engine as part of its largest, over time."""
+    """Draw the thrust of every engine as part of its largest, over time."""
     thrust = result["propulsion.thrust"]
     exist = np.flatnonzero(thrust.any(axis=0))
     names = [_engine(result, int(i)) for i in exist]
@@ -82,7 +93,9 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
 
 
 def _engine(result: Result, i: int) -> str:
-    """Name of thruster i: that of the paper, of another set its number and the way it pushes."""
+    """Return the name of thruster i: the name in the paper, or for another parameter set its number
+    and the direction of its force.
+    """
     if PURSUIT in result:
         return ENGINES[i] if i < len(ENGINES) else str(i + 1)
     if not result.holds(parameters=(DIRECTION,)):
@@ -94,7 +107,7 @@ def _engine(result: Result, i: int) -> str:
 
 
 def _thinned(rows: Array) -> Array:
-    """At most COLUMNS rows, each the largest of those it stands for."""
+    """Return at most COLUMNS rows, each the largest of the rows that it represents."""
     starts = np.unique(
         np.linspace(0, len(rows), min(len(rows), COLUMNS), endpoint=False).astype(int)
     )
@@ -171,11 +184,36 @@ ALIGNMENT = Figure(
         Panel(
             "angle [deg]",
             (
-                Curve("guidance.beta_t", "grasp axis to relative position", degrees),
-                Curve("guidance.beta_p", "arm to direction of target", degrees),
+                Curve("degrees(guidance.beta_t)", "grasp axis to relative position"),
+                Curve("degrees(guidance.beta_p)", "arm to direction of target"),
             ),
         ),
     ),
 )
 FIRING = Drawing("firing", "Thruster firings", ("propulsion.thrust",), _firing_chart)
 ADAPTIVE = (ESTIMATED_MASS, INERTIA_ESTIMATES)
+
+
+# ---- phase plots
+
+
+RANGE_RATE = "total(({} - {}) * ({} - {})) / {}".format(SERVICER, TARGET, *VELOCITIES, DISTANCE)
+PHASES = (
+    Phase(
+        "Range",
+        "range [m]",
+        "its rate [m/s]",
+        (SERVICER, TARGET, *VELOCITIES),
+        DISTANCE,
+        RANGE_RATE,
+    ),
+    Phase(
+        "Attitude error",
+        "MRP of S relative to D",
+        "rate error [deg/s]",
+        ("controller.epsilon", "controller.domega_S"),
+        "controller.epsilon",
+        "degrees(controller.domega_S)",
+        after=release_time,
+    ),
+)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The replay of an approach: servicers about their target, zones and axes, plumes."""
+"""Replay of an approach: servicers about their target, zones and axes, plumes."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ import numpy as np
 
 from harness.report.arrays import Arrays
 from harness.report.scene import Body, Part, Scene, instants, scene
-from harness.report.story import event, of_run
+from harness.report.timeline import event, of_run
 from harness.results.result import Array, Result, Rows
 
-from . import approach_marks as marks
+from . import approach_zones as zones
 from . import bodies, flexible
-from .relative_motion import SERVICER, TARGET, VELOCITIES, release_time
+from .relative_motion import DISTANCE, SERVICER, SPEED, TARGET, VELOCITIES, release_time
 from .sky import frames, in_orbit, sky
 
 PAIR = (SERVICER, TARGET, *VELOCITIES, "servicer.q_SN", "target.q_TN")
 
 
 class Outfit(NamedTuple):
-    """What a mission mounts on servicer and target in place of the sign of an arm and a ring.
+    """Parts that a mission draws on servicer and target instead of a symbolic arm and ring.
 
-    servicer, target: parts; links: what moves on the servicer, reach: as far from S [m]; root,
-    seat: points on the hulls of servicer and target [m], where nothing else says how large they
-    are; numbers, phases, events: what runs along; course: the history of the phases, with their
-    words and those that are alarms; paths: name, position and attitude of points that leave one;
-    spot: what the seat is called.
+    servicer, target: parts; links: moving parts of the servicer; reach: their largest distance from
+    S [m]; root, seat: points on the hulls of servicer and target [m], used if nothing else defines
+    their size; numbers, phases, events: values shown during the replay; course: history of the
+    phases, with their names and the phases that are alarms; paths: name, position and attitude of
+    points that leave a path; spot: name of the seat.
     """
 
     servicer: list[Part]
@@ -46,46 +46,44 @@ class Outfit(NamedTuple):
 
 
 Fit = Callable[[Result, Rows, Arrays], Outfit | None]
-"""The outfit of a result at these rows; None if it does not hold what says it."""
+"""Function that returns the outfit of a result at these rows; None if data are missing."""
 
 
 def bare(_: Result, __: Rows, ___: Arrays) -> None:
-    """No outfit."""
+    """Return no outfit."""
 
 
 def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
-    """A servicer about its target."""
+    """Return the scene of a servicer about its target."""
     rows = instants(result, "servicer.q_SN", "target.q_TN")
     outfit = fit(result, rows, arrays)
-    r, v = result[TARGET][rows], result[VELOCITIES[1]][rows]
-    orbit = in_orbit(r)
-    centre = r if orbit else np.zeros_like(r)
-    chaser, size = _servicer(result, rows, arrays, centre, outfit)
-    client = _target(result, rows, centre, not orbit, outfit)
+    orbit = in_orbit(result[TARGET][rows])
+    chaser, size = _servicer(result, rows, arrays, orbit, outfit)
+    client = _target(result, rows, arrays, orbit, not orbit, outfit)
     return scene(
         arrays,
         result.time[rows],
         "target" if orbit else "origin of N",
-        [chaser, *_points(result, rows, centre, outfit), client],
-        **frames(arrays, r, v),
-        **(sky(result, arrays, rows, r, _planet(result)) if orbit else {}),
+        [chaser, *_points(result, rows, arrays, orbit, outfit), client],
+        **frames(result, arrays, rows, TARGET, VELOCITIES[1]),
+        **(sky(result, arrays, rows, TARGET, _planet(result)) if orbit else {}),
         centre="target",
-        marks=marks.marks(result, rows, arrays, centre),
-        rules=marks.rules(result, rows, arrays),
-        sensors=marks.sensors(result),
+        zones=zones.zones(result, rows, arrays, orbit),
+        rules=zones.rules(result, rows, arrays),
+        sensors=zones.sensors(result),
         spots=_spots(result, outfit),
         plumes=_plumes(result, rows, arrays, size),
-        range=arrays.keep(np.linalg.norm((result[SERVICER] - result[TARGET])[rows], axis=1)),
-        speed=arrays.keep(
-            np.linalg.norm((result[VELOCITIES[0]] - result[VELOCITIES[1]])[rows], axis=1)
-        ),
+        range=arrays.sample(result, rows, DISTANCE),
+        speed=arrays.sample(result, rows, SPEED),
         numbers=list(outfit.numbers) if outfit else [],
         **_course(result, outfit),
     )
 
 
 def _course(result: Result, outfit: Outfit | None) -> Scene:
-    """Phases and events: those of the outfit, when the attitude is released, when a rule aborts."""
+    """Return phases and events: of the outfit, the release of the attitude, and aborts
+    by a rule.
+    """
     events = list(outfit.events) if outfit else []
     phases = list(outfit.phases) if outfit else []
     begin, end, released = float(result.time[0]), float(result.time[-1]), release_time(result)
@@ -105,13 +103,13 @@ ABORT = "monitor.abort"
 
 
 def _spots(result: Result, outfit: Outfit | None) -> list[Scene]:
-    """The point of the target that shall be reached."""
+    """Return the point of the target to be reached."""
     if outfit is not None:
         at, title, text = outfit.seat, "", outfit.spot
-    elif (axis := marks.grasp_axis(result)) is not None:
+    elif (axis := zones.grasp_axis(result)) is not None:
         at, title, text = (
             axis * _target_face(result),
-            marks.meaning(result, "guidance.p_T"),
+            zones.meaning(result, "guidance.p_T"),
             "grasp point",
         )
     else:
@@ -125,8 +123,17 @@ INERTIAS = {
 }
 
 
+def _place(
+    result: Result, rows: Rows, arrays: Arrays, names: tuple[str, str], orbit: bool
+) -> tuple[str, str]:
+    """Return the arrays of a position, relative to the target in orbit, and of an attitude."""
+    r, q = names
+    relative = f"{r} - {TARGET}" if orbit else r
+    return arrays.sample(result, rows, relative), arrays.sample(result, rows, q)
+
+
 def _servicer(
-    result: Result, rows: Rows, arrays: Arrays, centre: Array, outfit: Outfit | None
+    result: Result, rows: Rows, arrays: Arrays, orbit: bool, outfit: Outfit | None
 ) -> tuple[Body, Array]:
     size, middle = _size(result, "servicer", outfit.root if outfit else None), np.zeros(3)
     unit = thrusters(result)
@@ -153,94 +160,97 @@ def _servicer(
         face = size[0] / 2 + middle[0]
         far = float(result.parameter("guidance.rho_M")) - face - _target_face(result)
         parts += bodies.arm(max(far, 0.2 * face), face, 0.04 * size.max())
-    r, q = (result[name][rows] for name in (SERVICER, "servicer.q_SN"))
-    return Body("servicer", r - centre, q, parts, 0, radius, links, reach=reach), size
+    place = _place(result, rows, arrays, (SERVICER, "servicer.q_SN"), orbit)
+    return Body("servicer", *place, parts, 0, radius, links, reach=reach), size
 
 
-def _points(result: Result, rows: Rows, centre: Array, outfit: Outfit | None) -> list[Body]:
-    """What has a path and axes of its own and is drawn as a part of something else."""
+def _points(
+    result: Result, rows: Rows, arrays: Arrays, orbit: bool, outfit: Outfit | None
+) -> list[Body]:
+    """Return bodies with a path and axes of their own that are drawn as a part of another body."""
     paths = outfit.paths if outfit else ()
     return [
-        Body(name, result[r][rows] - centre, result[q][rows], [], 2, 0.1) for name, r, q in paths
+        Body(name, *_place(result, rows, arrays, (r, q), orbit), [], 2, 0.1) for name, r, q in paths
     ]
 
 
 def _size(result: Result, body: str, mount: Array | None) -> Array:
-    """Edges of the hull of a body; of one with a mount, of the box that has it on its surface."""
+    """Return the edges of the hull of a body; of one with a mount, of the box that has it on its
+    surface.
+    """
     if mount is None:
         return bodies.edges(result, *INERTIAS[body])
     return bodies.edges_through(result, *INERTIAS[body], mount)
 
 
 def _target_face(result: Result) -> float:
-    """Distance of the grasp point from the centre of the target [m]."""
-    axis, size = marks.grasp_axis(result), _size(result, "target", None)
+    """Return the distance of the grasp point from the centre of the target [m]."""
+    axis, size = zones.grasp_axis(result), _size(result, "target", None)
     return float(0.5 / np.max(np.abs(axis) / size)) if axis is not None else float(size.max() / 2)
 
 
-def _target(result: Result, rows: Rows, centre: Array, trail: bool, outfit: Outfit | None) -> Body:
+def _target(  # noqa: PLR0913, PLR0917 - what is drawn, and how
+    result: Result, rows: Rows, arrays: Arrays, orbit: bool, trail: bool, outfit: Outfit | None
+) -> Body:
     size = _size(result, "target", outfit.seat if outfit else None)
     parts = [bodies.box(size), *bodies.wings(size)]
     if outfit is not None:
         parts += outfit.target
-    elif (axis := marks.grasp_axis(result)) is not None:
+    elif (axis := zones.grasp_axis(result)) is not None:
         parts.append(bodies.ring(axis, size, 0.18 * float(size.min())))
-    r, q = result[TARGET][rows] - centre, result["target.q_TN"][rows]
-    return Body("target", r, q, parts, 1, float(np.linalg.norm(size) / 2), trail=trail)
+    place = _place(result, rows, arrays, (TARGET, "target.q_TN"), orbit)
+    return Body("target", *place, parts, 1, float(np.linalg.norm(size) / 2), trail=trail)
 
 
 def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Scene | None:
-    """The servicers of several runs, by label, about the target of the longest one; None if they
-    are no such runs. A run that ended early stays where it was.
+    """Return the servicers of several runs, by label, about the target of the longest one; None for
+    other results. A run that ended early stays at its last position.
     """
     moving = {n: r for n, r in results.items() if len(r.time) > 1 and r.holds(*PAIR)}
     if not moving:
         return None
     longest = max(moving.values(), key=lambda result: float(result.time[-1]))
     rows = instants(longest, "target.q_TN")
-    time, r, v = longest.time[rows], longest[TARGET][rows], longest[VELOCITIES[1]][rows]
-    orbit = in_orbit(r)
-    centre = r if orbit else np.zeros_like(r)
+    time, orbit = longest.time[rows], in_orbit(longest[TARGET][rows])
     found, numbers = [], []
-    told: dict[str, list[Scene]] = {"events": [], "phases": [], "rules": []}
+    timeline: dict[str, list[Scene]] = {"events": [], "phases": [], "rules": []}
     for k, (label, result) in enumerate(moving.items()):
         own = np.minimum(np.searchsorted(result.time, time - INSTANT), len(result.time) - 1)
-        about = result[TARGET][own] if orbit else centre
         outfit = fit(result, own, arrays)
-        body, _ = _servicer(result, own, arrays, about, outfit)
+        body, _ = _servicer(result, own, arrays, orbit, outfit)
         found.append(body._replace(name=label, colour=k))
-        apart = np.linalg.norm((result[SERVICER] - result[TARGET])[own], axis=1)
-        numbers.append({"name": label, "unit": "m", "factor": 1.0, "values": arrays.keep(apart)})
+        apart = arrays.sample(result, own, DISTANCE)
+        numbers.append({"name": label, "unit": "m", "factor": 1.0, "values": apart})
         course = _course(result, outfit)
-        told["events"] += of_run(label, course["events"])
-        told["phases"] += [phase | {"run": label} for phase in course["phases"]]
-        told["rules"] += marks.overall(label, result, own, arrays)
+        timeline["events"] += of_run(label, course["events"])
+        timeline["phases"] += [phase | {"run": label} for phase in course["phases"]]
+        timeline["rules"] += zones.overall(label, result, own, arrays)
     outfit = fit(longest, rows, arrays)
-    client = _target(longest, rows, centre, False, outfit)._replace(colour=NEUTRAL)
+    client = _target(longest, rows, arrays, orbit, False, outfit)._replace(colour=NEUTRAL)
     return scene(
         arrays,
         time,
         "target" if orbit else "origin of N",
         [*found, client],
-        **frames(arrays, r, v),
-        **(sky(longest, arrays, rows, r, _planet(longest)) if orbit else {}),
+        **frames(longest, arrays, rows, TARGET, VELOCITIES[1]),
+        **(sky(longest, arrays, rows, TARGET, _planet(longest)) if orbit else {}),
         centre="target",
-        marks=marks.marks(longest, rows, arrays, centre, judged=False),
+        zones=zones.zones(longest, rows, arrays, orbit, checked=False),
         spots=_spots(longest, outfit),
         numbers=numbers,
-        **told,
+        **timeline,
     )
 
 
 INSTANT = 1e-6
 """Times closer than this [s] are the same."""
 NEUTRAL = 7
-"""Colour of what belongs to no run."""
+"""Colour of parts that belong to no run."""
 
 
 def _planet(result: Result) -> float:
-    """Radius of the planet [m], 0 if no parameter says it."""
-    return max(marks.parameter(result, "target.R_E"), marks.parameter(result, "monitor.R_E"))
+    """Return the radius of the planet [m], 0 if no parameter defines it."""
+    return max(zones.parameter(result, "target.R_E"), zones.parameter(result, "monitor.R_E"))
 
 
 # ---- plumes
@@ -250,45 +260,44 @@ FORCES = ("controller.F_cmd_S", "propulsion.F_S")
 
 
 def _plumes(result: Result, rows: Rows, arrays: Arrays, size: Array) -> list[Scene]:
-    """What the thrusters are commanded, as parts of the nominal thrust; without thrusters the
-    commanded force along the body axes, as parts of its largest element.
+    """Return the thruster commands as shares of the nominal thrust; without thrusters the commanded
+    force along the body axes, as shares of its largest element.
     """
     unit = thrusters(result)
     command = next((name for name in COMMANDS if name in result), None)
     if unit is not None and command is not None:
-        share = _mean_between(result[command], rows)
         places, directions, nominal = unit
         return [
-            _plume(arrays, places[k], directions[k], share[:, k], command)
+            _plume(places[k], directions[k], _share(result, rows, arrays, f"{command}[{k + 1}]"))
+            | {"source": command}
             for k in np.flatnonzero(nominal > 0)
         ]
     force = next((name for name in FORCES if name in result), None)
-    if force is None or not (largest := np.nanmax(np.abs(result[force]))):
+    if force is None or not np.nanmax(np.abs(result[force])):
         return []
-    share = _mean_between(result[force], rows) / largest
+    text = f"{{}} * {force}[{{}}] / max(abs({force}))"
     return [
-        _plume(
-            arrays, -side * axis * size / 2, side * axis, np.maximum(side * share[:, k], 0), force
-        )
+        _plume(-side * axis * size / 2, side * axis,
+               _share(result, rows, arrays, text.format(side, k + 1))) | {"source": force}
         for k, axis in enumerate(np.eye(3))
         for side in (1, -1)
-    ]
+    ]  # fmt: skip
 
 
-def _plume(arrays: Arrays, at: Array, force: Array, share: Array, source: str) -> Scene:
+def _plume(at: Array, force: Array, share: str) -> Scene:
     return {
         "body": "servicer",
         "at": np.asarray(at, dtype=float).tolist(),
         "out": (-np.asarray(force, dtype=float)).tolist(),
-        "share": arrays.keep(np.clip(share, 0, 1)),
-        "source": source,
+        "share": share,
     }
 
 
-def _mean_between(values: Array, rows: Rows) -> Array:
-    """Mean of the rows from one instant to the next: a pulse is seen however short it is."""
-    counts = np.diff(np.append(rows, len(values)))
-    return np.asarray(np.add.reduceat(values, rows, axis=0) / counts[:, None])
+def _share(result: Result, rows: Rows, arrays: Arrays, text: str) -> str:
+    """Return the array of the mean of the rows from one instant to the next: a pulse is visible
+    however short it is. Negative values are drawn as 0.
+    """
+    return arrays.sample(result, rows, text, over="mean")
 
 
 # ---- thrusters
@@ -297,8 +306,8 @@ THRUSTERS = ("thruster_position", "thruster_direction", "thrust_nominal", "centr
 
 
 def thrusters(result: Result, component: str = "propulsion") -> tuple[Array, Array, Array] | None:
-    """Places from the centre of mass (n, 3) [m], directions of the force (n, 3) and nominal thrusts
-    (n,) [N]; None without thrusters.
+    """Return the places from the centre of mass (n, 3) [m], directions of the force (n, 3) and
+    nominal thrusts (n,) [N]; None without thrusters.
     """
     names = [f"{component}.{name}" for name in THRUSTERS]
     if not result.holds(parameters=names):

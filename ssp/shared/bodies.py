@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Shapes of the bodies of a replay, from the parameters of the run.
 
-Where the plant has a shape (boxes and panels of the assembly, places of the thrusters, lengths of
-the links), it is drawn; otherwise a body is the box of uniform density with its mass and its
-moments of inertia
+A plant with a shape (boxes and panels of the assembly, positions of the thrusters, lengths of the
+links) is drawn with it. Any other body is the box of uniform density with its mass and its moments
+of inertia
 
     edge_x^2 = 6 (J_y + J_z - J_x) / m
 
-of a servicer or target the hull is HULL of that, and panels, a sign without data, stand for the
-rest. Parts are dictionaries that the
-page draws: `kind`, `at` (centre, body axes) and sizes [m].
+The hull of a servicer or target is the share HULL of that box, and panels, a symbol without data,
+represent the rest. Parts are dictionaries that the page draws: `kind`, `at` (centre, body axes) and
+sizes [m].
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from harness.results.result import Array, Result
 SLIMMEST = 0.15
 """Least edge of a box as part of its largest."""
 HULL = 0.6
-"""Edges of a hull with panels as part of those of the uniform box."""
+"""Edges of a hull with panels, relative to the edges of the uniform box."""
 EDGE = 1.0
 """Edge of a body whose mass or inertia the result does not hold [m]."""
 WING = 1.6
@@ -35,7 +35,9 @@ THIN = 0.03
 
 
 def uniform_box(mass: float, inertia: Array) -> Array:
-    """Edges (3,) [m] of the box of uniform density with that mass and the diagonal of inertia."""
+    """Return the edges (3,) [m] of the box of uniform density with that mass and the diagonal of
+    inertia.
+    """
     J = np.diag(inertia) if np.ndim(inertia) == 2 else np.asarray(inertia)
     squares = 6 * (J.sum() - 2 * J) / mass
     edges = np.sqrt(np.maximum(squares, 0))
@@ -43,7 +45,9 @@ def uniform_box(mass: float, inertia: Array) -> Array:
 
 
 def edges(result: Result, mass: str, inertia: str) -> Array:
-    """Edges of the hull of a body, from two of its parameters; a cube if they are not known."""
+    """Return the edges of the hull of a body, from two of its parameters; a cube if they are not
+    known.
+    """
     if not result.holds(parameters=(mass, inertia)):
         return np.full(3, EDGE)
     found = HULL * uniform_box(float(result.parameter(mass)), result.parameter(inertia))
@@ -51,20 +55,20 @@ def edges(result: Result, mass: str, inertia: str) -> Array:
 
 
 def edges_through(result: Result, mass: str, inertia: str, point: Any) -> Array:
-    """Edges of the box with the proportions of that of uniform density whose surface holds a
-    point: where something is mounted says more of the size of a hull than HULL does.
+    """Return the edges of the box with the proportions of edges() whose surface contains a point.
+    The point at which a part is mounted determines the size of a hull better than HULL does.
     """
     found = edges(result, mass, inertia)
     return np.asarray(found * np.max(2 * np.abs(point) / found))
 
 
 def box(size: Array, at: Any = (0, 0, 0), look: str = "hull") -> Part:
-    """A box with edges along the axes of its body."""
+    """Return a box with edges along the axes of its body."""
     return {"kind": "box", "size": _plain(size), "at": _plain(at), "look": look}
 
 
 def wings(size: Array) -> list[Part]:
-    """Two panels along y with the booms that carry them."""
+    """Return two panels along y with the booms that carry them."""
     long = float(np.max(size))
     chord = max(0.6 * float(size[0]), 0.3 * long)
     span, gap = WING * long, 0.15 * long
@@ -80,22 +84,22 @@ def wings(size: Array) -> list[Part]:
 
 
 def rod(begin: Any, end: Any, radius: float, look: str = "metal") -> Part:
-    """A cylinder between two points."""
+    """Return a cylinder between two points."""
     return {"kind": "rod", "from": _plain(begin), "to": _plain(end), "radius": radius, "look": look}
 
 
 def ball(at: Any, radius: float, look: str = "metal") -> Part:
-    """A sphere."""
+    """Return a sphere."""
     return {"kind": "ball", "at": _plain(at), "radius": radius, "look": look}
 
 
 def nozzle(at: Any, force: Any, size: float) -> Part:
-    """A nozzle whose thrust pushes along `force`: it opens the other way."""
+    """Return a nozzle whose thrust acts along `force`. Its opening points the other way."""
     return {"kind": "nozzle", "at": _plain(at), "out": _plain(-np.asarray(force)), "size": size}
 
 
 def arm(reach: float, face: float, radius: float) -> list[Part]:
-    """A straight arm of two links along x, from the face of the body to the grasp point."""
+    """Return a straight arm of two links along x, from the face of the body to the grasp point."""
     elbow, end = face + reach / 2, face + reach
     return [
         ball((face, 0, 0), 1.6 * radius),
@@ -107,23 +111,27 @@ def arm(reach: float, face: float, radius: float) -> list[Part]:
 
 
 def ring(axis: Array, size: Array, radius: float) -> Part:
-    """What shall be grasped, on the face of a box that an axis leaves through."""
+    """Return the grasp ring on the face of a box through which an axis leaves."""
     reach = 0.5 / np.max(np.abs(axis) / size)
     return hoop(axis * reach, axis, radius)
 
 
 def hoop(at: Any, axis: Any, radius: float) -> Part:
-    """A ring about an axis."""
+    """Return a ring about an axis."""
     return {"kind": "ring", "at": _plain(at), "axis": _plain(axis), "radius": radius}
 
 
 def cup(floor: Any, mouth: Any, radii: tuple[float, float]) -> Part:
-    """An open cone from the centre of its floor to that of its mouth, with the radii of both."""
+    """Return an open cone from the centre of its floor to the centre of its mouth, with
+    both radii.
+    """
     return {"kind": "cup", "from": _plain(floor), "to": _plain(mouth), "radii": _plain(radii)}
 
 
 def panels(area: Array, position: Array, normal: Array) -> Iterator[Part]:
-    """Square panels of the assembly by area [m2], centre [m] and unit normal; area 0: none."""
+    """Yield square panels of the assembly by area [m2], centre [m] and unit normal; area 0:
+    none.
+    """
     for size, place, direction in zip(area, position, normal, strict=True):
         if size > 0:
             edge = float(np.sqrt(size))
@@ -131,12 +139,12 @@ def panels(area: Array, position: Array, normal: Array) -> Iterator[Part]:
 
 
 def shifted(parts: list[Part], by: Array) -> list[Part]:
-    """The same parts elsewhere."""
+    """Return the parts at a shifted position."""
     return [part | {"at": _plain(np.add(part["at"], by))} for part in parts]
 
 
 def hull_of(places: Array) -> tuple[Array, Array]:
-    """Edges and centre of the box around the places of thrusters."""
+    """Return the edges and centre of the box around the places of thrusters."""
     low, high = places.min(axis=0), places.max(axis=0)
     size = high - low
     return np.maximum(size, SLIMMEST * size.max()), (low + high) / 2

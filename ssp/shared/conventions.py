@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Names of bodies on the wires, and the example of a controller that fits every approach."""
+"""Names of the signals of bodies, and an example of a controller that fits every approach."""
 
 from __future__ import annotations
 

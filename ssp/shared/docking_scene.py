@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Probe and drogue of a docking mechanism as parts of the replay: where its parameters say.
+"""Probe and drogue of a docking mechanism as parts of the replay, placed by its parameters.
 
-The probe is a point for the model, its tip; the mast that carries it is as thin as the floor of the
-drogue.
+The model of the probe is a point, its tip. The replay adds a mast that is as thin as the floor of
+the drogue.
 """
 
 from __future__ import annotations
@@ -28,12 +28,14 @@ X = np.array([[1.0, 0.0, 0.0]])
 
 
 def outward(q: Array) -> Array:
-    """X axis of a port in the axes of its body, from the attitude relative to the body."""
+    """Return the X axis of a port in the axes of its body, from the attitude relative to
+    the body.
+    """
     return np.asarray(turned(q[None], X)[0])
 
 
 def probe(result: Result) -> list[Part]:
-    """From the servicer to the tip."""
+    """Return the vector from the servicer to the tip."""
     tip, q, thick = (result.parameter(DOCKING[k]) for k in (0, 1, 5))
     out = outward(q)
     foot = tip - max(float(tip @ out), 0.0) * out
@@ -44,13 +46,13 @@ def probe(result: Result) -> list[Part]:
 
 
 def floor(result: Result) -> Array:
-    """Centre of the floor of the drogue, target axes [m]: there it is mounted."""
+    """Return the centre of the floor of the drogue, target axes [m]: there it is mounted."""
     mouth, q, depth = (result.parameter(DOCKING[k]) for k in (2, 3, 6))
     return np.asarray(mouth - float(depth) * outward(q))
 
 
 def drogue(result: Result) -> list[Part]:
-    """The cone, and the face around its mouth."""
+    """Return the cone, and the face around its mouth."""
     mouth, q = (result.parameter(DOCKING[k]) for k in (2, 3))
     wide, narrow, face = (float(result.parameter(DOCKING[k])) for k in (4, 5, 7))
     return [

@@ -36,7 +36,9 @@ MOTION = (*BODIES, *ESTIMATES, *(f"{FILTER}.{name}" for name in SIGMAS))
 
 
 class Errors(NamedTuple):
-    """Of a part of the estimate, (rows, 3), its standard deviation, the factor to its unit."""
+    """Errors of a part of the estimate, (rows, 3), its standard deviation, and the factor to its
+    unit.
+    """
 
     title: str
     error: Array
@@ -48,14 +50,14 @@ class Errors(NamedTuple):
 
 
 def rows(result: Result) -> tuple[slice, slice]:
-    """Rows of the truth and of what the software made of it (ssp.shared.samples)."""
+    """Return the rows of the truth and the rows of the estimates from them (ssp.shared.samples)."""
     if len(result.time) > 2 and is_late(result, f"{FILTER}.q_TN"):
         return slice(0, -1), slice(1, None)
     return slice(None), slice(None)
 
 
 def attitude_error(estimate: Array, truth: Array) -> Array:
-    """4 times the Rodrigues parameters of q_hat* q, (rows, 3) [rad]."""
+    """Return 4 times the Rodrigues parameters of q_hat* q, (rows, 3) [rad]."""
     w, v = estimate[:, :1], estimate[:, 1:]
     scalar = np.sum(estimate * truth, axis=1, keepdims=True)
     vector = w * truth[:, 1:] - truth[:, :1] * v - np.cross(v, truth[:, 1:])
@@ -64,23 +66,23 @@ def attitude_error(estimate: Array, truth: Array) -> Array:
 
 
 def errors(result: Result) -> tuple[Errors, ...]:
-    """Errors of the relative motion, truth minus estimate."""
-    true, said = rows(result)
+    """Return the errors of the relative motion, truth minus estimate."""
+    true, sampled = rows(result)
 
     def difference(of_servicer: str, of_target: str) -> Array:
         relative = result[f"servicer.{of_servicer}"] - result[f"target.{of_target}"]
         estimate = result[f"{FILTER}.{of_servicer}"] - result[f"{FILTER}.{of_target}"]
-        return np.asarray(relative[true] - estimate[said])
+        return np.asarray(relative[true] - estimate[sampled])
 
     found = (
         difference("r_SN_N", "r_TN_N"),
         difference("v_SN_N", "v_TN_N"),
-        attitude_error(result[f"{FILTER}.q_TN"][said], result["target.q_TN"][true]),
-        result["target.omega_TN_T"][true] - result[f"{FILTER}.omega_TN_T"][said],
+        attitude_error(result[f"{FILTER}.q_TN"][sampled], result["target.q_TN"][true]),
+        result["target.omega_TN_T"][true] - result[f"{FILTER}.omega_TN_T"][sampled],
     )
     titles = ("rho, N [mm]", "its rate, N [mm/s]", "attitude of T [deg]", "rate of T [deg/s]")
     factors = (1e3, 1e3, np.degrees(1.0), np.degrees(1.0))
-    sigmas = (result[f"{FILTER}.{name}"][said] for name in SIGMAS)
+    sigmas = (result[f"{FILTER}.{name}"][sampled] for name in SIGMAS)
     return tuple(map(Errors, titles, found, sigmas, factors))
 
 
@@ -94,7 +96,7 @@ def normalised(part: Errors) -> Array:
 
 
 def bounds(degrees: int, count: int = 1) -> tuple[float, float]:
-    """Bounds of the mean of `count` values that follow chi-square, 95 %."""
+    """Return the bounds of the mean of `count` values that follow chi-square, 95 %."""
     from scipy.stats import chi2
 
     low, high = chi2.ppf((0.025, 0.975), degrees * count) / count
@@ -102,7 +104,7 @@ def bounds(degrees: int, count: int = 1) -> tuple[float, float]:
 
 
 def innovations(result: Result, filter_: str, name: str, stamp: str) -> tuple[Array, Array]:
-    """Times of the measurements looked at, and the normalised innovation squared of each."""
+    """Return times of the used measurements, and the normalised innovation squared of each."""
     nis = result[f"{filter_}.{name}_nis"]
     new = np.flatnonzero(np.diff(result[stamp]) > 0) + 1
     new = new[(nis[new] > 0) & (np.diff(nis)[new - 1] != 0)]
@@ -110,7 +112,7 @@ def innovations(result: Result, filter_: str, name: str, stamp: str) -> tuple[Ar
 
 
 def moving_mean(values: Array, count: int) -> Array:
-    """Mean of the last `count` values."""
+    """Return the mean of the last `count` values."""
     total = np.cumsum(np.insert(values, 0, 0.0))
     return np.asarray((total[count:] - total[:-count]) / count)
 
@@ -129,15 +131,15 @@ STAMPS = tuple(stamp for *_, stamp, _ in KINDS)
 
 
 def availability(result: Result, name: str, begin: float = 1.0) -> float:
-    """Part of the time after the first second in which a sensor has a measurement."""
+    """Return the part of the time after the first second in which a sensor has a measurement."""
     return float(np.mean(result[name][result.time >= begin]))
 
 
 def tracking(result: Result) -> tuple[Array, Array]:
-    """Distance from the reference, in truth and as the software sees it, (rows,) [m]."""
-    true, said = rows(result)
-    reference = result["guidance.rho_ref_N"][said]
+    """Return the distance from the reference, in truth and as the software sees it, (rows,) [m]."""
+    true, sampled = rows(result)
+    reference = result["guidance.rho_ref_N"][sampled]
     actual = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[true]
-    estimate = (result[f"{FILTER}.r_SN_N"] - result[f"{FILTER}.r_TN_N"])[said]
+    estimate = (result[f"{FILTER}.r_SN_N"] - result[f"{FILTER}.r_TN_N"])[sampled]
     actual_error, seen_error = (np.linalg.norm(x - reference, axis=1) for x in (actual, estimate))
     return np.asarray(actual_error), np.asarray(seen_error)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a servicer with panels and slosh shows: measures, figures, a note on the alarm, moving parts
-of the replay. Of a rigid servicer there is nothing of it.
+"""Parts for a servicer with panels and slosh: metrics, figures, a note on the alarm, moving parts
+of the replay. A rigid servicer has none of them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.mission import Figure, Limits, Measure
+from harness.mission import Figure, Limits, Metric
 from harness.mission.figure import Curve, Panel, degrees
 from harness.report.arrays import Arrays
 from harness.results.expressions import STEADY
@@ -27,7 +27,7 @@ ENERGIES = tuple(f"servicer.{name}_energy" for name in ("kinetic", "elastic", "d
 PANELS = tuple(f"servicer.panel_{n}" for n in ("mass", "hinge_S", "arm_S", "axis_S", "inertia"))
 MASSES = tuple(f"servicer.slosh_{name}" for name in ("mass_0", "position_S", "axis_S"))
 
-# ---- measures
+# ---- metrics
 
 
 def _largest(values: Array) -> float:
@@ -35,17 +35,17 @@ def _largest(values: Array) -> float:
 
 
 def _residual(result: Result, _: Limits) -> float:
-    """Largest angle of a panel in the last fifth [mrad]."""
+    """Return the largest angle of a panel in the last fifth [mrad]."""
     time = result.time
     last = time >= time[-1] - STEADY * (time[-1] - time[0])
     return 1e3 * _largest(result[ANGLES][last])
 
 
-MEASURES = (
-    Measure("panel angle", "mrad", (ANGLES,), lambda r, _: 1e3 * _largest(r[ANGLES])),
-    Measure("residual vibration", "mrad", (ANGLES,), _residual),
-    Measure("slosh", "m", (SLOSH,), lambda r, _: _largest(r[SLOSH])),
-    Measure("elastic energy", "J", (ENERGIES[1],), lambda r, _: float(r[ENERGIES[1]][-1])),
+METRICS = (
+    Metric("panel angle", "mrad", (ANGLES,), lambda r, _: 1e3 * _largest(r[ANGLES])),
+    Metric("residual vibration", "mrad", (ANGLES,), _residual),
+    Metric("slosh", "m", (SLOSH,), lambda r, _: _largest(r[SLOSH])),
+    Metric("elastic energy", "J", (ENERGIES[1],), lambda r, _: float(r[ENERGIES[1]][-1])),
 )
 
 # ---- figures
@@ -54,7 +54,7 @@ NUMBERS = tuple("1234")
 
 
 def _chosen(name: str, mass: str) -> Callable[[Result], Array]:
-    """Columns of the coordinates that exist."""
+    """Return the columns of the coordinates that exist."""
 
     def history(result: Result) -> Array:
         exist = result.parameter(mass) > 0 if result.holds(parameters=(mass,)) else slice(None)
@@ -101,7 +101,7 @@ FIGURES = (
 
 
 def notes(result: Result) -> Iterator[str]:
-    """The alarm of the tank, in a line."""
+    """Yield the alarm of the tank in a line."""
     if BEYOND not in result or not (beyond := result[BEYOND] > 0).any():
         return
     rows = beyond.any(axis=1)
@@ -109,7 +109,7 @@ def notes(result: Result) -> Iterator[str]:
     yield (
         f"slosh alarm: propellant is beyond servicer.slosh_travel in {share:.2g} % of the rows, "
         f"first at {float(result.time[np.argmax(rows)]):.5g} s, up to {largest:.2g} m: the tank is "
-        f"not modelled there, the mass goes on on its spring"
+        f"not modelled there, the mass continues to move on its spring"
     )
 
 
@@ -122,22 +122,22 @@ TANK = 1.15
 
 
 def moves(result: Result) -> bool:
-    """Whether the servicer has panels and slosh masses that the replay can draw."""
+    """Return whether the servicer has panels and slosh masses that the replay can draw."""
     return result.holds(ANGLES, SLOSH, parameters=(*PANELS, *MASSES))
 
 
 def links(result: Result, rows: Any, arrays: Arrays) -> tuple[Link, ...]:
-    """Panels that turn about their hinges, masses that slide along their lines."""
+    """Return the panels that turn about their hinges, masses that slide along their lines."""
     return (*_panels(result, rows, arrays), *_sloshes(result, rows, arrays))
 
 
 def _panels(result: Result, rows: Any, arrays: Arrays) -> Iterator[Link]:
     mass, hinge, arm, axis, inertia = (result.parameter(name) for name in PANELS)
-    angle = arrays.keep(result[ANGLES][rows])
+    angle = arrays.sample(result, rows, ANGLES)
     for k in np.flatnonzero(mass > 0):
         along, about = (v[k] / np.linalg.norm(v[k]) for v in (arm, axis))
         across = np.cross(along, about)
-        # the plate of uniform density with its three moments
+        # edges of the plate of uniform density with these moments of inertia
         squares = 6 * (inertia[k].sum() - 2 * inertia[k]) / mass[k]
         edges = np.sqrt(np.maximum(squares, THIN**2))
         frame = np.column_stack((along, about, across))
@@ -154,7 +154,7 @@ def _panels(result: Result, rows: Any, arrays: Arrays) -> Iterator[Link]:
 def _sloshes(result: Result, rows: Any, arrays: Arrays) -> Iterator[Link]:
     mass, place, axis = (result.parameter(name) for name in MASSES)
     travel = result.parameter(TRAVEL) if result.holds(parameters=(TRAVEL,)) else np.zeros(4)
-    shift = arrays.keep(result[SLOSH][rows])
+    shift = arrays.sample(result, rows, SLOSH)
     for j in np.flatnonzero(mass > 0):
         radius = 0.04 * float(np.cbrt(mass[j]))
         at, along = place[j].tolist(), (axis[j] / np.linalg.norm(axis[j])).tolist()

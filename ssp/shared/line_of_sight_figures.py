@@ -39,14 +39,14 @@ def _trajectory(canvas: Axes, result: Result) -> None:
 
 def _angle(name: str) -> Panel:
     actual, desired = (
-        Curve(f"guidance.los.{name}", "actual", degrees),
-        Curve(f"guidance.los_ref.{name}", "desired", degrees, style="--"),
+        Curve(f"degrees(guidance.los.{name})", "actual"),
+        Curve(f"degrees(guidance.los_ref.{name})", "desired", style="--"),
     )
     return Panel(f"{name} [deg]", (actual, desired))
 
 
 def _desired_attitude(result: Result) -> Array:
-    """The quaternion of the reference with the sign of the servicer's, (rows, 4)."""
+    """Return the quaternion of the reference with the sign of the servicer's, (rows, 4)."""
     actual, desired = result[ATTITUDE], result[REFERENCE_ATTITUDE]
     return np.asarray(
         desired * np.where(np.sum(actual * desired, axis=1, keepdims=True) < 0, -1.0, 1.0)
@@ -54,9 +54,9 @@ def _desired_attitude(result: Result) -> Array:
 
 
 def quaternion(k: int) -> Panel:
-    """Element k of the actual and of the desired attitude."""
+    """Return element k of the actual and of the desired attitude."""
     needs = (ATTITUDE, REFERENCE_ATTITUDE)
-    actual = Curve(lambda r: r[ATTITUDE][:, k], "actual", needs=needs)
+    actual = Curve(f"{ATTITUDE}[{k + 1}]", "actual")
     desired = Curve(lambda r: _desired_attitude(r)[:, k], "desired", needs=needs, style="--")
     return Panel(f"{'xyz'[k - 1]} (q{k})", (actual, desired))
 
@@ -66,7 +66,7 @@ def _widest(alpha: Array) -> Array:
 
 
 def _funnel(name: str, unit: str, z: str, alpha: str) -> Panel:
-    """Generalised states between plus and minus their bound."""
+    """Return the generalised states between plus and minus their bound."""
     bounds = (
         Curve(alpha, "bound", _widest, style="k--"),
         Curve(alpha, "", lambda x: -_widest(x), style="k--"),
@@ -97,8 +97,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Errors in line-of-sight coordinates",
         (
             Panel("range [m]", (Curve("controller.error.range"),)),
-            Panel("elevation [deg]", (Curve("controller.error.elevation", convert=degrees),)),
-            Panel("azimuth [deg]", (Curve("controller.error.azimuth", convert=degrees),)),
+            Panel("elevation [deg]", (Curve("degrees(controller.error.elevation)"),)),
+            Panel("azimuth [deg]", (Curve("degrees(controller.error.azimuth)"),)),
             Panel(
                 "attitude [deg]",
                 (Curve(attitude_error, convert=degrees, needs=(ATTITUDE, REFERENCE_ATTITUDE)),),

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a run on estimates should hold of its navigation (docs/models.md F): errors within their
-bands, innovations by chi-square, sensors available. Claims of this project, not of a paper.
+"""Claims about the navigation of a run on estimates (docs/models.md F): errors within their bands,
+innovations by chi-square, sensors available. They are claims of this project, not of a paper.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import numpy as np
 
 from harness.mission.claim import (
     Band,
-    CannotJudgeError,
     Claim,
     NotExercisedError,
+    NotJudgedError,
     Paper,
     at_least,
     at_most,
@@ -43,8 +43,8 @@ def _late(result: Result, count: int) -> slice:
 
 
 def within_bands(result: Result) -> tuple[float, ...]:
-    """Part of the samples with all axes of all errors within 3 standard deviations [%], and of each
-    kind of error.
+    """Return the part of the samples with all axes of all errors within 3 standard deviations [%],
+    and of each kind of error.
     """
     found = []
     for part in errors(result):
@@ -54,38 +54,38 @@ def within_bands(result: Result) -> tuple[float, ...]:
 
 
 def mean_innovation(result: Result) -> tuple[float, ...]:
-    """Mean NIS of poses, stars and fixes, each over the numbers in it: the one farthest from 1
-    first.
+    """Return the mean NIS of poses, stars and fixes, each over the numbers in it: the one farthest
+    from 1 first.
     """
     means = []
     for _, filter_, name, stamp, degrees in KINDS:
         time, nis = innovations(result, filter_, name, stamp)
         late = nis[time > SETTLED]
         if not len(late):
-            raise CannotJudgeError(f"there is no {name} after {SETTLED:g} s")
+            raise NotJudgedError(f"there is no {name} after {SETTLED:g} s")
         means.append(float(np.mean(late)) / degrees)
     return max(means, key=lambda mean: abs(mean - 1)), *means
 
 
 def inside_bounds(result: Result) -> tuple[float, ...]:
-    """Part of the poses whose NIS lies within the 95 % of chi-square [%]."""
+    """Return the part of the poses whose NIS lies within the 95 % of chi-square [%]."""
     _, filter_, name, stamp, degrees = KINDS[0]
     time, nis = innovations(result, filter_, name, stamp)
     low, high = bounds(degrees)
     late = nis[time > SETTLED]
     if not len(late):
-        raise CannotJudgeError(f"there is no pose after {SETTLED:g} s")
+        raise NotJudgedError(f"there is no pose after {SETTLED:g} s")
     return (100 * float(np.mean((low <= late) & (late <= high))),)
 
 
 def least_available(result: Result) -> tuple[float, ...]:
-    """Availability of the sensor that is blind longest, and of all [%]."""
+    """Return the availability of the sensor that is blind longest, and of all [%]."""
     parts = [100 * availability(result, name) for name in (*SENSORS, *FIXES)]
     return min(parts), *parts
 
 
 def tracking_in_truth(result: Result) -> tuple[float, ...]:
-    """Tracking error in truth over that on estimates, rms; both [mm]."""
+    """Return the ratio of the true tracking error to the estimated one, rms; both [mm]."""
     true, estimate = tracking(result)
     late = _late(result, len(true))
     in_truth, on_estimates = (
@@ -100,8 +100,8 @@ CLAIMS = (
         text="errors stay within three standard deviations",
         where="docs/models.md F.6",
         needs=MOTION,
-        measure=within_bands,
-        figure="{0:.1f} % (rho {1:.1f}, its rate {2:.1f}, attitude {3:.1f}, rate {4:.1f})",
+        compute=within_bands,
+        value="{0:.1f} % (rho {1:.1f}, its rate {2:.1f}, attitude {3:.1f}, rate {4:.1f})",
         unit="%",
         reproduced=at_least(95),
         partly=at_least(85),
@@ -112,8 +112,8 @@ CLAIMS = (
         text="innovations are as large as expected",
         where="docs/models.md F.3",
         needs=(*NIS, *STAMPS),
-        measure=mean_innovation,
-        figure="{0:.3f} of the mean of chi-square (poses {1:.3f}, stars {2:.3f}, fixes {3:.3f})",
+        compute=mean_innovation,
+        value="{0:.3f} of the mean of chi-square (poses {1:.3f}, stars {2:.3f}, fixes {3:.3f})",
         unit="",
         reproduced=Band(0.9, 1.1),
         partly=Band(0.7, 1.4),
@@ -124,8 +124,8 @@ CLAIMS = (
         text="the normalised innovation of a pose follows chi-square with six degrees of freedom",
         where="docs/models.md F.3",
         needs=(*NIS, *STAMPS),
-        measure=inside_bounds,
-        figure="{0:.1f} % of the poses within the bounds of 95 %",
+        compute=inside_bounds,
+        value="{0:.1f} % of the poses within the bounds of 95 %",
         unit="%",
         reproduced=at_least(93),
         partly=at_least(85),
@@ -133,22 +133,22 @@ CLAIMS = (
     ),
     Claim(
         name="availability",
-        text="every sensor measures throughout",
+        text="every sensor delivers measurements throughout",
         where="docs/models.md F.2",
         needs=(*SENSORS, *FIXES),
-        measure=least_available,
-        figure="{0:.1f} % (star tracker {1:.1f}, gyro {2:.1f}, camera {3:.1f}, receiver {4:.1f})",
+        compute=least_available,
+        value="{0:.1f} % (star tracker {1:.1f}, gyro {2:.1f}, camera {3:.1f}, receiver {4:.1f})",
         unit="%",
         reproduced=at_least(99),
         partly=at_least(80),
     ),
     Claim(
         name="tracking",
-        text="what the software believes of its tracking is true",
+        text="the true tracking error agrees with the error on estimates",
         where="docs/models.md F.7",
         needs=(*MOTION, "guidance.rho_ref_N"),
-        measure=tracking_in_truth,
-        figure="{1:.1f} mm in truth, {2:.1f} mm on estimates",
+        compute=tracking_in_truth,
+        value="{1:.1f} mm in truth, {2:.1f} mm on estimates",
         unit="",
         reproduced=at_most(1.2),
         partly=at_most(2),

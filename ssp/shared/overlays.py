@@ -28,15 +28,14 @@ from harness.results.result import Result
 from .line_of_sight_figures import LOS, QUATERNION, quaternion
 from .relative_motion import (
     ATTITUDE,
+    DISTANCE,
     REFERENCE,
     REFERENCE_ATTITUDE,
     SERVICER,
+    SPEED,
     TARGET,
-    VELOCITIES,
     attitude_error,
     position_error,
-    range_,
-    relative_speed,
     release_time,
 )
 
@@ -58,7 +57,7 @@ def _per_axis(
 def _trajectories(
     canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]
 ) -> None:
-    """Paths relative to the target, N axes."""
+    """Draw the paths relative to the target, N axes."""
     paths = {label: (r[SERVICER] - r[TARGET], "-") for label, r in results.items()} | {
         "target": (np.zeros((1, 3)), "ko")
     }
@@ -78,8 +77,8 @@ FIGURES: tuple[Figure | Overlay, ...] = (
         "compared_range",
         "Range and speed",
         (
-            Panel("range [m]", (Curve(range_, needs=(SERVICER, TARGET)),)),
-            Panel("relative speed [m/s]", (Curve(relative_speed, needs=VELOCITIES),)),
+            Panel("range [m]", (Curve(DISTANCE),)),
+            Panel("relative speed [m/s]", (Curve(SPEED),)),
         ),
     ),
     Figure(
@@ -102,8 +101,8 @@ FIGURES: tuple[Figure | Overlay, ...] = (
         "compared_line_of_sight",
         "Line of sight",
         (
-            Panel("elevation [deg]", (Curve("guidance.los.elevation", convert=degrees),)),
-            Panel("azimuth [deg]", (Curve("guidance.los.azimuth", convert=degrees),)),
+            Panel("elevation [deg]", (Curve("degrees(guidance.los.elevation)"),)),
+            Panel("azimuth [deg]", (Curve("degrees(guidance.los.azimuth)"),)),
         ),
     ),
     Figure(

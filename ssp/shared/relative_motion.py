@@ -21,8 +21,11 @@ from .samples import aligned, is_late
 
 SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"
 VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
+DISTANCE = f"norm({SERVICER} - {TARGET})"
+SPEED = "norm({} - {})".format(*VELOCITIES)
 ATTITUDE, REFERENCE_ATTITUDE = "servicer.q_SN", "guidance.q_DN"
 POSITION_H = ("guidance.rho_H", "guidance.rho_ref_H")
+POSITION_ERROR_H = "{} - {}".format(*POSITION_H)
 FORCE_H = ("propulsion.F_S", ATTITUDE, TARGET, VELOCITIES[1])
 RELEASE = "servicer.t_att"
 """Parameter: the attitude of the servicer is frozen before this time [s]."""
@@ -31,29 +34,33 @@ RATE = "servicer.omega_SN_S"
 
 
 def position_error(result: Result) -> Array:
-    """Distance of the servicer from its reference position, (rows,) [m]."""
+    """Return the distance of the servicer from its reference position, (rows,) [m]."""
     return _aligned(result, _relative(result), lambda a, b: norm(minus(a, b)))
 
 
 def range_error(result: Result) -> Array:
-    """Magnitude of range less range of the reference position, (rows,) [m]."""
+    """Return the magnitude of range less range of the reference position, (rows,) [m]."""
     return _aligned(result, _relative(result), lambda a, b: np.abs(norm(a) - norm(b)))
 
 
 def attitude_error(result: Result) -> Array:
-    """Angle between the attitude of the servicer and the reference attitude, 0 to pi, (rows,)
-    [rad].
+    """Return the angle between the attitude of the servicer and the reference attitude, 0 to pi,
+    (rows,) [rad].
     """
     return _turned_from(result, rotation_angle)
 
 
 def position_error_H(result: Result) -> Array:
-    """Position less reference position as the guidance sees them, Hill axes, (rows, 3) [m]."""
+    """Return the position less reference position as the guidance sees them, Hill axes, (rows, 3)
+    [m].
+    """
     return np.asarray(result[POSITION_H[0]] - result[POSITION_H[1]])
 
 
 def _relative_mrp(actual: Array, reference: Array) -> Array:
-    """MRP of the rotation reference -> actual from quaternions (rows, 4), the shorter way round."""
+    """Return the MRP of the rotation reference -> actual from quaternions (rows, 4), the shorter
+    way round.
+    """
     scalar = np.sum(actual * reference, axis=1)
     vector = reference[:, :1] * actual[:, 1:] - actual[:, :1] * reference[:, 1:]
     vector -= np.cross(reference[:, 1:], actual[:, 1:])
@@ -62,12 +69,15 @@ def _relative_mrp(actual: Array, reference: Array) -> Array:
 
 
 def attitude_error_vector(result: Result) -> Array:
-    """Attitude of S relative to D as modified Rodrigues parameters, |sigma| <= 1, (rows, 3)."""
+    """Return the attitude of S relative to D as modified Rodrigues parameters, |sigma| <= 1, (rows,
+    3).
+    """
     return _turned_from(result, _relative_mrp)
 
 
 def force_H(result: Result) -> Array:
-    """Force of the actuators on the servicer in axes of the target's Hill frame, (rows, 3) [N].
+    """Return the force of the actuators on the servicer in axes of the target's Hill frame, (rows,
+    3) [N].
 
     x radial outward, y along track, z orbit normal; turned with the attitude of the same row.
     """
@@ -91,22 +101,26 @@ def release_time(result: Result) -> float:
 
 
 def range_(result: Result) -> Array:
-    """Distance between servicer and target, (rows,) [m]."""
+    """Return the distance between servicer and target, (rows,) [m]."""
     return norm(_relative(result))
 
 
 def initial_range(result: Result) -> float:
-    """Distance between servicer and target in the first row [m]."""
+    """Return the distance between servicer and target in the first row [m]."""
     return float(norm(result[SERVICER][:1] - result[TARGET][:1])[0])
 
 
 def reference_range(result: Result) -> Array:
-    """Range of the reference position, in the row of the state that it belongs to, (rows,) [m]."""
+    """Return the range of the reference position, (rows,) [m]. Each value is in the row of the
+    state to which the reference belongs.
+    """
     return _aligned(result, _relative(result), lambda _, b: norm(b))
 
 
 def relative_speed(result: Result) -> Array:
-    """Magnitude of the velocity of the servicer relative to the target, (rows,) [m/s]."""
+    """Return the magnitude of the velocity of the servicer relative to the target, (rows,)
+    [m/s].
+    """
     return norm(minus(result[VELOCITIES[0]], result[VELOCITIES[1]]))
 
 
@@ -115,11 +129,11 @@ def _relative(result: Result) -> Array:
 
 
 def _aligned(result: Result, actual: Array, error: Callable[[Array, Array], Array]) -> Array:
-    """Error of a position against that of the reference."""
+    """Return the error of a position against the reference."""
     return aligned(actual, result[REFERENCE], error, is_late(result, REFERENCE))
 
 
 def _turned_from(result: Result, error: Callable[[Array, Array], Array]) -> Array:
-    """Error of the attitude against that of the reference."""
+    """Return the error of the attitude against the reference."""
     late = is_late(result, REFERENCE_ATTITUDE)
     return aligned(result[ATTITUDE], result[REFERENCE_ATTITUDE], error, late)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the safety monitor of a run has found: rule by rule the least margin since the start and the
-first violation, judged between samples too (docs/models.md G).
+"""Findings of the safety monitor of a run: by rule the least margin since the start and the first
+violation, also between samples (docs/models.md G).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ RULES = (
 
 
 def findings(result: Result) -> Iterator[RuleFinding]:
-    """What was found of each rule that was in force, after the last row."""
+    """Yield the finding of each rule that was in force, after the last row."""
     if not (result.holds(*FOUND) and len(result.time)):
         return
     for rule, margin, time in zip(RULES, result[LEAST][-1], result[FIRST][-1], strict=True):
@@ -59,7 +59,9 @@ def findings(result: Result) -> Iterator[RuleFinding]:
 
 
 def least_margin(result: Result, name: str) -> float:
-    """Least margin of a rule since the start, in its unit; NaN if it was not in force."""
+    """Return the least margin of a rule since the start, in its unit; NaN if it was not in
+    force.
+    """
     return next((f.margin for f in findings(result) if f.name == name), float("nan"))
 
 
@@ -73,7 +75,7 @@ def first_violation(result: Result) -> float:
 
 
 def limit(result: Result, rule: Rule) -> str:
-    """What a rule asks for, from the parameters of the run; "" if the result does not hold them."""
+    """Return the limit of a rule from the parameters of the run; "" if the result lacks them."""
     if not result.holds(parameters=("monitor.keep_out_half", "monitor.lost_time")):
         return ""
     return LIMITS[rule.name](lambda name: result.parameter(f"monitor.{name}"))

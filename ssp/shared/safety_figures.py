@@ -12,7 +12,7 @@ from harness.results.result import Result
 from .safety import FOUND, RESTING, RULES, Rule, findings
 
 LINEAR, DECADE = 0.1, 10.0
-"""Margins up to which the axis is linear; margins beyond this multiple of it need logarithms."""
+"""Margins up to which the axis is linear; margins beyond this multiple need logarithms."""
 
 
 def _draw_margins(canvas: Axes, result: Result) -> None:

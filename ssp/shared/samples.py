@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which rows of a sampled component belong to which rows of the plants.
+"""Alignment of the rows of a sampled component with the rows of the plants.
 
-A row holds the states of the plants at its time, and what a sampled component made of the states at
-its last sample, one sample earlier. Where every sample was recorded, what belongs to a state
-therefore stands in the next row. With rows further apart than samples the same row is taken, and an
-error contains the motion during one sample.
+A row contains the states of the plants at its time, and the outputs of a sampled component from the
+states at its last sample, one sample earlier. Where every sample was recorded, the outputs for a
+state are therefore in the next row. With rows further apart than samples the same row is used, and
+an error contains the motion during one sample.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ PERIOD = "sample_period"
 
 
 def is_late(result: Result, name: str) -> bool:
-    """Whether what belongs to a row stands in the next one, for a variable of a sampled component.
+    """Return whether the outputs for a row are in the next row, for a variable of a sampled
+    component.
 
-    The schedule of the run says it; where the result holds none, the first two rows do, which are
-    the same: the outputs at the start and those of the first sample.
+    The schedule of the run defines it. If the result has no schedule, the first two rows show it,
+    which are then equal: the outputs at the start and at the first sample.
     """
     known = result.provenance
     component = name.partition(".")[0]
@@ -40,8 +41,8 @@ def is_late(result: Result, name: str) -> bool:
 def aligned(
     actual: Array, reference: Array, error: Callable[[Array, Array], Array], late: bool
 ) -> Array:
-    """Error of every row against the reference that belongs to it; the last row, which has no next
-    one, repeats the error of the row before.
+    """Return the error of every row against its reference; the last row, which has no next row,
+    repeats the error of the row before.
     """
     if not late or len(actual) < 2:
         return error(actual, reference)

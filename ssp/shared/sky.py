@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a replay has in orbit: frames, the planet and its turn, the Sun, the shadow."""
+"""Surroundings of a replay in orbit: frames, the planet and its rotation, the Sun, the shadow."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 from harness.errors import HarnessError, library
 from harness.report.arrays import Arrays
 from harness.report.scene import Scene
-from harness.results.histories import quaternion
 from harness.results.result import Array, Result, Rows
 from harness.system.instants import days_since_j2000
 
@@ -16,11 +15,11 @@ from .conventions import BODIES
 from .exchange.bodies import instants, shadow, sun_direction
 
 EARTH = 6378137.0
-"""Equatorial radius of the planet where no parameter says it [m]."""
+"""Equatorial radius of the planet unless a parameter defines it [m]."""
 RATE = 7.292115e-5
 """Turn of the Earth [rad/s]."""
 LIKE = 0.01
-"""A radius that differs by less, as a part, is that of the Earth."""
+"""Relative difference of radii up to which a planet is the Earth."""
 UNDATED = "no date: turn of the Earth arbitrary"
 IN_ORBIT = 1e6
 """A body farther than that [m] from the origin of N is in orbit, and has a Hill frame."""
@@ -28,43 +27,45 @@ HILL = {"key": "H", "name": "Hill frame", "axes": ["radial", "along track", "nor
 INERTIAL = {"key": "N", "name": "inertial axes", "axes": ["x N", "y N", "z N"]}
 
 
-def hill_quaternion(r: Array, v: Array) -> Array:
-    """Quaternion (rows, 4) of the Hill frame of an orbit relative to N: x: r, z: r x v."""
-    normal = np.cross(r, v)
-    axes = (r, np.cross(normal, r), normal)
-    return quaternion(*(each / np.linalg.norm(each, axis=1)[:, None] for each in axes))
-
-
 def in_orbit(r: Array) -> bool:
-    """Whether positions r (rows, 3) [m] about the origin of N are those of an orbit."""
+    """Return whether positions r (rows, 3) [m] about the origin of N are in an orbit."""
     return bool(np.linalg.norm(r[0]) > IN_ORBIT)
 
 
-def frames(arrays: Arrays, r: Array, v: Array) -> Scene:
-    """Hill frame and both kinds of axes in orbit; N only in deep space, where the Hill frame, if
-    position and velocity make one, carries what a mission has in it.
+def frames(result: Result, arrays: Arrays, rows: Rows, position: str, velocity: str) -> Scene:
+    """Return the axes that the replay offers (Hill and inertial in orbit, inertial in deep space)
+    and the attitude of the Hill frame. In deep space this attitude serves parts of a mission. It is
+    left out if position and velocity do not define it.
     """
+    r, v = result[position][rows], result[velocity][rows]
     found: Scene = {"frames": [HILL, INERTIAL] if in_orbit(r) else [INERTIAL]}
     if in_orbit(r) or np.linalg.norm(np.cross(r, v), axis=1).all():
-        found["hill"] = arrays.keep(hill_quaternion(r, v))
+        found["hill"] = arrays.sample(result, rows, f"hill({position}, {velocity})")
     return found
 
 
-def sky(result: Result, arrays: Arrays, rows: Rows, r: Array, radius: float = 0.0) -> Scene:
-    """Planet, Sun and shadow of a scene whose origin is at r (rows, 3) [m] from the centre of the
-    planet; radius: of that [m], 0: the Earth's.
+def sky(
+    result: Result, arrays: Arrays, rows: Rows, centre: str | Array, radius: float = 0.0
+) -> Scene:
+    """Return planet, Sun and shadow of a scene; centre: variable, or (rows, 3) [m], of its origin
+    from the centre of the planet; radius: of the planet [m], 0: the Earth's.
 
-    Where the Sun stands and how far the Earth has turned follow from the date of the run. Without
-    one the Sun is where a parameter of the run has it, if one does, and the turn begins anywhere:
-    the replay says so. The coasts are drawn on a body with the radius of the Earth only: those of
-    Natural Earth at 1:110m, which is in the public domain, simplified (`page/coasts.json`).
+    The direction of the Sun and the rotation of the Earth follow from the date of the run. Without
+    a date the Sun is in the direction of a parameter of the run, if it has one, and the rotation
+    begins at an arbitrary angle, which the replay states. The coasts are drawn only on a body with
+    the radius of the Earth. They are the coasts of Natural Earth at 1:110m, which is in the public
+    domain, simplified (`page/coasts.json`).
     """
     turn, towards = _dated(result, rows)
+    if isinstance(centre, str):
+        r, to_planet = result[centre][rows], arrays.sample(result, rows, f"-{centre}")
+    else:
+        r, to_planet = centre, arrays.store(-centre)
     planet = {
-        "r": arrays.keep(-r),
+        "r": to_planet,
         "radius": min(radius or EARTH, 0.99 * float(np.linalg.norm(r, axis=1).min())),
         "coasts": abs((radius or EARTH) / EARTH - 1) < LIKE,
-        "turn": arrays.keep(np.unwrap(turn)),
+        "turn": arrays.store(np.unwrap(turn)),
     }
     if towards is not None:
         return {"planet": planet, "sun": _sun(arrays, r, towards)}
@@ -76,11 +77,11 @@ def sky(result: Result, arrays: Arrays, rows: Rows, r: Array, radius: float = 0.
 
 def _sun(arrays: Arrays, r: Array, towards: Array) -> Scene:
     every = np.broadcast_to(towards, r.shape)
-    return {"towards": arrays.keep(towards), "shadow": arrays.keep(shadow(r, every))}
+    return {"towards": arrays.store(towards), "shadow": arrays.store(shadow(r, every))}
 
 
 def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
-    """Turn of the Earth [rad] and direction of the Sun, None without a date or the library."""
+    """Return turn of the Earth [rad] and direction of the Sun, None without date or library."""
     epoch = result.provenance.epoch if result.provenance else ""
     if epoch:
         try:
@@ -93,7 +94,7 @@ def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
 
 
 def _fixed(result: Result) -> Array | None:
-    """The direction of the Sun that a parameter of the run says."""
+    """Return the direction of the Sun in a parameter of the run."""
     table = result.parameters
     for name in table.vectors if table else ():
         if name.rpartition(".")[2] == BODIES.sun:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from harness.mission.claim import Band, Case, Claim, Paper, at_least, at_most
 from harness.results.result import Result
 
-from . import evaluations as measures
+from . import evaluations as metrics
 from .evaluations import ANGLES, ECCENTRICITY, MOTION
 from .pitch import PITCH
 
@@ -30,8 +30,8 @@ def _tumbles(where: str, text: str) -> Claim:
         text=text,
         where=where,
         needs=MOTION,
-        measure=measures.largest_turn,
-        figure="up to {0:.1f} deg from the equilibrium in {1:.0f} orbits",
+        compute=metrics.largest_turn,
+        value="up to {0:.1f} deg from the equilibrium in {1:.0f} orbits",
         unit="deg",
         reproduced=at_least(180.0),
         interval=INTERVAL,
@@ -44,8 +44,8 @@ def _librates(text: str, where: str) -> Claim:
         text=text,
         where=where,
         needs=MOTION,
-        measure=measures.largest_turn,
-        figure="up to {0:.1f} deg from the equilibrium in {1:.0f} orbits",
+        compute=metrics.largest_turn,
+        value="up to {0:.1f} deg from the equilibrium in {1:.0f} orbits",
         unit="deg",
         reproduced=at_most(180.0),
         interval=INTERVAL,
@@ -57,8 +57,8 @@ EQUILIBRIUM = Claim(
     text="the smallest amplitude of the pitch, at the equilibrium, is 25 deg",
     where="section 3.1, figure 3",
     needs=(PITCH, ANGLES),
-    measure=measures.equilibrium,
-    figure="theta_hat = {0:.2f} deg off the local vertical, kappa = {1:.4f}",
+    compute=metrics.equilibrium,
+    value="theta_hat = {0:.2f} deg off the local vertical, kappa = {1:.4f}",
     unit="deg",
     reproduced=Band(24.0, 26.0),
     partly=Band(20.0, 30.0),
@@ -66,11 +66,11 @@ EQUILIBRIUM = Claim(
 )
 CRITICAL = Claim(
     name="critical rate",
-    text="on a circular orbit no tumbling below the critical rate at the start, tumbling above",
+    text="on a circular orbit the robot tumbles if it starts above the critical rate, not below",
     where="section 3.1, (9)",
     needs=MOTION,
-    measure=measures.critical_rate,
-    figure="as in the criterion: {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
+    compute=metrics.critical_rate,
+    value="as in the criterion: {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
     unit="",
     reproduced=at_least(1.0),
 )
@@ -79,8 +79,8 @@ CLOSED = Claim(
     text="on a circular orbit the phase curve is the level line of (6)",
     where="section 3.1, (6), figure 2",
     needs=MOTION,
-    measure=measures.level_change,
-    figure="the level changes by {0:.1g} of the well",
+    compute=metrics.level_change,
+    value="the level changes by {0:.1g} of the well",
     unit="",
     reproduced=at_most(1e-4),
     partly=at_most(1e-2),
@@ -90,8 +90,8 @@ ONE_POINT = Claim(
     text="for e < 0.005 the motion is periodic",
     where="section 3.2, figure 6 (a)",
     needs=MOTION,
-    measure=measures.strobe_spread,
-    figure="the points of the Poincare section differ by {0:.2f} of the swing, {1:.0f} orbits",
+    compute=metrics.strobe_spread,
+    value="the points of the Poincare section differ by {0:.2f} of the swing, {1:.0f} orbits",
     unit="",
     reproduced=at_most(0.01),
     partly=at_most(0.1),
@@ -138,13 +138,13 @@ TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {
 def _paper(part: str, low: float, high: float, claims: tuple[Claim, ...]) -> Paper:
     def meant(result: Result) -> bool:
         e = float(result.parameter(ECCENTRICITY))
-        return measures.locked(result) and (e == low == high or low <= e < high)
+        return metrics.locked(result) and (e == low == high or low <= e < high)
 
     return Paper(
         title="Guo S., Li D., Fan C., Meng Y.: Nonlinear attitude dynamics of a space robot under "
         f"gravity gradient. Acta Physica Sinica 63, 2014, 100504: {part}",
         needs=(*MOTION, ANGLES),
-        parameters=measures.SHAPE,
+        parameters=metrics.SHAPE,
         claims=claims,
         meant=meant,
         cases=(Case("space_robot", free=FREE),),

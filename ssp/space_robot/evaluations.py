@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is measured in the pitch motion of a locked space robot for the claims of Guo et al. 2014.
+"""Evaluations of the pitch motion of a locked space robot for the claims of Guo et al. 2014.
 
-Every measure returns the number that is judged and then those that are shown with it.
+Every function returns the number with the verdict first, then further numbers to show.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ SHAPE = tuple(f"robot.{name}" for name in ("e", "mass", "Ixx", "Iyy", "Izz", "l"
 
 
 def locked(result: Result) -> bool:
-    """Whether the joints have not moved."""
+    """Return whether the joints have not moved."""
     return bool(np.ptp(result[ANGLES], axis=0).max() < 1e-9)
 
 
 def pitch_constants(result: Result) -> tuple[float, float]:
-    """Constants theta_hat [rad] and kappa of the pitch equation.
+    """Return the constants theta_hat [rad] and kappa of the pitch equation.
 
     S = sum of m rho rho^T and of the second moments of the bodies, in the plane and base axes from
     the centre of mass; S_1 >= S_2 its principal values, the axis of S_1 at an angle alpha:
@@ -47,8 +47,8 @@ def pitch_constants(result: Result) -> tuple[float, float]:
 
 
 def _bodies(result: Result, along: Array) -> Array:
-    """Sum of the second moments of the bodies about their own centres: (Iyy + Izz - Ixx)/2 along
-    x.
+    """Return the sum of the second moments of the bodies about their own centres:
+    (Iyy + Izz - Ixx)/2 along x.
     """
     xx, yy, zz = (parameter(result, f"robot.{name}") for name in ("Ixx", "Iyy", "Izz"))
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
@@ -58,30 +58,32 @@ def _bodies(result: Result, along: Array) -> Array:
 
 
 def equilibrium(result: Result) -> tuple[float, ...]:
-    """Magnitude of theta_hat [deg]; kappa."""
+    """Return the magnitude of theta_hat [deg]; kappa."""
     theta_hat, kappa = pitch_constants(result)
     return abs(float(np.degrees(theta_hat))), kappa
 
 
 def largest_turn(result: Result) -> tuple[float, ...]:
-    """Largest distance of the pitch from the equilibrium nearest to the start [deg]; orbits."""
+    """Return the largest distance of the pitch from the equilibrium nearest to the start [deg];
+    orbits.
+    """
     return float(np.degrees(np.abs(_delta(result)).max())), orbits(result)
 
 
 def _delta(result: Result) -> Array:
-    """Pitch from the equilibrium nearest to its start [rad]."""
+    """Return the pitch from the equilibrium nearest to its start [rad]."""
     delta = result[PITCH] - pitch_constants(result)[0]
     return np.asarray(delta - np.pi * np.round(delta[0] / np.pi))
 
 
 def _slope(result: Result) -> Array:
-    """Pitch rate by the rate of the true anomaly."""
+    """Return the pitch rate by the rate of the true anomaly."""
     return np.asarray(result[RATE] / np.gradient(result[ANOMALY], result.time))
 
 
 def critical_rate(result: Result) -> tuple[float, ...]:
-    """Whether the motion is as (9) says: tumbling above |delta'(0)| = sqrt(kappa) |cos delta(0)|;
-    the rate by that one; largest turn [deg].
+    """Return whether the motion agrees with (9): tumbling above |delta'(0)| = sqrt(kappa) |cos
+    delta(0)|; the rate over that limit; largest turn [deg].
     """
     turn, _ = largest_turn(result)
     critical = np.sqrt(pitch_constants(result)[1]) * abs(np.cos(_delta(result)[0]))
@@ -90,13 +92,15 @@ def critical_rate(result: Result) -> tuple[float, ...]:
 
 
 def level_change(result: Result) -> tuple[float, ...]:
-    """Largest change of delta'^2 + kappa sin^2 delta, by kappa."""
+    """Return the largest change of delta'^2 + kappa sin^2 delta, by kappa."""
     kappa = pitch_constants(result)[1]
     level = _slope(result) ** 2 + kappa * np.sin(_delta(result)) ** 2
     return (float(np.abs(level - level[0]).max() / kappa),)
 
 
 def strobe_spread(result: Result) -> tuple[float, ...]:
-    """Range of the pitch in the Poincare section by that of the whole motion; orbits."""
+    """Return the range of the pitch in the Poincare section over the range of the whole motion;
+    orbits.
+    """
     points, _ = strobe(result)
     return float(np.ptp(np.unwrap(points)) / np.ptp(result[PITCH])), orbits(result)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from harness.figures.style import MANY, legend_above
-from harness.mission.figure import Axes, Colour, Curve, Drawing, Figure, Overlay, Panel, degrees
+from harness.mission.figure import Axes, Colour, Curve, Drawing, Figure, Overlay, Panel
 from harness.results.result import Result
 
 from .pitch import ANOMALY, PITCH, RATE, orbits, spectrum, strobe
@@ -21,7 +21,7 @@ FASTEST = 5.0
 
 
 def _section_and_spectrum(canvas: Axes, result: Result) -> None:
-    """One point per orbit, and the lines of the motion."""
+    """Draw one point per orbit, and the lines of the motion."""
     section, lines = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     pitch, rate = strobe(result)
     section.plot(np.degrees(pitch), rate, ".", markersize=4)
@@ -40,8 +40,8 @@ ECCENTRICITY = "robot.e"
 
 
 def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
-    """Poincare sections of all runs in one, and their pitch over the eccentricity: the bifurcation
-    diagram.
+    """Draw the Poincare sections of all runs in one, and their pitch over the eccentricity: the
+    bifurcation diagram.
     """
     section, diagram = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     for label, result in results.items():
@@ -60,8 +60,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "pitch",
         "Pitch, from the radial direction to x of the base",
         (
-            Panel("angle [deg]", (Curve("robot.pitch", convert=degrees),)),
-            Panel("rate [deg/s]", (Curve("robot.pitch_rate", convert=degrees),)),
+            Panel("angle [deg]", (Curve("degrees(robot.pitch)"),)),
+            Panel("rate [deg/s]", (Curve("degrees(robot.pitch_rate)"),)),
         ),
     ),
     Drawing(
@@ -74,14 +74,14 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     Figure(
         "attitude",
         "Attitude relative to the orbital frame (turned about x, then z, then y)",
-        (Panel("angle [deg]", (Curve("robot.euler", convert=degrees),)),),
+        (Panel("angle [deg]", (Curve("degrees(robot.euler)"),)),),
     ),
     Figure(
         "joints",
         "Joints",
         (
-            Panel("angle [deg]", (Curve("robot.joint_angle", convert=degrees, labels=JOINTS),)),
-            Panel("rate [deg/s]", (Curve("robot.joint_rate", convert=degrees, labels=JOINTS),)),
+            Panel("angle [deg]", (Curve("degrees(robot.joint_angle)", labels=JOINTS),)),
+            Panel("rate [deg/s]", (Curve("degrees(robot.joint_rate)", labels=JOINTS),)),
             Panel("torque [N m]", (Curve("joints.joint_torque", labels=JOINTS),)),
             Panel("torque of the lock [N m]", (Curve("robot.lock_torque", labels=JOINTS),)),
         ),

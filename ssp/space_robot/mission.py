@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the space robot hands the engine."""
+"""Mission: space robot."""
 
 from __future__ import annotations
 
-from harness.mission import Gauge, Mission, Phase, Scene
-from harness.mission.figure import DEGREES, scaled
+from harness.mission import Mission, Phase, Scene, WatchedMetric
 
 from ..shared.conventions import ORBITS, RESTARTS
 from .claims import PAPERS
 from .figures import FIGURES, OVERLAYS
-from .measures import MEASURES
-from .pitch import PITCH, RATE
+from .pitch import METRICS, PITCH, RATE
 from .scene import LINKS, ROBOT, robot
 
 ANGLE, ANGLE_RATE = "robot.joint_angle", "robot.joint_rate"
@@ -24,23 +22,23 @@ MISSION = Mission(
             "pitch [deg]",
             "its rate [deg/s]",
             (PITCH, RATE),
-            scaled(PITCH, DEGREES),
-            scaled(RATE, DEGREES),
+            f"degrees({PITCH})",
+            f"degrees({RATE})",
         ),
         Phase(
             "Joints",
             "joint angle [deg]",
             "joint rate [deg/s]",
             (ANGLE, ANGLE_RATE),
-            scaled(ANGLE, DEGREES),
-            scaled(ANGLE_RATE, DEGREES),
+            f"degrees({ANGLE})",
+            f"degrees({ANGLE_RATE})",
         ),
     ),
-    measures=MEASURES,
+    metrics=METRICS,
     claims=PAPERS,
-    gauges=(
-        Gauge("pitch", "deg", (), f"degrees({PITCH})"),
-        Gauge("pitch rate", "deg/s", (), f"degrees({RATE})"),
+    watched=(
+        WatchedMetric("pitch", "deg", (), f"degrees({PITCH})"),
+        WatchedMetric("pitch rate", "deg/s", (), f"degrees({RATE})"),
     ),
     exchange=(ORBITS,),
     restarts=RESTARTS,

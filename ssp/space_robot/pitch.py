@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the pitch motion of the space robot shows once per orbit and over many: strobe points and
-spectrum.
+"""Pitch motion of the space robot once per orbit and over many orbits: strobe points, spectrum and
+metrics.
 """
 
 from __future__ import annotations
@@ -9,7 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from harness.mission import Metric
 from harness.results.result import Array, Result
+
+from ..shared.metrics import SATURATED
 
 PITCH, RATE, ANOMALY = "robot.pitch", "robot.pitch_rate", "robot.true_anomaly"
 TURN = 2 * np.pi
@@ -18,13 +21,13 @@ NEWTON_STEPS = 6
 
 
 def orbits(result: Result) -> float:
-    """Turns of the true anomaly since the start."""
+    """Return the turns of the true anomaly since the start."""
     return float((result[ANOMALY][-1] - result[ANOMALY][0]) / TURN)
 
 
 def strobe(result: Result) -> tuple[Array, Array]:
-    """Pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit at the
-    anomaly of the start.
+    """Return the pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit at
+    the anomaly of the start.
 
     Cubic between the rows, pitch with its own rate: the error falls with the fourth power of their
     distance, 1e-7 rad with 100 rows per orbit.
@@ -39,7 +42,7 @@ def strobe(result: Result) -> tuple[Array, Array]:
 
 
 def _crossings(result: Result, course: Callable[..., Array]) -> Array:
-    """Times at which the true anomaly is that of the start, by Newton's method [s]."""
+    """Return the times at which the true anomaly equals its start value, by Newton's method [s]."""
     anomaly = result[ANOMALY]
     wanted = anomaly[0] + TURN * np.arange(np.floor(orbits(result) + 1e-9) + 1)
     times: Array = np.interp(wanted, anomaly, result.time)
@@ -49,10 +52,11 @@ def _crossings(result: Result, course: Callable[..., Array]) -> Array:
 
 
 def rotation_number(result: Result) -> float:
-    """Turns of the strobe points about their centre per orbit, in [0, 1); NaN below two orbits.
+    """Return the turns of the strobe points about their centre per orbit, in [0, 1); NaN below two
+    orbits.
 
-    The motion is periodic with the orbit where it has no such points, resonant where it is a
-    fraction, quasi-periodic where it is not.
+    Without such points the motion is periodic with the orbit. A rational number means resonant
+    motion, any other number quasi-periodic motion.
     """
     if orbits(result) < 2:
         return float("nan")
@@ -64,15 +68,17 @@ def rotation_number(result: Result) -> float:
 
 
 def swing(result: Result) -> float:
-    """Difference of the largest and the smallest pitch [deg]: above 360 deg it has tumbled."""
+    """Return the difference of the largest and the smallest pitch [deg]: above 360 deg it has
+    tumbled.
+    """
     return float(np.degrees(np.ptp(result[PITCH])))
 
 
 def spectrum(result: Result) -> tuple[Array, Array]:
-    """Frequencies [1/orbit] and amplitudes [rad] of the pitch over the true anomaly, mean taken
-    out, Hann window.
+    """Return frequencies [1/orbit] and amplitudes [rad] of the pitch over the true anomaly, mean
+    removed, Hann window.
 
-    The amplitude of a single line is that of its sinusoid.
+    The amplitude of a single line is the amplitude of its sinusoid.
     """
     anomaly = result[ANOMALY]
     even = np.linspace(anomaly[0], anomaly[-1], len(anomaly))
@@ -81,3 +87,15 @@ def spectrum(result: Result) -> tuple[Array, Array]:
     amplitude = 2 * np.abs(np.fft.rfft(window * (pitch - pitch.mean()))) / window.sum()
     frequency = np.fft.rfftfreq(len(even), 1 / (len(even) - 1)) / orbits(result)
     return np.asarray(frequency, dtype=np.float64), np.asarray(amplitude, dtype=np.float64)
+
+
+METRICS = (
+    SATURATED,
+    Metric("pitch swing", "deg", (PITCH,), lambda r, _: swing(r)),
+    Metric(
+        "rotation number",
+        "1/orbit",
+        (PITCH, RATE, ANOMALY),
+        lambda r, _: rotation_number(r),
+    ),
+)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The replay of the robot: a base with its links."""
+"""Replay of the robot: a base with its links."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ LINKS = tuple(f"robot.{name}" for name in ("mass", "Ixx", "Iyy", "Izz", "l", "r"
 
 
 def robot(result: Result, arrays: Arrays) -> Scene:
-    """A base with two links, about the centre of mass of the base: every body is the box of uniform
-    density with its mass and inertia.
+    """Return a base with two links about the centre of mass of the base. Every body is the box of
+    uniform density with its mass and inertia.
     """
     rows = instants(result, ROBOT[2])
-    r, v, q, angles = (result[name][rows] for name in ROBOT)
+    position, velocity, attitude, angles = ROBOT
     mass, Ixx, Iyy, Izz, inboard, outboard = (result.parameter(name) for name in LINKS)
     boxes = [bodies.uniform_box(m, np.array(J)) for m, *J in zip(mass, Ixx, Iyy, Izz, strict=True)]
-    angle, reach = arrays.keep(angles), outboard[0]
+    angle, reach = arrays.sample(result, rows, angles), outboard[0]
     links = []
     for k in (0, 1):
         at = [outboard[0] if k == 0 else inboard[1] + outboard[1], 0, 0]
@@ -35,15 +35,16 @@ def robot(result: Result, arrays: Arrays) -> Scene:
         reach += inboard[k + 1] + (outboard[1] if k == 0 else boxes[2][0] / 2)
     size = boxes[0]
     planet = float(result.parameter(RADIUS)) if result.holds(parameters=(RADIUS,)) else 0.0
-    base = Body("robot", 0 * r, q, [bodies.box(size)], 0, float(np.linalg.norm(size) / 2),
+    still, q = (arrays.sample(result, rows, text) for text in (f"0 * {position}", attitude))
+    base = Body("robot", still, q, [bodies.box(size)], 0, float(np.linalg.norm(size) / 2),
                 tuple(links), trail=False, reach=float(reach))  # fmt: skip
     return scene(
         arrays,
         result.time[rows],
         "centre of mass of the base",
         [base],
-        **frames(arrays, r, v),
-        **(sky(result, arrays, rows, r, planet) if in_orbit(r) else {}),
+        **frames(result, arrays, rows, position, velocity),
+        **(sky(result, arrays, rows, position, planet) if in_orbit(result[position]) else {}),
         numbers=[
             number(result, arrays, rows, "robot.pitch"),
             *(

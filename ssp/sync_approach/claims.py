@@ -10,7 +10,7 @@ from __future__ import annotations
 from harness.mission.claim import Case, Claim, Paper, at_least, at_most
 
 from ..shared.relative_motion import FORCE_H, POSITION_H, RATE
-from . import evaluations as measures
+from . import evaluations as metrics
 from .evaluations import (
     BETA_P,
     BETA_T,
@@ -32,8 +32,8 @@ CLAIMS = (
         ),
         where="section 2, figure 5",
         needs=(RANGE, REFERENCE),
-        measure=measures.arrival,
-        figure=(
+        compute=metrics.arrival,
+        value=(
             "within {0:.3f} m of rho_M after 20 min; 0, 10, 20 min, end: {1:.4f}, {2:.4f}, "
             "{3:.4f}, {4:.4f} m"
         ),
@@ -46,8 +46,8 @@ CLAIMS = (
         text="the safe distance rho >= rho_M holds throughout",
         where="section 3, figure 5",
         needs=(RANGE, REFERENCE),
-        measure=measures.shortfall,
-        figure="{0:.1f} mm below rho_M; minimum range {1:.4f} m at {2:.0f} s",
+        compute=metrics.shortfall,
+        value="{0:.1f} mm below rho_M; minimum range {1:.4f} m at {2:.0f} s",
         unit="mm",
         reproduced=at_most(0.0),
         partly=at_most(50.0),
@@ -57,8 +57,8 @@ CLAIMS = (
         text="the servicer stays before the grasp point: beta_t -> 0",
         where="section 2.1, figure 2",
         needs=(BETA_T,),
-        measure=measures.grasp_axis_error,
-        figure="at most {0:.2f} deg after 10 min ({1:.2f} deg at the start)",
+        compute=metrics.grasp_axis_error,
+        value="at most {0:.2f} deg after 10 min ({1:.2f} deg at the start)",
         unit="deg",
         reproduced=at_most(1.0),
         partly=at_most(5.0),
@@ -68,8 +68,8 @@ CLAIMS = (
         text="tracking of the relative position is effective",
         where="section 3, figure 7",
         needs=POSITION_H,
-        measure=measures.tracking_error,
-        figure="error at most {0:.4f} m after 10 min; {1:.4f} m at the start, {2:.4f} m at the end",
+        compute=metrics.tracking_error,
+        value="error at most {0:.4f} m after 10 min; {1:.4f} m at the start, {2:.4f} m at the end",
         unit="m",
         reproduced=at_most(0.1),
         partly=at_most(0.5),
@@ -79,8 +79,8 @@ CLAIMS = (
         text="the control force is continuous",
         where="section 3, figure 6",
         needs=FORCE_H,
-        measure=measures.force_rate,
-        figure=(
+        compute=metrics.force_rate,
+        value=(
             "changes by at most {0:.1f} % of its peak per second; {1:.4f} N at the start, "
             "peak {2:.4f} N"
         ),
@@ -94,8 +94,8 @@ CLAIMS = (
         text="the estimated mass converges to a constant ...",
         where="section 3, figure 8",
         needs=(MASS_ESTIMATE,),
-        measure=measures.mass_drift,
-        figure=(
+        compute=metrics.mass_drift,
+        value=(
             "moves by {0:.1g} kg in the last 10 min; {1:.5f} kg at the start, {2:.5f} kg at the end"
         ),
         unit="kg",
@@ -107,8 +107,8 @@ CLAIMS = (
         text="... which is not the true mass",
         where="section 3, figure 8",
         needs=(MASS_ESTIMATE, MASS),
-        measure=measures.mass_offset,
-        figure="{0:.3f} kg from the truth: {1:.3f} kg instead of {2:.3f} kg",
+        compute=metrics.mass_offset,
+        value="{0:.3f} kg from the truth: {1:.3f} kg instead of {2:.3f} kg",
         unit="kg",
         reproduced=at_least(1.0),
         partly=at_least(0.1),
@@ -121,8 +121,8 @@ CLAIMS = (
         ),
         where="below (14)",
         needs=POSITION_H,
-        measure=measures.position_decay,
-        figure="largest error {1:.1f} mm, 10 min later {2:.1f} mm, ratio {0:.2f}",
+        compute=metrics.position_decay,
+        value="largest error {1:.1f} mm, 10 min later {2:.1f} mm, ratio {0:.2f}",
         unit="",
         reproduced=at_most(0.1),
         partly=at_most(0.5),
@@ -132,8 +132,8 @@ CLAIMS = (
         text="tracking of the attitude is effective",
         where="section 3, figure 9",
         needs=TURNED,
-        measure=measures.attitude_end,
-        figure=(
+        compute=metrics.attitude_end,
+        value=(
             "at most {0:.2f} deg in the last 100 s; after 1, 2, 5, 10 min {1:.1f}, {2:.1f}, "
             "{3:.1f}, {4:.2f} deg"
         ),
@@ -146,8 +146,8 @@ CLAIMS = (
         text="the wheel speeds stay bounded (a curve without comment in the paper)",
         where="section 3, figure 10",
         needs=(WHEELS, RATE),
-        measure=measures.wheel_speed,
-        figure="at most {0:.3f} rad/s, {1:.3f} rad/s in the last 100 s",
+        compute=metrics.wheel_speed,
+        value="at most {0:.3f} rad/s, {1:.3f} rad/s in the last 100 s",
         unit="rad/s",
         reproduced=at_most(1.0),
         partly=at_most(10.0),
@@ -157,8 +157,8 @@ CLAIMS = (
         text="all inertia estimates converge to constants ...",
         where="section 3, figure 11",
         needs=(ESTIMATES, RATE),
-        measure=measures.inertia_drift,
-        figure=(
+        compute=metrics.inertia_drift,
+        value=(
             "move by up to {0:.1f} % of their matrix in the last 100 s: J {1:.2f}, A {2:.2f} kg m2"
         ),
         unit="%",
@@ -170,8 +170,8 @@ CLAIMS = (
         text="... which are not the true inertias",
         where="section 3, figure 11",
         needs=(ESTIMATES, RATE),
-        measure=measures.inertia_offset,
-        figure=(
+        compute=metrics.inertia_offset,
+        value=(
             "up to {0:.0f} % of their matrix from the truth of the paper: J {1:.1f}, A "
             "{2:.1f} kg m2"
         ),
@@ -187,8 +187,8 @@ CLAIMS = (
         ),
         where="below (21)",
         needs=TURNED,
-        measure=measures.attitude_decay,
-        figure="largest error {1:.2f} deg, 100 s later {2:.2f} deg, ratio {0:.2f}",
+        compute=metrics.attitude_decay,
+        value="largest error {1:.2f} deg, 100 s later {2:.2f} deg, ratio {0:.2f}",
         unit="",
         reproduced=at_most(0.5),
         partly=at_most(0.9),
@@ -198,8 +198,8 @@ CLAIMS = (
         text="once the attitude error has converged, the target can be grasped at any time",
         where="section 3, section 4",
         needs=(RANGE, REFERENCE, BETA_T, BETA_P, RATE),
-        measure=measures.grasp_share,
-        figure=(
+        compute=metrics.grasp_share,
+        value=(
             "rho_M +- 5 cm, beta_t <= 1 deg, beta_p <= 5 deg in {0:.0f} % of the last 200 s; "
             "beta_p <= {1:.1f} deg"
         ),

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is measured in a result of the synchronised approach for the claims of Zhu & Yang 2009.
+"""Evaluations of the synchronised approach for the claims of Zhu & Yang 2009.
 
-Every measure returns the number that is judged and then those that are shown with it. What the
-result does not hold is taken from the paper: the times of its simulation and its true inertias.
+Every function returns the number with the verdict first, then further numbers to show. Data that
+the result lacks are taken from the paper: the times of its simulation and its true inertias.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from harness.mission.claim import CannotJudgeError, NotExercisedError, at, final, since
+from harness.mission.claim import NotExercisedError, NotJudgedError, at, final, since
 from harness.results.result import Array, Result
 
 from ..shared import relative_motion as derived
@@ -42,33 +42,33 @@ MASS, WHEELS = "servicer.mass", "servicer.wheel_speed"
 
 
 def size(result: Result, vector: str) -> Array:
-    """Euclidean norm of a vector at every row."""
+    """Return the Euclidean norm of a vector at every row."""
     return np.asarray(np.linalg.norm(result[vector], axis=1))
 
 
 def position_error(result: Result) -> Array:
-    """Distance from the reference position [m]."""
+    """Return the distance from the reference position [m]."""
     return np.asarray(np.linalg.norm(derived.position_error_H(result), axis=1))
 
 
 def attitude_error(result: Result) -> Array:
-    """Rotation angle from D to S [deg]."""
+    """Return the rotation angle from D to S [deg]."""
     return np.asarray(np.degrees(derived.attitude_error(result)))
 
 
 def safe_distance(result: Result) -> float:
-    """rho_M: where the reference has come to rest [m]; CannotJudgeError as long as it approaches by
-    more than 1 cm.
+    """Return rho_M: where the reference has come to rest [m]; raise NotJudgedError as long as it
+    approaches by more than 1 cm.
     """
     distance = size(result, REFERENCE)[final(result, 100.0, ARM)]
     if np.ptp(distance) > 0.01:
-        raise CannotJudgeError("the reference does not come to rest at a safe distance")
+        raise NotJudgedError("the reference does not come to rest at a safe distance")
     return float(distance[-1])
 
 
 def attitude_start(result: Result) -> float:
     """Time at which the attitude is released [s]; NotExercisedError if the run ends before,
-    CannotJudgeError if that is never.
+    NotJudgedError if that is never.
     """
     start = derived.release_time(result)
     end = float(result.time[-1])
@@ -77,16 +77,16 @@ def attitude_start(result: Result) -> float:
             f"the run ends at {end:g} s, the attitude is released at {start:g} s"
         )
     if not start < end:
-        raise CannotJudgeError("the attitude is not controlled in this run")
+        raise NotJudgedError("the attitude is not controlled in this run")
     return start
 
 
-# ---- measures
+# ---- metrics
 
 
 def arrival(result: Result) -> tuple[float, ...]:
-    """Largest distance from rho_M from 20 min on [m]; range at the start, after 10, 20 min and at
-    the end [m].
+    """Return the largest distance from rho_M from 20 min on [m]; range at the start, after 10, 20
+    min and at the end [m].
     """
     distance = result[RANGE]
     off = np.abs(distance - safe_distance(result))[since(result, ARM, ARM)]
@@ -100,29 +100,29 @@ def arrival(result: Result) -> tuple[float, ...]:
 
 
 def shortfall(result: Result) -> tuple[float, ...]:
-    """How far the range falls below rho_M [mm], minimum range [m] and its time [s]."""
+    """Return the depth of the range below rho_M [mm], minimum range [m] and its time [s]."""
     least = result[RANGE].argmin()
     distance = result[RANGE][least]
     return 1e3 * max(0.0, safe_distance(result) - distance), distance, result.time[least]
 
 
 def grasp_axis_error(result: Result) -> tuple[float, ...]:
-    """Largest angle between relative position and grasp axis after 10 min [deg], at the start
-    [deg].
+    """Return the largest angle between relative position and grasp axis after 10 min [deg], at the
+    start [deg].
     """
     angle = np.degrees(result[BETA_T])
     return angle[since(result, APPROACHED, ARM)].max(), angle[0]
 
 
 def tracking_error(result: Result) -> tuple[float, ...]:
-    """Largest position error after 10 min [m], at the start [m], at the end [m]."""
+    """Return the largest position error after 10 min [m], at the start [m], at the end [m]."""
     error = position_error(result)
     return error[since(result, APPROACHED, ARM)].max(), error[0], error[-1]
 
 
 def force_rate(result: Result) -> tuple[float, ...]:
-    """Largest change of the force per second in percent of the largest force; force at the start
-    [N], largest [N].
+    """Return the largest change of the force per second in percent of the largest force; force at
+    the start [N], largest [N].
     """
     since(result, 0.0, APPROACHED)
     force = derived.force_H(result)
@@ -132,22 +132,24 @@ def force_rate(result: Result) -> tuple[float, ...]:
 
 
 def mass_drift(result: Result) -> tuple[float, ...]:
-    """Movement of the mass estimate over the last 10 min [kg]; estimate at the start, at the end
-    [kg].
+    """Return the change of the mass estimate over the last 10 min [kg]; estimate at the start, at
+    the end [kg].
     """
     estimate = result[MASS_ESTIMATE]
     return np.ptp(estimate[final(result, 600.0, STOP)]), estimate[0], estimate[-1]
 
 
 def mass_offset(result: Result) -> tuple[float, ...]:
-    """Distance of the mass estimate from the mass at the end [kg], both [kg]."""
+    """Return the distance of the mass estimate from the mass at the end [kg], both [kg]."""
     end = final(result, 0.0, STOP)[-1]
     estimate, true = result[MASS_ESTIMATE][end], result[MASS][end]
     return abs(estimate - true), estimate, true
 
 
 def position_decay(result: Result) -> tuple[float, ...]:
-    """Largest position error of the last 10 min over that of the 10 min before, both [mm]."""
+    """Return the largest position error of the last 10 min over the largest of the 10 min before,
+    and both [mm].
+    """
     error = 1e3 * position_error(result)
     late, early = (
         error[final(result, 600.0, STOP)].max(),
@@ -157,14 +159,18 @@ def position_decay(result: Result) -> tuple[float, ...]:
 
 
 def attitude_end(result: Result) -> tuple[float, ...]:
-    """Largest attitude error of the last 100 s [deg]; after 1, 2, 5, 10 min of control [deg]."""
+    """Return the largest attitude error of the last 100 s [deg]; after 1, 2, 5, 10 min of control
+    [deg].
+    """
     start, error = attitude_start(result), attitude_error(result)
     largest = error[final(result, 100.0, start + SLEW)].max()
     return largest, *(error[at(result, start + 60.0 * minutes)] for minutes in (1, 2, 5, 10))
 
 
 def attitude_decay(result: Result) -> tuple[float, ...]:
-    """Largest attitude error of the last 100 s over that of the 100 s before, both [deg]."""
+    """Return the largest attitude error of the last 100 s over the largest of the 100 s before, and
+    both [deg].
+    """
     end, error = attitude_start(result) + SLEW, attitude_error(result)
     late, early = (
         error[final(result, 100.0, end)].max(),
@@ -174,23 +180,23 @@ def attitude_decay(result: Result) -> tuple[float, ...]:
 
 
 def wheel_speed(result: Result) -> tuple[float, ...]:
-    """Largest wheel speed of all, of the last 100 s [rad/s]."""
+    """Return the largest wheel speed of all, of the last 100 s [rad/s]."""
     last = final(result, 100.0, attitude_start(result) + SLEW)
     speed = np.abs(result[WHEELS])
     return speed.max(), speed[last].max()
 
 
 def inertia_drift(result: Result) -> tuple[float, ...]:
-    """Largest movement of an inertia estimate over the last 100 s in percent of its matrix; J and A
-    [kg m2].
+    """Return the largest change of an inertia estimate over the last 100 s in percent of its
+    matrix; J and A [kg m2].
     """
     moved = np.ptp(result[ESTIMATES][final(result, 100.0, attitude_start(result) + SLEW)], axis=0)
     return 100 * (moved / LARGEST).max(), moved[:6].max(), moved[6:].max()
 
 
 def inertia_offset(result: Result) -> tuple[float, ...]:
-    """Largest distance of an inertia estimate from the truth at the end in percent of its matrix; J
-    and A [kg m2].
+    """Return the largest distance of an inertia estimate from the truth at the end in percent of
+    its matrix; J and A [kg m2].
     """
     off = np.abs(result[ESTIMATES][final(result, 0.0, attitude_start(result) + SLEW)][-1] - ETA_S)
     return 100 * (off / LARGEST).max(), off[:6].max(), off[6:].max()

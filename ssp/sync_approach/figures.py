@@ -14,14 +14,12 @@ from harness.mission.figure import (
     Level,
     Panel,
 )
-from harness.results.histories import norm
 from harness.results.result import Result
 
 from ..shared.relative_motion import (
     ATTITUDE,
-    POSITION_H,
+    POSITION_ERROR_H,
     REFERENCE_ATTITUDE,
-    position_error_H,
 )
 
 ETA = "controller.eta_hat"
@@ -34,8 +32,8 @@ TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 
 
 def _approach(canvas: Axes, result: Result) -> None:
-    """Path of the servicer about the target in Hill axes: in space, and seen along the orbit
-    normal.
+    """Draw the path of the servicer about the target in Hill axes: in space, and seen along the
+    orbit normal.
     """
     actual, reference = result["guidance.rho_H"], result["guidance.rho_ref_H"]
     names = ("radial x_H [m]", "along track y_H [m]", "normal z_H [m]")
@@ -60,8 +58,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "tracking_error",
         "Position tracking error, Hill axes",
         (
-            Panel("error, Hill axes [m]", (Curve(position_error_H, needs=POSITION_H),)),
-            Panel("|error| [m]", (Curve(position_error_H, "", norm, needs=POSITION_H),), log=True),
+            Panel("error, Hill axes [m]", (Curve(POSITION_ERROR_H),)),
+            Panel("|error| [m]", (Curve(f"norm({POSITION_ERROR_H})"),), log=True),
         ),
     ),
 )

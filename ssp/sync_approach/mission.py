@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the synchronised approach hands the engine."""
+"""Mission: synchronised approach."""
 
 from __future__ import annotations
 

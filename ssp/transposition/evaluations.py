@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is measured in a result of the transposition for the claims of the patent of Zhang et al.
-2016.
+"""Evaluations of the transposition for the claims of the patent of Zhang et al. 2016.
 
-Every measure returns the number that is judged and then those that are shown with it. Where the
-patent says nothing about it, saturation is that of the plant and the window that of the guidance.
+Every function returns the number with the verdict first, then further numbers to show. Where the
+patent gives no value, saturation is the saturation of the plant and the window is the window of the
+guidance.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from harness.mission.claim import CannotJudgeError, final, parameter, scalar, since
+from harness.mission.claim import NotJudgedError, final, parameter, scalar, since
 from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result
 
@@ -38,43 +38,43 @@ SETTLED = 60.0
 
 
 def size(rows: Array) -> Array:
-    """Euclidean norm of every row."""
+    """Return the Euclidean norm of every row."""
     return np.asarray(np.linalg.norm(rows, axis=1))
 
 
 def window(result: Result) -> float:
-    """End of the transposition [s]."""
+    """Return the end of the transposition [s]."""
     return scalar(result, "guidance.window_start") + scalar(result, "guidance.window")
 
 
 def saturation(result: Result) -> float:
-    """Momentum at which the plan takes the gyros to saturate [N m s]."""
+    """Return the momentum at which the plan assumes that the gyros saturate [N m s]."""
     return scalar(result, "guidance.H_sat")
 
 
 def tracking(result: Result) -> Array:
-    """Angle between the attitude at every sample and its reference, which stands in the next row
-    [deg].
+    """Return the angle between the attitude at every sample and its reference, which is in the next
+    row [deg].
     """
     if len(result.time) < 2:
-        raise CannotJudgeError("nothing was recorded after the start")
+        raise NotJudgedError("nothing was recorded after the start")
     return np.asarray(np.degrees(rotation_angle(result[ATTITUDE][:-1], result[REFERENCE][1:])))
 
 
 def to_body(q: Array, v: Array) -> Array:
-    """Vectors (rows, 3) in the axes of a body with those attitudes."""
+    """Return the vectors (rows, 3) in the axes of a body with those attitudes."""
     w, u = q[:, :1], -q[:, 1:]
     return np.asarray(v + 2 * np.cross(u, np.cross(u, v) + w * v))
 
 
 def to_inertial(q: Array, v: Array) -> Array:
-    """Vectors (rows, 3) given in axes of a body with those attitudes."""
+    """Return vectors (rows, 3) in inertial axes; v: in the axes of a body with attitudes q."""
     return to_body(q * np.array([1, -1, -1, -1]), v)
 
 
 def module_motion(result: Result) -> tuple[Array, Array, Array]:
-    """Centre of mass of the module from that of the base, its velocity and acceleration as seen in
-    the base, base axes, (rows, 3) each.
+    """Return the centre of mass of the module from the centre of mass of the base, its velocity and
+    acceleration as seen in the base, base axes, (rows, 3) each.
     """
     angle, rate, acceleration = (result[name] for name in ARM)
     x, y, z = parameter(result, MODULE)
@@ -89,53 +89,61 @@ def module_motion(result: Result) -> tuple[Array, Array, Array]:
     )
 
 
-# ---- measures
+# ---- metrics
 
 
 def peak_share(result: Result) -> tuple[float, ...]:
-    """Largest momentum of the gyros as a part of what they hold; the same [N m s], its time [s]."""
+    """Return the largest momentum of the gyros relative to saturation, the same momentum [N m s],
+    and its time [s].
+    """
     rows = since(result, 0.0, window(result))
     share, momentum = result[SHARE][rows], size(result[MOMENTUM][rows])
     return share.max(), momentum.max(), result.time[rows][share.argmax()]
 
 
 def first_peak(result: Result) -> tuple[float, ...]:
-    """Momentum that flight attitude all the time would need, in parts of saturation; [N m s]."""
+    """Return the momentum that the nominal attitude would need throughout, as a share of
+    saturation; [N m s].
+    """
     first = result[PEAK][0, 0]
     if first == 0:
-        raise CannotJudgeError("nothing was planned in this run")
+        raise NotJudgedError("nothing was planned in this run")
     return first / saturation(result), first
 
 
 def last_peak(result: Result) -> tuple[float, ...]:
-    """Momentum that the planned attitude history needs, in parts of saturation; steps of the
-    planner, momentum before and after every one [N m s].
+    """Return the momentum that the planned attitude history needs, in parts of saturation; steps of
+    the planner, momentum before and after every one [N m s].
     """
     if result[STATUS][0] == 1:
-        raise CannotJudgeError("nothing was planned in this run")
+        raise NotJudgedError("nothing was planned in this run")
     count = int(result[ITERATIONS][0])
     peaks = result[PEAK][0, : count + 1]
     return peaks[-1] / saturation(result), count, peaks[0], peaks[-1]
 
 
 def descent(result: Result) -> tuple[float, ...]:
-    """Largest ratio of the momentum after a step of the planner to that before; number of steps."""
+    """Return the largest ratio of the momentum after a step of the planner to the momentum before;
+    number of steps.
+    """
     count = int(result[ITERATIONS][0])
     if count == 0:
-        raise CannotJudgeError("the planner took no step in this run")
+        raise NotJudgedError("the planner took no step in this run")
     peaks = result[PEAK][0, : count + 1]
     return float(np.max(peaks[1:] / peaks[:-1])), count
 
 
 def tracking_error(result: Result) -> tuple[float, ...]:
-    """Largest angle from the reference attitude [deg], its time [s], the last one [deg]."""
+    """Return the largest angle from the reference attitude [deg], its time [s], the last
+    one [deg].
+    """
     error = tracking(result)[since(result, 0.0, window(result))[:-1]]
     return error.max(), result.time[error.argmax()], error[-1]
 
 
 def end_attitude(result: Result) -> tuple[float, ...]:
-    """Largest rotation from the flight attitude in the last minute [deg], rate there [deg/s], angle
-    of the arm at the end [deg].
+    """Return the largest rotation from the nominal attitude in the last minute [deg], the rate
+    there [deg/s], and the angle of the arm at the end [deg].
     """
     rows = final(result, 0.0, window(result))
     rate = np.degrees(size(result[RELATIVE_RATE][rows]))
@@ -144,8 +152,8 @@ def end_attitude(result: Result) -> tuple[float, ...]:
 
 
 def prediction_error(result: Result) -> tuple[float, ...]:
-    """Largest difference of the momentum of the gyros from the predicted in percent of saturation,
-    the same [N m s].
+    """Return the largest difference between the momentum of the gyros and its prediction, in
+    percent of saturation and in N m s.
     """
     rows = since(result, 0.0, window(result))[:-1]
     off = size(result[MOMENTUM][rows] - result[PREDICTED][rows + 1]).max()
@@ -153,15 +161,15 @@ def prediction_error(result: Result) -> tuple[float, ...]:
 
 
 def balance_error(result: Result) -> tuple[float, ...]:
-    """Largest difference of the total momentum from the integral of the torques in parts per
-    million of saturation, and what the torques have brought [N m s]. Simpson's rule over pairs of
-    rows.
+    """Return the largest difference of the total momentum from the integral of the torques in parts
+    per million of saturation, and what the torques have brought [N m s]. Simpson's rule over pairs
+    of rows.
     """
     since(result, 0.0, window(result))
     torque = to_inertial(result[INERTIAL], result[GRAVITY] + result[AIR])
     step = np.diff(result.time)
     if not np.allclose(step, step[0], rtol=1e-6):
-        raise CannotJudgeError("the rows are not equally spaced")
+        raise NotJudgedError("the rows are not equally spaced")
     pairs = (torque[:-2:2] + 4 * torque[1:-1:2] + torque[2::2]) * step[0] / 3
     gained = np.cumsum(pairs, axis=0)
     total = result[TOTAL][2::2][: len(gained)] - result[TOTAL][0]
@@ -169,9 +177,9 @@ def balance_error(result: Result) -> tuple[float, ...]:
 
 
 def printed_equation_error(result: Result) -> tuple[float, ...]:
-    """Momentum by which the equation as printed misses that of the gyros at the end, in percent of
-    saturation: its term 2 m_r R x (R' x omega) instead of m_r R x V', integrated; the largest
-    torque that this makes [N m].
+    """Return the momentum error of the equation as printed against the gyros at the end, in percent
+    of saturation, from its term 2 m_r R x (R' x omega) instead of m_r R x V', integrated; the
+    largest torque of this error [N m].
     """
     since(result, 0.0, window(result))
     m0, m1 = (scalar(result, name) for name in MASSES)
@@ -185,7 +193,7 @@ def printed_equation_error(result: Result) -> tuple[float, ...]:
 
 
 def gains(result: Result) -> tuple[float, ...]:
-    """The smaller one of the gains k1 and k2 of the law that was flown; both."""
+    """Return the smaller of the gains k1 and k2 of the law in the run, then k1 and k2."""
     k1 = scalar(result, "controller.k1")
     corrected = scalar(result, "controller.law") != 0
     k2 = scalar(result, "controller.k2" if corrected else "controller.k2_printed")

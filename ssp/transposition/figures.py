@@ -20,10 +20,9 @@ from harness.mission.figure import (
     Panel,
     degrees,
 )
-from harness.results.histories import norm
 from harness.results.result import Array, Result
 
-from .tracking import attitude_error as tracking_error
+from .metrics import attitude_error as tracking_error
 
 MOMENTUM, SHARE, ATTITUDE, EPS = (
     "assembly.h_cmg_S",
@@ -54,8 +53,8 @@ SNAPSHOTS = 6
 
 
 def _rotations(q: Array) -> Array:
-    """Matrices (rows, 3, 3) that turn vectors from body axes to those that the quaternions are
-    relative to.
+    """Return the matrices (rows, 3, 3) that turn vectors from body axes to those that the
+    quaternions are relative to.
     """
     w, v = q[:, :1, None], q[:, 1:]
     skew = np.cross(np.eye(3), v[:, None, :])
@@ -63,13 +62,13 @@ def _rotations(q: Array) -> Array:
 
 
 def _box(edges: Array) -> Array:
-    """Line segments (12, 2, 3) of a box around the origin."""
+    """Return the line segments (12, 2, 3) of a box around the origin."""
     corners = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)]) * edges
     return np.asarray(corners[EDGES])
 
 
 def _panel(area: float, position: Array, normal: Array) -> Array:
-    """Outline (4, 2, 3) of a square panel with that centre and normal."""
+    """Return the outline (4, 2, 3) of a square panel with that centre and normal."""
     along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     along /= np.linalg.norm(along)
     across = np.cross(normal, along)
@@ -79,7 +78,9 @@ def _panel(area: float, position: Array, normal: Array) -> Array:
 
 
 def _body(result: Result, body: int) -> Array:
-    """Line segments (n, 2, 3) of the base (0) or the module (1), its own axes and centre."""
+    """Return the line segments (n, 2, 3) of the base (0) or the module (1), its own axes and
+    centre.
+    """
     panels = zip(*(result.parameter(f"assembly.{name}") for name in PANELS), strict=True)
     outlines = [
         _panel(area, place, normal)
@@ -107,7 +108,9 @@ def _placed(result: Result) -> Iterator[tuple[float, Array, Array]]:
 
 
 def _bodies(canvas: Axes, result: Result) -> None:
-    """Base and module at several times; the planet is below, flight goes to the right."""
+    """Draw base and module at several times. The planet is below, the orbital motion goes to the
+    right.
+    """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
     shown = list(_placed(result))
@@ -141,11 +144,11 @@ def _bodies(canvas: Axes, result: Result) -> None:
 
 
 def _length(name: str) -> Curve:
-    return Curve(name, convert=norm)
+    return Curve(f"norm({name})")
 
 
 def _iterations(canvas: Axes, result: Result) -> None:
-    """Largest momentum and rotation of every history that the planner tried."""
+    """Draw the largest momentum and rotation of every history that the planner tried."""
     count = int(result[ITERATIONS][0]) + 1
     left, right = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     left.bar(range(count), result["guidance.peak"][0, :count])
@@ -164,7 +167,9 @@ def _iterations(canvas: Axes, result: Result) -> None:
 def _planned_momentum(
     canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]
 ) -> None:
-    """Predicted momentum and rotation of the reference over the window, against saturation."""
+    """Draw the predicted momentum and rotation of the reference over the window, against
+    saturation.
+    """
     momentum, rotation = canvas.subplots(2, 1, sharex=True)
     clock = time_axis(*(r.time for r in results.values()))
     for label, result in results.items():
@@ -196,8 +201,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
             Panel(
                 "magnitude [N m s]",
                 (
-                    Curve(MOMENTUM, "flown", norm),
-                    Curve(PREDICTED, "predicted", norm, style="--"),
+                    Curve(f"norm({MOMENTUM})", "simulated"),
+                    Curve(f"norm({PREDICTED})", "predicted", style="--"),
                 ),
             ),
             Panel("share of saturation", (Curve(SHARE),), level=Level("saturation", 1.0)),
@@ -208,8 +213,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Attitude relative to the flight attitude, and the arm",
         (
             Panel("quaternion, vector part", (Curve(EPS),)),
-            Panel("rotation [deg]", (Curve(ROTATION, convert=degrees),)),
-            Panel("arm [deg]", (Curve(ARM, convert=degrees),)),
+            Panel("rotation [deg]", (Curve(f"degrees({ROTATION})"),)),
+            Panel("arm [deg]", (Curve(f"degrees({ARM})"),)),
         ),
     ),
     Figure(
@@ -228,12 +233,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "gimbals",
         "Control moment gyros",
         (
-            Panel(
-                "angle [deg]", (Curve("assembly.gimbal_angle", convert=degrees, labels=GIMBALS),)
-            ),
-            Panel(
-                "rate [deg/s]", (Curve("assembly.gimbal_rate", convert=degrees, labels=GIMBALS),)
-            ),
+            Panel("angle [deg]", (Curve("degrees(assembly.gimbal_angle)", labels=GIMBALS),)),
+            Panel("rate [deg/s]", (Curve("degrees(assembly.gimbal_rate)", labels=GIMBALS),)),
             Panel("sqrt(det A A'), 0: singular", (Curve("assembly.singularity"),)),
         ),
     ),
@@ -269,7 +270,7 @@ OVERLAYS: tuple[Figure | Overlay, ...] = (
         (
             Panel("momentum [N m s]", (_length(MOMENTUM),)),
             Panel("share of saturation", (Curve(SHARE),), level=Level("saturation", 1.0)),
-            Panel("rotation [deg]", (Curve(ROTATION, convert=degrees),)),
+            Panel("rotation [deg]", (Curve(f"degrees({ROTATION})"),)),
             Panel(
                 "tracking error [deg]",
                 (Curve(tracking_error, convert=degrees, needs=(ATTITUDE, REFERENCE)),),

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the transposition of a docked assembly hands the engine."""
+"""Mission: transposition of a docked assembly."""
 
 from __future__ import annotations
 
-from harness.mission import Gauge, Mission, Phase, Scene
-from harness.mission.figure import DEGREES, scaled
+import numpy as np
+
+from harness.mission import Mission, Phase, Scene, WatchedMetric
 
 from .claims import PAPER
 from .figures import FIGURES, OVERLAYS, SHAPE
-from .measures import MEASURES
+from .metrics import ASSEMBLY as TRACKED
+from .metrics import METRICS, attitude_error
 from .plan import plan
 from .scene import ASSEMBLY, assembly
-from .tracking import ASSEMBLY as TRACKED
-from .tracking import attitude_error
 
 ERROR, RATE_ERROR = "controller.eps_e", "controller.domega_S"
 
@@ -25,16 +25,16 @@ MISSION = Mission(
             "vector part of the error",
             "rate error [deg/s]",
             (ERROR, RATE_ERROR),
-            scaled(ERROR),
-            scaled(RATE_ERROR, DEGREES),
+            ERROR,
+            f"degrees({RATE_ERROR})",
         ),
     ),
-    measures=MEASURES,
+    metrics=METRICS,
     claims=(PAPER,),
-    gauges=(
-        Gauge("attitude error", "deg", TRACKED, lambda r: DEGREES * attitude_error(r)),
-        Gauge("rotation", "deg", (), "degrees(assembly.rotation)"),
-        Gauge("momentum share", "", (), "assembly.momentum_share"),
+    watched=(
+        WatchedMetric("attitude error", "deg", TRACKED, lambda r: np.degrees(attitude_error(r))),
+        WatchedMetric("rotation", "deg", (), "degrees(assembly.rotation)"),
+        WatchedMetric("momentum share", "", (), "assembly.momentum_share"),
     ),
     scene=(Scene(ASSEMBLY, (*SHAPE, "assembly.R_C"), assembly),),
     plans=(plan,),

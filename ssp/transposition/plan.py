@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The plan of a guidance alone: what it will ask for, without running the rest of the system."""
+"""Plan of a guidance alone: its future commands, without running the rest of the system."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation
 
 STATUS = (
     "planned: the momentum stays below the limit",
-    "the flight attitude was asked for, nothing is planned",
+    "the flight attitude was requested, nothing is planned",
     "not planned: the momentum does not fall below the limit; more steps (iterations_max), a "
     "longer window, or a larger momentum_share",
     "not planned: the rotation would exceed rotation_max",
@@ -33,7 +33,7 @@ STATUS = (
 
 @dataclass(frozen=True)
 class Plan:
-    """Outputs of the guidance over its window; before: the same without a plan, at the flight
+    """Outputs of the guidance over its window; before: the same without a plan, at the nominal
     attitude.
     """
 
@@ -42,21 +42,21 @@ class Plan:
 
     @property
     def status(self) -> int:
-        """0: planned; else an index of STATUS."""
+        """Return 0 if a plan exists, else an index of STATUS."""
         return int(self.after["guidance.status"][0])
 
     @property
     def histories(self) -> Mapping[str, Result]:
-        """The guidance without and with a plan."""
+        """Return the histories without and with a plan."""
         return {"flight attitude": self.before, "planned": self.after}
 
     @property
     def good(self) -> bool:
-        """Whether the momentum stays below the limit."""
+        """Return whether the momentum stays below the limit."""
         return self.status <= 1
 
     def text(self) -> str:
-        """The history of the iteration as a table, and the verdict."""
+        """Return the history of the iteration as a table, and the verdict."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -71,9 +71,10 @@ class Plan:
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
-    """The plan of the guidance of a system, with and without planning; changes: those of run().
+    """Return the plan of the guidance of a system, with and without planning; changes: as for
+    run().
 
-    Raises UsageError if the system has no guidance that plans, else what run() raises.
+    Raises UsageError if the system has no guidance that plans, or the errors of run().
     """
     with load(system) as found:
         alone = _guidance_alone(apply(found, **changes))
@@ -81,14 +82,16 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
 
 
 def _guidance_alone(system: System) -> System:
-    """The system without anything but its guidance, which must not read from others."""
+    """Return the system with its guidance alone, which must not read from others."""
     interface = read_interfaces(system).get("guidance")
     if interface is None or any(
         name not in {n.partition("[")[0] for n in interface.outputs()} for name in PLANNED
     ):
-        raise UsageError(f"{system.name}: it has no guidance that plans; try transposition")
-    kept = tuple(c for c in system.components if c.name == "guidance")
-    return replace(system, components=kept, connections=(), sets=(), alternatives=(), declared={})
+        raise UsageError(f"{system.name}: the system has no guidance that plans; try transposition")
+    guidance = tuple(c for c in system.components if c.name == "guidance")
+    return replace(
+        system, components=guidance, connections=(), sets=(), alternatives=(), declared={}
+    )
 
 
 def _unplanned(system: System) -> System:

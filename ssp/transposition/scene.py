@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The replay of the assembly: two docked bodies, the one swinging on the other."""
+"""Replay of the assembly: two docked bodies, one of which swings about the other."""
 
 from __future__ import annotations
 
@@ -24,19 +24,21 @@ NUMBERS = {
 
 
 def assembly(result: Result, arrays: Arrays) -> Scene:
-    """Two docked bodies, the one swinging about the hinge on the other, about the centre of mass of
-    the base.
+    """Return two docked bodies, the one swinging about the hinge on the other, about the centre of
+    mass of the base.
     """
     rows = instants(result, ASSEMBLY[1])
-    q, q_SH, angle = (result[name][rows] for name in ASSEMBLY)
-    hill = _after(q, q_SH)
+    attitude, relative, angle = ASSEMBLY
+    hill = _after(result[attitude][rows], result[relative][rows])
     hinge, module, box_0, box_1, *facets = (result.parameter(name) for name in SHAPE)
     base, swinging = (_panels(facets, body) for body in (0, 1))
     moved = [bodies.box(box_1, module, "second"), *bodies.shifted(swinging, module)]
-    swung = joint(hinge, arrays.keep(angle), 0, [*moved, bodies.ball((0, 0, 0), 0.8)])
+    swung = joint(
+        hinge, arrays.sample(result, rows, angle), 0, [*moved, bodies.ball((0, 0, 0), 0.8)]
+    )
     reach = float(np.linalg.norm(hinge) + np.linalg.norm(module) + box_1[0] / 2)
-    r = np.zeros((len(rows), 3))
-    body = Body("base", r, q, [bodies.box(box_0), *base], 0, float(np.linalg.norm(box_0) / 2),
+    still, q = arrays.store(np.zeros((len(rows), 3))), arrays.sample(result, rows, attitude)
+    body = Body("base", still, q, [bodies.box(box_0), *base], 0, float(np.linalg.norm(box_0) / 2),
                 (swung,), trail=False, reach=reach)  # fmt: skip
     radius = float(result.parameter("assembly.R_C"))
     return scene(
@@ -45,7 +47,7 @@ def assembly(result: Result, arrays: Arrays) -> Scene:
         "centre of mass of the base",
         [body],
         frames=[HILL, INERTIAL],
-        hill=arrays.keep(hill),
+        hill=arrays.store(hill),
         **sky(result, arrays, rows, radius * _turned_axes(hill)),
         numbers=[
             number(result, arrays, rows, f"assembly.{name}", text=text)
@@ -56,14 +58,14 @@ def assembly(result: Result, arrays: Arrays) -> Scene:
 
 
 def _after(q_SN: Array, q_SH: Array) -> Array:
-    """Quaternion of H relative to N from those of S, (rows, 4)."""
+    """Return the quaternion of H relative to N from the quaternions of S, (rows, 4)."""
     (a, u), (b, w) = ((q[:, :1], q[:, 1:]) for q in (q_SN, q_SH))
     scalar = a * b + np.sum(u * w, axis=1)[:, None]
     return np.concatenate((scalar, b * u - a * w - np.cross(u, w)), axis=1)
 
 
 def _turned_axes(q: Array) -> Array:
-    """The x axis of a frame in N axes, (rows, 3)."""
+    """Return the x axis of a frame in N axes, (rows, 3)."""
     w, x, y, z = q.T
     return np.stack([w**2 + x**2 - y**2 - z**2, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A published case as data: what is flown, what others got, how close we must come, and wrong
-models that must miss.
+"""Published case as data: the simulation, the published values, the tolerance, and wrong models
+that must miss.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ FOLDER = Path(__file__).parent / "cases"
 
 @dataclass(frozen=True)
 class Case:
-    """One case of cases/*.json.
+    """Case of cases/*.json.
 
-    id: its name; tests: what it tests; source: name, where, licence; fmu: what is flown; rows: `t`
-    [s] and expected outputs; tolerance: largest difference per output; units: of the outputs; why:
-    reason for the tolerance; wrong: `what` and `change` of models that must miss; setup: everything
-    else, to be read by the flight.
+    id: its name; tests: subject of the test; source: name, place, licence; fmu: the simulated FMU;
+    rows: `t` [s] and expected outputs; tolerance: largest difference per output; units: of the
+    outputs; why: reason for the tolerance; wrong: `what` and `change` of models that must miss;
+    setup: everything else, for the function that simulates the case.
     """
 
     id: str
@@ -40,7 +40,7 @@ class Case:
 
     @classmethod
     def read(cls, entry: Mapping[str, Any]) -> Case:
-        """The case of an entry of a file."""
+        """Return the case of an entry of a file."""
         rest = dict(entry)
         named: dict[str, Any] = {
             name: rest.pop(name)
@@ -51,12 +51,14 @@ class Case:
         )
 
     @property
-    def flight(self) -> str:
-        """How it is flown: a name of flights.FLIGHTS."""
-        return str(self.setup.get("flight", "held_inputs"))
+    def simulation(self) -> str:
+        """Return the name of the function that simulates the case, see simulations.SIMULATIONS."""
+        return str(self.setup.get("simulation", "held_inputs"))
 
     def changed(self, change: Mapping[str, Any]) -> Case:
-        """The case with some of its setup replaced; tables such as `parameters` entry by entry."""
+        """Return the case with some of its setup replaced, tables such as `parameters` entry by
+        entry.
+        """
         setup = dict(self.setup)
         for name, value in change.items():
             old = setup.get(name)
@@ -66,7 +68,9 @@ class Case:
 
 
 def cases(names: list[str] | None = None) -> list[Case]:
-    """The cases of that name, or all; UsageError with close matches if there is none."""
+    """Return the cases with these names, or all; raise UsageError with close matches if there is
+    none.
+    """
     known = {case.id: case for case in _all()}
     if names is None:
         return list(known.values())

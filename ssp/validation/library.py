@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Single FMUs and whole systems as the cases fly them: the only module here that knows the rest of
-the harness.
+"""Single FMUs and whole systems for the cases. Only this module here depends on the rest of the
+harness.
 """
 
 from __future__ import annotations
@@ -76,13 +76,13 @@ class Instance:
             self._slave.fmi2SetReal(self._slave.component, *port.arguments)
 
     def get(self, name: str) -> NDArray[np.float64]:
-        """A vector; a scalar has one element."""
+        """Return a vector; a scalar has one element."""
         port = self.ports[name]
         self._slave.fmi2GetReal(self._slave.component, *port.arguments)
         return port.values.copy()
 
     def step(self, h: float) -> None:
-        """One communication step [s]."""
+        """Draw one communication step [s]."""
         self._slave.doStep(self.time, h)
         self.time += h
 
@@ -92,7 +92,7 @@ class Instance:
 
 
 class Library:
-    """The FMUs of the project, each unpacked when it is first asked for; a context manager."""
+    """FMUs of the project, each unpacked at its first use; a context manager."""
 
     def __enter__(self) -> Self:
         self._place = TemporaryDirectory(prefix="validation-", ignore_cleanup_errors=True)
@@ -108,7 +108,7 @@ class Library:
     def unit(
         self, name: str, parameters: Mapping[str, Any], inputs: Mapping[str, Any] | None = None
     ) -> Instance:
-        """A new instance, initialised with these parameters and inputs at t = 0."""
+        """Return a new instance, initialised with these parameters and inputs at t = 0."""
         self._instances.append(Instance(self._folder(name), parameters, inputs or {}))
         return self._instances[-1]
 
@@ -121,7 +121,7 @@ class Library:
         return self._folders[name]
 
 
-def fly_system(name: str, *, every: int = 1, **changes: Any) -> Result:
-    """The result of a system of the project; changes: those of run()."""
+def run_system(name: str, *, every: int = 1, **changes: Any) -> Result:
+    """Return the result of a system of the project; changes: as for run()."""
     with load(name) as system:
         return simulate(apply(system, **changes), every=every)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The published cases, as `harness validate` asks for them."""
+"""Mission: published cases for `harness validate`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from harness.mission import Mission
 from harness.mission.claim import Row, Validation
 
 from .case import cases
-from .judge import judge
 from .library import Library
+from .simulations import evaluate
 
 
 def _names() -> list[str]:
@@ -19,7 +19,7 @@ def _names() -> list[str]:
 
 def _answer(names: Sequence[str]) -> list[Row]:
     with Library() as library:
-        return [row for case in cases(list(names)) for row in judge(case, library)]
+        return [row for case in cases(list(names)) for row in evaluate(case, library)]
 
 
 MISSION = Mission(validations=(Validation(_names, _answer),))

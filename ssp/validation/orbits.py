@@ -9,31 +9,31 @@ from harness.results.result import Array
 
 
 def dcm(q: Array) -> Array:
-    """C_BN of the quaternion q_BN, scalar first."""
+    """Return C_BN of the quaternion q_BN, scalar first."""
     w, v = q[0], q[1:]
     skew = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
     return np.asarray(np.eye(3) - 2 * w * skew + 2 * skew @ skew)
 
 
 def angle_between(a: Array, b: Array) -> float:
-    """Angle of the turn from one direction cosine matrix to another [rad], exact near zero:
-    |A - B|_F = 2 sqrt 2 sin(angle/2).
+    """Return the angle of the turn from one direction cosine matrix to another [rad], exact near
+    zero: |A - B|_F = 2 sqrt 2 sin(angle/2).
     """
     return float(2 * np.arcsin(min(np.linalg.norm(a - b) / np.sqrt(8), 1.0)))
 
 
 def eccentricity(mu: float, r: Array, v: Array) -> float:
-    """|v x (r x v)/mu - r/|r||."""
+    """Return |v x (r x v)/mu - r/|r||."""
     return float(np.linalg.norm(eccentricity_vector(mu, r, v)))
 
 
 def eccentricity_vector(mu: float, r: Array, v: Array) -> Array:
-    """Towards perigee."""
+    """Return the eccentricity vector, towards perigee."""
     return np.asarray(np.cross(v, np.cross(r, v)) / mu - r / np.linalg.norm(r))
 
 
 def node_and_perigee(mu: float, r: Array, v: Array) -> Array:
-    """Right ascension of the ascending node and argument of perigee [rad]."""
+    """Return the right ascension of the ascending node and argument of perigee [rad]."""
     h = np.cross(r, v)
     node = np.cross([0.0, 0.0, 1.0], h)
     e, across = eccentricity_vector(mu, r, v), np.cross(h / np.linalg.norm(h), node)

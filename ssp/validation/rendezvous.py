@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The rendezvous benchmark SPRE as the system arch_rendezvous flies it.
+"""Rendezvous benchmark SPRE as the system arch_rendezvous simulates it.
 
 Units of the benchmark: m, min, kg; a gain is kg/min2 on positions and kg/min on velocities.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.results.result import Array
 
-from .library import Library, fly_system
+from .library import Library, run_system
 
 if TYPE_CHECKING:
     from .case import Case
@@ -27,12 +27,14 @@ SPEED_LIMIT, BOX = 3.3, 0.2
 
 
 def rendezvous(case: Case, library: Library) -> list[dict[str, Array]]:
-    """Positions [m] and velocities [m/min] in the Hill frame at the rows; los, speed and box: the
-    least of -x tan 30 deg - |y|, the highest speed, and the least max(|x|, |y|) in their phases.
+    """Return the positions [m] and velocities [m/min] in the Hill frame at the rows.
+
+    Each of the following is from its own phase. los: the least -x tan 30 deg - |y|; speed: the
+    highest speed; box: the least max(|x|, |y|).
     """
-    del library  # a whole system, loaded by the master
+    del library  # unused: the master loads the whole system
     stop = case.rows[-1]["t"]
-    result = fly_system(SYSTEM, stop=stop, every=EVERY, set=_changes(case))
+    result = run_system(SYSTEM, stop=stop, every=EVERY, set=_changes(case))
     keep_out, corridor, speed = result["monitor.least_margin"][-1][:3]
     answer = []
     for row in case.rows:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a macro step costs, side by side in one run: monolithic C, bare C loop, our executors, FMPy,
+"""Cost of a macro step, side by side in one run: monolithic C, bare C loop, our executors, FMPy,
 other masters.
 
-Every contender flies the same system from the same .ssp in Gauss-Seidel order (other masters: their
+Every contender runs the same system from the same .ssp in Gauss-Seidel order (other masters: their
 own). Contenders are run in turn, several rounds, and the fastest round of each counts, so that a
 noisy machine hurts all alike.
 """
@@ -83,34 +83,42 @@ def _list_once() -> float:
 
 
 def set_up(system: System) -> float:
-    """Wall-clock time of a further run of one macro step in a warm simulation, the fastest of 40
+    """Wall-clock time of a further run of one macro step in a reused simulation, the fastest of 40
     [s].
     """
     step = system.experiment.step
     with Simulation(system) as simulation:
-        simulation.fly(stop=step)
+        simulation.run(stop=step)
         return min(_further_run(simulation, step) for _ in range(40))
 
 
 def _further_run(simulation: Simulation, stop: float | None) -> float:
     began = perf_counter()
-    simulation.fly(stop=stop)
+    simulation.run(stop=stop)
     return perf_counter() - began
 
 
 def isolation(name: str, system: System) -> float | None:
     """Processor time of a whole `harness run` with FMUs in a process of their own over one without:
-    the median of interleaved pairs. None where that of other processes is not known.
+    the median of interleaved pairs. None where the time of other processes is not known.
     """
     if sys.platform == "win32":
         return None
     component = system.components[0]
     with TemporaryDirectory() as folder:
-        foreign = Path(folder) / component.fmu.name
-        shutil.copy(component.fmu, foreign)
-        with zipfile.ZipFile(foreign, "a") as archive:
+        third_party = Path(folder) / component.fmu.name
+        shutil.copy(component.fmu, third_party)
+        with zipfile.ZipFile(third_party, "a") as archive:
             archive.comment = b"other bytes: not ours"
-        run = ["run", name, "--swap", f"{component.name}={foreign}", "-q", "-o", f"{folder}/x.nc"]
+        run = [
+            "run",
+            name,
+            "--swap",
+            f"{component.name}={third_party}",
+            "-q",
+            "-o",
+            f"{folder}/x.nc",
+        ]
         pairs = [(_spent(run), _spent([*run, "--in-process"])) for _ in range(PAIRS)]
     return median(apart / together for apart, together in pairs)
 
@@ -143,7 +151,7 @@ def bench(name: str) -> str:
     """
     with load(name) as system:
         rows = guarded([c.fmu for c in system.components], _rows, system)
-        warm = guarded([c.fmu for c in system.components], set_up, system)
+        reused = guarded([c.fmu for c in system.components], set_up, system)
         apart = isolation(name, system)
     base = next((row.seconds for row in rows if row.name == CONTENDERS[1][0] and row.seconds), None)
     counts = per_step(name, COUNTED)
@@ -154,7 +162,7 @@ def bench(name: str) -> str:
     lines += [_line(row, base, counts.get(row.name)) for row in rows]
     lines += sorted({f"instructions not counted: {c.note}" for c in counts.values() if c.note})
     lines += [
-        f"command-line start-up {start_up():.2f} s, set-up of a further run {1e3 * warm:.1f} ms, "
+        f"command-line start-up {start_up():.2f} s, set-up of a further run {1e3 * reused:.1f} ms, "
         f"memory of a whole run {run_memory(name):.0f} MB"
     ]
     if apart is not None:

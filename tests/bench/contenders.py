@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Who is measured: monolithic C, bare C loop, our executors, FMPy, other masters, all with one
-system in Gauss-Seidel order (other masters: their own).
+"""Contenders of the measurement: monolithic C, bare C loop, our executors, FMPy, other masters, all
+with one system in Gauss-Seidel order (other masters: their own).
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class LibcosimMaster(Contender):
 
 
 class ObservedLibcosim(LibcosimMaster):
-    """libcosim that also keeps the last values of all variables, as its users do to see
+    """libcosim that also stores the last values of all variables, as its users do to see
     anything.
     """
 

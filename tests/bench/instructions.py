@@ -71,8 +71,8 @@ def _counted(valgrind: str, system: str, contender: str, steps: int) -> int:
     return int(found[1])
 
 
-def fly(name: str, contender: str, steps: int, changes: Sequence[str] = ()) -> None:
-    """Fly a system of the project, with parameters set and FMUs swapped, with one contender of
+def simulate(name: str, contender: str, steps: int, changes: Sequence[str] = ()) -> None:
+    """Run a system of the project, with parameters set and FMUs swapped, with one contender of
     tests.bench.
     """
     from harness.master.changes import apply
@@ -89,4 +89,4 @@ def fly(name: str, contender: str, steps: int, changes: Sequence[str] = ()) -> N
 
 
 if __name__ == "__main__":
-    fly(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4:])
+    simulate(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4:])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Cost of the functions of portable_math.h beside those of the C library.
+"""Cost of the functions of portable_math.h beside the C library's.
 
     python -m tests.bench.maths        (make bench-maths)
 
@@ -34,7 +34,7 @@ def build(folder: Path) -> Path:
 
 
 def output(*command: str | Path) -> str:
-    """What a program prints on both channels."""
+    """Return the output of a program on both channels."""
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return done.stdout + done.stderr
 

@@ -3,7 +3,7 @@
 FMUs.
 
 Both know Gauss-Seidel with one macro step for all and Real variables only, record nothing and check
-nothing in passing. `harness bench` measures against them; the tests compare their numbers with the
+nothing in passing. `make bench` compares with them; the tests compare their numbers with the
 master's.
 """
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Processor time of a flight of two studies beside one of a plain campaign: what asking, keeping
-numbers and margins cost.
+"""Processor time of a run of two studies beside one of a plain campaign: what generating runs,
+storing numbers and margins cost.
 
-    python -m tests.bench.studies [FLIGHTS]
+    python -m tests.bench.studies [RUNS]
 """
 
 from __future__ import annotations
@@ -24,23 +24,25 @@ FILE = Path(ssp.__file__).parent / "sync_approach" / "campaigns" / "sync_approac
 STOP, ROUNDS = 20.0, 5
 
 
-def spent(fly: Any, table: dict[str, Any], **how: Any) -> float:
+def spent(simulate: Any, table: dict[str, Any], **how: Any) -> float:
     """Processor time of one of them, with its dataset [ms]."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.process_time()
-        fly(table, Path(folder) / "flown.zarr", workers=0, **how)
+        simulate(table, Path(folder) / "runs.zarr", workers=0, **how)
         return 1e3 * (time.process_time() - begin)
 
 
-def each(flights: int) -> tuple[float, ...]:
-    """Processor time of a campaign and of two studies of so many flights [ms]."""
+def each(runs: int) -> tuple[float, ...]:
+    """Processor time of a campaign and of two studies of so many runs [ms]."""
     given = tomllib.loads(FILE.read_text())
     given["fixed"] |= {"stop": STOP}
-    asked = {"of": "clearance", "flights": flights}
+    requested = {"of": "clearance", "runs": runs}
     return (
-        spent(campaign, given | {"runs": flights}),
-        spent(probability, given | {"probability": asked | {"method": "random"}}, said=silent),
-        spent(worst, given | {"worst": asked}, said=silent),
+        spent(campaign, given | {"runs": runs}),
+        spent(
+            probability, given | {"probability": requested | {"method": "random"}}, notify=silent
+        ),
+        spent(worst, given | {"worst": requested}, notify=silent),
     )
 
 
@@ -48,20 +50,20 @@ def silent(_: str) -> None:
     """No progress."""
 
 
-def milliseconds(flights: int) -> NDArray[np.float64]:
-    """A flight of each [ms], without what all begin with: least of rounds of a long and a short
+def milliseconds(runs: int) -> NDArray[np.float64]:
+    """Time of a run of each [ms], without the common start: least of rounds of a long and a short
     one.
     """
-    short = flights // 4
-    rounds = np.array([[each(n) for n in (flights, short)] for _ in range(ROUNDS)])
+    short = runs // 4
+    rounds = np.array([[each(n) for n in (runs, short)] for _ in range(ROUNDS)])
     many, few = rounds.min(axis=0)
-    return np.asarray((many - few) / (flights - short))
+    return np.asarray((many - few) / (runs - short))
 
 
 def main() -> None:
-    plain, *asked = milliseconds(int(sys.argv[1]) if len(sys.argv) > 1 else 400)
-    print(f"a flight of {STOP:g} s of a plain campaign: {plain:.1f} ms")
-    for name, of_study in zip(("probability, random", "worst"), asked, strict=True):
+    plain, *requested = milliseconds(int(sys.argv[1]) if len(sys.argv) > 1 else 400)
+    print(f"a run of {STOP:g} s of a plain campaign: {plain:.1f} ms")
+    for name, of_study in zip(("probability, random", "worst"), requested, strict=True):
         print(f"{name}: {of_study:.1f} ms, {of_study - plain:+.1f} ms")
 
 

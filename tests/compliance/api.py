@@ -82,6 +82,20 @@ ARGUMENTS = {
 }
 """Functions that take a component and return a status: their arguments after the component."""
 
+EXCHANGE = {
+    "fmi2EnterEventMode": (),
+    "fmi2NewDiscreteStates": (c_void_p,),
+    "fmi2EnterContinuousTimeMode": (),
+    "fmi2CompletedIntegratorStep": (c_int, INTEGERS, INTEGERS),
+    "fmi2SetTime": (c_double,),
+    "fmi2SetContinuousStates": (REALS, c_size_t),
+    "fmi2GetDerivatives": (REALS, c_size_t),
+    "fmi2GetEventIndicators": (REALS, c_size_t),
+    "fmi2GetContinuousStates": (REALS, c_size_t),
+    "fmi2GetNominalsOfContinuousStates": (REALS, c_size_t),
+}
+"""Functions of model exchange, which some tools bind before they load any library."""
+
 OTHERS = {
     "fmi2GetTypesPlatform": (c_char_p,),
     "fmi2GetVersion": (c_char_p,),
@@ -99,13 +113,13 @@ OTHERS = {
 }
 """The rest: result, then arguments."""
 
-FUNCTIONS = (*ARGUMENTS, *OTHERS)
+FUNCTIONS = (*ARGUMENTS, *EXCHANGE, *OTHERS)
 
 
 def load(path: Path) -> ctypes.CDLL:
     """The library of an FMU with every function of the interface declared."""
     library = ctypes.CDLL(str(path))
-    for name, arguments in ARGUMENTS.items():
+    for name, arguments in (ARGUMENTS | EXCHANGE).items():
         function = getattr(library, name)
         function.restype, function.argtypes = c_int, (c_void_p, *arguments)
     for name, (result, *arguments) in OTHERS.items():

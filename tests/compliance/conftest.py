@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Every FMU of the build: its file, what its description says, and the library, loaded once."""
+"""Every FMU of the build: its file, its parsed description, and the library, loaded once."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def symbols(archive, tmp_path_factory) -> Each:
             library = file.read(f"binaries/{FOLDER}/{path.stem}{ENDING}")
         (folder / path.stem).write_bytes(library)
     found: dict[str, dict[str, str]] = {path.stem: {} for path in archive.values}
-    said = subprocess.run(
+    reported = subprocess.run(
         [nm, "-AD", *found], cwd=folder, capture_output=True, text=True, check=True
     )
-    for line in said.stdout.splitlines():
+    for line in reported.stdout.splitlines():
         name, _, about = line.partition(":")
         letter, symbol = about.split()[-2:]
         found[name][symbol.partition("@")[0]] = letter
@@ -66,9 +66,9 @@ def instance(fmu) -> Each:
 
 
 @pytest.fixture(scope="session")
-def flying(fmu) -> Each:
+def running(fmu) -> Each:
     """An instance after five steps, at t = 0.5 s of an experiment that ends at 100 s."""
-    return fmu.within(_flying)
+    return fmu.within(_running)
 
 
 class Elsewhere:
@@ -113,8 +113,8 @@ def elsewhere() -> Iterator[Elsewhere]:
 
 
 @contextmanager
-def _flying(fmu: Fmu) -> Iterator[Instance]:
+def _running(fmu: Fmu) -> Iterator[Instance]:
     with Instance(fmu) as one:
         one.start(stop=100.0)
-        one.fly(5)
+        one.simulate(5)
         yield one

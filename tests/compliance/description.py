@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a modelDescription.xml says, read without FMPy and without the harness."""
+"""Content of a modelDescription.xml, read without FMPy and without the harness."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ class Message(NamedTuple):
 
 
 class Host:
-    """The callbacks of a master: keeps the messages, counts the memory, and can run out of it at
-    the n-th request.
+    """The callbacks of a master: stores the messages, counts the memory, and can run out of memory
+    at the n-th request.
     """
 
     ENVIRONMENT = 0x5EC
@@ -135,8 +135,8 @@ class Fmu:
         }
 
     def sampled_every(self, period: float) -> dict[str, float]:
-        """Parameters that make plants integrate and software sample on the grid k * period,
-        whatever the master does.
+        """Parameters that make plants integrate and software sample on the grid k * period, for any
+        communication steps of the master.
         """
         switches = {v.row for v in self.about.variables if (v.low, v.high) == (0, 1)}
         return self.settings(**dict.fromkeys([g for g in GRIDS if g not in switches], period))
@@ -255,7 +255,7 @@ class Instance:
     def step(self, t: float, h: float) -> None:
         self.ok("fmi2DoStep", t, h, 0)
 
-    def fly(self, steps: int, h=0.1, first=0, wave=0) -> bytes:
+    def simulate(self, steps: int, h=0.1, first=0, wave=0) -> bytes:
         """Steps first, first+1, ... of size h under excitation; the bits of all outputs after every
         step.
         """

@@ -50,17 +50,18 @@ fmi2GetIntegerStatus               .                 .                 x        
 fmi2GetBooleanStatus               .                 .                 x            x         o
 fmi2GetStringStatus                .                 .                 x            x         o
 """
-"""x: allowed, .: forbidden, o: forbidden by the standard and answered all the same, because a
-master that meets a failed step asks for fmi2LastSuccessfulTime, and the answer does no harm."""
+"""x: allowed, .: forbidden, o: forbidden by the standard and answered nevertheless, because a
+master that meets a failed step requests fmi2LastSuccessfulTime, and the answer does no harm.
+"""
 
-MARKS = {
+RULES = {
     line.split()[0]: dict(zip(STATES, line.split()[1:], strict=True))
     for line in TABLE.splitlines()[2:]
 }
 
 
 def allowed(function: str, state: str) -> bool:
-    return MARKS[function][state] != "."
+    return RULES[function][state] != "."
 
 
 # ---- how to get there
@@ -137,7 +138,7 @@ ARGUMENTS = {
 }
 
 UNKNOWN_STATUS = {"fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetStringStatus"}
-"""Answered with fmi2Discard, as FMI 2.0 asks of a status that the slave does not have."""
+"""Answered with fmi2Discard, as FMI 2.0 requires for a status that the slave does not have."""
 
 
 def attempt(instance: Instance, function: str) -> Status:

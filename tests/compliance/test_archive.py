@@ -97,18 +97,18 @@ def test_entries_are_plain_files_with_relative_names_and_a_fixed_date(archive):
         assert not entry.is_dir()
         assert stat.S_IFMT(entry.external_attr >> 16) in (0, stat.S_IFREG)
         assert entry.date_time == (1980, 1, 1, 0, 0, 0), (
-            "the first date of zip archives, not that of the build"
+            "the first date of zip archives, not the date of the build"
         )
 
 
-def test_what_fmi_and_readers_look_for_is_there(archive, files):
-    for wanted in (
+def test_files_that_fmi_and_readers_expect_are_present(archive, files):
+    for required in (
         "modelDescription.xml",
         "model.png",
         "documentation/index.html",
         "licenses/license.txt",
     ):
-        assert files[wanted]
+        assert files[required]
     assert files[f"binaries/{FOLDER}/{archive.stem}{ENDING}"]
 
 
@@ -128,10 +128,8 @@ def test_sources_include_only_each_other_and_the_fmi_headers(sources):
     )
 
 
-def test_sources_keep_away_from_the_process_and_its_files(sources):
-    """An FMU never exits, aborts, prints to the terminal, opens a file or keeps static
-    variables.
-    """
+def test_sources_retain_away_from_the_process_and_its_files(sources):
+    """An FMU never exits, aborts, prints to the terminal, opens a file or has static variables."""
     forbidden = re.compile(
         r"\b(exit|abort|_Exit|assert|printf|puts|putchar|fopen|system|setlocale|getenv)\s*\("
     )
@@ -156,7 +154,7 @@ def test_the_library_exports_the_fmi_functions_and_nothing_else(symbols):
     )
 
 
-def test_no_file_tells_where_it_was_built(files):
+def test_no_file_states_where_it_was_built(files):
     if any(b"__asan_init" in data for data in files.values()):
         pytest.skip("sanitised libraries hold the paths of their sources for their reports")
     assert [name for name, data in files.items() if str(ROOT).encode() in data] == []
@@ -207,7 +205,7 @@ def test_the_documentation_shows_the_equations_of_the_model(archive, files, sour
     assert [line for line in rest if line not in prose] == []
 
 
-def test_the_licence_is_that_of_the_project(files):
+def test_the_licence_matches_the_project(files):
     assert files["licenses/license.txt"] == (ROOT / "LICENSE").read_bytes()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Every function in every state: accepted where FMI 2.0 allows it, else refused with a message and
+"""Every function in every state: accepted where FMI 2.0 allows it, else rejected with a message and
 without effect.
 """
 
@@ -14,8 +14,11 @@ from tests.compliance import api
 from tests.compliance.api import Status
 from tests.compliance.fmus import ARCHIVES
 from tests.compliance.probe import Fmu, Instance
-from tests.compliance.refusals import assert_readable, refused
-from tests.compliance.states import MARKS, STATES, allowed, attempt, bring, overflow, right_answer
+from tests.compliance.rejections import assert_readable, rejected
+from tests.compliance.states import RULES, STATES, allowed, attempt, bring, overflow, right_answer
+
+NOTHING = {api.c_int: 0, api.c_double: 0.0, api.c_size_t: 0}
+"""Values of arguments that are not pointers."""
 
 in_every_state = pytest.mark.parametrize("state", STATES)
 
@@ -28,14 +31,14 @@ def brought(fmu, state):
     return instance
 
 
-def test_the_table_speaks_of_every_function():
-    assert set(MARKS) == set(api.ARGUMENTS)
+def test_the_table_covers_every_function():
+    assert set(RULES) == set(api.ARGUMENTS)
 
 
 @in_every_state
 def test_calls_are_accepted_exactly_where_the_standard_allows_them(fmu, state):
     wrong = {}
-    for function in MARKS:
+    for function in RULES:
         with brought(fmu, state) as instance:
             status = attempt(instance, function)
             if status is not (right_answer(function) if allowed(function, state) else Status.ERROR):
@@ -47,7 +50,7 @@ def test_calls_are_accepted_exactly_where_the_standard_allows_them(fmu, state):
 def test_a_call_in_the_wrong_state_names_function_and_state_and_changes_nothing(fmu, state):
     with brought(fmu, state) as instance:
         before = instance.snapshot()
-        for function in (name for name in MARKS if not allowed(name, state)):
+        for function in (name for name in RULES if not allowed(name, state)):
             instance.host.messages.clear()
             attempt(instance, function)
             (message,) = instance.host.errors
@@ -56,16 +59,29 @@ def test_a_call_in_the_wrong_state_names_function_and_state_and_changes_nothing(
             assert instance.snapshot() == before, function
 
 
-def test_version_and_platform_are_those_of_fmi_2(fmu):
+@in_every_state
+def test_functions_of_model_exchange_are_rejected_with_one_line(fmu, state):
+    with brought(fmu, state) as instance:
+        before = instance.snapshot()
+        for function, kinds in api.EXCHANGE.items():
+            instance.host.messages.clear()
+            assert instance.call(function, *(NOTHING.get(kind) for kind in kinds)) is Status.ERROR
+            (message,) = instance.host.errors
+            assert message == f"{function}: this FMU supports co-simulation only"
+            assert instance.snapshot() == before, function
+    assert getattr(fmu.library, function)(None, None, 0) == Status.ERROR
+
+
+def test_version_and_platform_match_fmi_2(fmu):
     assert fmu.library.fmi2GetVersion() == b"2.0"
     assert fmu.library.fmi2GetTypesPlatform() == b"default"
 
 
-def test_a_missing_instance_is_refused_and_freeing_it_does_nothing(fmu):
+def test_a_missing_instance_is_rejected_and_freeing_it_does_nothing(fmu):
     with Instance(fmu) as instance:
         arguments = {name: [kind() for kind in kinds] for name, kinds in api.ARGUMENTS.items()}
         instance.handle, handle = None, instance.handle
-        answers = {name: instance.call(name, *arguments[name]) for name in MARKS}
+        answers = {name: instance.call(name, *arguments[name]) for name in RULES}
         fmu.library.fmi2FreeInstance(None)
         instance.handle = handle
     assert {
@@ -84,10 +100,10 @@ def test_a_step_ends_with_finite_outputs_or_with_an_error(fmu):
         assert all(map(math.isfinite, instance.values(fmu.outputs)))
 
 
-def test_a_failed_step_keeps_the_last_good_state_and_says_what_happened(fmu):
+def test_a_failed_step_retains_the_last_good_state_and_states_what_happened(fmu):
     with Instance(fmu) as instance:
         instance.start()
-        instance.fly(5)
+        instance.simulate(5)
         outputs, count = instance.outputs(), len(instance.host.errors)
         instance.set({v.name: min(v.high, 1.7e308) for v in fmu.inputs})
         if instance.call("fmi2DoStep", 0.5, 10.0, 0) is Status.OK:
@@ -103,11 +119,11 @@ def test_a_failed_step_keeps_the_last_good_state_and_says_what_happened(fmu):
         assert_readable(message)
 
 
-def test_numbers_in_messages_have_no_sign_that_says_nothing(fmu):
+def test_numbers_in_messages_have_no_sign_that_states_nothing(fmu):
     with Instance(fmu) as instance:
         instance.start()
-        instance.fly(5)
-        with refused(instance, "fmi2DoStep", "t = nan s", "step = 0 s") as answer:
+        instance.simulate(5)
+        with rejected(instance, "fmi2DoStep", "t = nan s", "step = 0 s") as answer:
             answer.append(instance.call("fmi2DoStep", -math.nan, -0.0, 0))
 
 
@@ -117,7 +133,7 @@ def test_a_failed_step_can_be_undone_by_a_saved_state(fmu):
         if overflow(instance) is Status.OK:
             pytest.skip(f"no input makes a step of {fmu.name} fail")
         instance.restore(state)
-        assert instance.fly(10) == other.start().fly(10)
+        assert instance.simulate(10) == other.start().simulate(10)
         instance.drop(state)
 
 
@@ -129,5 +145,5 @@ def test_a_step_to_an_output_out_of_its_bounds_fails(name, tmp_path):
         instance.start({"mdot": 41.0}).step(0.0, 2.0)
         assert instance.call("fmi2DoStep", 2.0, 1.0, 0) is Status.ERROR
         (message,) = instance.host.errors
-        assert "result at t = 3 s refused: mass = -23: must be >= 0" in message
+        assert "result at t = 3 s rejected: mass = -23: must be >= 0" in message
         assert instance.get("mass") == pytest.approx(18)

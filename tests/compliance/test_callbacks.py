@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the FMU asks of its master: a log that helps, memory that may run out, and nothing that may
-not be missing.
+"""The FMU and the callbacks of its master: a log that helps, memory that may run out, and optional
+callbacks that may be missing.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from tests.compliance.probe import Host, Instance
 CATEGORIES = ("logStatusError", "logStatusWarning", "logEvents")
 
 
-def flight(fmu, host):
-    """A life with saving, restoring and refused calls in it; the bits of its outputs."""
-    kept = []
+def recording(fmu, host):
+    """A life with saving, restoring and rejected calls in it; the bits of its outputs."""
+    retained = []
     with Instance(fmu, host=host) as instance:
         try:
-            kept.append(instance.start().save())
-            instance.fly(3)
-            kept.append(instance.deserialize(instance.serialize(kept[0])))
-            instance.restore(kept[1])
+            retained.append(instance.start().save())
+            instance.simulate(3)
+            retained.append(instance.deserialize(instance.serialize(retained[0])))
+            instance.restore(retained[1])
             assert instance.call("fmi2DoStep", 17.0, 0.1, 0) is Status.ERROR
             assert instance.call("fmi2GetStatus", 0, byref(api.c_int())) is Status.DISCARD
             assert (
                 instance.call("fmi2GetReal", api.references([10**6]), 1, api.reals([0.0]))
                 is Status.ERROR
             )
-            return instance.fly(10)
+            return instance.simulate(10)
         finally:
-            for state in kept:
+            for state in retained:
                 instance.drop(state)
 
 
@@ -51,7 +51,7 @@ def flight(fmu, host):
 )
 def test_missing_callbacks_change_nothing(fmu, missing):
     host = Host(**missing)
-    assert flight(fmu, host) == flight(fmu, Host())
+    assert recording(fmu, host) == recording(fmu, Host())
     assert host.live == set()
 
 
@@ -61,31 +61,33 @@ def test_missing_callbacks_altogether_and_a_missing_location_change_nothing(fmu)
         full, instance.handle = instance.handle, fmu.library.fmi2Instantiate(*arguments)
         assert instance.handle
         assert instance.call("fmi2DoStep", 17.0, 0.1, 0) is Status.ERROR
-        assert instance.start().fly(10) == other.start().fly(10)
+        assert instance.start().simulate(10) == other.start().simulate(10)
         instance.free()
         instance.handle = full
 
 
-def test_a_refusal_without_a_logger_does_no_harm(fmu):
+def test_a_rejection_without_a_logger_does_no_harm(fmu):
     for arguments in (None, byref(Host(logger=False).callbacks)):
         assert fmu.library.fmi2Instantiate(b"probe", 1, b"wrong", None, arguments, 0, 1) is None
 
 
 def test_the_memory_of_the_master_is_used_for_everything(fmu):
     host = Host()
-    flight(fmu, host)
+    recording(fmu, host)
     assert host.requests > 2
     assert host.live == set()
 
 
 def test_every_request_for_memory_may_fail(fmu):
-    """Instantiation then fails as a whole, a later call alone; each says so and nothing is lost."""
+    """Instantiation then fails as a whole, a later call alone; each is reported and nothing is
+    lost.
+    """
     needed = Host()
-    flight(fmu, needed)
+    recording(fmu, needed)
     for n in range(1, needed.requests + 1):
         host = Host(out_of_memory_at=n)
         with pytest.raises(AssertionError, match="out of memory"):
-            flight(fmu, host)
+            recording(fmu, host)
         assert host.requests >= n
         assert host.live == set()
 
@@ -137,14 +139,14 @@ def categories(*names):
     return 1, len(names), (api.c_char_p * len(names))(*(name.encode() for name in names))
 
 
-def test_debug_logging_starts_as_asked(fmu):
+def test_debug_logging_starts_as_requested(fmu):
     with Instance(fmu, logging=True) as loud, Instance(fmu, logging=False) as quiet:
         assert provoke(loud) == ["logEvents", "logStatusWarning", "logStatusError"]
-        assert provoke(quiet) == ["logStatusError"], "the reason of a refusal is always told"
+        assert provoke(quiet) == ["logStatusError"], "the reason of a rejection is always reported"
 
 
 @pytest.mark.parametrize("chosen", CATEGORIES)
-def test_exactly_the_categories_asked_for_are_logged_and_errors_always(fmu, chosen):
+def test_exactly_the_requested_categories_are_logged_and_errors_always(fmu, chosen):
     with Instance(fmu) as instance:
         for _ in range(2):
             instance.ok("fmi2SetDebugLogging", *categories(chosen))
@@ -161,7 +163,7 @@ def test_debug_logging_can_be_switched_off_and_on_as_a_whole(fmu):
         assert set(provoke(instance)) == set(CATEGORIES)
 
 
-def test_unknown_categories_are_refused_and_change_nothing(fmu):
+def test_unknown_categories_are_rejected_and_change_nothing(fmu):
     with Instance(fmu) as instance:
         instance.ok("fmi2SetDebugLogging", *categories("logStatusWarning"))
         for wrong in (("logAll",), ("logEvents", "nonsense"), ("",), ("logevents",)):

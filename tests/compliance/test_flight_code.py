@@ -20,7 +20,7 @@ SOURCES = flight_rules.sources()
 FILES = flight_rules.included()
 CALLS_ALLOWED = {"sqrt", "copysign", "memcpy", "memset", "strlen", "snprintf"}
 MOST_STACK = 20 * 1024
-"""Bytes: of the initialization of theta_d_controller with some room for other compilers."""
+"""Bytes: of the initialization of theta_d_controller with a margin for other compilers."""
 STEPS = 2_000
 
 SOME = [path for path in SOURCES if path.stem in {"theta_d_controller", "safety_monitor"}]
@@ -55,7 +55,7 @@ def test_a_step_allocates_nothing_and_calls_no_library_but_for_copies(source):
 
 
 @with_call_graphs
-def test_nothing_is_allocated_before_the_flight_either(source):
+def test_nothing_is_allocated_before_the_run_either(source):
     below = flight_rules.calls(source, "-O0").reached(flight_rules.START)
     assert not below & flight_rules.ALLOCATION
 
@@ -81,7 +81,7 @@ def test_bad_code_is_found_out(tmp_path):
         "typedef int Rule(int);\nstatic int grab(int n) { free(malloc((size_t)n)); return n; }\n"
         "Rule *const rules[] = {grab};\n"
         "int step_model(int n)\n{\n"
-        "    char room[n];\n    room[n - 1] = 1;\n    return again(room[n / 2]) + rules[0](n);\n}\n"
+        "    char part[n];\n    part[n - 1] = 1;\n    return again(part[n / 2]) + rules[0](n);\n}\n"
     )
     calls = flight_rules.calls(bad, "-O0")
     assert calls.recursive() == {"again"}
@@ -105,7 +105,7 @@ def test_a_loop_without_a_bound_is_found(head, tmp_path):
     assert [flight_rules.bound(found) for _, found in flight_rules.loops(path)] == [None]
 
 
-def test_every_bound_is_that_of_a_loop():
+def test_every_bound_matches_a_loop():
     heads = [head for path in FILES for _, head in flight_rules.loops(path)]
     assert {flight_rules.bound(head) for head in heads} == {text for _, text in flight_rules.LOOPS}
 
@@ -167,17 +167,17 @@ def raised_by(exceptions, name, most):
 
 
 @pytest.mark.parametrize("name", sorted(systems()))
-def test_the_default_flights_raise_no_floating_point_exception(exceptions, name):
+def test_the_default_runs_raise_no_floating_point_exception(exceptions, name):
     assert raised_by(exceptions, name, STEPS) == 0
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", sorted(systems()))
-def test_whole_flights_raise_no_floating_point_exception(exceptions, name):
+def test_whole_runs_raise_no_floating_point_exception(exceptions, name):
     assert raised_by(exceptions, name, 10**9) == 0
 
 
-def test_an_exception_in_initialization_is_heard(exceptions):
+def test_an_exception_in_initialization_is_reported(exceptions):
     """The first round has no inputs yet: the line of sight to a target at the origin."""
     with load("sync_approach") as system:
         exceptions.forget()
@@ -185,7 +185,7 @@ def test_an_exception_in_initialization_is_heard(exceptions):
         assert exceptions.raised()
 
 
-def test_an_exception_is_heard(exceptions):
+def test_an_exception_is_reported(exceptions):
     exceptions.forget()
     assert not exceptions.raised()
     exceptions.raise_one()
@@ -195,7 +195,7 @@ def test_an_exception_is_heard(exceptions):
 # ---- the page ----
 @pytest.mark.long
 @with_call_graphs
-def test_the_page_is_what_the_tools_say():
+def test_the_page_is_what_the_tools_state():
     text = PAGE.read_text()
     if flight_rules.version() not in text:
         pytest.skip(f"docs/flight_code.md is of another compiler than {flight_rules.version()}")

@@ -22,77 +22,77 @@ def time_of(instance):
     return last.value
 
 
-def test_a_restored_state_has_the_same_future_again_and_again(flying):
-    state = flying.save()
+def test_a_restored_state_has_the_same_future_again_and_again(running):
+    state = running.save()
     futures = set()
     for _ in range(3):
-        futures.add(flying.fly(20, first=5))
-        flying.restore(state)
-    flying.drop(state)
+        futures.add(running.simulate(20, first=5))
+        running.restore(state)
+    running.drop(state)
     assert len(futures) == 1
 
 
-def test_a_restored_state_has_the_outputs_and_the_time_of_the_saved_one(flying):
-    state, outputs = flying.save(), flying.outputs()
-    flying.fly(5, first=5)
-    flying.restore(state)
-    assert flying.outputs() == outputs
-    assert time_of(flying) == 0.5
-    assert flying.call("fmi2DoStep", 1.0, 0.1, 0) is Status.ERROR
-    flying.step(0.5, 0.1)
-    flying.drop(state)
+def test_a_restored_state_has_the_outputs_and_the_time_of_the_saved_one(running):
+    state, outputs = running.save(), running.outputs()
+    running.simulate(5, first=5)
+    running.restore(state)
+    assert running.outputs() == outputs
+    assert time_of(running) == 0.5
+    assert running.call("fmi2DoStep", 1.0, 0.1, 0) is Status.ERROR
+    running.step(0.5, 0.1)
+    running.drop(state)
 
 
-def test_a_restored_state_brings_its_inputs_back(flying):
-    state = flying.save()
-    flying.step(0.5, 0.1)
-    expected = flying.outputs()
-    flying.restore(state)
-    flying.set(excitation(flying.fmu.inputs, 99))
-    flying.restore(state)
-    flying.step(0.5, 0.1)
-    assert flying.outputs() == expected
-    flying.drop(state)
+def test_a_restored_state_brings_its_inputs_back(running):
+    state = running.save()
+    running.step(0.5, 0.1)
+    expected = running.outputs()
+    running.restore(state)
+    running.set(excitation(running.fmu.inputs, 99))
+    running.restore(state)
+    running.step(0.5, 0.1)
+    assert running.outputs() == expected
+    running.drop(state)
 
 
-def test_several_states_are_kept_apart_and_restored_in_any_order(flying):
+def test_several_states_are_retained_apart_and_restored_in_any_order(running):
     states, futures = [], []
     for k in range(5, 9):
-        states.append(flying.save())
-        futures.append(flying.fly(1, first=k))
+        states.append(running.save())
+        futures.append(running.simulate(1, first=k))
     for i in (2, 0, 3, 1, 1, 2):
-        flying.restore(states[i])
-        assert flying.fly(1, first=5 + i) == futures[i]
+        running.restore(states[i])
+        assert running.simulate(1, first=5 + i) == futures[i]
     for state in states:
-        flying.drop(state)
+        running.drop(state)
 
 
-def test_a_saved_state_is_not_touched_by_what_the_instance_does_later(flying):
-    state = flying.save()
-    before = flying.serialize(state)
-    flying.fly(5, first=5)
-    flying.ok("fmi2Reset")
-    assert flying.serialize(state) == before
-    flying.drop(state)
+def test_a_saved_state_is_not_touched_by_what_the_instance_does_later(running):
+    state = running.save()
+    before = running.serialize(state)
+    running.simulate(5, first=5)
+    running.ok("fmi2Reset")
+    assert running.serialize(state) == before
+    running.drop(state)
 
 
-def test_saving_into_an_old_state_replaces_it(flying):
-    state = flying.save()
-    future = [flying.fly(1, first=5), flying.fly(1, first=6)]
-    flying.restore(state)
-    flying.fly(1, first=5)
+def test_saving_into_an_old_state_replaces_it(running):
+    state = running.save()
+    future = [running.simulate(1, first=5), running.simulate(1, first=6)]
+    running.restore(state)
+    running.simulate(1, first=5)
     place = c_void_p(state.value)
-    flying.ok("fmi2GetFMUstate", byref(place))
+    running.ok("fmi2GetFMUstate", byref(place))
     assert place.value == state.value
-    flying.fly(1, first=6)
-    flying.restore(place)
-    assert flying.fly(1, first=6) == future[1]
-    flying.drop(place)
+    running.simulate(1, first=6)
+    running.restore(place)
+    assert running.simulate(1, first=6) == future[1]
+    running.drop(place)
 
 
-def test_freeing_a_state_forgets_its_address(flying):
-    state = flying.save()
-    flying.drop(state)
+def test_freeing_a_state_forgets_its_address(running):
+    state = running.save()
+    running.drop(state)
     assert state.value is None
 
 
@@ -117,14 +117,14 @@ def test_every_state_of_the_life_cycle_can_be_saved_and_restored(fmu, phase):
 # ---- serialized
 
 
-def test_a_serialized_state_lives_on_in_another_instance(flying):
-    data = flying.snapshot()
-    future = flying.fly(20, first=5)
-    with Instance(flying.fmu) as other:
+def test_a_serialized_state_can_be_restored_in_another_instance(running):
+    data = running.snapshot()
+    future = running.simulate(20, first=5)
+    with Instance(running.fmu) as other:
         state = other.deserialize(data)
         assert other.serialize(state) == data
         other.restore(state)
-        assert other.fly(20, first=5) == future
+        assert other.simulate(20, first=5) == future
         other.drop(state)
 
 
@@ -134,11 +134,11 @@ def test_equal_states_have_equal_bytes_and_different_ones_do_not(fmu):
         one.start()
         assert one.snapshot() != other.snapshot()
         other.start()
-        assert one.fly(5) == other.fly(5)
+        assert one.simulate(5) == other.simulate(5)
         assert one.snapshot() == other.snapshot()
 
 
-def assert_refused(instance, data):
+def assert_rejected(instance, data):
     state, blocks = c_void_p(), len(instance.host.live)
     instance.host.messages.clear()
     assert instance.try_deserialize(data, state) is Status.ERROR
@@ -148,18 +148,18 @@ def assert_refused(instance, data):
     assert message.startswith("fmi2DeSerializeFMUstate: ")
 
 
-def test_bytes_with_any_damage_are_refused_and_change_nothing(flying):
+def test_bytes_with_any_damage_are_rejected_and_change_nothing(running):
     """One bit in every byte."""
-    data = flying.snapshot()
+    data = running.snapshot()
     for i in range(len(data)):
-        assert_refused(flying, data[:i] + bytes([data[i] ^ (1 << i % 8)]) + data[i + 1 :])
-    assert flying.snapshot() == data
+        assert_rejected(running, data[:i] + bytes([data[i] ^ (1 << i % 8)]) + data[i + 1 :])
+    assert running.snapshot() == data
 
 
-def test_bytes_of_another_length_are_refused(flying):
-    data = flying.snapshot()
+def test_bytes_of_another_length_are_rejected(running):
+    data = running.snapshot()
     for wrong in (b"", data[:1], data[:-1], data[:-8], data + b"\0", data + data):
-        assert_refused(flying, wrong)
+        assert_rejected(running, wrong)
 
 
 @pytest.fixture
@@ -172,44 +172,44 @@ def snapshots(tmp_path):
     return found
 
 
-def test_bytes_of_another_fmu_are_refused(flying, snapshots):
-    size = len(flying.snapshot())
+def test_bytes_of_another_fmu_are_rejected(running, snapshots):
+    size = len(running.snapshot())
     for name, data in snapshots.items():
-        if name == flying.fmu.name:
+        if name == running.fmu.name:
             continue
-        assert_refused(flying, data)
-        assert_refused(flying, data[:size].ljust(size, b"\0"))
+        assert_rejected(running, data)
+        assert_rejected(running, data[:size].ljust(size, b"\0"))
 
 
-def test_a_refused_state_leaves_an_old_one_alone(flying):
-    state = flying.save()
-    data, address = flying.serialize(state), state.value
-    assert flying.try_deserialize(data[:-1], state) is Status.ERROR
+def test_a_rejected_state_leaves_an_old_one_alone(running):
+    state = running.save()
+    data, address = running.serialize(state), state.value
+    assert running.try_deserialize(data[:-1], state) is Status.ERROR
     assert state.value == address
-    assert flying.serialize(state) == data
-    flying.drop(state)
+    assert running.serialize(state) == data
+    running.drop(state)
 
 
-def test_a_previous_state_at_the_place_of_the_result_is_replaced_and_released(flying):
+def test_a_previous_state_at_the_place_of_the_result_is_replaced_and_released(running):
     """FMPy and the Reference FMUs take it for a state to use again; a master must start with a null
     pointer.
     """
-    state = flying.save()
-    data, blocks = flying.serialize(state), len(flying.host.live)
-    flying.fly(5, first=5)
-    assert flying.try_deserialize(data, state) is Status.OK
-    assert len(flying.host.live) == blocks
-    assert flying.serialize(state) == data
-    flying.drop(state)
+    state = running.save()
+    data, blocks = running.serialize(state), len(running.host.live)
+    running.simulate(5, first=5)
+    assert running.try_deserialize(data, state) is Status.OK
+    assert len(running.host.live) == blocks
+    assert running.serialize(state) == data
+    running.drop(state)
 
 
-# ---- identical to a flight without any saving
+# ---- identical to a run without any saving
 
 
-def test_saving_and_serializing_leave_no_trace_in_a_flight(fmu):
+def test_saving_and_serializing_leave_no_trace_in_a_run(fmu):
     with Instance(fmu) as quiet, Instance(fmu) as busy:
         quiet.start()
         busy.start()
         for k in range(10):
             busy.drop(busy.deserialize(busy.snapshot()))
-            assert quiet.fly(1, first=k) == busy.fly(1, first=k)
+            assert quiet.simulate(1, first=k) == busy.simulate(1, first=k)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""No object holds a fused multiply-add, whatever the processor has: it rounds once where the models
-round twice. Looked for in the assembly of the compiler, with the flags of the build.
+"""No object holds a fused multiply-add, even if the processor has one: it rounds once where the
+models round twice. Looked for in the assembly of the compiler, with the flags of the build.
 """
 
 import importlib.util
@@ -31,7 +31,7 @@ INCLUDE = [f"-I{folder}" for folder in FOLDERS] + [
     str(Path(fmpy.__file__).parent / "c-code"),
 ]
 SLP = [FMUS / f"flight/{name}.c" for name in ("transposition_guidance", "relative_filter")]
-"""Those in which gcc 12 forms most of them without -fno-tree-slp-vectorize."""
+"""Files in which gcc 12 forms most of them without -fno-tree-slp-vectorize."""
 
 GCC, AARCH64 = shutil.which("gcc"), shutil.which("aarch64-linux-gnu-gcc")
 X86 = platform.machine() in ("x86_64", "AMD64")

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Before the first step: parameters at any time, outputs that follow the values set, and refusal of
-impossible models.
+"""Before the first step: parameters at any time, outputs that follow the values set, and rejection
+of impossible models.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from functools import cache
 
 import pytest
@@ -64,7 +66,7 @@ def test_parameters_may_be_set_before_the_experiment_and_again_in_initialization
         twice.set(values)
         for instance in (late, twice):
             instance.ok("fmi2ExitInitializationMode")
-        assert early.fly(10) == late.fly(10) == twice.fly(10)
+        assert early.simulate(10) == late.simulate(10) == twice.simulate(10)
 
 
 def test_the_last_value_set_counts(fmu, moves):
@@ -77,7 +79,7 @@ def test_the_last_value_set_counts(fmu, moves):
         instance.set({v.name: v.start for v in fmu.parameters})
         instance.ok("fmi2ExitInitializationMode")
         assert instance.outputs() == other.start().outputs()
-        assert instance.fly(10) == other.fly(10)
+        assert instance.simulate(10) == other.simulate(10)
 
 
 def test_the_last_experiment_set_up_counts(fmu):
@@ -121,6 +123,27 @@ def test_outputs_in_initialization_mode_follow_every_parameter(fmu, moves):
             assert instance.outputs() == first_outputs(fmu, so_far), name
 
 
+def test_a_master_may_begin_with_zeros_and_set_the_inputs_before_the_first_step(fmu):
+    """As FMPy's simulate_ssp, fmucontainer and cofmupy do: a zero attitude or position has no
+    direction, so the first outputs follow from start values.
+    """
+    values = excitation(fmu.inputs, 1)
+    with Instance(fmu) as instance, Instance(fmu) as unset:
+        for each_instance in (instance, unset):
+            each_instance.enter()
+            each_instance.set({v.name: 0.0 for v in fmu.inputs})
+            assert all(map(math.isfinite, each_instance.values(fmu.outputs)))
+            each_instance.ok("fmi2ExitInitializationMode")
+            assert all(v == 0.0 for v in each_instance.values(fmu.inputs))
+        instance.set(values)
+        instance.step(0.0, 0.1)
+        assert all(map(math.isfinite, instance.values(fmu.outputs)))
+        if unset.call("fmi2DoStep", 0.0, 0.1, 0) is Status.ERROR:
+            (message,) = unset.host.errors
+            name = re.search(r"; the input (\w+) is zero$", message)[1]
+            assert any(v.name.split("[")[0] == name and v.start != 0 for v in fmu.inputs)
+
+
 def test_first_outputs_of_some_fmu_depend_on_inputs_and_start_time(tmp_path):
     """Else the tests of initialization would compare constants."""
     fmus = [Fmu(path, tmp_path / path.stem) for path in ARCHIVES]
@@ -130,13 +153,13 @@ def test_first_outputs_of_some_fmu_depend_on_inputs_and_start_time(tmp_path):
     assert any(first_outputs(fmu, {}, start=50.0) != first_outputs(fmu, {}) for fmu in fmus)
 
 
-def test_reading_outputs_early_does_not_change_the_flight(fmu):
+def test_reading_outputs_early_does_not_change_the_run(fmu):
     with Instance(fmu) as curious, Instance(fmu) as other:
         curious.enter()
         for _ in range(3):
             curious.outputs()
         curious.ok("fmi2ExitInitializationMode")
-        assert curious.fly(10) == other.start().fly(10)
+        assert curious.simulate(10) == other.start().simulate(10)
 
 
 # ---- impossible parameters
@@ -174,7 +197,7 @@ SPOILED = [
 
 
 @each(("row", "value", "rule"), SPOILED)
-def test_impossible_parameters_are_refused_with_name_and_rule(fmu, row, value, rule):
+def test_impossible_parameters_are_rejected_with_name_and_rule(fmu, row, value, rule):
     for needed in (row, "J_S") if rule == " - A_w" else (row,):
         if needed not in {v.row for v in fmu.parameters}:
             pytest.skip(f"{fmu.name} has no parameter {needed}")
@@ -198,7 +221,7 @@ def beyond(v):
     return -0.5 if v.low == 0 else v.high + 0.5 if v.high < 1e300 else None
 
 
-def test_every_declared_bound_of_a_parameter_is_kept(fmu):
+def test_every_declared_bound_of_a_parameter_is_retained(fmu):
     for v in fmu.parameters:
         if beyond(v) is None:
             continue
@@ -219,7 +242,7 @@ def test_all_problems_are_named_in_one_message(fmu):
         assert [name for name in bad if f"{name} = " not in message] == []
 
 
-def test_outputs_of_an_impossible_model_are_refused_in_initialization_mode(fmu):
+def test_outputs_of_an_impossible_model_are_rejected_in_initialization_mode(fmu):
     v = next(v for v in fmu.parameters if beyond(v) is not None)
     with Instance(fmu) as instance:
         instance.enter()
@@ -239,10 +262,10 @@ def test_initialization_can_be_repeated_after_a_correction(fmu):
         instance.set({v.name: v.start})
         instance.ok("fmi2ExitInitializationMode")
         assert instance.outputs() == other.start().outputs()
-        assert instance.fly(10) == other.fly(10)
+        assert instance.simulate(10) == other.simulate(10)
 
 
-def test_inputs_outside_their_declared_bounds_are_refused(fmu):
+def test_inputs_outside_their_declared_bounds_are_rejected(fmu):
     bounded = [v for v in fmu.inputs if beyond(v) is not None]
     for v in bounded:
         with Instance(fmu) as instance:

@@ -20,7 +20,7 @@ from tests.compliance.states import STATES, bring
 
 def alone(fmu, wave, steps=10):
     with Instance(fmu) as instance:
-        return instance.start().fly(steps, wave=wave)
+        return instance.start().simulate(steps, wave=wave)
 
 
 def test_the_start_values_are_a_valid_state_to_run_from(fmu):
@@ -31,41 +31,41 @@ def test_the_start_values_are_a_valid_state_to_run_from(fmu):
         assert instance.host.errors == []
 
 
-def test_inputs_and_start_values_are_those_of_the_description(instance):
+def test_inputs_and_start_values_match_the_description(instance):
     instance.enter()
     for v in (*instance.fmu.inputs, *instance.fmu.parameters):
         assert instance.get(v.name) == v.start, v.name
 
 
 @pytest.mark.parametrize("many", [12, pytest.param(100, marks=pytest.mark.long)])
-def test_interleaved_instances_fly_like_each_alone(fmu, many):
+def test_interleaved_instances_run_like_each_alone(fmu, many):
     """All of the same name, as ecos gives them, and each with inputs of its own."""
     with ExitStack() as stack:
         fleet = [stack.enter_context(Instance(fmu, "slave")).start() for _ in range(many)]
         records = [bytearray() for _ in fleet]
         for k in range(10):
             for wave, (instance, record) in enumerate(zip(fleet, records, strict=True)):
-                record += instance.fly(1, first=k, wave=wave)
+                record += instance.simulate(1, first=k, wave=wave)
     assert len(set(map(bytes, records))) == (many if fmu.inputs else 1)
     assert [wave for wave, record in enumerate(records) if record != alone(fmu, wave)] == []
 
 
-def test_instances_on_four_threads_fly_like_each_alone(fmu):
+def test_instances_on_four_threads_run_like_each_alone(fmu):
     """Steps of many internal steps and samples, so that the threads really are inside the FMU at
     the same time.
     """
     fine, barrier = fmu.sampled_every(1e-3), Barrier(4)
 
-    def fly(wave, together):
+    def simulate(wave, together):
         with Instance(fmu, "slave") as instance:
             instance.start(fine)
             if together:
                 barrier.wait(timeout=60)
-            return instance.fly(5, h=0.5, wave=wave)
+            return instance.simulate(5, h=0.5, wave=wave)
 
     with ThreadPoolExecutor(4) as pool:
-        parallel = list(pool.map(lambda wave: fly(wave, together=True), range(4)))
-    assert parallel == [fly(wave, together=False) for wave in range(4)]
+        parallel = list(pool.map(lambda wave: simulate(wave, together=True), range(4)))
+    assert parallel == [simulate(wave, together=False) for wave in range(4)]
 
 
 # ---- reset
@@ -78,7 +78,7 @@ def test_a_reset_instance_is_a_fresh_one_from_every_state(fmu, state):
             pytest.skip(f"no input makes a step of {fmu.name} fail")
         instance.ok("fmi2Reset")
         assert instance.snapshot() == fresh.snapshot()
-        assert instance.start().fly(10) == fresh.start().fly(10)
+        assert instance.start().simulate(10) == fresh.start().simulate(10)
 
 
 def test_a_reset_forgets_parameters_inputs_start_time_and_stop_time(fmu):
@@ -88,17 +88,17 @@ def test_a_reset_forgets_parameters_inputs_start_time_and_stop_time(fmu):
         instance.set_up(start=3.0, stop=4.0)
         instance.ok("fmi2Reset")
         assert instance.snapshot() == fresh.snapshot()
-        assert instance.start().fly(60) == fresh.start().fly(60)
+        assert instance.start().simulate(60) == fresh.start().simulate(60)
 
 
-def test_a_flight_can_be_repeated_on_one_instance_as_often_as_one_likes(fmu):
+def test_a_run_can_be_repeated_on_one_instance(fmu):
     with Instance(fmu) as instance:
-        flights = set()
+        recordings = set()
         for _ in range(5):
-            flights.add(instance.start().fly(10))
+            recordings.add(instance.start().simulate(10))
             instance.ok("fmi2Terminate")
             instance.ok("fmi2Reset")
-    assert len(flights) == 1
+    assert len(recordings) == 1
 
 
 # ---- memory
@@ -145,7 +145,7 @@ class MallocStatistics(ctypes.Structure):
 
 
 def bytes_in_use():
-    """What malloc has given out and not got back; the size of the process says less, for freed
+    """Memory that malloc has allocated and not got back. The size of the process shows less: freed
     memory stays with it.
     """
     LIBC.mallinfo2.restype = MallocStatistics
@@ -154,10 +154,10 @@ def bytes_in_use():
 
 
 @pytest.mark.skipif(
-    not hasattr(LIBC, "mallinfo2"), reason="memory in use is asked from the GNU C library"
+    not hasattr(LIBC, "mallinfo2"), reason="memory in use is read from the GNU C library"
 )
 @pytest.mark.parametrize("lives", [60, pytest.param(10_000, marks=pytest.mark.long)])
-def test_memory_does_not_grow_with_lives(fmu, lives):
+def test_memory_does_not_grow_with_repeated_instances(fmu, lives):
     """Less than 10 bytes per life, with the memory management of the FMU itself: not even a name is
     left behind.
     """

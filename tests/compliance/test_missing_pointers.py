@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Null pointers where the standard wants an array or a place for a result, and questions that have
-no answer.
+"""Null pointers where the standard requires an array or a place for a result, and requests that
+have no answer.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import pytest
 
 from tests.compliance import api
 from tests.compliance.api import Status
-from tests.compliance.refusals import assert_usable, refused
+from tests.compliance.rejections import assert_usable, rejected
 
 ONE = api.references([0])
 MISSING_POINTERS = [
@@ -38,34 +38,34 @@ MISSING_POINTERS = [
 @pytest.mark.parametrize(
     ("function", "arguments"), MISSING_POINTERS, ids=lambda x: x if isinstance(x, str) else ""
 )
-def test_missing_arrays_and_pointers_are_refused(flying, function, arguments):
-    with refused(flying, function) as answer:
-        answer.append(flying.call(function, *arguments))
-    assert_usable(flying)
+def test_missing_arrays_and_pointers_are_rejected(running, function, arguments):
+    with rejected(running, function) as answer:
+        answer.append(running.call(function, *arguments))
+    assert_usable(running)
 
 
-def test_missing_places_of_states_and_derivatives_are_refused(flying):
-    state = flying.save()
-    output = api.references([flying.fmu.outputs[0].reference])
-    size = len(flying.serialize(state))
+def test_missing_places_of_states_and_derivatives_are_rejected(running):
+    state = running.save()
+    output = api.references([running.fmu.outputs[0].reference])
+    size = len(running.serialize(state))
     for function, arguments in (
         ("fmi2SerializedFMUstateSize", (state, None)),
         ("fmi2SerializeFMUstate", (state, None, size)),
         ("fmi2SerializeFMUstate", (state, (c_char * size)(), size - 1)),
         ("fmi2GetDirectionalDerivative", (output, 1, None, 0, None, None)),
     ):
-        with refused(flying, function) as answer:
-            answer.append(flying.call(function, *arguments))
-    flying.drop(state)
+        with rejected(running, function) as answer:
+            answer.append(running.call(function, *arguments))
+    running.drop(state)
 
 
-def test_nothing_at_all_may_be_read_set_and_freed(flying):
+def test_nothing_at_all_may_be_read_set_and_freed(running):
     for function in ("fmi2SetReal", "fmi2GetReal"):
-        flying.ok(function, None, 0, None)
-    flying.ok("fmi2GetDirectionalDerivative", None, 0, None, 0, None, None)
-    flying.ok("fmi2FreeFMUstate", None)
-    flying.ok("fmi2FreeFMUstate", byref(c_void_p()))
-    assert_usable(flying)
+        running.ok(function, None, 0, None)
+    running.ok("fmi2GetDirectionalDerivative", None, 0, None, 0, None, None)
+    running.ok("fmi2FreeFMUstate", None)
+    running.ok("fmi2FreeFMUstate", byref(c_void_p()))
+    assert_usable(running)
 
 
 # ---- status questions
@@ -82,15 +82,15 @@ def test_nothing_at_all_may_be_read_set_and_freed(flying):
         ("fmi2GetStatus", 99, c_int()),
     ],
 )
-def test_an_unknown_status_is_discarded_with_a_message(flying, function, kind, place):
-    flying.host.messages.clear()
-    assert flying.call(function, kind, byref(place)) is Status.DISCARD
-    (message,) = flying.host.messages
+def test_an_unknown_status_is_discarded_with_a_message(running, function, kind, place):
+    running.host.messages.clear()
+    assert running.call(function, kind, byref(place)) is Status.DISCARD
+    (message,) = running.host.messages
     assert message.text.startswith(f"{function}: ")
 
 
-def test_the_time_of_the_last_success_and_no_termination_are_reported(flying):
+def test_the_time_of_the_last_success_and_no_termination_are_reported(running):
     time, terminated = c_double(), c_int(7)
-    flying.ok("fmi2GetRealStatus", api.LAST_SUCCESSFUL_TIME, byref(time))
-    flying.ok("fmi2GetBooleanStatus", api.TERMINATED, byref(terminated))
+    running.ok("fmi2GetRealStatus", api.LAST_SUCCESSFUL_TIME, byref(time))
+    running.ok("fmi2GetBooleanStatus", api.TERMINATED, byref(terminated))
     assert (time.value, terminated.value) == (0.5, 0)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Random sequences of legal and illegal calls: no crash, no status outside the standard, no call
-accepted in a state that forbids it, no refusal without a message. The calls are made in a process
+accepted in a state that forbids it, no rejection without a message. The calls are made in a process
 of their own."""
 
 from __future__ import annotations
@@ -78,14 +78,14 @@ BEGIN = [
     ]
     for s in (0, 1)
 ]
-KEEP = [(0, "save", 0), (0, "serialize", 0, 0)]
-"""How both instances begin their lives; sequences start with a part of it, mostly the whole for the
+SAVES = [(0, "save", 0), (0, "serialize", 0, 0)]
+"""First calls of both instances; sequences start with a part of the list, mostly the whole for the
 first instance.
 """
 
 
 def sequences(about):
-    first = some.sampled_from([1, 2, 3, 5, 5, 5]).map(lambda n: (BEGIN[0] + KEEP)[:n])
+    first = some.sampled_from([1, 2, 3, 5, 5, 5]).map(lambda n: (BEGIN[0] + SAVES)[:n])
     second = some.integers(0, 3).map(lambda n: BEGIN[1][:n])
     parts = some.tuples(first, second, some.lists(calls(about), min_size=15, max_size=40))
     return parts.map(lambda lists: [call for part in lists for call in part])
@@ -113,7 +113,7 @@ NEXT = {
 
 
 class Expectation:
-    """Follows the state of both instances by the answers; a step that fails may have been refused
+    """Follows the state of both instances by the answers; a step that fails may have been rejected
     or may have failed.
     """
 

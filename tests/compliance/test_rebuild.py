@@ -32,7 +32,7 @@ needs_cmake = pytest.mark.skipif(
     COMPILER is None or CMAKE is None, reason="there is no cmake or no C compiler"
 )
 needs_cpp = pytest.mark.skipif(
-    shutil.which("c++") is None, reason="there is no C++ compiler, which FMPy asks for"
+    shutil.which("c++") is None, reason="there is no C++ compiler, which FMPy requires"
 )
 
 
@@ -70,7 +70,7 @@ def compiled_with(build, archive, folder):
 
 
 def by_fmpy(unpacked):
-    """What `fmpy compile` does, in a process of its own because it prints."""
+    """Run `fmpy compile` in a process of its own, because it prints."""
     command = "import sys; from fmpy import build; build.build_platform_binary(sys.argv[1])"
     run(sys.executable, "-c", command, unpacked)
 
@@ -131,10 +131,10 @@ def compiled_alone(tmp_path_factory):
     return compile_all(by_compiler, tmp_path_factory.mktemp("alone"))
 
 
-def flight(fmu):
+def recording(fmu):
     """The bits of fifty steps with inputs that are not zero, and of a long one."""
     with Instance(fmu) as instance:
-        record = instance.start().fly(50)
+        record = instance.start().simulate(50)
         instance.call("fmi2DoStep", 5.0, 30.0, 0)
         return record + instance.outputs()
 
@@ -144,14 +144,14 @@ def flight(fmu):
 @needs_cmake
 @needs_cpp
 def test_sources_compiled_by_fmpy_give_the_bits_of_the_binary(fmu, compiled_by_fmpy):
-    assert flight(compiled_by_fmpy[fmu.name]) == flight(fmu)
+    assert recording(compiled_by_fmpy[fmu.name]) == recording(fmu)
 
 
 @needs_compiler
 def test_sources_of_a_plant_and_of_software_compiled_alone_give_the_bits_of_the_binary(tmp_path):
     for archive in FEW:
         alone = compiled_with(by_compiler, archive, tmp_path)
-        assert flight(alone) == flight(Fmu(archive, tmp_path / "built" / archive.stem))
+        assert recording(alone) == recording(Fmu(archive, tmp_path / "built" / archive.stem))
 
 
 @pytest.mark.long
@@ -159,14 +159,14 @@ def test_sources_of_a_plant_and_of_software_compiled_alone_give_the_bits_of_the_
 def test_sources_compiled_alone_without_optimisation_give_the_bits_of_the_binary(
     fmu, compiled_alone
 ):
-    assert flight(compiled_alone[fmu.name]) == flight(fmu)
+    assert recording(compiled_alone[fmu.name]) == recording(fmu)
 
 
 # ---- two builds
 
 
 def setting(name):
-    """What the build under test was configured with."""
+    """Return the configuration of the build under test."""
     cache = (BUILD / "CMakeCache.txt").read_text(encoding="utf-8")
     found = re.search(rf"^{name}:\w+=(.*)$", cache, re.MULTILINE)
     return found[1] if found else ""
@@ -176,7 +176,7 @@ def build_again(archives, folder):
     """Configure and build FMUs once more, elsewhere, from the same sources; archives by name."""
     same = [
         f"-D{name}={setting(name)}"
-        for name in ("CMAKE_BUILD_TYPE", "CMAKE_C_COMPILER", "Python_EXECUTABLE")
+        for name in ("CMAKE_BUILD_TYPE", "CMAKE_C_COMPILER", "CMAKE_C_FLAGS", "Python_EXECUTABLE")
     ]
     run(
         "cmake",

@@ -38,7 +38,7 @@ def schema():
     return etree.XMLSchema(etree.parse(str(SCHEMA)))
 
 
-def test_the_model_description_keeps_the_schema(about):
+def test_the_model_description_retains_the_schema(about):
     document = etree.fromstring(description.ElementTree.tostring(about.root))
     assert schema().validate(document), schema().error_log
 
@@ -50,9 +50,9 @@ def test_model_and_library_are_called_like_the_file(archive, about):
     assert about.identifier == about.root.attrib["modelName"] == archive.stem
 
 
-def test_the_header_says_what_and_whose_it_is(about):
-    wanted = ("description", "author", "version", "license", "copyright", "generationTool")
-    assert [key for key in wanted if not about.root.get(key, "").strip()] == []
+def test_the_header_states_content_and_origin(about):
+    required = ("description", "author", "version", "license", "copyright", "generationTool")
+    assert [key for key in required if not about.root.get(key, "").strip()] == []
     assert about.root.attrib["fmiVersion"] == "2.0"
     assert about.root.attrib["variableNamingConvention"] == "structured"
 
@@ -131,14 +131,14 @@ def test_causality_variability_and_initial_are_one_of_three_kinds(about):
     assert kinds <= {parameter, given, ("output", "continuous", "calculated", True)}
 
 
-def test_every_variable_has_a_text_that_says_more_than_its_name(about):
+def test_every_variable_has_a_text_that_states_more_than_its_name(about):
     assert [
         v.name for v in about.variables if len(v.text.strip()) < 4 or v.text.strip() == v.row
     ] == []
     assert [v.name for v in about.variables if "  " in v.text or v.text != v.text.strip()] == []
 
 
-def test_start_values_keep_the_declared_bounds(about):
+def test_start_values_retain_the_declared_bounds(about):
     assert [
         v.name for v in about.variables if v.start is not None and not v.low <= v.start <= v.high
     ] == []
@@ -201,7 +201,7 @@ def test_unit_texts_are_read_like_a_physicist_reads_them(unit, dimension):
 
 
 @pytest.mark.parametrize("text", ["", "m/", "m^2", "furlong", "kg m", "m/s/s", "m/s.kg", "m1"])
-def test_texts_that_are_not_units_are_refused(text):
+def test_texts_that_are_not_units_are_rejected(text):
     with pytest.raises(ValueError, match=r"unknown factor|behind the slash"):
         units.dimension(text)
 

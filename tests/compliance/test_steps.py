@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The result of a flight does not depend on how the master cuts it into communication steps.
+"""The result of a run does not depend on how the master cuts it into communication steps.
 
 Plants integrate and software samples on a grid of their own (max_step, sample_period, T0), set to
 0.1 s here.
@@ -17,7 +17,7 @@ from tests.compliance.probe import Fmu, Instance, excitation
 GRID = 0.1
 
 
-def fly(fmu, points, grid=GRID, end=None):
+def simulate(fmu, points, grid=GRID, end=None):
     """Constant inputs; steps between the points of time; the outputs at the end as an array and as
     bits.
     """
@@ -35,7 +35,7 @@ def multiples(h, count, start=0.0):
 
 
 def accumulated(h, count, start=0.0):
-    """What a master that adds up its steps takes for the time."""
+    """Return the times of a master that adds up its steps."""
     points = [start]
     for _ in range(count):
         points.append(points[-1] + h)
@@ -45,17 +45,17 @@ def accumulated(h, count, start=0.0):
 @pytest.mark.parametrize(("h", "count"), [(0.1, 10), (0.2, 5), (0.5, 2), (0.1, 300)])
 def test_many_steps_on_the_grid_are_one_long_step(fmu, h, count):
     total = round(h * count, 9)
-    assert fly(fmu, multiples(h, count))[1] == fly(fmu, [0.0, total])[1]
+    assert simulate(fmu, multiples(h, count))[1] == simulate(fmu, [0.0, total])[1]
 
 
 def test_a_mixture_of_steps_on_the_grid_is_one_long_step(fmu):
     points = [round(GRID * k, 9) for k in (0, 1, 4, 5, 15, 16, 30)]
-    assert fly(fmu, points)[1] == fly(fmu, [0.0, 3.0])[1]
+    assert simulate(fmu, points)[1] == simulate(fmu, [0.0, 3.0])[1]
 
 
 @pytest.mark.parametrize("start", [-7.0, 100.0, 86400.0, 1.7e9])
 def test_many_steps_are_one_long_step_from_any_start_on_the_grid(fmu, start):
-    assert fly(fmu, multiples(0.1, 30, start))[1] == fly(fmu, [start, start + 3.0])[1]
+    assert simulate(fmu, multiples(0.1, 30, start))[1] == simulate(fmu, [start, start + 3.0])[1]
 
 
 @pytest.mark.parametrize("count", [10, 1000, pytest.param(20000, marks=pytest.mark.long)])
@@ -66,12 +66,12 @@ def test_time_may_be_accumulated_without_any_effect(fmu, count):
     points = accumulated(0.1, count)
     if count > 10:
         assert points[-1] != multiples(0.1, count)[-1]
-    assert fly(fmu, points)[1] == fly(fmu, multiples(0.1, count))[1]
+    assert simulate(fmu, points)[1] == simulate(fmu, multiples(0.1, count))[1]
 
 
 def test_a_communication_point_that_is_reached_with_a_rounding_error_is_the_same_point(fmu):
     exact, nearly = [0.0, 1.0, 2.0], [0.0, 1.0 + 5e-11, 2.0]
-    assert fly(fmu, exact)[1] == fly(fmu, nearly)[1]
+    assert simulate(fmu, exact)[1] == simulate(fmu, nearly)[1]
 
 
 def row_scale(fmu, outputs):
@@ -89,12 +89,12 @@ def test_communication_points_off_the_grid_change_no_more_than_the_error_of_the_
     count = round(21 / h)
     points = [*multiples(h, count - 1), 21.0]
     on, off, fine = (
-        fly(fmu, [0.0, 21.0])[0],
-        fly(fmu, points)[0],
-        fly(fmu, [0.0, 21.0], grid=GRID / 2)[0],
+        simulate(fmu, [0.0, 21.0])[0],
+        simulate(fmu, points)[0],
+        simulate(fmu, [0.0, 21.0], grid=GRID / 2)[0],
     )
     if "max_step" not in fmu.about.by_name:
-        assert np.array_equal(on, off), "software samples at the same instants, whoever steps it"
+        assert np.array_equal(on, off), "software samples at the same instants with every master"
     else:
         assert np.all(np.abs(off - on) <= 2 * np.abs(on - fine) + 1e-12 * row_scale(fmu, on))
 
@@ -104,19 +104,19 @@ def test_very_short_steps_are_not_lost(fmu):
     the roundings.
     """
     h, count = 1e-7, 200
-    many, one = fly(fmu, multiples(h, count))[0], fly(fmu, [0.0, h * count])[0]
+    many, one = simulate(fmu, multiples(h, count))[0], simulate(fmu, [0.0, h * count])[0]
     assert np.all(np.abs(many - one) <= 1e-12 * row_scale(fmu, one) + 1e-15)
 
 
 def test_the_outputs_stay_as_they_are_until_the_next_step(fmu):
     with Instance(fmu) as instance:
         instance.start()
-        instance.fly(3)
+        instance.simulate(3)
         outputs = instance.outputs()
         instance.set(excitation(fmu.inputs, 50))
         assert instance.outputs() == outputs
         instance.step(0.3, 1.0)  # the slowest sensor samples once a second
-        # the timeline has no inputs, and by default nothing to tell
+        # the timeline has no inputs, and by default no event
         assert fmu.name == "timeline" or instance.outputs() != outputs
 
 
@@ -131,16 +131,16 @@ def test_the_hint_about_rollback_changes_nothing(fmu, prior):
         assert instance.outputs() == other.outputs()
 
 
-def test_a_step_of_too_many_internal_steps_is_refused_and_not_begun(fmu, archive, elsewhere):
-    """Asked in a process of its own, since it would never come back."""
+def test_a_step_of_too_many_internal_steps_is_rejected_and_not_begun(fmu, archive, elsewhere):
+    """Called in a process of its own, since it would never come back."""
     grid = [v.reference for v in fmu.parameters if v.name in fmu.sampled_every(1.0)]
     if not grid:
         pytest.skip(f"{fmu.name} has neither internal steps nor samples of its own")
     outputs, inputs = [fmu.outputs[0].reference], [v.reference for v in fmu.inputs[:1]]
     begin = [[0, "new"], *([0, "set", [reference], 1e-12] for reference in grid)]
     begin += [[0, "call", "fmi2EnterInitializationMode"], [0, "call", "fmi2ExitInitializationMode"]]
-    ask = [[0, "step", 0.0, 0.1], [0, "derivative", outputs, inputs, 1.0], [0, "step", 0.0, 1e-9]]
-    answers = elsewhere.run(archive, begin + ask)
+    calls = [[0, "step", 0.0, 0.1], [0, "derivative", outputs, inputs, 1.0], [0, "step", 0.0, 1e-9]]
+    answers = elsewhere.run(archive, begin + calls)
     assert [status for status, _ in answers[-3:]] == [Status.ERROR, Status.ERROR, Status.OK]
 
 

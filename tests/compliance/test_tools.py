@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What other checkers say about every FMU: VDMCheck2 (both of its models) and the FMU manipulation
+"""Reports of other checkers on every FMU: VDMCheck2 (both of its models) and the FMU manipulation
 toolbox.
 """
 
@@ -30,8 +30,8 @@ MODELS = {
     "static": f"{GROUP}/fmi2/static-model/{VERSION}/static-model-{VERSION}.jar",
     "rules": f"{GROUP}/fmi2/rule-model/{VERSION}/rule-model-{VERSION}.jar",
 }
-"""Where Maven keeps what VDMCheck2 consists of; it looks for its parts under the short names,
-beside itself.
+"""Folders in which Maven stores the parts of VDMCheck2; it looks for its parts under the short
+names, beside itself.
 """
 
 pytestmark = pytest.mark.interop
@@ -105,7 +105,7 @@ def checkers(tmp_path_factory):
 
 
 def verdict(checker, fmu):
-    """Last line and whole report; the exit code says nothing."""
+    """Last line and whole report; the exit code is meaningless."""
     report = run("java", "-jar", checker, fmu, cwd=checker.parent)[1].strip()
     return report.splitlines()[-1], report
 

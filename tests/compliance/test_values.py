@@ -12,7 +12,7 @@ import pytest
 from tests.compliance import api
 from tests.compliance.api import Status
 from tests.compliance.probe import Instance, excitation
-from tests.compliance.refusals import refused
+from tests.compliance.rejections import rejected
 from tests.each import Each
 
 
@@ -33,9 +33,9 @@ def selection(rng, variables):
     return pieces
 
 
-def test_any_selection_is_read_as_one_by_one(flying, rng):
-    chosen = selection(rng, flying.fmu.about.variables)
-    assert list(flying.values(chosen)) == [flying.get(v.name) for v in chosen]
+def test_any_selection_is_read_as_one_by_one(running, rng):
+    chosen = selection(rng, running.fmu.about.variables)
+    assert list(running.values(chosen)) == [running.get(v.name) for v in chosen]
 
 
 def test_any_selection_is_written_as_one_by_one(fmu, rng):
@@ -52,12 +52,12 @@ def test_any_selection_is_written_as_one_by_one(fmu, rng):
         for v, value in zip(chosen, values, strict=True):
             single.set({v.name: value})
         assert bytes(together.values(fmu.inputs)) == bytes(single.values(fmu.inputs))
-        assert together.fly(3) == single.fly(3)
+        assert together.simulate(3) == single.simulate(3)
 
 
 def test_calls_that_are_repeated_read_and_write_as_one_by_one(fmu, rng):
-    """The adapter remembers what the last calls of a flying instance stood for, if they are neither
-    too long nor too scattered; here there are three in turn, then each again and again.
+    """The adapter remembers the variables of the last calls of a running instance, if the calls are
+    neither too long nor too scattered; here there are three in turn, then each again and again.
     """
     if not fmu.inputs:
         pytest.skip(f"{fmu.name} has no inputs")
@@ -79,7 +79,7 @@ def test_calls_that_are_repeated_read_and_write_as_one_by_one(fmu, rng):
 
 
 def test_bounds_hold_in_calls_that_are_repeated(fmu, rng):
-    """Wherever the bounded input stands, and however the others lie about it."""
+    """Wherever the bounded input is, and however the others lie about it."""
     bounded = [v for v in fmu.inputs if beyond(v)]
     if not bounded:
         pytest.skip(f"{fmu.name} has no input with a bound")
@@ -93,7 +93,7 @@ def test_bounds_hold_in_calls_that_are_repeated(fmu, rng):
         for place, v in enumerate(chosen):
             for value in beyond(v):
                 spoiled = api.reals([*good[:place], value, *good[place + 1 :]])
-                with refused(instance, "fmi2SetReal", v.name) as answer:
+                with rejected(instance, "fmi2SetReal", v.name) as answer:
                     answer.append(instance.call("fmi2SetReal", references, len(chosen), spoiled))
 
 
@@ -104,26 +104,26 @@ def beyond(v):
 
 
 @pytest.mark.parametrize("function", ["fmi2SetReal", "fmi2GetReal"])
-def test_an_unknown_reference_is_found_wherever_it_stands(flying, rng, function):
+def test_an_unknown_reference_is_found_in_any_position(running, rng, function):
     known = [
         v.reference
-        for v in (flying.fmu.inputs if function == "fmi2SetReal" else flying.fmu.outputs)
+        for v in (running.fmu.inputs if function == "fmi2SetReal" else running.fmu.outputs)
     ]
     if not known:
-        pytest.skip(f"{flying.fmu.name} has no inputs")
+        pytest.skip(f"{running.fmu.name} has no inputs")
     references = known[: rng.randrange(1, 20)]
     beyond_a_row = next(r + 1 for r in known if r + 1 not in known)
     for place in range(len(references) + 1):
         spoiled = [*references[:place], beyond_a_row, *references[place:]]
         values = api.reals([1.0] * len(spoiled))
-        flying.host.messages.clear()
-        assert flying.call(function, api.references(spoiled), len(spoiled), values) is Status.ERROR
-        assert str(beyond_a_row) in flying.host.errors[0]
+        running.host.messages.clear()
+        assert running.call(function, api.references(spoiled), len(spoiled), values) is Status.ERROR
+        assert str(beyond_a_row) in running.host.errors[0]
 
 
-def test_nothing_is_written_beyond_the_values_asked_for(flying):
+def test_nothing_is_written_beyond_the_requested_values(running):
     guard = 1.5e300
-    for v in flying.fmu.outputs[::3]:
+    for v in running.fmu.outputs[::3]:
         buffer = api.reals([guard] * 3)
-        flying.ok("fmi2GetReal", api.references([v.reference]), 1, buffer)
+        running.ok("fmi2GetReal", api.references([v.reference]), 1, buffer)
         assert list(buffer[1:]) == [guard, guard]

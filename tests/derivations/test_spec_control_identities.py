@@ -77,7 +77,7 @@ def test_translational_lyapunov_rate_uses_the_estimated_mass(rng):
 
 
 def test_damping_in_the_regressor_makes_the_lyapunov_rate_use_the_true_mass(rng):
-    """A.5.1, damping_in_regressor: V_dot = -m e2' P e2 whatever the sign of m_hat."""
+    """A.5.1, damping_in_regressor: V_dot = -m e2' P e2 for any sign of m_hat."""
     c = translation(rng, damping_in_regressor=1.0)
     assert close(c.V_dot, -c.m * c.e2 @ c.P @ c.e2, 1e-12, c.size)
 
@@ -105,7 +105,7 @@ def test_error_and_model_term_of_the_reference_controller_are_the_printed_ones(r
     assert close(e.dd, f_rel(rho.x, rho.d, c.r_t, c.th, c.thd, MU) - in_H.dd, 1e-14, scale=1.0)
 
 
-def test_regressors_times_inertia_elements_are_the_expressions_they_stand_for(rng):
+def test_regressors_times_inertia_elements_are_the_expressions_they_represent(rng):
     S = positive_definite(rng, (1, 2, 3))
     a, b = rng.normal(size=(2, 3))
     assert close(Y(b) @ six(S), S @ b)

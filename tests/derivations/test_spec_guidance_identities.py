@@ -105,7 +105,7 @@ def test_guard_holds_the_axis_in_the_orbit_frame(rng):
     assert close(C_DN.x @ c.C_HN.x.T @ held, (0, 0, 1))
 
 
-def test_held_frame_and_its_derivatives_stay_those_of_a_rotation(rng):
+def test_held_frame_and_its_derivatives_stay_a_rotation(rng):
     """C C' = I with its first two derivatives."""
     c = along_the_orbit_normal(tumbling(rng))
     C_DN, _ = facing(c, np.array((0.6, 0.8, 0.0)))

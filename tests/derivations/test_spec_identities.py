@@ -98,7 +98,7 @@ def test_oblateness_acceleration_is_the_gradient_of_the_potential(rng):
     assert close(orbit.j2_acceleration(r, MU, R_E, J2), gradient)
 
 
-def test_gravity_gradient_torque_is_that_of_point_masses(rng):
+def test_gravity_gradient_torque_matches_point_masses(rng):
     """Three pairs of unit masses on the principal axes, exact gravity of each. With arms of 500 m
     the next term is (500 m/r)^2 = 5e-9 smaller, and rounding (a force of 8 N) gives 1e-12:
     tolerance 1e-7."""

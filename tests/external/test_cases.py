@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers by others: every published case agrees within its tolerance, and every model that is
-wrong on purpose misses. The data: ssp/validation/cases/*.json.
+"""Published reference values: every case agrees within its tolerance, and every model that is wrong
+on purpose misses. The data: ssp/validation/cases/*.json.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from harness.claims.case import table, validate
 from harness.cli import main
 from harness.errors import UsageError
 from ssp.validation.case import FOLDER, cases
-from ssp.validation.judge import judge
 from ssp.validation.library import Library
+from ssp.validation.simulations import evaluate
 from tests.each import each
 
 ROOT = Path(__file__).parents[2]
 ALL = cases()
 LONG = {"basilisk-wheels"}
-"""Cases of seconds, which `make validation` flies too."""
+"""Cases of seconds, which `make validation` runs too."""
 RIGHT = {"jeod-10C-robot-chain"}
-"""Cases that are nearly as long, flown with the right model."""
+"""Cases that are nearly as long, run with the right model."""
 WRONG = [
     pytest.param(case, wrong, id=f"{case.id}-{k}", marks=pytest.mark.long if late else ())
     for case in ALL
@@ -47,21 +47,21 @@ def library():
     ],
 )
 def test_the_fmus_agree_with_the_published_numbers(case, library):
-    for row in judge(case, library):
+    for row in evaluate(case, library):
         assert row.within, (
             f"{row.quantity}: {row.difference:.3g} {row.unit}, tolerance {row.tolerance:.3g}"
         )
 
 
 @pytest.mark.parametrize(("case", "wrong"), WRONG)
-def test_a_wrong_model_misses_them(case, wrong, library):
-    assert not all(row.within for row in judge(case.changed(wrong["change"]), library)), wrong[
+def test_a_wrong_model_misses_the_published_values(case, wrong, library):
+    assert not all(row.within for row in evaluate(case.changed(wrong["change"]), library)), wrong[
         "what"
     ]
 
 
 @each("case", ALL)
-def test_a_case_says_where_its_numbers_come_from_and_what_must_miss_them(case):
+def test_a_case_states_its_source_and_the_wrong_models(case):
     assert set(case.source) >= {"name", "where", "licence"}
     assert all(case.source.values())
     assert case.why
@@ -77,7 +77,7 @@ def test_the_data_are_small_and_the_names_unique():
         assert list(json.loads(path.read_text(encoding="utf-8"))) == ["cases"]
 
 
-def test_chosen_cases_are_flown_alone_and_a_wrong_name_gets_a_hint():
+def test_chosen_cases_are_simulated_alone_and_a_wrong_name_gets_a_hint():
     rows = validate(["vallado-2-4"])
     assert [row.quantity for row in rows] == ["r_TN_N", "v_TN_N"]
     assert table(rows).endswith("1 of 1 cases agree")
@@ -101,6 +101,6 @@ def test_the_page_is_written_from_a_run():
 
 def test_a_case_that_differs_is_shown_as_such(library):
     (case,) = cases(["vallado-2-4"])
-    rows = judge(case.changed(case.wrong[0]["change"]), library)
+    rows = evaluate(case.changed(case.wrong[0]["change"]), library)
     assert "DIFFERS" in table(rows)
     assert table(rows).endswith("0 of 1 cases agree")

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Demands of FMI 3.0 on an FMU for co-simulation, by raw calls: no FMPy, no harness.
 
-    python tests/fmi3/probe.py [--foreign] FILE.fmu...
+    python tests/fmi3/probe.py [--third-party] FILE.fmu...
 
-Every function of `PROBES` is one demand; `HOUSE` are those that FMI leaves open and this project
-makes: a refused call leaves the instance alive, nothing that is not finite gets in, damaged states
-are refused. --foreign: only what the standard demands.
+Every function of `PROBES` is one demand; `OWN` are demands that FMI leaves open and this project
+makes: a rejected call leaves the instance alive, nothing that is not finite gets in, damaged states
+are rejected. --third-party: only what the standard demands.
 """
 
 from __future__ import annotations
@@ -188,13 +188,13 @@ class Instance:
         return self
 
     def step(self, t: float, h: float = 0.1) -> tuple[int, bool, bool, bool, float]:
-        """Status of a step, and what it says: event, terminate, early return, last time."""
-        said, last = (c_bool * 3)(True, True, True), c_double(math.nan)
-        places = [ctypes.addressof(said) + i for i in range(3)]
+        """Status of a step, and what it reports: event, terminate, early return, last time."""
+        reported, last = (c_bool * 3)(True, True, True), c_double(math.nan)
+        places = [ctypes.addressof(reported) + i for i in range(3)]
         status = self.call("DoStep", t, h, False, *places, byref(last))
-        return (status, *said, last.value)
+        return (status, *reported, last.value)
 
-    def fly(self, steps: int, h: float = 0.1, first: int = 0) -> bytes:
+    def simulate(self, steps: int, h: float = 0.1, first: int = 0) -> bytes:
         """The bits of all outputs after each of so many steps that must be OK."""
         record = b""
         for k in range(first, first + steps):
@@ -237,18 +237,18 @@ class Instance:
 
 
 PROBES: list[Callable[[Fmu], None]] = []
-HOUSE: list[Callable[[Fmu], None]] = []
+OWN: list[Callable[[Fmu], None]] = []
 
 
 def demand(probe: Callable[[Fmu], None]) -> Callable[[Fmu], None]:
-    """What the standard demands."""
+    """Register a demand of the standard."""
     PROBES.append(probe)
     return probe
 
 
-def house(probe: Callable[[Fmu], None]) -> Callable[[Fmu], None]:
-    """What this project demands."""
-    HOUSE.append(probe)
+def own_demand(probe: Callable[[Fmu], None]) -> Callable[[Fmu], None]:
+    """Register a demand of this project."""
+    OWN.append(probe)
     return probe
 
 
@@ -263,14 +263,14 @@ def wrong_token(fmu: Fmu) -> None:
     assert not Instance(fmu, token=b"{00000000}").handle
 
 
-@house
-def event_mode_is_refused(fmu: Fmu) -> None:
+@own_demand
+def event_mode_is_rejected(fmu: Fmu) -> None:
     one = Instance(fmu, event_mode=True)
     assert not one.handle
     assert "this FMU has no event mode" in one.messages[0]
 
 
-@house
+@own_demand
 def an_instance_has_a_name(fmu: Fmu) -> None:
     assert not Instance(fmu, name=b"").handle
 
@@ -294,44 +294,44 @@ def other_interfaces_give_no_instance(fmu: Fmu) -> None:
 @demand
 def a_life(fmu: Fmu) -> None:
     with Instance(fmu) as one:
-        one.start(stop=10.0).fly(5)
+        one.start(stop=10.0).simulate(5)
         one.ok("Terminate")
 
 
 @demand
 def two_lives_are_equal(fmu: Fmu) -> None:
     with Instance(fmu) as one, Instance(fmu) as other:
-        assert one.start().fly(10) == other.start().fly(10)
+        assert one.start().simulate(10) == other.start().simulate(10)
 
 
 @demand
 def instances_do_not_disturb_each_other(fmu: Fmu) -> None:
     with Instance(fmu) as alone:
-        expected = alone.start().fly(6)
+        expected = alone.start().simulate(6)
     with Instance(fmu) as one, Instance(fmu) as other:
         one.start(), other.start()
         record = b""
         for k in range(6):
-            record += one.fly(1, first=k)
-            other.fly(1, first=k)
+            record += one.simulate(1, first=k)
+            other.simulate(1, first=k)
         assert record == expected
 
 
 @demand
 def reset_begins_anew(fmu: Fmu) -> None:
     with Instance(fmu) as one:
-        first = one.start().fly(5)
+        first = one.start().simulate(5)
         one.ok("Terminate")
         one.ok("Reset")
-        assert one.start().fly(5) == first
+        assert one.start().simulate(5) == first
 
 
 @demand
 def reset_while_stepping(fmu: Fmu) -> None:
     with Instance(fmu) as one:
-        first = one.start().fly(5)
+        first = one.start().simulate(5)
         one.ok("Reset")
-        assert one.start().fly(5) == first
+        assert one.start().simulate(5) == first
 
 
 @demand
@@ -346,13 +346,13 @@ def outputs_can_be_read_in_initialization_mode(fmu: Fmu) -> None:
 @demand
 def outputs_can_be_read_after_the_end(fmu: Fmu) -> None:
     with Instance(fmu) as one:
-        last = one.start().fly(3)[-len(one.outputs()) :]
+        last = one.start().simulate(3)[-len(one.outputs()) :]
         one.ok("Terminate")
         assert one.outputs() == last
 
 
-@house
-def calls_out_of_order_are_refused_and_harmless(fmu: Fmu) -> None:
+@own_demand
+def calls_out_of_order_are_rejected_and_harmless(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         assert one.call("ExitInitializationMode") == ERROR
         assert one.step(0.0)[0] == ERROR
@@ -361,51 +361,51 @@ def calls_out_of_order_are_refused_and_harmless(fmu: Fmu) -> None:
         assert one.step(0.0)[0] == ERROR
         one.ok("ExitInitializationMode")
         assert one.call("EnterInitializationMode", False, 0.0, 0.0, False, 0.0) == ERROR
-        record = one.fly(4)
+        record = one.simulate(4)
     with Instance(fmu) as other:
-        assert other.start().fly(4) == record
+        assert other.start().simulate(4) == record
 
 
-@house
-def a_start_time_that_is_not_finite_is_refused(fmu: Fmu) -> None:
+@own_demand
+def a_start_time_that_is_not_finite_is_rejected(fmu: Fmu) -> None:
     for start in (math.nan, math.inf):
         with Instance(fmu) as one:
             assert one.call("EnterInitializationMode", False, 0.0, start, False, 0.0) == ERROR
-            one.start().fly(1)
+            one.start().simulate(1)
 
 
-@house
-def a_stop_before_the_start_is_refused(fmu: Fmu) -> None:
+@own_demand
+def a_stop_before_the_start_is_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         assert one.call("EnterInitializationMode", False, 0.0, 5.0, True, 5.0) == ERROR
-        one.start().fly(1)
+        one.start().simulate(1)
 
 
 # ---- steps
 @demand
-def a_step_says_what_it_did(fmu: Fmu) -> None:
+def a_step_states_what_it_did(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         status, event, terminate, early, last = one.start().step(0.0, 0.1)
         assert (status, event, terminate, early) == (OK, False, False, False)
         assert math.isclose(last, 0.1)
 
 
-@house
-def a_step_without_room_for_results_is_refused(fmu: Fmu) -> None:
+@own_demand
+def a_step_without_memory_for_results_is_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         one.start()
         assert one.call("DoStep", 0.0, 0.1, False, None, None, None, None) == ERROR
-        one.fly(1)
+        one.simulate(1)
 
 
-@house
-def impossible_steps_are_refused_and_harmless(fmu: Fmu) -> None:
+@own_demand
+def impossible_steps_are_rejected_and_harmless(fmu: Fmu) -> None:
     with Instance(fmu) as one, Instance(fmu) as other:
         one.start(stop=10.0), other.start(stop=10.0)
         wrong = ((0.0, 0.0), (0.0, -0.1), (0.0, math.nan), (1.0, 0.1), (0.0, 11.0))
         for t, h in wrong:
             assert one.step(t, h)[0] == ERROR
-        assert one.fly(5) == other.fly(5)
+        assert one.simulate(5) == other.simulate(5)
 
 
 @demand
@@ -442,7 +442,7 @@ def what_is_set_is_read(fmu: Fmu) -> None:
 @demand
 def several_variables_in_any_order(fmu: Fmu) -> None:
     with Instance(fmu) as one:
-        one.start().fly(2)
+        one.start().simulate(2)
         together = list(reversed(fmu.of("output")))
         assert one.get(together) == b"".join(one.get([v]) for v in together)
         assert one.get(together[:1] * 3) == one.get(together[:1]) * 3
@@ -456,8 +456,8 @@ def nothing_can_be_read_and_set(fmu: Fmu) -> None:
         one.ok("SetFloat64", None, 0, None, 0)
 
 
-@house
-def a_wrong_number_of_values_is_refused(fmu: Fmu) -> None:
+@own_demand
+def a_wrong_number_of_values_is_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         one.start()
         output = fmu.of("output")[0]
@@ -466,13 +466,13 @@ def a_wrong_number_of_values_is_refused(fmu: Fmu) -> None:
             assert one.call("GetFloat64", where, 1, buffer, count) == ERROR
         for v in fmu.of("input")[:1]:
             assert one.set([v], [0.0] * (v.size + 1)) == ERROR
-        one.fly(2)
+        one.simulate(2)
 
 
-@house
-def a_known_call_with_a_wrong_number_of_values_is_refused(fmu: Fmu) -> None:
+@own_demand
+def a_known_call_with_a_wrong_number_of_values_is_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
-        one.start().fly(2)
+        one.start().simulate(2)
         outputs = fmu.of("output")
         where = (c_uint * len(outputs))(*(v.reference for v in outputs))
         size = sum(v.size for v in outputs)
@@ -482,8 +482,8 @@ def a_known_call_with_a_wrong_number_of_values_is_refused(fmu: Fmu) -> None:
             assert one.call("GetFloat64", where, len(outputs), buffer, wrong) == ERROR
 
 
-@house
-def references_between_variables_are_refused(fmu: Fmu) -> None:
+@own_demand
+def references_between_variables_are_rejected(fmu: Fmu) -> None:
     known = {v.reference for v in fmu.variables}
     with Instance(fmu) as one:
         one.start()
@@ -493,7 +493,7 @@ def references_between_variables_are_refused(fmu: Fmu) -> None:
         assert "no variable with value reference" in one.messages[-1]
 
 
-@house
+@own_demand
 def outputs_and_time_cannot_be_set(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         for v in (*fmu.of("output")[:1], *fmu.of("independent")):
@@ -501,7 +501,7 @@ def outputs_and_time_cannot_be_set(fmu: Fmu) -> None:
             assert f"{v.name}: is " in one.messages[-1]
 
 
-@house
+@own_demand
 def parameters_are_fixed_after_initialization(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         one.start()
@@ -509,18 +509,18 @@ def parameters_are_fixed_after_initialization(fmu: Fmu) -> None:
             assert one.set([v], list(v.start)) == ERROR
 
 
-@house
-def values_that_are_not_finite_are_refused(fmu: Fmu) -> None:
+@own_demand
+def values_that_are_not_finite_are_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one, Instance(fmu) as other:
         one.start(), other.start()
         for v in fmu.of("input"):
             for wrong in (math.nan, math.inf, -math.inf):
                 assert one.set([v], [*v.start[:-1], wrong]) == ERROR
-        assert one.fly(3) == other.fly(3)
+        assert one.simulate(3) == other.simulate(3)
 
 
-@house
-def nothing_is_set_where_one_value_is_refused(fmu: Fmu) -> None:
+@own_demand
+def nothing_is_set_where_one_value_is_rejected(fmu: Fmu) -> None:
     inputs = fmu.of("input")
     with Instance(fmu) as one:
         one.start()
@@ -531,7 +531,7 @@ def nothing_is_set_where_one_value_is_refused(fmu: Fmu) -> None:
             assert one.get(inputs) == before
 
 
-@house
+@own_demand
 def bounds_of_inputs_hold(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         one.start()
@@ -550,17 +550,17 @@ def other_types_have_no_variables(fmu: Fmu) -> None:
         one.ok("GetClock", None, 0, None)
 
 
-@house
-def other_types_are_refused(fmu: Fmu) -> None:
+@own_demand
+def other_types_are_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         one.start()
-        where, room = (c_uint * 1)(0), (c_double * 1)()
-        assert one.call("GetInt32", where, 1, room, 1) == ERROR
-        assert one.call("GetClock", where, 1, room) == ERROR
+        where, space = (c_uint * 1)(0), (c_double * 1)()
+        assert one.call("GetInt32", where, 1, space, 1) == ERROR
+        assert one.call("GetClock", where, 1, space) == ERROR
         for function in ("EnterEventMode", "EnterConfigurationMode"):
             assert one.call(function) == ERROR
         assert one.call("GetNumberOfContinuousStates", byref(c_size_t())) == ERROR
-        one.fly(2)
+        one.simulate(2)
 
 
 # ---- states
@@ -568,24 +568,24 @@ def other_types_are_refused(fmu: Fmu) -> None:
 def a_state_brings_back_the_past(fmu: Fmu) -> None:
     if fmu.able("canGetAndSetFMUState"):
         with Instance(fmu) as one:
-            one.start().fly(3)
+            one.start().simulate(3)
             state = one.save()
-            future = one.fly(5, first=3)
+            future = one.simulate(5, first=3)
             one.ok("SetFMUState", state)
-            assert one.fly(5, first=3) == future
+            assert one.simulate(5, first=3) == future
             one.ok("FreeFMUState", byref(state))
             assert state.value is None
 
 
 @demand
-def a_state_is_kept_in_the_place_of_an_old_one(fmu: Fmu) -> None:
+def a_state_is_retained_in_the_place_of_an_old_one(fmu: Fmu) -> None:
     if fmu.able("canGetAndSetFMUState"):
         with Instance(fmu) as one:
             state = one.start().save()
-            one.fly(3)
+            one.simulate(3)
             later = one.outputs()
             one.ok("GetFMUState", byref(state))
-            one.fly(3, first=3)
+            one.simulate(3, first=3)
             one.ok("SetFMUState", state)
             assert one.outputs() == later
             one.ok("FreeFMUState", byref(state))
@@ -595,7 +595,7 @@ def a_state_is_kept_in_the_place_of_an_old_one(fmu: Fmu) -> None:
 def bytes_of_a_state_bring_it_back(fmu: Fmu) -> None:
     if fmu.able("canSerializeFMUState"):
         with Instance(fmu) as one, Instance(fmu) as other:
-            one.start().fly(3)
+            one.start().simulate(3)
             state = one.save()
             data = one.serialize(state)
             one.ok("FreeFMUState", byref(state))
@@ -603,13 +603,13 @@ def bytes_of_a_state_bring_it_back(fmu: Fmu) -> None:
             other.ok("DeserializeFMUState", data, len(data), byref(made))
             other.ok("SetFMUState", made)
             other.ok("FreeFMUState", byref(made))
-            assert one.fly(4, first=3) == other.fly(4, first=3)
+            assert one.simulate(4, first=3) == other.simulate(4, first=3)
 
 
-@house
-def damaged_bytes_of_a_state_are_refused(fmu: Fmu) -> None:
+@own_demand
+def damaged_bytes_of_a_state_are_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
-        one.start().fly(2)
+        one.start().simulate(2)
         state = one.save()
         data = one.serialize(state)
         one.ok("FreeFMUState", byref(state))
@@ -622,8 +622,8 @@ def damaged_bytes_of_a_state_are_refused(fmu: Fmu) -> None:
         assert one.restored(b"") == ERROR
 
 
-@house
-def a_state_for_nobody_is_refused(fmu: Fmu) -> None:
+@own_demand
+def a_state_for_no_one_is_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         assert one.call("SetFMUState", None) == ERROR
         assert one.call("GetFMUState", None) == ERROR
@@ -633,13 +633,13 @@ def a_state_for_nobody_is_refused(fmu: Fmu) -> None:
 # ---- derivatives
 @demand
 def derivatives_agree_with_differences(fmu: Fmu) -> None:
-    """Of rows of several elements too, whose seeds stand one after the other."""
+    """Also of rows of several elements, whose seeds follow one another."""
     inputs = [v for v in fmu.of("input") if v.high == math.inf and v.low == -math.inf]
     if not fmu.able("providesDirectionalDerivatives") or not inputs:
         return
     outputs, known = fmu.of("output"), inputs[:1]
     with Instance(fmu) as one:
-        one.start().fly(2)
+        one.start().simulate(2)
         seed = [0.0] * (known[0].size - 1) + [1.0]
         status, along = one.derivative(outputs, known, seed)
         assert status == OK
@@ -649,8 +649,8 @@ def derivatives_agree_with_differences(fmu: Fmu) -> None:
             assert math.isclose(2 * a, b, rel_tol=1e-3, abs_tol=1e-6 * (1 + max(map(abs, along))))
 
 
-@house
-def wrong_lengths_of_derivatives_are_refused(fmu: Fmu) -> None:
+@own_demand
+def wrong_lengths_of_derivatives_are_rejected(fmu: Fmu) -> None:
     outputs, known = fmu.of("output"), fmu.of("input")[:1]
     with Instance(fmu) as one:
         one.start()
@@ -661,8 +661,8 @@ def wrong_lengths_of_derivatives_are_refused(fmu: Fmu) -> None:
         assert one.derivative(outputs, known, [0.0] * size)[0] == OK
 
 
-@house
-def adjoint_derivatives_are_refused(fmu: Fmu) -> None:
+@own_demand
+def adjoint_derivatives_are_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         one.start()
         assert one.call("GetAdjointDerivative", *(None, 0) * 4) == ERROR
@@ -677,25 +677,25 @@ def log_categories_are_those_declared(fmu: Fmu) -> None:
         one.ok("SetDebugLogging", False, 0, None)
 
 
-@house
-def unknown_log_categories_are_refused(fmu: Fmu) -> None:
+@own_demand
+def unknown_log_categories_are_rejected(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         assert one.call("SetDebugLogging", True, 1, (c_char_p * 1)(b"logNonsense")) == ERROR
 
 
-@house
-def a_refusal_says_which_function(fmu: Fmu) -> None:
+@own_demand
+def a_rejection_states_which_function(fmu: Fmu) -> None:
     with Instance(fmu) as one:
         one.call("Terminate")
         assert one.messages[-1].startswith("fmi3Terminate: ")
 
 
-def failures(archive: Path, *, foreign: bool = False) -> list[str]:
-    """What an FMU does not fulfil, one line each."""
+def failures(archive: Path, *, third_party: bool = False) -> list[str]:
+    """Return the demands that an FMU does not fulfil, one line each."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         fmu = Fmu(archive, Path(folder))
-        for probe in PROBES if foreign else [*PROBES, *HOUSE]:
+        for probe in PROBES if third_party else [*PROBES, *OWN]:
             try:
                 probe(fmu)
             except AssertionError as error:
@@ -707,10 +707,10 @@ def failures(archive: Path, *, foreign: bool = False) -> list[str]:
 def main() -> None:
     """Command line, see the docstring of the module."""
     words = sys.argv[1:]
-    foreign = "--foreign" in words
-    archives = [Path(word) for word in words if word != "--foreign"]
-    found = [line for path in archives for line in failures(path, foreign=foreign)]
-    probes = len(PROBES) if foreign else len(PROBES) + len(HOUSE)
+    third_party = "--third-party" in words
+    archives = [Path(word) for word in words if word != "--third-party"]
+    found = [line for path in archives for line in failures(path, third_party=third_party)]
+    probes = len(PROBES) if third_party else len(PROBES) + len(OWN)
     print(*found, f"{len(archives)} FMUs, {probes} probes each: {len(found)} fail", sep="\n")
     sys.exit(bool(found))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What lies in the archives of FMI 3.0: by the schemas, complete, in agreement with FMI 2.0."""
+"""Content of the archives of FMI 3.0: by the schemas, complete, in agreement with FMI 2.0."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ def findings(name, text):
     return [] if schema(name).validate(tree) else list(schema(name).error_log)
 
 
-def test_there_is_what_belongs_there_and_nothing_else(archive):
+def test_the_archive_has_its_files_and_nothing_else(archive):
     names = set(read(archive))
     assert names >= MUST
     assert [name for name in names - MUST if not MAY.fullmatch(name)] == []
 
 
-def test_no_file_tells_where_it_was_built(archive):
+def test_no_file_states_where_it_was_built(archive):
     if any(b"__asan_init" in data for data in read(archive).values()):
         pytest.skip("sanitised libraries hold the paths of their sources for their reports")
     assert [name for name, data in read(archive).items() if str(ROOT).encode() in data] == []
@@ -89,7 +89,7 @@ def test_fmpy_finds_nothing(archive):
     assert problems(archive) == []
 
 
-def test_the_description_says_what_that_of_fmi_2_says(archive):
+def test_the_description_states_what_the_one_of_fmi_2_states(archive):
     """Rows, units, limits, start values, texts, token."""
     root = ElementTree.fromstring(read(archive)["modelDescription.xml"])
     about = description.read(BUILD / "fmus" / archive.name)
@@ -105,8 +105,8 @@ def test_the_description_says_what_that_of_fmi_2_says(archive):
         assert len(elements) == size, variable.attrib["name"]
         first = elements[0]
         assert int(variable.attrib["valueReference"]) == first.reference
-        said = [variable.get(name) for name in shown]
-        assert said == [first.causality, first.unit, first.text]
+        reported = [variable.get(name) for name in shown]
+        assert reported == [first.causality, first.unit, first.text]
         starts = [v.start for v in elements if v.start is not None]
         assert list(map(float, variable.get("start", "").split())) == starts
 
@@ -173,17 +173,17 @@ def test_sources_alone_give_the_bits_of_the_binary(tmp_path):
         flags = [*sources.attrib["compilerOptions"].split(), "-fPIC", "-shared", "-Wall", "-Werror"]
         command = [COMPILER, *flags, "-isystem", HEADERS, *names, "-o", library, "-lm"]
         subprocess.run(command, check=True, cwd=folder / "sources")
-        flights = [
-            flight(probe.Fmu(archive, tmp_path / f"{path.stem}-{i}"))
+        recordings = [
+            recording(probe.Fmu(archive, tmp_path / f"{path.stem}-{i}"))
             for i, archive in enumerate((path, repacked(folder, path.name)))
         ]
-        assert flights[0] == flights[1]
+        assert recordings[0] == recordings[1]
 
 
-def flight(fmu):
+def recording(fmu):
     """The bits of ten steps."""
     with probe.Instance(fmu) as one:
-        return one.start().fly(10)
+        return one.start().simulate(10)
 
 
 def repacked(folder, name):

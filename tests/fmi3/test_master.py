@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The master with FMUs of FMI 3.0, alone, among those of FMI 2.0, and from elsewhere."""
+"""The master with FMUs of FMI 3.0, alone, among FMUs of FMI 2.0, and from elsewhere."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_another_system_would_give_other_bits():
         )
 
 
-def test_a_swap_goes_across_versions():
+def test_a_swap_works_across_versions_of_fmi():
     plain = run(SYSTEM, stop=2.0)
     path = BUILD / "fmus3/sync_guidance.fmu"
     swapped = run(SYSTEM, stop=2.0, swap={"guidance": str(path)})
@@ -85,13 +85,13 @@ def test_a_swap_goes_across_versions():
 
 
 def test_elements_of_an_array_are_set_one_by_one():
-    """What is not set keeps its start value."""
+    """Variables that are not set retain their start values."""
     values = ["servicer.r_0_N[2]=4.5", "target.omega_TN_T_0[1]=0.02"]
     with load(SYSTEM) as system:
         assert rows(system, stop=1.0, set=values) == rows(of_fmi_3(system), stop=1.0, set=values)
 
 
-def test_a_refused_parameter_is_named():
+def test_a_rejected_parameter_is_named():
     with load(SYSTEM) as system, pytest.raises(HarnessError, match="mass_0=-5: must be > 0"):
         rows(of_fmi_3(system), stop=1.0, set=["servicer.mass_0=-5"])
 
@@ -111,9 +111,9 @@ def test_a_further_run_gives_the_bits_of_a_fresh_one():
     with load(SYSTEM) as system:
         mixed = of_fmi_3(system, lambda i: i % 2 == 1)
         with Simulation(mixed, stop=2.0) as simulation:
-            first = simulation.fly(stop=2.0)["servicer.r_SN_N"]
-            simulation.fly(stop=2.0, set=["servicer.mass_0=120"])
-            again = simulation.fly(stop=2.0)["servicer.r_SN_N"]
+            first = simulation.run(stop=2.0)["servicer.r_SN_N"]
+            simulation.run(stop=2.0, set=["servicer.mass_0=120"])
+            again = simulation.run(stop=2.0)["servicer.r_SN_N"]
     np.testing.assert_array_equal(first, again)
 
 
@@ -199,7 +199,7 @@ COUNT = Model(
     ),
     "c += 1; n = (fmi3Int64)c; wide = (fmi3UInt64)(big * c) + (c > 3 && big > 0); "
     "flag = n % 2; colour = n % 2 ? 1 : 7; *terminate = t >= stop_at; *early = t >= early_at;"
-    'if (t >= fail_at) return fail(self, "burnt through, 100 % of it");',
+    'if (t >= fail_at) return fail(self, "burnt, 100 % of fuse");',
 )  # fmt: skip
 KINDS = {
     **dict.fromkeys(("Float64", "Float32"), "c"),
@@ -235,7 +235,7 @@ def system_of(components, wires=(), **values):
     )
 
 
-def flown(system, executor):
+def simulated(system, executor):
     with Simulation(system, executor=executor) as simulation:
         simulation.advance()
         return simulation.result()
@@ -247,7 +247,7 @@ def test_all_types_go_over_the_bus(built, executor):
     wires += [("count.c", "every.u[2]")]
     system = system_of({"count": built["count"], "every": built["every"]}, wires)
     system = replace(system, strict=False)
-    result = flown(system, executor)
+    result = simulated(system, executor)
     for kind, source in KINDS.items():
         sent, got = result[f"count.{source}"], result[f"every.{kind}_out"]
         assert got[-1] in (sent[-1], sent[-2])
@@ -267,31 +267,31 @@ def test_both_executors_agree(built):
 @pytest.mark.parametrize(
     ("values", "line"),
     [
-        ({"count__stop_at": 0.3}, r"^count: asks to end the simulation \(at t = 0.3 s\)"),
+        ({"count__stop_at": 0.3}, r"^count: requested termination \(at t = 0.3 s\)"),
         (
             {"count__early_at": 0.3},
             r"^count: returned early although that was not allowed \(at t = 0.3 s\)",
         ),
-        ({"count__fail_at": 0.5}, r"^count: step failed: burnt through, 100 % of it \(at t = 0.5"),
+        ({"count__fail_at": 0.5}, r"^count: step failed: burnt, 100 % of fuse \(at t = 0.5"),
         (
             {"count__big": 2.0**53},
             r"^count: wide = 36028797018963969: is beyond 2\^53, which the bus cannot carry",
         ),
     ],
 )
-def test_what_a_step_says_ends_the_run(built, executor, values, line):
+def test_a_step_that_reports_an_end_ends_the_run(built, executor, values, line):
     system = system_of({"count": built["count"]}, **values)
     with pytest.raises(RunError, match=line) as caught:
-        flown(system, executor)
+        simulated(system, executor)
     assert caught.value.partial is not None
 
 
-def test_binary_variables_fly_unconnected(built):
+def test_binary_variables_run_unconnected(built):
     interface = read_interface(built["every"])
     assert interface.variables["data"].type == "Binary"
     assert "picture" not in interface.outputs()
     system = replace(system_of({"every": built["every"]}), strict=False)
-    assert flown(system, "c").time[-1] == 1.0
+    assert simulated(system, "c").time[-1] == 1.0
 
 
 def test_binary_variables_cannot_be_connected(built):
@@ -301,7 +301,7 @@ def test_binary_variables_cannot_be_connected(built):
 
 
 def test_structural_parameters_cannot_be_set(built):
-    line = "every.n: its causality is structuralParameter, it cannot be set"
+    line = "every.n: is a structuralParameter and cannot be set"
     with pytest.raises(StructureError, match=line):
         build_graph(system_of({"every": built["every"]}, every__n=5))
 
@@ -325,30 +325,30 @@ def test_values_fit_their_types(built, name, value, line):
 
 
 def test_whole_numbers_beyond_the_bus_can_be_set(built):
-    """They do not go over it; what comes out of the FMU is judged."""
+    """They do not go over it; the outputs of the FMU are checked."""
     system = replace(system_of({"every": built["every"]}, every__Int64_in=2**53 + 1), strict=False)
     with pytest.raises(RunError, match="every: Int64_out = 9007199254740993: is beyond 2"):
-        flown(system, "c")
+        simulated(system, "c")
 
 
 @needs_gcc
-def test_clocks_of_inputs_and_outputs_are_refused(tmp_path):
+def test_clocks_of_inputs_and_outputs_are_rejected(tmp_path):
     clock = Var("tick", "Clock", "input")
     clocked = Var("y", "Float64", "output", more=' variability="discrete" clocks="1"')
     path = odd.build(Model("clocked", (clock, clocked)), tmp_path)
-    with pytest.raises(FmuError, match="tick: clocks are not supported, and y has it"):
+    with pytest.raises(FmuError, match="tick: clocks are not supported, but y has this clock"):
         read_interface(path)
 
 
 @needs_gcc
-def test_other_clocks_are_left_out_and_said(tmp_path):
+def test_other_clocks_are_left_out_and_reported(tmp_path):
     path = odd.build(
         Model("ticking", (Var("tick", "Clock", "input"), Var("y", "Float64", "output"))), tmp_path
     )
     interface = read_interface(path)
     assert "tick" not in interface.variables
     assert "tick: clocks are not supported, it is left out" in interface.warnings
-    assert flown(system_of({"a": path}), "c").time[-1] == 1.0
+    assert simulated(system_of({"a": path}), "c").time[-1] == 1.0
 
 
 @needs_gcc
@@ -356,8 +356,8 @@ def test_other_clocks_are_left_out_and_said(tmp_path):
     ("kind", "words"),
     [("ModelExchange", "model exchange"), ("ScheduledExecution", "scheduled execution")],
 )
-def test_other_interfaces_are_refused(tmp_path, kind, words):
+def test_other_interfaces_are_rejected(tmp_path, kind, words):
     path = odd.build(Model("other", (Var("y", "Float64", "output"),), interface=kind), tmp_path)
-    line = f"other.fmu: is for {words} only, co-simulation is needed"
+    line = f"other.fmu: supports {words} only; export it for co-simulation"
     with pytest.raises(FmuError, match=line):
         read_interface(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reference traces in the archives (FMI-LS-REF): the bits of an FMU that nobody drives."""
+"""Reference traces in the archives (FMI-LS-REF): the bits of an unconnected FMU."""
 
 from __future__ import annotations
 

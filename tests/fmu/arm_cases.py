@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arms for the tests: one that others have computed, random ones, and what they fly with."""
+"""Arms for the tests: one with published reference values, random ones, and what they run with."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def iiwa() -> reference.Arm:
 
 
 SHIFT = np.eye(6)
-"""Velocity of S from that of the URDF's root frame: v_S = v_O + w x s."""
+"""Velocity of S from the velocity of the URDF's root frame: v_S = v_O + w x s."""
 SHIFT[:3, 3:] = np.stack([np.cross(e, BASE_CENTRE) for e in np.eye(3)], axis=-1)
 
 
-class Others:
-    """State of the case, and what others found."""
+class Published:
+    """State of the case, and its published reference values."""
 
     q = np.array((0.3, -0.5, 0.4, 0.9, -0.2, 0.6, 0.1))
     dq = np.array((0.1, -0.2, 0.15, 0.05, -0.1, 0.2, -0.3))
@@ -249,7 +249,7 @@ class Others:
     h = np.array((1.0900599906461506, 1.037124433622649, -0.613934263660028))
     """About the centre of mass, inertial axes."""
     small_torque = np.array((0.05, -0.04, 0.03, 0.02, -0.01, 0.005, -0.002))
-    flight: ClassVar[dict] = {  # t: root frame, rate, joint angles
+    recording: ClassVar[dict] = {  # t: root frame, rate, joint angles
         2: (
             (0.15533887186458956, -0.21046240238466368, 0.3503853644670854),
             (0.009609330883737324, 0.017039694919295693, -0.017301189978988045),

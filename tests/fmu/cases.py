@@ -76,15 +76,15 @@ def integral_of_wave(record, t):
 
 def random_orbit_state(rng, mu=MU):
     """Position and velocity somewhere on a low orbit of eccentricity up to 0.2 or so, N axes."""
-    r, flight = 7e6 * random_direction(rng), random_direction(rng)
-    across = np.cross(np.cross(r, flight), r)
+    r, recording = 7e6 * random_direction(rng), random_direction(rng)
+    across = np.cross(np.cross(r, recording), r)
     across /= np.linalg.norm(across)
     speed = np.sqrt(mu / 7e6)
     return r, speed * (rng.uniform(0.95, 1.05) * across + rng.uniform(-0.1, 0.1) * r / 7e6)
 
 
 def random_bodies(rng, distance=20.0, rate=0.02):
-    """Body states of target and servicer as they stand on the wires."""
+    """Body states of target and servicer as they are on the wires."""
     r, v = random_orbit_state(rng)
     states = {"r_TN_N": r, "v_TN_N": v}
     states |= {

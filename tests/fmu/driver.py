@@ -55,7 +55,7 @@ class Kind:
 
 class FMU2Library(FMU2Slave):
     """FMPy's, which looks up the types of its functions for every instance anew: here the first one
-    hands them on. From the beginning of the name FMPy knows which version of FMI it is.
+    passes them on. FMPy takes the version of FMI from the beginning of the name.
     """
 
     types: ClassVar = {}

@@ -29,7 +29,7 @@ DEFAULT = {
     "slosh_axis_S": ((1, 0, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0)),
     "slosh_frequency": np.full(4, 0.3141592653589793),
 }
-"""The vehicle of the specification; hinge axes z are those of the reference."""
+"""The vehicle of the specification; hinge axes z equal the reference's."""
 
 
 def random_parts(rng):

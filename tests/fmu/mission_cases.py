@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Made-up flights for the mission manager: states of both bodies from distances, speeds and angles,
+"""Made-up runs for the mission manager: states of both bodies from distances, speeds and angles,
 and a script that leads it into any phase.
 """
 
@@ -15,7 +15,7 @@ from tests.reference import mission
 from .theory import MU, dcm_of_quaternion, quaternion_of_dcm
 
 P = 1.0
-"""Sample period of these flights, s."""
+"""Sample period of these runs, s."""
 QUICK = {"sample_period": P, "dwell": [3.0] * 15, "drift_step": 1200.0, "capture_time": 2.0}
 QUICK |= {"v_final": 10.0, "v_back": 10.0}
 """Short waits and profiles, so that every phase is near."""
@@ -82,7 +82,7 @@ GOOD = {
     13: in_hill(line(300), resume=1),
     14: in_hill(line(300)),
 }
-"""What ends each phase once it has held."""
+"""Inputs that end each phase once they have held."""
 STAY = {"soft": 0, "hard": 0, "done": 0, "resume": 0}
 WAIT = {k: {"relative_valid": 0} for k in (0, 2, 4, 5, 11)}
 WAIT |= {1: {"go_1": 0}, 3: {"go_2": 0}, 6: {"go_3": 0}}
@@ -92,7 +92,7 @@ HOLDING = {k: GOOD[k] | STAY | WAIT.get(k, {}) for k in GOOD}
 ROUTE = {1: 0, 2: 1, 3: 2, 4: 3, 5: 4, 6: 5, 7: 6, 8: 7, 9: 8, 10: 9, 11: 7, 12: 0, 13: 12, 14: 0}
 """Phase -> the one before it on the way."""
 ORDER = {11: {"soft": 0, "contact": 1}, 12: {"retreat": 1}, 14: {"abort": 1}}
-"""What leads into these."""
+"""Inputs that lead into these phases."""
 
 
 def path_to(phase):
@@ -102,8 +102,8 @@ def path_to(phase):
     return path
 
 
-class Flight:
-    """A manager led by made-up inputs, one sample at a time; the reference flies beside it and must
+class Recording:
+    """A manager led by made-up inputs, one sample at a time; the reference runs beside it and must
     agree in every output to 1e-9 (of 1, or of its size where that is larger).
     """
 

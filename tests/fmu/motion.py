@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motion of a rigid body under loads as the balance of inertial angular momentum, and measures of
+"""Motion of a rigid body under loads as the balance of inertial angular momentum, and metrics of
 numerical error.
 
 Nothing of Euler's equation, Rodrigues parameters or a fixed step: rotation matrix, total momentum,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the tests of the sensors share."""
+"""Shared parts of the tests of the sensors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def turn_between(a, b) -> float:
 
 
 def same_bits_for_any_steps(fmu, name, parameters, inputs, stop=6.0, step=0.1):
-    """Constant inputs: whatever the master's steps, the outputs at the end are the same bits."""
+    """Constant inputs: for any steps of the master, the outputs at the end are the same bits."""
     seen = set()
     for cuts in ([step] * round(stop / step), [step / 2] * round(2 * stop / step), [stop]):
         unit = fmu(name, parameters, inputs)

@@ -89,7 +89,7 @@ def test_a_rest_from_the_start_leaves_no_trace(law, name, rng):
 
 
 @each_law
-def test_at_rest_commands_and_flags_are_zero_and_the_errors_are_those_of_now(law, name, rng):
+def test_at_rest_commands_and_flags_are_zero_and_the_errors_match_now(law, name, rng):
     unit = law(name, rng)
     unit.step(1, inputs(rng))
     now = inputs(rng, 0)
@@ -137,8 +137,8 @@ def test_at_every_call_too(law, name, rng):
     assert bits(unit) == bits(fresh)
 
 
-def test_the_start_of_a_funnel_is_judged_at_the_first_active_sample(law, rng):
-    """Outside the funnel, but at rest: the margin is 1. A law that wakes there refuses the step."""
+def test_the_start_of_a_funnel_is_checked_at_the_first_active_sample(law, rng):
+    """Outside the funnel, but at rest: the margin is 1. A law that wakes there rejects the step."""
     unit = law("ppc_controller", rng, active=0)
     far = inputs(rng, 0) | {"rho_ref_N": (-900.0, 900.0, 800.0)}
     unit.step(1, far)
@@ -147,7 +147,7 @@ def test_the_start_of_a_funnel_is_judged_at_the_first_active_sample(law, rng):
         unit.step(1, far | {"active": 1})
 
 
-def test_other_values_than_0_and_1_are_refused(law, rng):
+def test_other_values_than_0_and_1_are_rejected(law, rng):
     unit = law("pid_controller", rng)
     with pytest.raises(Exception, match="fmi2SetReal"):
         unit.set({"active": 0.5})

@@ -59,7 +59,7 @@ def test_after_a_rest_a_unit_has_the_bits_of_a_fresh_one(fmu, rng, case, before)
 
 
 @pytest.mark.parametrize("case", UNITS)
-def test_at_rest_the_outputs_are_those_of_a_first_sample_with_its_flags_down(fmu, rng, case):
+def test_at_rest_the_outputs_match_a_first_sample_with_its_flags_down(fmu, rng, case):
     old = unit(fmu, case, states(rng) | {"active": 1})
     for _ in range(20):
         old.step(P, states(rng))

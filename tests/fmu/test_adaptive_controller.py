@@ -27,7 +27,7 @@ from .driver import bits
 from .motion import deviation
 from .theory import dcm_of_quaternion, hill_axes
 
-PERIOD = 1.0  # s; long, so that the increments of the estimates keep their digits
+PERIOD = 1.0  # s; long, so that the increments of the estimates retain their digits
 
 
 def one_step(fmu, p, u, h=PERIOD, start=0.0):
@@ -44,7 +44,7 @@ def force_N(out, u):
 # ---- translation ----
 
 
-def test_errors_are_those_of_the_true_motion_in_the_turning_hill_frame(fmu, rng):
+def test_errors_match_the_true_motion_in_the_turning_hill_frame(fmu, rng):
     p, u = parameters(rng), situation(rng)
     out = one_step(fmu, p, u)
     e1, e2, _ = position_error(u, np.zeros(3), 1)
@@ -203,23 +203,25 @@ def test_gain_scale_multiplies_the_steps_of_the_inertia_estimates_only(fmu, rng)
     assert full["m_hat"] == tenth["m_hat"]
 
 
-def test_projection_keeps_every_estimate_within_its_range_of_the_start_value(fmu, rng):
+def test_projection_retains_every_estimate_within_its_range_of_the_start_value(fmu, rng):
     """Gains so large that one sample leaves every range; without projection they do leave them."""
     p = parameters(rng) | {"Gamma_m": 1e5, "Gamma_eta": np.full(12, 1e7)}
     ranges = {"m_hat_range": 0.2, "eta_hat_range": 0.15, "J_offdiag_max": 7.0, "A_offdiag_max": 0.5}
-    room = np.where(np.tile([1, 0, 0, 1, 0, 1], 2), 0.15 * p["eta_hat_0"], np.repeat([7.0, 0.5], 6))
+    space = np.where(
+        np.tile([1, 0, 0, 1, 0, 1], 2), 0.15 * p["eta_hat_0"], np.repeat([7.0, 0.5], 6)
+    )
     inside, outside = (fmu("adaptive_controller", p | ranges | {"projection": k}) for k in (1, 0))
     reached = np.zeros(12, dtype=bool)
     for _ in range(10):
         u = situation(rng)
         inside.step(PERIOD, u)
         away = np.abs(inside.get("eta_hat") - p["eta_hat_0"])
-        assert (away <= room * (1 + 1e-12)).all()
+        assert (away <= space * (1 + 1e-12)).all()
         assert abs(inside.get("m_hat") / p["m_hat_0"] - 1) <= 0.2 * (1 + 1e-12)
-        reached |= away > room * (1 - 1e-9)
+        reached |= away > space * (1 - 1e-9)
     outside.step(PERIOD, u)
     assert reached.all()
-    assert (np.abs(outside.get("eta_hat") - p["eta_hat_0"]) > room).all()
+    assert (np.abs(outside.get("eta_hat") - p["eta_hat_0"]) > space).all()
 
 
 def test_projection_changes_nothing_within_the_ranges(fmu, rng):
@@ -233,8 +235,8 @@ def test_projection_changes_nothing_within_the_ranges(fmu, rng):
 
 
 def test_turning_everything_given_in_inertial_axes_leaves_the_commands_as_they_are(fmu, rng):
-    """1e-12 of the largest term: m_hat x 8 m/s2 of gravity in the force, whose rounding is that of
-    turned positions.
+    """1e-12 of the largest term: m_hat x 8 m/s2 of gravity in the force, whose rounding equals the
+    rounding of turned positions.
     """
     p, u = parameters(rng), situation(rng)
     one, other = (one_step(fmu, p, x) for x in (u, turned(u, random_rotation(rng))))
@@ -279,7 +281,7 @@ def test_in_deep_space_the_hill_frame_is_inertial_and_there_is_no_gravity(fmu, r
 
 @pytest.mark.parametrize("h", [0.1, 0.25, 0.5])
 def test_samples_are_taken_at_multiples_of_the_period_and_held(fmu, rng, h):
-    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, whatever the step of the
+    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, for any step of the
     master.
     """
     period, p = 0.5, parameters(rng) | {"sample_period": 0.5, "t_att": 1.0}
@@ -309,7 +311,7 @@ def test_steps_across_sample_times_or_over_several_change_nothing(fmu, rng, h):
 @pytest.mark.parametrize(
     "options", [{}, {"use_wheels": 0, "damping_in_regressor": 1}, {"projection": 1, "t_att": 2.0}]
 )
-def test_outputs_are_those_of_the_reference_implementation(fmu, rng, options):
+def test_outputs_match_the_reference_implementation(fmu, rng, options):
     """Over several samples; projection about diagonal start values, where all readings of its range
     agree.
     """

@@ -25,7 +25,7 @@ from .cases import ELEMENTS, random_inertia
 from .motion import deviation
 from .theory import EARTH, dcm_of_quaternion, quaternion_of_dcm
 
-PERIOD = 1.0  # s; long, so that the increments of the estimates keep their digits
+PERIOD = 1.0  # s; long, so that the increments of the estimates retain their digits
 
 
 def one_step(fmu, p, u):
@@ -41,7 +41,7 @@ def one_step(fmu, p, u):
 def test_translation_function_falls_with_the_damping_of_the_estimated_or_the_true_mass(
     fmu, rng, damping
 ):
-    """With P e2 in the regressor the damping is that of the true mass: no sign condition on m_hat
+    """With P e2 in the regressor the damping belongs to the true mass: no sign condition on m_hat
     is left.
     """
     p, u, mass = (

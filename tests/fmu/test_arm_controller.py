@@ -37,7 +37,7 @@ def same(unit, expected):
 
 @each("n", [0, 2, 7])
 @each("mode", [STOW, DEPLOY, CLOSE, REST])
-def test_torques_and_commands_are_those_of_the_reference(fmu, rng, n, mode):
+def test_torques_and_commands_match_the_reference(fmu, rng, n, mode):
     """Random arm, options and limits; every option in one of its positions."""
     arm = random_arm(rng, n)
     wheels, force, torque, rest = rng.integers(0, 2, 4)
@@ -56,7 +56,7 @@ def test_torques_and_commands_are_those_of_the_reference(fmu, rng, n, mode):
 
 @pytest.mark.parametrize("option", ["compensate_torque", "compensate_force"])
 def test_feed_forward_does_not_follow_the_error_of_the_joints(fmu, rng, option):
-    """With friction the joint stands; wheels that answered the feedback would turn the base."""
+    """With friction the joint is at rest; wheels that answered the feedback would turn the base."""
     u = random_inputs(rng, 7, DEPLOY)
     unit = fmu("arm_controller", {option: 1}, u)
     F, M = unit.get("F_ff_S"), unit.get("M_ff_S")
@@ -95,7 +95,7 @@ class Deployment:
         self.guidance = fmu("arm_guidance", sampled | {"deploy_from": 0, "track_from": 1e3}, far)
         self.controller = fmu("arm_controller", sampled | control)
 
-    def fly(self, seconds):
+    def simulate(self, seconds):
         """Largest error of a joint on the way."""
         worst = 0.0
         for _ in range(round(seconds / self.h)):
@@ -136,26 +136,26 @@ def by_momentum_alone(steps=400):
     return np.degrees(Rotation.from_matrix(R).magnitude()), r
 
 
-def test_deployment_without_compensation_turns_the_base_as_momentum_says(fmu):
+def test_deployment_without_compensation_turns_the_base_as_momentum_states(fmu):
     """5.08 deg and (-0.110, 0.059, 0.015) m, and no error of a joint: true parameters."""
-    flight = Deployment(fmu, compensate_torque=0)
-    assert flight.fly(60) < 1e-6
+    recording = Deployment(fmu, compensate_torque=0)
+    assert recording.simulate(60) < 1e-6
     turned, shifted = by_momentum_alone()
     assert turned == pytest.approx(5.08, abs=0.005)
     assert shifted == pytest.approx((-0.110, 0.059, 0.015), abs=5e-4)
-    assert flight.turned() == pytest.approx(turned, rel=1e-4)
-    assert flight.plant.get("r_SN_N") == pytest.approx(shifted, abs=1e-5)
+    assert recording.turned() == pytest.approx(turned, rel=1e-4)
+    assert recording.plant.get("r_SN_N") == pytest.approx(shifted, abs=1e-5)
 
 
 def test_deployment_with_compensation_leaves_the_attitude(fmu):
     """Below 1e-3 deg; the base shifts by (-0.112, 0.078, 0.015) m."""
-    flight = Deployment(fmu)
-    assert flight.fly(60) < 1e-6
-    assert flight.turned() < 1e-3
-    assert flight.plant.get("r_SN_N") == pytest.approx((-0.112, 0.078, 0.015), abs=5e-4)
+    recording = Deployment(fmu)
+    assert recording.simulate(60) < 1e-6
+    assert recording.turned() < 1e-3
+    assert recording.plant.get("r_SN_N") == pytest.approx((-0.112, 0.078, 0.015), abs=5e-4)
 
 
-def test_defaults_of_the_reference_are_those_of_the_interface(fmu):
+def test_defaults_of_the_reference_match_the_interface(fmu):
     unit = fmu("arm_controller")
     for name, value in CONTROL.items():
         assert unit.get(name) == pytest.approx(np.ravel(value), abs=0), name

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """arm_guidance.fmu against guidance on rotation matrices and point masses, sample by sample, and
-what its laws promise.
+what its laws guarantee.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ..reference.arm_software import (
 )
 from .arm_cases import random_arm
 from .motion import stencil
-from .refusals import refusal
+from .rejections import rejection
 from .theory import quaternion_of_dcm
 
 QUICK = {"T_deploy": 2.0, "T_align": 3.0, "T_close": 3.0, "deploy_from": 0.2, "track_from": 3.0}
@@ -99,7 +99,7 @@ class Loop:
 
 
 @pytest.mark.parametrize("floats", [0, 1])
-def test_whole_grasp_is_that_of_the_reference(fmu, floats):
+def test_whole_grasp_matches_the_reference(fmu, floats):
     """Stowed, deploy, align, close, grip: all outputs, all samples."""
     loop = Loop(fmu, reference.DEFAULT, QUICK | {"base_floats": floats, "deploy_from": 0.2})
     while loop.k < 110 and (not loop.modes or loop.modes[-1] != REST):
@@ -265,7 +265,7 @@ def test_grip_opens_when_the_arm_deploys_anew_and_not_while_held(fmu):
 # ---- gripper ----
 
 STILL = reference.first(reference.DEFAULT, 1)
-"""One joint that stands: the tip goes where the servicer puts it."""
+"""One joint at rest: the tip moves with the servicer."""
 LIMITS = {"grip_distance": 0.01, "grip_angle": 0.035, "grip_speed": 0.005, "grip_rate": 0.005}
 
 
@@ -305,7 +305,7 @@ def gripped_after(unit, *samples):
 
 
 @pytest.mark.parametrize("which", ["distance", "angle", "speed", "rate"])
-def test_each_condition_alone_keeps_the_gripper_open(fmu, which):
+def test_each_condition_alone_retains_the_gripper_open(fmu, which):
     """Off by 1e-9; inside by 1e-9 it closes."""
     limit = LIMITS[f"grip_{which}"]
     outside, inside = (put(**{which: limit + d}) for d in (1e-9, -1e-9))
@@ -321,7 +321,7 @@ def test_dwell_counts_from_the_first_good_sample_and_a_bad_one_forgets_it(fmu):
 
 
 def test_first_sample_of_CLOSE_does_not_count(fmu):
-    """The change acts at its sample; the gripper is judged from the next one on."""
+    """The change acts at its sample; the gripper is checked from the next one on."""
     always = {"T_deploy": 0.1, "T_align": 0.1, "gate_distance": 9, "gate_angle": 4, "grip_dwell": 0}
     unit = fmu(
         "arm_guidance",
@@ -350,7 +350,7 @@ def test_samples_do_not_depend_on_the_step_of_the_master(fmu):
         assert np.array_equal(whole.get(name), parts.get(name))
 
 
-def test_initialization_publishes_a_sample_and_keeps_nothing(fmu):
+def test_initialization_publishes_a_sample_and_retains_nothing(fmu):
     """Start after deploy_from: DEPLOY shows, and begins at the first sample."""
     u = CLOCK | target(0) | servicer(0)
     unit = fmu("arm_guidance", {"deploy_from": 0, "sample_period": 0.1}, u)
@@ -373,11 +373,11 @@ def test_initialization_publishes_a_sample_and_keeps_nothing(fmu):
         ({"link_mass": (0, *[1] * 6)}, "link_mass[1] = 0: must be > 0"),
     ],
 )
-def test_impossible_parameters_are_refused(rows, message, tmp_path):
-    assert message in refusal("arm_guidance", rows, tmp_path)
+def test_impossible_parameters_are_rejected(rows, message, tmp_path):
+    assert message in rejection("arm_guidance", rows, tmp_path)
 
 
-def test_defaults_of_the_reference_are_those_of_the_interface(fmu):
+def test_defaults_of_the_reference_match_the_interface(fmu):
     unit = fmu("arm_guidance")
     for name, value in GUIDANCE.items():
         assert unit.get(name) == pytest.approx(value, abs=0), name

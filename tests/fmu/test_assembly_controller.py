@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from .assembly_cases import C_HO, N_ORBIT, Q_FLIGHT, Assembly, C_SO_of, q_SH_of
-from .refusals import refusal
+from .rejections import rejection
 
 K1, K2 = 0.036, 8e-4
 
@@ -196,9 +196,9 @@ def test_between_samples_the_command_is_held(fmu):
     [
         ({"k1": -1}, "k1 = -1: must be >= 0"),
         ({"m0": 0}, "m0 = 0: must be > 0"),
-        ({"J1": np.diag((1, 1, 3))}, "J1 = 3: must keep the triangle rule"),
+        ({"J1": np.diag((1, 1, 3))}, "J1 = 3: must satisfy the triangle inequality"),
         ({"law": 2}, "law = 2: must be 0 or 1"),
     ],
 )
-def test_refused(tmp_path, parameters, message):
-    assert message in refusal("assembly_controller", parameters, tmp_path)
+def test_rejected(tmp_path, parameters, message):
+    assert message in rejection("assembly_controller", parameters, tmp_path)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""sync_guidance.fmu with frame = 1: a reference that flies around the target at constant range
-until it stands on the grasp axis, from any direction; and the distance as an input.
+"""sync_guidance.fmu with frame = 1: a reference that moves around the target at constant range
+until it is on the grasp axis, from any direction; and the distance as an input.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from tests.each import some
 from tests.reference import carried
 
 from .cases import random_direction, random_inertia, random_rotation
-from .refusals import refusal
+from .rejections import rejection
 from .theory import MU, angle_between_attitudes, dcm_of_quaternion, quaternion_of_dcm, vee
 
 GEO = 42164e3
@@ -73,7 +73,7 @@ def servicer(T, rho_N, rng):
 NAMES = ("q_DN", "omega_DN_D", "alpha_DN_D", "rho_ref_N", "drho_ref_N", "ddrho_ref_N")
 
 
-def fly(fmu, rng, seconds, period=P, rate=0.01, L=distance, rho=None, **parameters):
+def simulate(fmu, rng, seconds, period=P, rate=0.01, L=distance, rho=None, **parameters):
     """Outputs at each sample. The servicer stays where it is: nothing but the start depends on
     it.
     """
@@ -102,7 +102,7 @@ def derivative(x, h):
 
 def test_follows_the_reference_sample_by_sample(fmu, rng):
     """1e-9 over 40 s, from the same start: positions of 4e7 m seen from 20 m to 4e-10."""
-    f = fly(fmu, rng, 40.0, spin_time=20.0)
+    f = simulate(fmu, rng, 40.0, spin_time=20.0)
     T, p, S = f["T"], carried.Steering(20.0), f["S"]
     rho = S["r_SN_N"] - T.states(0)["r_TN_N"]
     C_DN = carried.start(rho, dcm_of_quaternion(S["q_SN"]))
@@ -119,7 +119,7 @@ def test_follows_the_reference_sample_by_sample(fmu, rng):
 def test_rates_and_derivatives_are_central_differences(fmu, rng):
     """1e-6 at 100 Hz of samples, spinning up too: the step from sample to sample is explicit."""
     h = 0.01
-    f = fly(fmu, rng, 20.0, period=h, spin_time=15.0)
+    f = simulate(fmu, rng, 20.0, period=h, spin_time=15.0)
     C = np.array([dcm_of_quaternion(q) for q in f["q_DN"]])
     omega = np.array([vee(-dC @ A.T) for dC, A in zip(derivative(C, h), C[2:-2], strict=True)])
     smooth = slice(4, -4)
@@ -157,7 +157,7 @@ def off_axis(f, period):
 def test_from_any_direction_it_ends_on_the_axis_without_changing_the_range(fmu, angle):
     """At most w_steer (0.005 rad/s) once T carries it, the rest fades with k_steer."""
     rng, h = np.random.default_rng(7), 0.5
-    f = fly(fmu, rng, 1200.0, h, 0.006, lambda _: (20.0, 0, 0), towards(angle))
+    f = simulate(fmu, rng, 1200.0, h, 0.006, lambda _: (20.0, 0, 0), towards(angle))
     assert np.abs(np.linalg.norm(f["rho_ref_N"], axis=1) - 20).max() < 1e-12 * 20
     found = off_axis(f, h)
     assert found[0] == pytest.approx(angle, abs=1e-7)
@@ -172,7 +172,7 @@ def test_from_any_direction_it_ends_on_the_axis_without_changing_the_range(fmu, 
 def test_in_the_end_the_frame_is_fixed_in_the_target(fmu):
     """It turns as the target does, to 1e-7 rad/s, and stays in its axes to 1e-5 rad over 100 s."""
     rng = np.random.default_rng(3)
-    f = fly(fmu, rng, 900.0, rate=0.006, L=lambda _: (20.0, 0, 0), rho=towards(0.5))
+    f = simulate(fmu, rng, 900.0, rate=0.006, L=lambda _: (20.0, 0, 0), rho=towards(0.5))
     C_DT = [
         dcm_of_quaternion(f["q_DN"][k]) @ dcm_of_quaternion(f["T"].states(k * P)["q_TN"]).T
         for k in (8000, 8999)
@@ -183,7 +183,7 @@ def test_in_the_end_the_frame_is_fixed_in_the_target(fmu):
 
 
 def test_first_sample_has_the_roll_of_the_servicer(fmu, rng):
-    """Z of D is that of S without its part along the line of sight; looking along Z: its Y axis."""
+    """Z of D is Z of S without its part along the line of sight; looking along Z: its Y axis."""
     T = Tumbling(rng, 1.0).states(0.0)
     for _ in range(3):
         S = servicer(T, 20 * random_direction(rng), rng)
@@ -199,8 +199,8 @@ def test_first_sample_has_the_roll_of_the_servicer(fmu, rng):
         assert C_DN[2] @ C_SN[1] > 0
 
 
-def test_distance_as_an_input_takes_the_place_of_that_of_the_paper(fmu, rng):
-    """Frame of the paper, L_ref, dL_ref, ddL_ref those of (10): the same outputs, to rounding."""
+def test_distance_as_an_input_takes_the_place_of_the_one_of_the_paper(fmu, rng):
+    """Frame of the paper, L_ref, dL_ref, ddL_ref of (10): the same outputs, to rounding."""
     T = Tumbling(rng, 1.0).states(0.0)
     S = servicer(T, 20 * random_direction(rng), rng)
     p, t = {"rho_M": 3.0, "rho_0": 17.0, "beta": 0.02}, 12.0
@@ -232,5 +232,5 @@ def test_the_model_of_the_target_knows_no_disturbance(fmu, rng):
         (CARRIED | {"k_steer": -1}, "k_steer = -1: must be >= 0"),
     ],
 )
-def test_refused(change, words, tmp_path):
-    assert words in refusal("sync_guidance", change, tmp_path)
+def test_rejected(change, words, tmp_path):
+    assert words in rejection("sync_guidance", change, tmp_path)

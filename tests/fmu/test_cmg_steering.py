@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from .refusals import refusal
+from .rejections import rejection
 
 START = np.radians((54, -108, 144, 0, -144, 108))
 H_W = 350.0
@@ -27,23 +27,25 @@ def jacobian(angles):
     return np.transpose(columns)
 
 
-def measure(angles):
+def singularity(angles):
     A = jacobian(angles)
     return np.sqrt(max(0, np.linalg.det(A @ A.T)))
 
 
 def law(angles, hdot, t, k_null=0.02, lambda_0=0.01):
-    A, m = jacobian(angles), measure(angles)
+    A, m = jacobian(angles), singularity(angles)
     e = 0.01 * np.sin(np.pi / 2 * t + np.array((0, np.pi / 2, np.pi)))
     E = np.array([[1, e[2], e[1]], [e[2], 1, e[0]], [e[1], e[0], 1]])
     d = 1e-5
-    gradient = [(measure(angles + d * x) - measure(angles - d * x)) / (2 * d) for x in np.eye(6)]
+    gradient = [
+        (singularity(angles + d * x) - singularity(angles - d * x)) / (2 * d) for x in np.eye(6)
+    ]
     null = np.eye(6) - np.linalg.pinv(A, rcond=1e-3) @ A
     damped = A.T @ np.linalg.solve(A @ A.T + lambda_0 * np.exp(-m) * E, hdot) / H_W
     return damped + k_null * null @ gradient
 
 
-def test_rates_are_those_of_the_law(fmu, rng):
+def test_rates_match_the_law(fmu, rng):
     angles, hdot = rng.uniform(-3, 3, 6), rng.normal(size=3) * 5
     for t in (0.0, 0.7, 3.0):
         unit = fmu(
@@ -53,10 +55,10 @@ def test_rates_are_those_of_the_law(fmu, rng):
             start=t,
         )
         assert unit.get("gimbal_rate_cmd") == pytest.approx(law(angles, hdot, t), abs=1e-8)
-        assert unit.get("singularity") == pytest.approx(measure(angles), rel=1e-9)
+        assert unit.get("singularity") == pytest.approx(singularity(angles), rel=1e-9)
 
 
-def test_without_damping_the_cluster_gives_what_is_wanted(fmu, rng):
+def test_without_damping_the_cluster_gives_what_is_required(fmu, rng):
     angles, hdot = START + rng.uniform(-0.3, 0.3, 6), rng.normal(size=3) * 5
     unit = fmu("cmg_steering", {"lambda_0": 0}, {"gimbal_angle": angles, "hdot_cmd_S": hdot})
     given = H_W * jacobian(angles) @ unit.get("gimbal_rate_cmd")
@@ -66,10 +68,10 @@ def test_without_damping_the_cluster_gives_what_is_wanted(fmu, rng):
 
 def test_null_motion_leaves_the_momentum_and_leads_away_from_singularities(fmu, rng):
     angles = rng.uniform(-3, 3, 6)
-    before = measure(angles)
+    before = singularity(angles)
     rates = fmu("cmg_steering", {}, {"gimbal_angle": angles}).get("gimbal_rate_cmd")
     assert jacobian(angles) @ rates == pytest.approx([0, 0, 0], abs=1e-12)
-    assert measure(angles + rates) > before
+    assert singularity(angles + rates) > before
     unit = fmu("cmg_steering", {"k_null": 0}, {"gimbal_angle": angles})
     assert not unit.get("gimbal_rate_cmd").any()
 
@@ -111,5 +113,5 @@ def test_between_samples_the_rates_are_held(fmu):
 
 
 @pytest.mark.parametrize("name", ["h_w", "gimbal_rate_max"])
-def test_refused(tmp_path, name):
-    assert f"{name} = 0: must be > 0" in refusal("cmg_steering", {name: 0}, tmp_path)
+def test_rejected(tmp_path, name):
+    assert f"{name} = 0: must be > 0" in rejection("cmg_steering", {name: 0}, tmp_path)

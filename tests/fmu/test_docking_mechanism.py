@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """docking_mechanism.fmu against its derivation in tests/reference/docking.py: geometry, loads, mean
-wrench of the predicted motion, events one condition at a time, energies, refusals.
+wrench of the predicted motion, events one condition at a time, energies, rejections.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ..reference import docking as reference
 from ..reference.docking import BROKEN, CONTACT, FREE, HARD, PARAMETERS, RELEASED, SOFT, Bodies
 from .cases import random_inertia
 from .driver import Unit, bits
-from .refusals import refusal
+from .rejections import rejection
 
 H = 0.01
 FINE = 2.5e-5  # of the prediction: RK4 against DOP853 to 1e-10
@@ -72,15 +72,15 @@ def deviation(found, expected):
     return np.max(np.abs(np.asarray(found) - expected)) / max(1e-3, np.max(np.abs(expected)))
 
 
-def same_loads(unit, wanted, tolerance=1e-9):
-    wrong = {name: deviation(unit.get(name), wanted[name]) for name in LOADS}
+def same_loads(unit, required, tolerance=1e-9):
+    wrong = {name: deviation(unit.get(name), required[name]) for name in LOADS}
     return {name: error for name, error in wrong.items() if not error < tolerance}
 
 
 # ---- 2.1 relative motion
 
 
-def test_pose_of_the_ports_is_that_of_the_bodies(mechanism, rng):
+def test_pose_of_the_ports_matches_the_bodies(mechanism, rng):
     """Before and after a step, at an orbit radius: 1e-9 m of 1e6 m."""
     p = vary(rng)
     e, u, w, tilt = rng.normal(size=(4, 3)) * [[3], [0.1], [0.02], [0.4]]
@@ -132,8 +132,8 @@ PLACES = {
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("closing", [-1, 1])
 def test_mean_wrench_of_a_contact(mechanism, rng, place, closing):
-    """All of it: force, both torques, energies; inside the material for the whole step,
-    slow enough for a force all along (1 - 40 s/m of the speed > 0), so that nothing has a corner.
+    """All outputs: force, both torques, energies; inside the material for the whole step, slow
+    enough for a force all along (1 - 40 s/m of the speed > 0), so that nothing has a corner.
     """
     p = vary(rng, max_step=FINE)
     e = np.array(PLACES[place])
@@ -142,9 +142,9 @@ def test_mean_wrench_of_a_contact(mechanism, rng, place, closing):
     unit = mechanism(p, b)
     unit.step(0.004, b.inputs())
     m = reference.Memory(CONTACT)
-    wanted = reference.step(p, m, b, 0, 0.004)
-    assert same_loads(unit, wanted) == {}
-    assert unit.get("energy_dissipated") == pytest.approx(wanted["lost"], rel=1e-9, abs=1e-15)
+    required = reference.step(p, m, b, 0, 0.004)
+    assert same_loads(unit, required) == {}
+    assert unit.get("energy_dissipated") == pytest.approx(required["lost"], rel=1e-9, abs=1e-15)
     assert unit.get("energy_drive") == 0
     normal = reference.contact(p, *(getattr(reference.ports(p, b), x) for x in "eu"))[3]
     assert unit.get("normal_force") == pytest.approx(normal, rel=1e-9)
@@ -154,7 +154,7 @@ def test_mean_wrench_of_a_contact(mechanism, rng, place, closing):
     assert (unit.get("load_force") > 0) == touching
 
 
-def test_friction_opposes_the_slip_and_keeps_its_bound(mechanism, rng):
+def test_friction_opposes_the_slip_and_retains_its_bound(mechanism, rng):
     """A slide along the floor with the bodies at rest; the mean of one short step."""
     p = PARAMETERS | {"friction": 0.3, "damping_contact": 0.0}
     for slip in (1e-5, 1e-3, 1e-1):
@@ -217,10 +217,10 @@ def test_latency_predicts_the_step_after_the_next_sample(mechanism, rng, place):
     held = (np.zeros(3),) * 3
     lost = 0.0
     for k in range(2):
-        wanted = reference.step(p, m, b, k * h, h, held)
+        required = reference.step(p, m, b, k * h, h, held)
         unit.step(h, b.inputs())
-        assert same_loads(unit, wanted) == {}
-        held, lost = wanted["wrench"], lost + wanted["lost"]
+        assert same_loads(unit, required) == {}
+        held, lost = required["wrench"], lost + required["lost"]
         assert unit.get("energy_dissipated") == pytest.approx(lost, rel=1e-9)
 
 
@@ -243,7 +243,7 @@ def test_prediction_takes_equal_internal_steps_and_converges_with_their_fourth_p
 
 
 def caught(mechanism, rng, p, tilt=(0.3, 0.02, -0.03), **more):
-    """A mechanism that has just latched, with the bodies of that sample and the memory of it."""
+    """A mechanism that has just latched, with the bodies of that sample and its memory."""
     p = p | {"trip_force": 0.0, "latch_dwell": 0.0}
     b = docked(p, rng, (-0.118, 0.001, -0.002), (-0.004, 0.001, 0), (1e-3, -2e-3, 3e-3), tilt,
                shift=False, **more)  # fmt: skip
@@ -259,15 +259,15 @@ def test_mean_wrench_of_soft_capture_while_the_probe_is_drawn_in(mechanism, rng)
     unit, b, m = caught(mechanism, rng, p)
     s = reference.ports(p, b)
     jump = reference.latch_energy(p, m, s.e, s.P_to_Q, 0)  # misaligned when it caught
-    wanted = reference.step(p, m, b, 0, H)
-    assert same_loads(unit, wanted) == {}
-    lost, driven = wanted["lost"], wanted["driven"]
+    required = reference.step(p, m, b, 0, H)
+    assert same_loads(unit, required) == {}
+    lost, driven = required["lost"], required["driven"]
     for k in range(1, 5):
-        b = wanted["end"]
-        wanted = reference.step(p, m, b, k * H, H)
+        b = required["end"]
+        required = reference.step(p, m, b, k * H, H)
         unit.step(H, b.inputs())
-        assert same_loads(unit, wanted) == {}
-        lost, driven = lost + wanted["lost"], driven + wanted["driven"]
+        assert same_loads(unit, required) == {}
+        lost, driven = lost + required["lost"], driven + required["driven"]
     assert unit.get("energy_dissipated") == pytest.approx(lost, rel=1e-9)
     assert unit.get("energy_drive") - jump == pytest.approx(driven, rel=1e-8)
 
@@ -277,10 +277,10 @@ def test_energy_jump_of_soft_capture_is_put_in_by_the_latch(mechanism, rng):
     unit, b, m = caught(mechanism, rng, p)
     s = reference.ports(p, b)
     rise = reference.latch_energy(p, m, s.e, s.P_to_Q, 0)
-    wanted = reference.step(p, m, b, 0, H)
+    required = reference.step(p, m, b, 0, H)
     assert rise > 1e-3
-    assert unit.get("energy_drive") == pytest.approx(rise + wanted["driven"], rel=1e-9)
-    assert unit.get("energy_dissipated") == pytest.approx(wanted["lost"], rel=1e-9)
+    assert unit.get("energy_drive") == pytest.approx(rise + required["driven"], rel=1e-9)
+    assert unit.get("energy_dissipated") == pytest.approx(required["lost"], rel=1e-9)
 
 
 def test_couple_is_the_gradient_of_the_stored_energy(rng):
@@ -320,12 +320,12 @@ def test_mean_wrench_of_hard_capture_and_what_the_drawing_in_has_cost(mechanism,
     s = reference.ports(p, b)
     now = reference.Memory(HARD, H, m.e_c, m.rest)
     soft = reference.Memory(SOFT, 0.0, m.e_c, m.rest)
-    wanted = reference.step(p, now, b, H, H)
-    assert same_loads(unit, wanted) == {}
+    required = reference.step(p, now, b, H, H)
+    assert same_loads(unit, required) == {}
     jump = reference.latch(p, now, s, H)[2] - reference.latch(p, soft, s, H)[2]
     assert jump > 0
     assert unit.get("energy_drive") - before[0] == pytest.approx(jump, rel=1e-8)
-    assert unit.get("energy_dissipated") - before[1] == pytest.approx(wanted["lost"], rel=1e-8)
+    assert unit.get("energy_dissipated") - before[1] == pytest.approx(required["lost"], rel=1e-8)
 
 
 OFF = {
@@ -337,7 +337,7 @@ OFF = {
 
 
 @pytest.mark.parametrize("condition", OFF)
-def test_each_condition_of_hard_capture_alone_keeps_the_latch_soft(mechanism, rng, condition):
+def test_each_condition_of_hard_capture_alone_retains_the_latch_soft(mechanism, rng, condition):
     """A millionth inside and outside its limit."""
     p = quick(rng)
     for factor in (1 - 1e-6, 1 + 1e-6):
@@ -374,13 +374,13 @@ def test_release_lets_go_and_the_spring_separates(mechanism, rng, phase):
     assert unit.get("phase") == RELEASED
     s = reference.ports(p, b)
     now = reference.Memory(RELEASED, t, s.e, m.rest)
-    wanted = reference.step(p, now, b, t, H)
-    assert same_loads(unit, wanted) == {}
+    required = reference.step(p, now, b, t, H)
+    assert same_loads(unit, required) == {}
     held = reference.Memory(phase, 0.0 if phase == SOFT else H, m.e_c, m.rest)
     jump = 60 * 0.05**2 / 2 + reference.contact(p, s.e, s.u)[1] - reference.latch(p, held, s, t)[2]
     changes = unit.get("energy_drive") - before[0], unit.get("energy_dissipated") - before[1]
     assert changes[0] == pytest.approx(max(jump, 0), rel=1e-8)
-    assert changes[1] == pytest.approx(max(-jump, 0) + wanted["lost"], rel=1e-8)
+    assert changes[1] == pytest.approx(max(-jump, 0) + required["lost"], rel=1e-8)
 
 
 def test_a_released_mechanism_is_armed_again_only_outside_the_mouth(mechanism, rng):
@@ -390,7 +390,7 @@ def test_a_released_mechanism_is_armed_again_only_outside_the_mouth(mechanism, r
     x = -p["cone_depth"]
     for e_x, release, phase in (
         (x + 0.06, 0, RELEASED),  # past the stroke, inside
-        (0.01, 1, RELEASED),  # outside, but still told to let go
+        (0.01, 1, RELEASED),  # outside, but still commanded to release
         (-1e-9, 0, RELEASED),
         (1e-9, 0, FREE),
         (x + 0.001, 0, SOFT),
@@ -437,7 +437,7 @@ EDGES = {
 
 
 @pytest.mark.parametrize("edge", EDGES)
-def test_each_condition_of_the_window_alone_keeps_the_latch_open(mechanism, rng, edge):
+def test_each_condition_of_the_window_alone_retains_the_latch_open(mechanism, rng, edge):
     """1e-9 of its limit outside and inside."""
     change, sign = EDGES[edge]
     p = PARAMETERS | {"trip_force": 0.0, "latch_dwell": 0.0, "latch_offset": 0.012}
@@ -554,6 +554,6 @@ def test_a_tip_a_metre_off_costs_no_prediction_and_gives_no_load(mechanism, rng)
         ("J_T", np.diag((1, -1, 3)), "positive definite"),
     ],
 )  # fmt: skip
-def test_bad_parameters_are_refused(tmp_path, parameter, value, rule):
-    said = refusal("docking_mechanism", {parameter: value}, tmp_path)
-    assert parameter in said and rule in said
+def test_bad_parameters_are_rejected(tmp_path, parameter, value, rule):
+    reported = rejection("docking_mechanism", {parameter: value}, tmp_path)
+    assert parameter in reported and rule in reported

@@ -38,7 +38,7 @@ def attitude(unit):
 # ---- the servicer that it is ----
 
 
-def test_without_panels_and_slosh_every_output_is_that_of_the_servicer(fmu, rng):
+def test_without_panels_and_slosh_every_output_matches_the_servicer(fmu, rng):
     """The same expressions, so the same bits."""
     p = everything(rng) | {"use_gravity_gradient": 1, "t_att": 4.0, "wheel_accel_max": 0.02}
     p |= {"velocity_follows_attitude": rng.integers(2)}
@@ -60,7 +60,7 @@ def test_without_panels_and_slosh_every_output_is_that_of_the_servicer(fmu, rng)
 
 @pytest.mark.parametrize("t_att", [0.0, 5.0])
 @pytest.mark.parametrize("tides", [0, 1])
-def test_equations_of_motion_are_those_of_lagrange(fmu, rng, t_att, tides):
+def test_equations_of_motion_match_lagrange(fmu, rng, t_att, tides):
     """One step of the same Runge-Kutta, four panels and four slosh masses, free and held, with all
     loads: rounding only. The small planet makes tides as strong as springs.
     """
@@ -136,7 +136,9 @@ def test_integration_error_is_of_fourth_order(fmu):
     assert 15 < ratio < 17
 
 
-def test_the_centre_of_mass_flies_the_orbit_of_the_rigid_servicer_whatever_moves_inside(fmu):
+def test_the_centre_of_mass_follows_the_orbit_of_the_rigid_servicer_for_any_motion_inside(
+    fmu,
+):
     p = EARTH | ELEMENTS | {"max_step": 0.05, "use_J2": 1, "omega_SN_S_0": (1e-3, 2e-3, -1e-3)}
     swinging = {"panel_angle_0": (0.3, -0.1, 0, 0), "slosh_displacement_0": (0.1, -0.05, 0, 0)}
     flexible = fmu("flexible_servicer", p | swinging | UNDAMPED)
@@ -220,7 +222,7 @@ def test_a_slosh_mass_beside_the_line_of_the_force_turns_the_hub_against_its_own
 # ---- loads ----
 
 
-def test_angular_impulse_is_that_of_moment_and_force_about_the_centre_of_mass(fmu, rng):
+def test_angular_impulse_matches_moment_and_force_about_the_centre_of_mass(fmu, rng):
     """dh_N/dt = C_NS (M - c x F), by Simpson's rule on 0.01 s: (w h)^4/180."""
     p = random_vehicle(rng, 0.1) | {"max_step": 0.005, "slosh_draw": np.zeros(4)}
     F, M = 5 * rng.normal(size=3), rng.normal(size=3)

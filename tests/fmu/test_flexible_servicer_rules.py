@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""flexible_servicer.fmu: parameters that it refuses, each with one line, and the alarm of the
+"""flexible_servicer.fmu: parameters that it rejects, each with one line, and the alarm of the
 travel.
 """
 
@@ -13,7 +13,7 @@ from tests.compliance.probe import Fmu, Host, Instance
 from .cases import DEEP_SPACE
 from .driver import archive
 from .flexible_cases import NO_PANELS, NO_SLOSH
-from .refusals import refusal
+from .rejections import rejection
 
 START = {
     "panel_arm_S": ((0, 0.75, 0), (0, -0.75, 0), (0, 0.75, 0), (0, -0.75, 0)),
@@ -28,7 +28,7 @@ def row(name, k, values):
     return {name: [values if i == k - 1 else old for i, old in enumerate(START[name])]}
 
 
-REFUSED = {
+REJECTED = {
     "panel_mass[1] = -1": {"panel_mass": (-1, 8, 0, 0)},
     "panel_arm_S[2] = 0: must not have zero length": row("panel_arm_S", 2, (0, 0, 0)),
     "panel_axis_S[1] = 0: must not have zero length": row("panel_axis_S", 1, (0, 0, 0)),
@@ -51,31 +51,31 @@ REFUSED = {
     "I_hc of J_S": {"J_S": np.diag([20, 25, 15]), "A_w": np.eye(3)},
     "I_hc - A_w of A_w, J_S": {"A_w": np.diag([180, 15, 10])},
     "sub-steps of max_step, panel_frequency, slosh_frequency": {"panel_frequency": (4e3, 1, 1, 1)},
-    "J_S = 400: must keep the triangle rule": {"J_S": np.diag([400, 200, 150])},
+    "J_S = 400: must satisfy the triangle inequality": {"J_S": np.diag([400, 200, 150])},
     "e = 1: must be in [0, 1)": {"e": 1},
 }
 
 
-@pytest.mark.parametrize("message", REFUSED)
-def test_a_parameter_that_breaks_a_rule_is_refused_in_one_line(message, tmp_path):
-    said = refusal("flexible_servicer", REFUSED[message], tmp_path).partition(": ")[2]
-    assert said.startswith(message)
-    assert "; " not in said
-    assert "\n" not in said
+@pytest.mark.parametrize("message", REJECTED)
+def test_a_parameter_that_breaks_a_rule_is_rejected_in_one_line(message, tmp_path):
+    reported = rejection("flexible_servicer", REJECTED[message], tmp_path).partition(": ")[2]
+    assert reported.startswith(message)
+    assert "; " not in reported
+    assert "\n" not in reported
 
 
-def test_panels_that_leave_the_hub_no_inertia_are_told_with_the_remedy(tmp_path):
-    """Positive definite, but no body: the triangle rule of I_hc."""
+def test_panels_that_leave_the_hub_no_inertia_are_reported_with_the_remedy(tmp_path):
+    """Positive definite, but no body: the triangle inequality of I_hc."""
 
-    def said_of(*J):
+    def message_of(*J):
         p = {"J_S": np.diag(J), "A_w": np.eye(3)}
-        return refusal("flexible_servicer", p, tmp_path / str(J[1]))
+        return rejection("flexible_servicer", p, tmp_path / str(J[1]))
 
-    assert said_of(50.0, 45.0, 60.0) == ""  # ppc_tracking
-    said = said_of(50.0, 90.0, 60.0)
-    assert "I_hc of J_S" in said
-    assert "triangle rule" in said
-    assert "enlarge J_S or shorten panel_hinge_S, panel_arm_S" in said
+    assert message_of(50.0, 45.0, 60.0) == ""  # ppc_tracking
+    reported = message_of(50.0, 90.0, 60.0)
+    assert "I_hc of J_S" in reported
+    assert "triangle inequality" in reported
+    assert "enlarge J_S or shorten panel_hinge_S, panel_arm_S" in reported
 
 
 def test_rules_of_panels_and_masses_that_do_not_exist_are_not_applied(tmp_path):
@@ -91,7 +91,7 @@ def test_rules_of_panels_and_masses_that_do_not_exist_are_not_applied(tmp_path):
         "slosh_travel": -np.ones(4),
         "slosh_draw": np.full(4, 2.0),
     }
-    assert refusal("flexible_servicer", NO_PANELS | NO_SLOSH | bad, tmp_path) == ""
+    assert rejection("flexible_servicer", NO_PANELS | NO_SLOSH | bad, tmp_path) == ""
 
 
 def test_coordinates_that_do_not_exist_stay_zero(fmu):
@@ -108,8 +108,8 @@ def test_coordinates_that_do_not_exist_stay_zero(fmu):
     assert list(unit.get("slosh_beyond_travel")) == [1, 1, 0, 0]
 
 
-def test_the_motion_goes_on_linearly_beyond_the_travel(fmu):
-    """The alarm is the only trace of it; 0 is no limit."""
+def test_the_motion_continues_linearly_beyond_the_travel(fmu):
+    """Only the alarm shows it; 0 is no limit."""
     p = DEEP_SPACE | {"slosh_displacement_0": (0.2, -0.2, 0, 0)}
     narrow, wide = (fmu("flexible_servicer", p | {"slosh_travel": np.full(4, s)}) for s in (0.1, 0))
     assert list(narrow.get("slosh_beyond_travel")) == [1, 1, 0, 0]

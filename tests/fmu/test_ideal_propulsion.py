@@ -48,7 +48,7 @@ def test_wrench_is_the_command_limited_per_axis(fmu, rng, tau):
     assert deviation(unit.get("M_S"), saturated(M, LIMITS["M_max"])) < 1e-14
 
 
-def test_flags_say_which_axes_ask_for_more_than_their_limit(fmu):
+def test_flags_state_which_axes_request_more_than_their_limit(fmu):
     commands = {"F_cmd_S": (3.1, -5.0, 1e6), "M_cmd_S": (-0.1, 1e6, -0.5)}
     unit = fmu("ideal_propulsion", LIMITS, commands)
     for _ in range(2):  # after initialization, after a step

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from .refusals import refusal
+from .rejections import rejection
 
 
 def test_torque_is_proportional_and_derivative(fmu, rng):
@@ -66,5 +66,7 @@ def test_between_samples_torque_and_lock_are_held(fmu):
 
 
 @pytest.mark.parametrize("name", ["Kp", "Kd", "torque_max"])
-def test_negative_gains_and_limits_are_refused(tmp_path, name):
-    assert f"{name}[2] = -1: must be >= 0" in refusal("joint_controller", {name: (1, -1)}, tmp_path)
+def test_negative_gains_and_limits_are_rejected(tmp_path, name):
+    assert f"{name}[2] = -1: must be >= 0" in rejection(
+        "joint_controller", {name: (1, -1)}, tmp_path
+    )

@@ -16,7 +16,7 @@ from .driver import archive, flat
 
 UP, DOWN = 1 + 1e-12, 1 - 1e-12
 NEAR, OFF = 0.9e-9, 1.1e-9
-"""How far a unit vector may be from length 1, and what is too far."""
+"""Largest deviation of a unit vector from length 1, and one that is too large."""
 
 
 def lengths(name, row, direction):
@@ -112,11 +112,11 @@ ROWS = [
 
 
 @pytest.fixture(scope="module")
-def complaint(tmp_path_factory):
-    """complaint(fmu, parameters): the message with which they are refused, or nothing."""
+def rejection(tmp_path_factory):
+    """rejection(fmu, parameters): the message with which they are rejected, or ""."""
     unpacked = cache(lambda name: Fmu(archive(name), tmp_path_factory.mktemp(name)))
 
-    def asked(name, parameters):
+    def requested(name, parameters):
         fmu = unpacked(name)
         with Instance(fmu) as instance:
             rows = {row: values.tolist() for row, values in flat(parameters).items()}
@@ -125,12 +125,12 @@ def complaint(tmp_path_factory):
             status = instance.call("fmi2ExitInitializationMode")
             return instance.host.errors[-1] if status is Status.ERROR else ""
 
-    return asked
+    return requested
 
 
-@each(("name", "row", "taken", "refused"), ROWS)
+@each(("name", "row", "taken", "rejected"), ROWS)
 def test_the_last_value_is_taken_and_the_first_one_beyond_is_not(
-    complaint, name, row, taken, refused
+    rejection, name, row, taken, rejected
 ):
-    assert complaint(name, taken) == ""
-    assert row in complaint(name, refused)
+    assert rejection(name, taken) == ""
+    assert row in rejection(name, rejected)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What ppc_controller, pid_controller and theta_d_controller have in common, beside the laws
+"""Common properties of ppc_controller, pid_controller and theta_d_controller, beside the laws
 themselves.
 """
 
@@ -29,16 +29,16 @@ WIDE = {f"{c}.alpha_0": 1e3 for c in ("range", "elevation", "azimuth", "attitude
 
 
 def free(name):
-    """Parameters under which nothing is cut and no start refused."""
+    """Parameters under which nothing is cut and no start rejected."""
     return FREE | (WIDE if name == "ppc_controller" else {})
 
 
 def near(rng, **changes):
-    """Small errors: no limit acts and no start is refused."""
+    """Small errors: no limit acts and no start is rejected."""
     return replace(random_scene(rng, error=0.02), **changes)
 
 
-def test_required_ports_are_those_of_the_adaptive_controller(kind):
+def test_required_ports_match_the_adaptive_controller(kind):
     """Each can take the place of any other in any approach system."""
 
     def ports(name):
@@ -58,21 +58,21 @@ def test_required_ports_are_those_of_the_adaptive_controller(kind):
 @pytest.mark.hypothesis
 @every
 def test_outputs_are_finite_for_every_finite_input(kind, fmu, name):
-    """In flight nothing may end a run: not a pole, not a range of zero, not 1e308 m, not four zeros
-    as attitude.
+    """After initialization nothing may end a run: not a pole, not a range of zero, not 1e308 m, not
+    four zeros as attitude.
 
-    A result that is not finite would be refused by the FMU: fmi2Error, an exception here.
+    A result that is not finite would be rejected by the FMU: fmi2Error, an exception here.
     """
     unit = fmu(name)
     unit.step(0.1)
 
     @settings(max_examples=6 * settings().max_examples)
     @given(ANY_INPUTS)
-    def flown(u):
+    def simulated(u):
         unit.step(0.1, u)
         assert all(np.all(np.isfinite(value)) for value in unit.outputs().values())
 
-    flown()
+    simulated()
 
 
 @every
@@ -129,7 +129,7 @@ def test_acceleration_is_cut_per_los_axis_and_torque_per_body_axis(fmu, rng, nam
 
 
 @every
-def test_published_errors_are_those_of_the_scene(fmu, rng, name):
+def test_published_errors_match_the_scene(fmu, rng, name):
     scene = near(rng)
     out = sample(fmu(name), scene.inputs())
     assert deviation(out["error"], scene.x1) < 3e-9  # positions of 7e6 m
@@ -232,6 +232,6 @@ def test_without_errors_theta_d_commands_the_motion_of_the_reference(fmu, rng, r
 
 @every
 @each("p", [{"up_axis": 4}, {"force_scale": 0}, {"a_max": -1}, {"sample_period": -1}])
-def test_impossible_parameters_are_refused(fmu, name, p):
+def test_impossible_parameters_are_rejected(fmu, name, p):
     with pytest.raises(FMICallException):
         fmu(name, p)

@@ -48,7 +48,7 @@ def seen_at(r, v=(0, 0, 0)):
 
 
 @pytest.mark.parametrize("up_axis", [1, 2, 3])
-def test_outputs_are_those_of_the_reference(fmu, rng, up_axis):
+def test_outputs_match_the_reference(fmu, rng, up_axis):
     """1e-11 relative: positions of 7e6 m leave 1e-9 m of 100 m."""
     u = random_bodies(rng, distance=60.0) | {"F_cmd_S": 50 * rng.normal(size=3)}
     p = {
@@ -102,7 +102,7 @@ def test_elevation_is_counted_from_the_plane_normal_to_up_and_azimuth_from_its_f
     )  # positive about up, hence from +X towards -Z with Y up
 
 
-def flown(fmu, p_target=None, p=None, force=(20.0, -30.0, 10.0), steps=4):
+def simulated(fmu, p_target=None, p=None, force=(20.0, -30.0, 10.0), steps=4):
     """Guidance samples while both bodies move as the software believes: no manoeuvre, the force it
     commanded.
     """
@@ -129,7 +129,7 @@ def test_published_derivatives_are_derivatives(fmu):
     """Five-point stencil: h^4/30 of the fifth derivative, below 1e-9 of the rates; 1e-9 m/h of
     rounding in 7e6 m.
     """
-    out = flown(fmu)
+    out = simulated(fmu)
     for value, rate, scale in (
         ("rho_ref_N", "drho_ref_N", 3.0),
         ("drho_ref_N", "ddrho_ref_N", 0.5),
@@ -140,21 +140,21 @@ def test_published_derivatives_are_derivatives(fmu):
         assert deviation(stencil(out[value], H), out[rate][2], scale) < 3e-9, rate
 
 
-def test_angular_rate_and_acceleration_are_those_of_the_camera_frame(fmu):
+def test_angular_rate_and_acceleration_match_the_camera_frame(fmu):
     """The frame from the quaternions, turned back to the middle sample; the orbit leaves 1e-9
     m/(100 m h) of noise.
     """
-    out = flown(fmu)
+    out = simulated(fmu)
     C = [dcm_of_quaternion(q) for q in out["q_DN"]]
     turns = np.array([Rotation.from_matrix(C[2] @ c.T).as_rotvec() for c in C])
     assert deviation(stencil(turns, H), out["omega_DN_D"][2]) < 1e-8
     assert deviation(stencil(out["omega_DN_D"], H), out["alpha_DN_D"][2]) < 1e-8
 
 
-def test_gravity_gradient_on_the_target_is_known_if_wanted(fmu):
-    """Its torque 1e-6 rad/s2 times 20 m stands far above the rounding of the stencil."""
+def test_gravity_gradient_on_the_target_is_known_if_required(fmu):
+    """Its torque 1e-6 rad/s2 times 20 m is far above the rounding of the stencil."""
     known = {"use_gravity_gradient": 1}
-    out, ignorant = flown(fmu, known, known), flown(fmu, known)
+    out, ignorant = simulated(fmu, known, known), simulated(fmu, known)
     truth = stencil(out["drho_ref_N"], H)
     assert deviation(truth, out["ddrho_ref_N"][2]) < 1e-9
     assert deviation(truth, ignorant["ddrho_ref_N"][2]) > 1e-6
@@ -203,7 +203,7 @@ def test_turning_the_whole_scene_turns_the_reference(fmu, rng):
         )  # up to whole turns; range within 1e-9 m
 
 
-def test_quaternion_never_jumps_while_the_servicer_flies_around_the_target(fmu):
+def test_quaternion_never_jumps_while_the_servicer_runs_around_the_target(fmu):
     """Two turns, 2 deg a sample; the positive-scalar quaternion would flip its sign."""
     unit, last, flips = fmu("los_guidance"), None, 0
     for a in np.radians(np.arange(0, 720, 2)):
@@ -269,7 +269,7 @@ def test_a_first_sample_inside_the_guard_has_some_panel_axis(fmu, axis, sign):
     assert deviation(C[0], sight) < 1e-12
 
 
-# ---- flags, refusals ----
+# ---- flags, rejections ----
 
 
 @pytest.mark.parametrize(
@@ -317,7 +317,7 @@ def test_alignment_angles_vanish_on_the_axis_of_the_feature(fmu):
     assert out["beta_p"] < 1e-9
 
 
-def test_a_range_of_zero_is_refused(fmu):
+def test_a_range_of_zero_is_rejected(fmu):
     unit = fmu("los_guidance")
     with pytest.raises(FMICallException):
         unit.step(0.1, seen_at(np.zeros(3)))
@@ -335,6 +335,6 @@ def test_a_range_of_zero_is_refused(fmu):
     ],
     ids=lambda p: next(iter(p)),
 )
-def test_impossible_parameters_are_refused(fmu, p):
+def test_impossible_parameters_are_rejected(fmu, p):
     with pytest.raises(FMICallException):
         fmu("los_guidance", p)

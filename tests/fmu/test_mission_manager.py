@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """mission_manager.fmu: every row of the table of phases, every reason to retreat, every clock, by
-made-up inputs; the range profile; the retreat. A reference flies beside every flight and agrees to
-1e-9 in all outputs (mission_cases.Flight).
+made-up inputs; the range profile; the retreat. A reference runs beside every run and agrees to 1e-9
+in all outputs (mission_cases.Recording).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 from tests.each import each, some
 from tests.reference import mission
 
-from .mission_cases import GEO, GOOD, HOLDING, Flight, P, in_hill, line, on_axis
-from .refusals import refusal
+from .mission_cases import GEO, GOOD, HOLDING, P, Recording, in_hill, line, on_axis
+from .rejections import rejection
 from .theory import MU, dcm_of_quaternion
 
 NEAR, BEFORE = (5, 6, 7, 11), (0, 1, 2, 3, 4, 5, 6, 7, 11)
@@ -77,64 +77,64 @@ LIMITS = [
 
 
 @each(("phase", "good", "bad"), LIMITS)
-def test_each_condition_of_each_row_alone_keeps_the_phase(fmu, phase, good, bad):
+def test_each_condition_of_each_row_alone_retains_the_phase(fmu, phase, good, bad):
     """Dwell 3 s: three bad samples between good ones start it anew, then it counts from the first
     good one.
     """
-    flight = Flight(fmu, {"nav_far": 60, "nav_near": 60}).lead_to(phase)
-    assert flight.stay(bad, 5) == [phase] * 5  # also beyond the end of a profile
-    assert flight.sample(good) == phase
-    assert flight.stay(bad, 3) == [phase] * 3
-    assert flight.stay(good, 4) == [phase] * 3 + [FOLLOWS[phase]]
-    assert flight["reason"] == 0
-    assert flight["t_phase"] == flight.unit.time - P
+    recording = Recording(fmu, {"nav_far": 60, "nav_near": 60}).lead_to(phase)
+    assert recording.stay(bad, 5) == [phase] * 5  # also beyond the end of a profile
+    assert recording.sample(good) == phase
+    assert recording.stay(bad, 3) == [phase] * 3
+    assert recording.stay(good, 4) == [phase] * 3 + [FOLLOWS[phase]]
+    assert recording["reason"] == 0
+    assert recording["t_phase"] == recording.unit.time - P
 
 
 def test_one_change_a_sample_with_no_dwell_at_all(fmu):
-    flight = Flight(fmu, {"dwell": [0.0] * 15, "tol_1": 80, "R_1": 90, "v_slope": (1, 1)})
+    recording = Recording(fmu, {"dwell": [0.0] * 15, "tol_1": 80, "R_1": 90, "v_slope": (1, 1)})
     good = in_hill(line(20))
-    assert flight.stay(good, 5) == [1, 2, 3, 4, 4]
+    assert recording.stay(good, 5) == [1, 2, 3, 4, 4]
 
 
 @pytest.mark.parametrize("phase", [1, 3, 6])
 def test_go_is_a_level_that_leaves_no_trace(fmu, phase):
     """On for two of three seconds, off for one, again and again: never a go."""
-    flight = Flight(fmu).lead_to(phase)
+    recording = Recording(fmu).lead_to(phase)
     for _ in range(5):
-        assert flight.stay(GOOD[phase], 2) == [phase] * 2
-        assert flight.stay(HOLDING[phase], 1) == [phase]
-    assert flight.stay(GOOD[phase], 4)[-1] == FOLLOWS[phase]
+        assert recording.stay(GOOD[phase], 2) == [phase] * 2
+        assert recording.stay(HOLDING[phase], 1) == [phase]
+    assert recording.stay(GOOD[phase], 4)[-1] == FOLLOWS[phase]
 
 
 @each("phase", range(15))
 @each("order", [{"abort": 1}, {"retreat": 1}, {"abort": 1, "retreat": 1}])
-def test_abort_and_ground_end_every_phase_but_those_of_the_capture(fmu, phase, order):
-    flight = Flight(fmu).lead_to(phase)
-    found = flight.sample(HOLDING[phase] | order)
+def test_abort_and_ground_end_every_phase_but_the_phases_of_capture(fmu, phase, order):
+    recording = Recording(fmu).lead_to(phase)
+    found = recording.sample(HOLDING[phase] | order)
     aborted = "abort" in order and phase not in (8, 9, 10)
     assert found == (14 if aborted else 12 if phase in BEFORE else phase)
     if found != phase:
-        assert flight["reason"] == (1 if found == 14 else 2)
+        assert recording["reason"] == (1 if found == 14 else 2)
 
 
 @pytest.mark.parametrize("phase", BEFORE)
 def test_navigation_may_be_lost_for_so_long(fmu, phase):
     """Lost longer than nav_far, nav_near: equal is not longer."""
-    flight = Flight(fmu, {"nav_near": 4, "nav_far": 7}).lead_to(phase)
-    flight.sample(HOLDING[phase] | {"relative_valid": 1})
+    recording = Recording(fmu, {"nav_near": 4, "nav_far": 7}).lead_to(phase)
+    recording.sample(HOLDING[phase] | {"relative_valid": 1})
     longest = 4 if phase in NEAR else 7
     hidden = HOLDING[phase] | {"relative_valid": 0}
-    assert flight.stay(hidden, longest) == [phase] * longest
-    assert flight.sample(hidden) == 12
-    assert flight["reason"] == 3
+    assert recording.stay(hidden, longest) == [phase] * longest
+    assert recording.sample(hidden) == 12
+    assert recording["reason"] == 3
 
 
 @pytest.mark.parametrize("phase", BEFORE)
 def test_propellant_below_the_reserve(fmu, phase):
-    flight = Flight(fmu).lead_to(phase)
-    assert flight.sample(HOLDING[phase] | {"mass": 86}) == phase
-    assert flight.sample(HOLDING[phase] | {"mass": 86 - TINY}) == 12
-    assert flight["reason"] == 4
+    recording = Recording(fmu).lead_to(phase)
+    assert recording.sample(HOLDING[phase] | {"mass": 86}) == phase
+    assert recording.sample(HOLDING[phase] | {"mass": 86 - TINY}) == 12
+    assert recording["reason"] == 4
 
 
 ERRORS = {
@@ -158,13 +158,13 @@ ERRORS = {
 def test_errors_count_near_the_target_only_and_in_one_stretch(fmu, phase, error):
     """error_dwell 3 s: from the first bad sample on, forgotten by a good one."""
     good, bad = ERRORS[error]
-    flight = Flight(fmu, {"nav_near": 60, "nav_far": 60, "v_0": (9, 9)}).lead_to(phase)
-    assert flight.stay(bad, 3) == [phase] * 3
-    assert flight.stay(good, 1) == [phase]
+    recording = Recording(fmu, {"nav_near": 60, "nav_far": 60, "v_0": (9, 9)}).lead_to(phase)
+    assert recording.stay(bad, 3) == [phase] * 3
+    assert recording.stay(good, 1) == [phase]
     expected = 12 if phase in NEAR else phase
-    assert flight.stay(bad, 4) == [phase] * 3 + [expected]
+    assert recording.stay(bad, 4) == [phase] * 3 + [expected]
     if phase in NEAR:
-        assert flight["reason"] == 5
+        assert recording["reason"] == 5
 
 
 @each("phase", range(15))
@@ -176,12 +176,12 @@ def test_speed_limit_by_range_before_the_capture(fmu, phase):
         in_hill((R, 0, 0), (0, limit + e, 0)) | {"relative_valid": 0} for e in (-TINY, TINY)
     )
     changes = {"nav_near": 60, "nav_far": 60, "error_dwell": 60}
-    flight = Flight(fmu, changes).lead_to(phase)
-    assert flight.stay(fast, 5) == [phase] * 5
-    assert flight.stay(slow, 1) == [phase]
-    assert flight.stay(fast, 6) == [phase] * 5 + [12 if phase in BEFORE else phase]
+    recording = Recording(fmu, changes).lead_to(phase)
+    assert recording.stay(fast, 5) == [phase] * 5
+    assert recording.stay(slow, 1) == [phase]
+    assert recording.stay(fast, 6) == [phase] * 5 + [12 if phase in BEFORE else phase]
     if phase in BEFORE:
-        assert flight["reason"] == 6
+        assert recording["reason"] == 6
 
 
 @each("phase", range(15))
@@ -190,13 +190,13 @@ def test_time_outs(fmu, phase):
     at = [0.0] * 15
     at[phase] = 8.0
     changes = {"nav_far": 60, "nav_near": 60, "attempts": 1 + (phase == 11)}
-    flight = Flight(fmu, {"time_out": at} | changes).lead_to(phase)
+    recording = Recording(fmu, {"time_out": at} | changes).lead_to(phase)
     waiting = 7 + (phase == 0)  # FAR begins at the first sample, the others at the last one
-    assert flight.stay(HOLDING[phase] | {"contact": 0}, waiting) == [phase] * waiting
+    assert recording.stay(HOLDING[phase] | {"contact": 0}, waiting) == [phase] * waiting
     expected = 12 if phase in BEFORE else phase
-    assert flight.sample(HOLDING[phase]) == expected
+    assert recording.sample(HOLDING[phase]) == expected
     if phase in BEFORE:
-        assert flight["reason"] == (8 if phase == 7 else 7)
+        assert recording["reason"] == (8 if phase == 7 else 7)
 
 
 @pytest.mark.parametrize("first", range(1, 8))
@@ -209,64 +209,64 @@ def test_of_several_reasons_that_hold_at_once_the_first_counts(fmu, first):
     bad = on_axis(30, off=9, v_rel=5, relative_valid=float(first > 3))
     orders = {1: {"abort": 1}, 2: {"retreat": 1}, 4: {"mass": 80}}
     at_once = {k: v for reason, o in orders.items() if reason >= first for k, v in o.items()}
-    flight = Flight(fmu, changes).lead_to(5)
-    assert flight.stay(bad, 5) == [5] * 5
-    assert flight.sample(bad | at_once) == (14 if first == 1 else 12)
-    assert flight["reason"] == first
+    recording = Recording(fmu, changes).lead_to(5)
+    assert recording.stay(bad, 5) == [5] * 5
+    assert recording.sample(bad | at_once) == (14 if first == 1 else 12)
+    assert recording["reason"] == first
 
 
 # ---- mating ----
-def test_soft_capture_is_followed_at_once_whatever_the_dwell(fmu):
-    flight = Flight(fmu, {"dwell": [3.0] * 15}).lead_to(7)
-    assert flight.sample(HOLDING[7]) == 7
-    assert flight.sample(GOOD[7] | {"relative_valid": 0, "contact": 1}) == 8
+def test_soft_capture_is_followed_at_once_for_any_dwell(fmu):
+    recording = Recording(fmu, {"dwell": [3.0] * 15}).lead_to(7)
+    assert recording.sample(HOLDING[7]) == 7
+    assert recording.sample(GOOD[7] | {"relative_valid": 0, "contact": 1}) == 8
 
 
 def test_attempts_fail_after_their_first_contact_and_are_counted(fmu):
     """capture_time 20 s from the first contact of the phase on, however short; then back-off, hold,
     a second attempt, retreat.
     """
-    flight = Flight(fmu, {"capture_time": 20}).lead_to(7)
+    recording = Recording(fmu, {"capture_time": 20}).lead_to(7)
     mating = HOLDING[7]
-    assert flight["attempt"] == 1
-    assert flight.stay(mating, 30) == [7] * 30
-    assert flight["push"] == 0
-    assert flight.sample(mating | {"contact": 1}) == 7
-    assert flight["push"] == 1
-    assert flight.stay(mating, 20) == [7] * 19 + [11]
-    assert flight["push"] == 0
-    while flight.sample(GOOD[11]) == 11:
+    assert recording["attempt"] == 1
+    assert recording.stay(mating, 30) == [7] * 30
+    assert recording["push"] == 0
+    assert recording.sample(mating | {"contact": 1}) == 7
+    assert recording["push"] == 1
+    assert recording.stay(mating, 20) == [7] * 19 + [11]
+    assert recording["push"] == 0
+    while recording.sample(GOOD[11]) == 11:
         pass
-    while flight.sample(GOOD[6]) == 6:
+    while recording.sample(GOOD[6]) == 6:
         pass
-    assert flight["attempt"] == 2
-    assert flight.stay(mating, 119) == [7] * 119
-    assert flight.sample(mating) == 12
-    assert flight["reason"] == 8
+    assert recording["attempt"] == 2
+    assert recording.stay(mating, 119) == [7] * 119
+    assert recording.sample(mating) == 12
+    assert recording["reason"] == 8
 
 
 def test_attempts_begin_anew_after_a_resumption(fmu):
-    flight = Flight(fmu).lead_to(7)
-    flight.sample(HOLDING[7] | {"retreat": 1})
-    while flight.sample(GOOD[12]) == 12:
+    recording = Recording(fmu).lead_to(7)
+    recording.sample(HOLDING[7] | {"retreat": 1})
+    while recording.sample(GOOD[12]) == 12:
         pass
-    assert flight["attempt"] == 1
-    flight.stay(GOOD[13], 4)
-    assert flight["phase"] == 0
-    assert flight["attempt"] == 0
-    assert flight["L_ref"] == 20
+    assert recording["attempt"] == 1
+    recording.stay(GOOD[13], 4)
+    assert recording["phase"] == 0
+    assert recording["attempt"] == 0
+    assert recording["L_ref"] == 20
 
 
 # ---- outputs ----
-def test_a_flight_begins_far_away_with_a_state_that_counts_as_valid(fmu):
+def test_a_run_begins_far_away_with_a_state_that_counts_as_valid(fmu):
     """A retreat at the first sample, nothing valid before it, has that sample's state to go by."""
-    flight = Flight(fmu)
+    recording = Recording(fmu)
     where = in_hill((3, -50, 1), (0.1, 0, 0), relative_valid=0, retreat=1)
-    assert flight.sample(where) == 12
-    assert flight["clearance"] > 40
+    assert recording.sample(where) == 12
+    assert recording["clearance"] > 40
 
 
-def test_initialization_shows_a_first_sample_and_keeps_nothing(fmu):
+def test_initialization_shows_a_first_sample_and_retains_nothing(fmu):
     unit = fmu("mission_manager", {}, GOOD[0] | {"retreat": 1}, 0.0)
     first = fmu("mission_manager", {}, GOOD[0], 0.0)
     assert unit.get("phase") == 12
@@ -277,14 +277,14 @@ def test_initialization_shows_a_first_sample_and_keeps_nothing(fmu):
         assert np.array_equal(unit.get(name), first.get(name)), name
 
 
-def test_who_commands_and_who_is_active_in_each_phase(fmu):
+def test_commanding_and_active_controllers_of_each_phase(fmu):
     """Columns force and torque of the table; torque of retreat, safe drift, abort as before."""
     table = {
         0: (1, 1), 1: (1, 1), 2: (2, 2), 3: (2, 2), 4: (3, 3), 5: (3, 3), 6: (3, 3), 7: (3, 3),
         8: (0, 0), 9: (4, 4), 10: (4, 4), 11: (3, 3), 12: (5, 1), 13: (0, 1), 14: (0, 1),
     }  # fmt: skip
     for phase, selected in table.items():
-        unit = Flight(fmu).lead_to(phase).unit
+        unit = Recording(fmu).lead_to(phase).unit
         assert (unit.get("select_force"), unit.get("select_torque")) == selected
         active = [unit.get(f"active_{name}") for name in ("far", "close", "sync", "stack")]
         assert active == [float(k in selected) for k in (1, 2, 3, 4)]
@@ -292,23 +292,23 @@ def test_who_commands_and_who_is_active_in_each_phase(fmu):
 
 @pytest.mark.parametrize(("phase", "torque"), [(3, 2), (4, 3), (6, 3)])
 @pytest.mark.parametrize("end", [{"retreat": 1}, {"abort": 1}])
-def test_attitude_law_goes_on_through_retreat_safe_drift_and_abort(fmu, phase, torque, end):
-    flight = Flight(fmu).lead_to(phase)
-    flight.sample(HOLDING[phase] | end)
+def test_attitude_law_continues_through_retreat_safe_drift_and_abort(fmu, phase, torque, end):
+    recording = Recording(fmu).lead_to(phase)
+    recording.sample(HOLDING[phase] | end)
     for _ in range(150):
-        flight.sample(GOOD[12])
-        assert flight["select_torque"] == torque
-    assert flight["phase"] == (13 if "retreat" in end else 14)
+        recording.sample(GOOD[12])
+        assert recording["select_torque"] == torque
+    assert recording["phase"] == (13 if "retreat" in end else 14)
 
 
-def test_a_retreat_out_of_the_opened_zone_is_not_to_be_judged(fmu):
-    flight = Flight(fmu).lead_to(6)
-    flight.sample(HOLDING[6] | {"retreat": 1})
+def test_a_retreat_out_of_the_opened_zone_is_not_evaluated_as_an_entry(fmu):
+    recording = Recording(fmu).lead_to(6)
+    recording.sample(HOLDING[6] | {"retreat": 1})
     for R, valid in ((3, 0), (20 - TINY, 0), (20 + TINY, 1), (150, 1)):
-        flight.sample(in_hill(line(R)))
-        assert flight["monitor_valid"] == valid
-    flight.sample(in_hill(line(150), relative_valid=0))
-    assert flight["monitor_valid"] == 0
+        recording.sample(in_hill(line(R)))
+        assert recording["monitor_valid"] == valid
+    recording.sample(in_hill(line(150), relative_valid=0))
+    assert recording["monitor_valid"] == 0
 
 
 def test_attitude_of_the_virtual_target_carries_x_to_the_line_of_the_holds(fmu):
@@ -330,12 +330,12 @@ def profile_rows(fmu, phase, seconds, changes):
     """t - t_phase, L, dL, ddL of every sample from the one that begins the phase, and the speed."""
     stand_still = [0.0] * 15
     changes = {"time_out": stand_still, "nav_far": 1e9, "nav_near": 1e9} | changes
-    flight = Flight(fmu, changes).lead_to(phase, 4000)
-    begun, rows = flight["t_phase"], []
-    for _ in range(round(seconds / flight.p["sample_period"])):
-        rows.append([flight[name] for name in ("L_ref", "dL_ref", "ddL_ref")])
-        assert flight.sample(HOLDING[phase] | {"contact": 0, "relative_valid": 0}) == phase
-    assert flight["t_phase"] == begun
+    recording = Recording(fmu, changes).lead_to(phase, 4000)
+    begun, rows = recording["t_phase"], []
+    for _ in range(round(seconds / recording.p["sample_period"])):
+        rows.append([recording[name] for name in ("L_ref", "dL_ref", "ddL_ref")])
+        assert recording.sample(HOLDING[phase] | {"contact": 0, "relative_valid": 0}) == phase
+    assert recording["t_phase"] == begun
     return np.array(rows).T
 
 
@@ -364,18 +364,18 @@ def test_profile_rate_and_acceleration_are_derivatives_of_each_other(fmu, phase,
     assert (np.abs(np.diff(L)) <= 1.001 * speed * h).all()
 
 
-def test_profiles_begin_at_their_phase_and_the_last_one_goes_on_after_it(fmu):
+def test_profiles_begin_at_their_phase_and_the_last_one_continues_after_it(fmu):
     """The approach of FINAL is not begun anew at each sample, and goes on through a retreat."""
     quick = {"v_final": 1.0, "dwell": [0.0] * 15}
-    flight = Flight(fmu, quick).lead_to(5)
+    recording = Recording(fmu, quick).lead_to(5)
     T = 1.875 * 17
     for k in range(1, 45):
         order = {"retreat": 1} if k == 10 else {}
-        flight.sample(HOLDING[5] | order | {"relative_valid": 1})
+        recording.sample(HOLDING[5] | order | {"relative_valid": 1})
         x = min(k / T, 1.0)
-        assert flight["L_ref"] == pytest.approx(20 - 17 * (10 * x**3 - 15 * x**4 + 6 * x**5))
-    assert flight["phase"] == 12
-    assert flight["L_ref"] == 3
+        assert recording["L_ref"] == pytest.approx(20 - 17 * (10 * x**3 - 15 * x**4 + 6 * x**5))
+    assert recording["phase"] == 12
+    assert recording["L_ref"] == 3
 
 
 # ---- retreat ----
@@ -392,11 +392,11 @@ def two_bodies(S, T, seconds, step):
 
 
 def retreat_from(fmu, place, changes=None):
-    """A flight in the first sample of its retreat, and the whole increment in N."""
-    flight = Flight(fmu, {"R_1": 1e4, "drift_step": 120} | (changes or {}))
-    assert flight.sample(place | {"retreat": 1}) == 12
+    """A run in the first sample of its retreat, and the whole increment in N."""
+    recording = Recording(fmu, {"R_1": 1e4, "drift_step": 120} | (changes or {}))
+    assert recording.sample(place | {"retreat": 1}) == 12
     C_NS = dcm_of_quaternion(np.array(place["q_SN"], float)).T
-    return flight, flight["dv_left_N"] + C_NS @ flight["F_retreat_S"] * P / place["mass"]
+    return recording, recording["dv_left_N"] + C_NS @ recording["F_retreat_S"] * P / place["mass"]
 
 
 PLACES = [
@@ -409,122 +409,123 @@ PLACES = [
 
 @pytest.mark.parametrize(("rho", "drho"), PLACES)
 @pytest.mark.parametrize("a", [7.2e6, GEO])
-def test_clearance_is_that_of_the_two_body_motion(fmu, a, rho, drho):
+def test_clearance_matches_the_two_body_motion(fmu, a, rho, drho):
     """1 % at 100 m; and the other sign of the drift would not lead away further."""
     place = in_hill(rho, drho, a=a)
-    flight, dv = retreat_from(fmu, place)
+    recording, dv = retreat_from(fmu, place)
     S = np.concatenate((place["r_SN_N"], place["v_SN_N"] + dv))
     T = np.concatenate((place["r_TN_N"], place["v_TN_N"]))
     assert np.linalg.norm(two_bodies(S, T, 86400, 120), axis=1).min() == pytest.approx(
-        flight["clearance"], rel=1e-2
+        recording["clearance"], rel=1e-2
     )
     # speeds as seen in H: outwards 0.1, along the track 0.05 one way or the other
-    C_HN = mission.seen(flight.model.p, place).C_HN
+    C_HN = mission.seen(recording.model.p, place).C_HN
     v, out = C_HN @ dv + drho, np.array(rho) / np.linalg.norm(rho)
     along = v - 0.1 * out
     assert np.abs(along) == pytest.approx((0, 0.05, 0), abs=1e-9)
     other = S.copy()
     other[3:] -= 2 * C_HN.T @ along
     assert (
-        np.linalg.norm(two_bodies(other, T, 86400, 120), axis=1).min() < 1.001 * flight["clearance"]
+        np.linalg.norm(two_bodies(other, T, 86400, 120), axis=1).min()
+        < 1.001 * recording["clearance"]
     )
 
 
 def test_the_burn_leaves_the_servicer_on_the_drift_that_was_planned(fmu):
-    """0.9 N on 100 kg take 13 s; the true drift of a day keeps 80 % of the clearance."""
+    """0.9 N on 100 kg take 13 s; the true drift of a day retains 80 % of the clearance."""
     place = in_hill((3, -18, 2), (0.01, 0.02, 0), mass=90.0)
-    flight, dv = retreat_from(fmu, place)
+    recording, dv = retreat_from(fmu, place)
     r, v, moved, impulse = place["r_SN_N"], place["v_SN_N"].copy(), np.zeros(3), np.zeros(3)
     C_NS = dcm_of_quaternion(np.array(place["q_SN"], float)).T
-    while flight["F_retreat_S"].any():
-        a = C_NS @ flight["F_retreat_S"] / 90
-        assert np.linalg.norm(flight["F_retreat_S"]) <= 0.9 + 1e-12
+    while recording["F_retreat_S"].any():
+        a = C_NS @ recording["F_retreat_S"] / 90
+        assert np.linalg.norm(recording["F_retreat_S"]) <= 0.9 + 1e-12
         moved, v, impulse = (
             moved + P * (v - place["v_SN_N"]) + a / 2 * P**2,
             v + a * P,
             impulse + a * P,
         )
-        flight.sample(place)
+        recording.sample(place)
     assert np.abs(impulse - dv).max() < 1e-12
     T = np.concatenate((place["r_TN_N"], place["v_TN_N"]))
     ranges = np.linalg.norm(two_bodies(np.concatenate((r + moved, v)), T, 86400, 120), axis=1)
-    assert ranges.min() > 0.8 * flight["clearance"]
-    assert flight["dv_left_N"] == pytest.approx((0, 0, 0), abs=0)
+    assert ranges.min() > 0.8 * recording["clearance"]
+    assert recording["dv_left_N"] == pytest.approx((0, 0, 0), abs=0)
 
 
 def test_the_burn_follows_the_increment_while_the_servicer_turns(fmu):
-    """The force stands still in N, whatever the attitude; the mass is that of each sample."""
+    """The force is constant in N, for any attitude; the mass is the one of each sample."""
     place, rng = in_hill(line(30)), np.random.default_rng(0)
-    flight, dv = retreat_from(fmu, place)
-    left = flight["dv_left_N"].copy()
+    recording, dv = retreat_from(fmu, place)
+    left = recording["dv_left_N"].copy()
     for mass in (100.0, 95.0, 90.0):
         q = rng.normal(size=4)
         now = place | {"q_SN": q / np.linalg.norm(q), "mass": mass}
-        flight.sample(now)
-        F_N = dcm_of_quaternion(now["q_SN"]).T @ flight["F_retreat_S"]
+        recording.sample(now)
+        F_N = dcm_of_quaternion(now["q_SN"]).T @ recording["F_retreat_S"]
         assert pytest.approx(0.9 * dv / np.linalg.norm(dv), abs=1e-12) == F_N
         left = left - F_N * P / mass
-        assert flight["dv_left_N"] == pytest.approx(left, abs=1e-13)
+        assert recording["dv_left_N"] == pytest.approx(left, abs=1e-13)
 
 
 # ---- by the arm ----
 STOW, DEPLOY, GRASP, REST = range(4)
 
 
-def test_arm_is_told_what_the_phase_wants_and_only_where_it_mates(fmu):
-    told = {6: DEPLOY, 7: GRASP, 8: REST, 9: REST, 10: REST, 11: DEPLOY, 12: STOW, 13: STOW}
+def test_arm_is_commanded_as_the_phase_requires_and_only_where_it_mates(fmu):
+    stated = {6: DEPLOY, 7: GRASP, 8: REST, 9: REST, 10: REST, 11: DEPLOY, 12: STOW, 13: STOW}
     for by_arm in (0, 1):
         for phase in filter(None, GOOD):
-            flight = Flight(fmu, {"by_arm": by_arm}).lead_to(phase)
-            assert flight["arm_mode_cmd"] == by_arm * told.get(phase, STOW)
+            recording = Recording(fmu, {"by_arm": by_arm}).lead_to(phase)
+            assert recording["arm_mode_cmd"] == by_arm * stated.get(phase, STOW)
 
 
 def test_retreat_with_the_arm_out_folds_it(fmu):
-    flight = Flight(fmu, {"by_arm": 1}).lead_to(7)
-    assert flight["arm_mode_cmd"] == GRASP
-    assert flight.sample(HOLDING[7] | {"retreat": 1}) == 12
-    assert flight["arm_mode_cmd"] == STOW
+    recording = Recording(fmu, {"by_arm": 1}).lead_to(7)
+    assert recording["arm_mode_cmd"] == GRASP
+    assert recording.sample(HOLDING[7] | {"retreat": 1}) == 12
+    assert recording["arm_mode_cmd"] == STOW
 
 
-def test_servicer_stands_still_and_nobody_pushes_while_the_arm_mates(fmu):
-    flight = Flight(fmu, {"by_arm": 1, "capture_time": 50.0}).lead_to(7)
+def test_servicer_is_at_rest_without_thrust_while_the_arm_mates(fmu):
+    recording = Recording(fmu, {"by_arm": 1, "capture_time": 50.0}).lead_to(7)
     for contact in (0, 1, 1):
-        assert flight.sample(HOLDING[7] | {"contact": contact}) == 7
-        assert [flight[name] for name in ("L_ref", "dL_ref", "ddL_ref")] == [3, 0, 0]
-        assert flight["push"] == 0
+        assert recording.sample(HOLDING[7] | {"contact": contact}) == 7
+        assert [recording[name] for name in ("L_ref", "dL_ref", "ddL_ref")] == [3, 0, 0]
+        assert recording["push"] == 0
 
 
 @pytest.mark.parametrize(("share", "phase"), [(0, 7), (1 + 1e-9, 7), (1 - 1e-9, 6)])
 def test_pair_with_more_momentum_than_allowed_is_not_mated(fmu, share, phase):
     """share 0: no limit."""
-    flight = Flight(fmu).lead_to(6)
-    momentum = flight["momentum"]
+    recording = Recording(fmu).lead_to(6)
+    momentum = recording["momentum"]
     assert momentum > 1
-    flight = Flight(fmu, {"momentum_max": share * momentum}).lead_to(6)
-    assert flight.stay(GOOD[6], 10)[-1] == phase
+    recording = Recording(fmu, {"momentum_max": share * momentum}).lead_to(6)
+    assert recording.stay(GOOD[6], 10)[-1] == phase
 
 
-# ---- all of it at random ----
+# ---- everything at random ----
 @pytest.mark.parametrize("seed", some(range(3), 3, 1))
-def test_random_flights_follow_the_reference(fmu, seed):
+def test_random_runs_follow_the_reference(fmu, seed):
     """Inputs that now and then fit the phase; every phase and every reason come up in the seeds
     together.
     """
     rng = np.random.default_rng(seed)
     changes = {"sample_period": 0.5, "dwell": [0.5] * 15, "drift_step": 7200, "by_arm": seed % 2}
-    flight = Flight(fmu, changes)
+    recording = Recording(fmu, changes)
     seen = set()
     for _ in range(1500):
-        k = max(flight.model.phase, 0)
+        k = max(recording.model.phase, 0)
         scene = GOOD[k] if rng.random() < 0.9 else GOOD[int(rng.integers(15))]
         scene = scene | {"relative_valid": float(rng.random() < 0.95)}
         for name, share in (("abort", 2e-4), ("retreat", 0.01), ("contact", 0.3), ("go_2", 0.8)):
             scene[name] = float(rng.random() < share)
         scene["mass"] = 85.9 if rng.random() < 2e-3 else 95.0
-        seen.add(flight.sample(scene))
-        if seen >= {14} or flight["phase"] == 10:
-            flight.model = mission.Manager(flight.model.p)
-            flight.unit = fmu("mission_manager", flight.p, GOOD[0], flight.unit.time)
+        seen.add(recording.sample(scene))
+        if seen >= {14} or recording["phase"] == 10:
+            recording.model = mission.Manager(recording.model.p)
+            recording.unit = fmu("mission_manager", recording.p, GOOD[0], recording.unit.time)
             seen.discard(14)
     assert seen >= {0, 1, 2, 3, 4, 5, 6, 12, 13}
 
@@ -547,5 +548,5 @@ def test_random_flights_follow_the_reference(fmu, seed):
         ({"drift_step": 0.1}, "must not be below drift_time / 1e5"),
     ],
 )  # fmt: skip
-def test_refused(change, words, tmp_path):
-    assert words in refusal("mission_manager", change, tmp_path)
+def test_rejected(change, words, tmp_path):
+    assert words in rejection("mission_manager", change, tmp_path)

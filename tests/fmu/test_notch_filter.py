@@ -9,7 +9,7 @@ from scipy.signal import bilinear, lfilter
 
 from .driver import bits
 from .motion import deviation
-from .refusals import refusal
+from .rejections import rejection
 
 T, W = 0.1, (2.5, 9.0)
 NOTCHES = {
@@ -75,7 +75,7 @@ def test_a_steady_command_passes_and_without_notches_everything_does(fmu, rng):
 
 
 def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
-    """Between samples the output is held, whatever the input does."""
+    """Between samples the output is held, for any input."""
     u = {name: rng.normal(size=3) for name in INPUTS}
     whole, cut = (fmu("notch_filter", NOTCHES, u) for _ in range(2))
     whole.step(3)
@@ -95,7 +95,7 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
         ({"sample_period": 0}, "sample_period = 0: must be > 0"),
     ],
 )
-def test_notches_that_cannot_be_are_refused(change, message, tmp_path):
-    said = refusal("notch_filter", NOTCHES | change, tmp_path)
-    assert message in said
-    assert "; " not in said
+def test_notches_that_cannot_be_are_rejected(change, message, tmp_path):
+    reported = rejection("notch_filter", NOTCHES | change, tmp_path)
+    assert message in reported
+    assert "; " not in reported

@@ -21,7 +21,7 @@ Kp, Ki, Kd = (np.array(k) for k in ((0.4, 20, 20), (0.024, 4, 4), (2, 48, 48)))
 
 
 @pytest.mark.parametrize("up_axis", [1, 2, 3])
-def test_outputs_are_those_of_the_reference_over_five_samples(fmu, rng, up_axis):
+def test_outputs_match_the_reference_over_five_samples(fmu, rng, up_axis):
     """Limits act in some; 1e-7 relative: 1e-9 m of cancellation by gains. Attitude begins at the
     third sample.
     """
@@ -38,8 +38,8 @@ def test_outputs_are_those_of_the_reference_over_five_samples(fmu, rng, up_axis)
 
 
 def test_every_channel_has_gains_of_its_own(fmu, rng):
-    """In the paper those of elevation and azimuth are the same; limits act, so the integrals give
-    way by the times of their channels too.
+    """In the paper the gains of elevation and azimuth are the same; limits act, so the integrals
+    give way by the times of their channels too.
     """
     p = replace(
         reference.Pid(),
@@ -77,14 +77,14 @@ def test_without_integral_action_it_is_a_pd_controller_at_its_limits_and_within(
     """Anti-windup divides by Ki: of none there is nothing to divide."""
     none = {f"{channel}.Ki": 0 for channel in ("range", "elevation", "azimuth", "attitude")}
     scene = replace(random_scene(rng), r_TN_N=np.zeros(3), v_TN_N=np.zeros(3))
-    wanted = -(Kp * scene.x1 + Kd * scene.x2)
-    limit = float(np.max(np.abs(wanted)))
+    required = -(Kp * scene.x1 + Kd * scene.x2)
+    limit = float(np.max(np.abs(required)))
     for a_max in (0.5 * limit, 2 * limit):
         unit = fmu("pid_controller", {"a_max": a_max, "M_max": (0.1, 0.1, 0.1)} | none)
         for k in range(1, 4):
             out = sample(unit, scene.inputs())
             command = SIGMA * out["a_cmd_L"]
-            assert deviation(command, np.clip(wanted, -a_max, a_max)) < 1e-11
+            assert deviation(command, np.clip(required, -a_max, a_max)) < 1e-11
             assert deviation(out["integral"], 0.1 * k * scene.x1) < 1e-11
 
 
@@ -139,13 +139,13 @@ def test_the_command_leaves_the_limit_as_soon_as_the_error_does(fmu):
     assert commands[4.0] < 0
 
 
-def test_the_torque_integral_is_kept_from_winding_up_too(fmu):
+def test_the_torque_integral_is_retained_from_winding_up_too(fmu):
     """2 rad of error hold the torque at its limit."""
     scene = Scene(turn=np.array((2.0, 0, 0))).inputs()
-    wound, kept = (
+    wound, retained = (
         fmu("pid_controller", {"attitude.T_aw": T, "sample_period": 0.1}) for T in (0.0, 10.0)
     )
-    w, k = sample(wound, scene, 30.0), sample(kept, scene, 30.0)
+    w, k = sample(wound, scene, 30.0), sample(retained, scene, 30.0)
     assert w["M_cmd_S"][0] == k["M_cmd_S"][0] == -10
     assert k["integral_att"][0] < 0.1 * w["integral_att"][0]
 
@@ -161,6 +161,6 @@ def test_integrals_stay_finite_for_ever(fmu):
 @pytest.mark.parametrize(
     "p", [{"range.Kp": -1}, {"attitude.Ki": -1}, {"azimuth.T_aw": -1}, {"wheel_scale": 0}], ids=str
 )
-def test_impossible_gains_are_refused(fmu, p):
+def test_impossible_gains_are_rejected(fmu, p):
     with pytest.raises(FMICallException):
         fmu("pid_controller", p)

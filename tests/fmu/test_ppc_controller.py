@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""ppc_controller.fmu: the funnel, the mapping, the three laws, refusals, what it must not know."""
+"""ppc_controller.fmu: the funnel, the mapping, the three laws, rejections, what it must not
+know.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ CHANNELS = (RANGE, ANGLE, ANGLE)
 
 
 def scene_of(z):
-    """A scene with generalised position state z, all of it in the errors."""
+    """A scene with generalised position state z, entirely in the errors."""
     return Scene(x1=np.array(z))
 
 
@@ -50,7 +52,7 @@ def settings(**channels):
 
 @pytest.mark.parametrize("law", [0, 1, 2])
 @pytest.mark.parametrize("up_axis", [1, 2, 3])
-def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, law, up_axis):
+def test_outputs_match_the_reference_over_three_samples(fmu, rng, law, up_axis):
     """Funnels begin at 2 s (position), 2.1 s (attitude) and shrink; 1e-7 relative: 1e-9 m of
     rounding by gains.
     """
@@ -76,13 +78,13 @@ def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, law, up
         expected, x = ppc.ppc(2.0 + 0.1 * k, *bodies(u), reference_of(u), x, p)
         out = sample(unit, u)
         for name, value in expected.items():
-            if name != "violation_att" or k > 0:  # not judged before t_att
+            if name != "violation_att" or k > 0:  # not checked before t_att
                 assert deviation(out[name], value, 1 + np.max(np.abs(value))) < 1e-7, (k, name)
 
 
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("rising", [1, -1])
-def test_outside_the_funnel_the_command_is_that_of_a_thousandth_inside(fmu, rising, side):
+def test_outside_the_funnel_the_command_matches_a_thousandth_inside(fmu, rising, side):
     """On both sides of funnels that began on either side of zero."""
     narrow = {"elevation": replace(ANGLE, delta=0.6), "azimuth": replace(ANGLE, delta=0.8)}
     p = replace(ppc.Ppc(), a_max=0.0, M_max=(0.0,) * 3, **narrow)
@@ -148,7 +150,7 @@ def test_kappa_is_the_weighted_square_of_the_mapped_state(fmu, rng):
 
 @pytest.mark.parametrize("law", [1, 2])
 @pytest.mark.parametrize("age", [0.0, 30.0])
-def test_small_signal_gain_is_k_eta_whatever_the_bound(fmu, law, age):
+def test_small_signal_gain_is_k_eta_for_any_bound(fmu, law, age):
     """Linear up to (z/alpha)^2 < 1e-8 and 1e-14 m of rounding in z."""
     unit = fmu(
         "ppc_controller",
@@ -207,12 +209,12 @@ def test_the_law_stays_finite_far_outside_and_points_back_inside(fmu):
 
 
 @given(st.tuples(*[st.floats(-1e6, 1e6)] * 6))
-def test_every_generalised_state_gives_a_bounded_command(kind, flown, state):
+def test_every_generalised_state_gives_a_bounded_command(kind, simulated, state):
     """Clamps of theta and kappa bound every channel: k eta p s/(1 - kappa) at theta = 0.998, kappa
     = 0.98.
     """
     out = sample(
-        flown, Scene(x1=np.array((abs(state[0]), 0, 0)), x2=np.array(state[3:])).inputs(), 1e-9
+        simulated, Scene(x1=np.array((abs(state[0]), 0, 0)), x2=np.array(state[3:])).inputs(), 1e-9
     )
     s = np.log(0.999 / 0.001)
     for i, c in enumerate(CHANNELS):
@@ -221,7 +223,7 @@ def test_every_generalised_state_gives_a_bounded_command(kind, flown, state):
 
 
 @pytest.fixture
-def flown(fmu):
+def simulated(fmu):
     unit = fmu("ppc_controller", FREE, Scene().inputs())
     unit.step(1e-9)
     return unit
@@ -245,7 +247,7 @@ def test_attitude_torque_carries_the_transpose_of_the_kinematics(fmu, rng):
     assert deviation(out["z_att"], z) < 1e-12
 
 
-def test_the_attitude_error_vector_falls_at_the_rate_that_z_says(fmu, rng):
+def test_the_attitude_error_vector_falls_at_the_rate_that_z_states(fmu, rng):
     """x2 = T w/2 is the derivative of x1 = q_vec: two scenes 1 ms apart."""
     w, turn = 0.3 * rng.normal(size=3), rng.normal(size=3)
     first = sample(fmu("ppc_controller"), Scene(turn=turn, omega=w).inputs())
@@ -296,9 +298,9 @@ def test_commands_do_not_change_by_a_bit_with_what_guidance_believes_of_target_m
     assert len(commands) == 1
 
 
-# ---- refusals ----
+# ---- rejections ----
 
-START_REFUSED = {
+REJECTED_STARTS = {
     "outside the funnel": ((0, 0.9, 0), {}),
     "outside the narrow side": ((-5.0, 0, 0), settings(range={"alpha_0": 4.0})),
     "inside, but kappa >= 1": ((0, 0.6, 0), settings(elevation={"eta": 0.6})),
@@ -309,8 +311,8 @@ START_REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("z", "p"), START_REFUSED.values(), ids=START_REFUSED)
-def test_a_start_without_the_guarantee_is_refused_in_the_first_step(fmu, z, p):
+@pytest.mark.parametrize(("z", "p"), REJECTED_STARTS.values(), ids=REJECTED_STARTS)
+def test_a_start_without_the_guarantee_is_rejected_in_the_first_step(fmu, z, p):
     """Not before: while start values propagate the first inputs may be anything."""
     unit = fmu("ppc_controller", p, scene_of(z).inputs())
     assert np.all(np.isfinite(unit.get("F_cmd_S")))
@@ -318,7 +320,7 @@ def test_a_start_without_the_guarantee_is_refused_in_the_first_step(fmu, z, p):
         unit.step(0.1)
 
 
-def test_a_start_is_judged_by_kappa_as_it_is_not_as_it_is_clamped(fmu):
+def test_a_start_is_checked_with_the_unclamped_kappa(fmu):
     """theta = 1 - 1e-6: s = 14.5, kappa = 0.84 with eta = 0.004; the law itself never sees more
     than s = 6.9.
     """
@@ -331,7 +333,7 @@ def test_a_start_is_judged_by_kappa_as_it_is_not_as_it_is_clamped(fmu):
     assert out["kappa"] == pytest.approx(0.004 * np.log(999) ** 2, rel=1e-6)
 
 
-def test_the_attitude_is_judged_when_its_control_begins(fmu):
+def test_the_attitude_is_checked_when_its_control_begins(fmu):
     tumbling = Scene(omega=np.array((3.0, 0, 0))).inputs()
     unit = fmu("ppc_controller", {"t_att": 1.0}, tumbling)
     for _ in range(2):
@@ -367,6 +369,6 @@ def test_a_good_start_is_accepted_and_a_later_violation_is_flagged_only(fmu):
         {"wheel_scale": 0},
     ],
 )
-def test_parameters_outside_the_theory_are_refused(fmu, p):
+def test_parameters_outside_the_theory_are_rejected(fmu, p):
     with pytest.raises(FMICallException):
         fmu("ppc_controller", p)

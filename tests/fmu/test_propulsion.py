@@ -8,12 +8,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.close import close
 from tests.each import each
 from tests.reference import relay
 
 from .cases import random_direction
 from .driver import bits
-from .refusals import refusal
+from .rejections import rejection
 
 G_0 = 9.80665  # m/s2, standard gravity, exact by definition
 T0 = 0.1
@@ -28,7 +29,7 @@ def only(i, value=1.0):
     return {"throttle": throttle}
 
 
-def fly(unit, throttles, h=T0):
+def simulate(unit, throttles, h=T0):
     """Thrust of all thrusters after each step; one row of throttles per step."""
     rows = []
     for throttle in throttles:
@@ -51,7 +52,7 @@ def pulse(ticks, total, i=12):
 def test_impulse_of_a_pulse_is_the_closed_form(fmu, ticks):
     """B.6: sum of the two geometric series; 400 ticks of decay leave (6/7)^400 < 1e-26."""
     unit = fmu("propulsion", {"Tl": 0})
-    fly(unit, pulse(ticks, ticks + 400))
+    simulate(unit, pulse(ticks, ticks + 400))
     a, P = 0.1 / 0.3, 50
     reached = P * (1 - (1 - a) ** ticks)
     expected = P * (ticks * 0.1 - (0.3 - 0.1) * (1 - (1 - a) ** ticks)) + reached * (0.7 - 0.1)
@@ -60,7 +61,7 @@ def test_impulse_of_a_pulse_is_the_closed_form(fmu, ticks):
 
 def test_exact_lag_follows_the_exponentials(fmu):
     unit = fmu("propulsion", {"Tl": 0, "exact_lag": 1})
-    thrust = fly(unit, pulse(9, 30))[:, 12]
+    thrust = simulate(unit, pulse(9, 30))[:, 12]
     t = 0.1 * np.arange(1, 31)
     rise, top = 50 * (1 - np.exp(-t / 0.3)), 50 * (1 - np.exp(-0.9 / 0.3))
     assert thrust == pytest.approx(
@@ -72,7 +73,7 @@ def test_exact_lag_follows_the_exponentials(fmu):
     "lag", [{"T2up": 0.0999, "T2dn": 0.0999}, {"T2up": 0, "T2dn": 0, "exact_lag": 1}]
 )
 def test_time_constants_below_the_call_period_act_at_once(fmu, lag):
-    thrust = fly(fmu("propulsion", {"Tl": 0} | lag), pulse(2, 4))[:, 12]
+    thrust = simulate(fmu("propulsion", {"Tl": 0} | lag), pulse(2, 4))[:, 12]
     assert thrust.tolist() == [50, 50, 0, 0]
 
 
@@ -82,7 +83,7 @@ def test_rise_uses_one_constant_and_fall_the_other(fmu):
     """
     throttles = np.zeros((3, 16))
     throttles[:, 12] = 1, 0.2, 0
-    thrust = fly(fmu("propulsion", {"Tl": 0}), throttles)[:, 12]
+    thrust = simulate(fmu("propulsion", {"Tl": 0}), throttles)[:, 12]
     first = 50 / 3
     second = first + (10 - first) / 3
     assert thrust == pytest.approx([first, second, second * 6 / 7], rel=1e-14)
@@ -95,7 +96,7 @@ def test_rise_uses_one_constant_and_fall_the_other(fmu):
 def test_first_force_comes_exactly_after_the_delay(fmu, ticks):
     """Tl = 0.3 s is 2.9999999999999996 calls: the division must not cost a tick."""
     unit = fmu("propulsion", {"Tl": ticks * 0.1, "T2up": 0, "T2dn": 0})
-    thrust = fly(unit, pulse(20, 40))[:, 12]
+    thrust = simulate(unit, pulse(20, 40))[:, 12]
     assert thrust.tolist() == [0] * ticks + [50] * 20 + [0] * (20 - ticks)
 
 
@@ -106,24 +107,26 @@ def test_commands_that_do_not_outlast_the_delay_are_rejected(fmu, delay, ticks):
     with its length.
     """
     unit = fmu("propulsion", {"Tl": delay * 0.1, "T2up": 0, "T2dn": 0})
-    thrust = fly(unit, pulse(ticks, 20))[:, 12]
+    thrust = simulate(unit, pulse(ticks, 20))[:, 12]
     assert np.count_nonzero(thrust) == (ticks if ticks > delay else 0)
 
 
 def test_short_gaps_are_rejected_too(fmu):
     throttles = np.zeros((12, 16))
     throttles[:, 12] = [1, 1, 1, 0, 0, 1, 1, 1, 0, 0, 0, 0]
-    thrust = fly(fmu("propulsion", {"Tl": 0.2, "T2up": 0, "T2dn": 0}), throttles)[:, 12]
+    thrust = simulate(fmu("propulsion", {"Tl": 0.2, "T2up": 0, "T2dn": 0}), throttles)[:, 12]
     assert (thrust > 0).tolist() == [False] * 2 + [True] * 8 + [False] * 2
 
 
 def test_latch_samples_the_command_every_third_call(fmu):
-    """Tl = 2 T0: what stands at the calls 2, 5, 8, ... is delivered for three calls, however short
-    it was.
+    """Tl = 2 T0: the input at the calls 2, 5, 8, ... is delivered for three calls, however short it
+    was.
     """
     throttles = np.zeros((12, 16))
     throttles[:, 12] = [1, 0, 1, 0, 1, 0, 0, 0, 1, 1, 1, 1]
-    thrust = fly(fmu("propulsion", {"Tl": 0.2, "T2up": 0, "T2dn": 0, "latch": 1}), throttles)[:, 12]
+    thrust = simulate(fmu("propulsion", {"Tl": 0.2, "T2up": 0, "T2dn": 0, "latch": 1}), throttles)[
+        :, 12
+    ]
     assert (thrust > 0).tolist() == [False] * 2 + [True] * 3 + [False] * 3 + [True] * 4
 
 
@@ -141,8 +144,8 @@ def test_thrust_impulse_and_switches_follow_the_recursion_of_the_reference(fmu, 
         F, M = reference.call(row.tolist())
         unit.step(T0, {"throttle": [*row, 0, 0, 0]})
         assert unit.get("thrust")[:13] == pytest.approx(reference.thrust, rel=same, abs=0)
-        assert unit.get("F_S") == pytest.approx(F, rel=1e-13, abs=1e-13)
-        assert unit.get("M_S") == pytest.approx(M, rel=1e-13, abs=1e-13)
+        close(unit.get("F_S"), F, rel=1e-14, of=p.main)
+        close(unit.get("M_S"), M, rel=1e-14, of=p.main)  # arms of up to 1 m
     assert unit.get("impulse")[:13] == pytest.approx(reference.impulse, rel=same, abs=0)
     assert unit.get("switches")[:13].tolist() == reference.switches
 
@@ -183,7 +186,7 @@ def test_torque_table_of_the_attitude_thrusters(fmu, i):
         ((12,), (50, 0, 0), (0, 0, 0)),
     ],
 )
-def test_what_a_relay_switches_gives_force_and_torque_of_the_table(fmu, engines, force, torque):
+def test_switched_thrusters_give_force_and_torque_of_the_table(fmu, engines, force, torque):
     unit = fmu("propulsion", PROMPT)
     unit.step(T0, {"throttle": [i in engines for i in range(16)]})
     assert unit.get("F_S") == pytest.approx(force, abs=1e-14)
@@ -211,9 +214,7 @@ def test_torque_is_lever_cross_force_about_the_centre_of_mass(fmu, rng):
 def test_throttle_is_clipped_to_its_range(fmu):
     unit = fmu("propulsion", PROMPT)
     unit.step(T0, {"throttle": np.linspace(-1, 2, 16)})
-    assert unit.get("thrust") == pytest.approx(
-        np.clip(np.linspace(-1, 2, 16), 0, 1) * PAPER, abs=1e-15
-    )
+    close(unit.get("thrust"), np.clip(np.linspace(-1, 2, 16), 0, 1) * PAPER, rel=1e-15)
 
 
 def test_mass_flow_is_thrust_over_exhaust_velocity(fmu):
@@ -279,7 +280,7 @@ def test_switches_count_rising_edges_of_the_command_even_if_the_delay_rejects_it
     unit = fmu("propulsion", {"Tl": 0.2})
     throttles = np.zeros((10, 16))
     throttles[:, 4] = [1, 0, 1, 1, 0, 0, 1, 0, 0, 1]
-    fly(unit, throttles)
+    simulate(unit, throttles)
     assert unit.get("switches")[4] == 4
 
 
@@ -300,20 +301,20 @@ def test_fault_from_its_time_on_leaves_the_other_thrusters_alone(fmu, fault, bef
     for throttle in (0, 1):
         unit = fmu("propulsion", PROMPT | faults)
         command = only(12, throttle)["throttle"] + only(5)["throttle"]
-        thrust = fly(unit, [command] * 20)
+        thrust = simulate(unit, [command] * 20)
         assert thrust[:, 12].tolist() == [before[throttle]] * 10 + [after[throttle]] * 10
         assert thrust[:, 5].tolist() == [0.5] * 20
 
 
 def test_thruster_that_sticks_still_rises_and_falls_with_its_lag(fmu):
     fault = {"fault_kind": only(12, 1)["throttle"], "fault_time": [0.5] * 16}
-    thrust = fly(fmu("propulsion", {"Tl": 0.1} | fault), np.zeros((10, 16)))[:, 12]
+    thrust = simulate(fmu("propulsion", {"Tl": 0.1} | fault), np.zeros((10, 16)))[:, 12]
     assert thrust == pytest.approx(
         [0] * 5 + [50 * (1 - (2 / 3) ** n) for n in range(1, 6)], rel=1e-14
     )
 
 
-# ---- refusals
+# ---- rejections
 
 
 @pytest.mark.parametrize(
@@ -335,8 +336,8 @@ def test_thruster_that_sticks_still_rises_and_falls_with_its_lag(fmu):
         ({"latch": 2}, "latch = 2: must be 0 or 1"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_rule(tmp_path, parameters, rule):
-    assert rule in refusal("propulsion", parameters, tmp_path)
+def test_bad_parameters_are_rejected_with_the_rule(tmp_path, parameters, rule):
+    assert rule in rejection("propulsion", parameters, tmp_path)
 
 
 def test_rows_of_thrusters_that_do_not_exist_may_hold_anything(fmu):

@@ -19,7 +19,7 @@ from scipy.stats import kstest
 from tests.reference import random_numbers as reference
 
 from .driver import ROOT, bits
-from .refusals import refusal
+from .rejections import rejection
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 SOURCE = """
@@ -89,7 +89,7 @@ def test_philox_gives_the_published_words(header, counter, key, words):
     assert reference.philox(counter, key) == words
 
 
-def test_uniform_draws_are_those_of_the_words(header):
+def test_uniform_draws_match_the_words(header):
     """52 bits of two words and half a unit more."""
     expected = [0.4754156201635432, 0.3643608395348209, 0.3880285384035679, 0.6308393584907263]
     assert [header.uniform_of(1, 2, 3, j, 0) for j in range(4)] == expected
@@ -210,8 +210,8 @@ def test_streams_and_seeds_are_independent(fmu):
 @pytest.mark.parametrize("value", [0.5, -1, 2.0**32])
 @pytest.mark.parametrize("name", ["seed", "stream"])
 def test_seed_and_stream_are_whole_numbers_of_32_bits(sensor, name, value, tmp_path):
-    assert f"{name} = {value:.9g}: must be" in refusal(sensor, {name: value}, tmp_path / "bad")
-    assert not refusal(sensor, {name: 2.0**32 - 1}, tmp_path / "good")
+    assert f"{name} = {value:.9g}: must be" in rejection(sensor, {name: value}, tmp_path / "bad")
+    assert not rejection(sensor, {name: 2.0**32 - 1}, tmp_path / "good")
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_seed_and_stream_are_whole_numbers_of_32_bits(sensor, name, value, tmp_p
 )
 @pytest.mark.parametrize("period", [0, -0.5])
 def test_a_sensor_needs_a_period(sensor, period, tmp_path):
-    assert "sample_period" in refusal(sensor, {"sample_period": period}, tmp_path)
+    assert "sample_period" in rejection(sensor, {"sample_period": period}, tmp_path)
 
 
 def test_every_kind_of_sensor_has_a_stream_of_its_own(fmu):

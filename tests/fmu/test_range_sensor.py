@@ -9,7 +9,7 @@ import pytest
 from tests.reference.random_numbers import normals, uniforms
 
 from .driver import bits
-from .refusals import refusal
+from .rejections import rejection
 from .sensor_cases import same_bits_for_any_steps, unit_vector
 
 P, STREAM = 0.5, 5
@@ -92,9 +92,9 @@ def test_drop_outs_and_outages_leave_time_and_zero(fmu, rng):
 
 
 @pytest.mark.parametrize("latency", [0, 0.05, 0.1, 0.5, 1.2, 3.5])
-def test_range_is_released_after_its_latency_and_is_that_of_its_time(fmu, latency):
+def test_range_is_released_after_its_latency_and_matches_its_time(fmu, latency):
     """At the end of the step to t: the newest sample with n P + latency < t; the target recedes by
-    2 m/s, so that the value tells when it was taken.
+    2 m/s, so that the value shows when it was taken.
     """
     silent = {"latency": latency, "sigma_range_0": 0, "sigma_range_1": 0}
     unit, h = fmu("range_sensor", silent), 0.05
@@ -122,9 +122,9 @@ def test_same_bits_by_seed_and_other_ones_by_another(fmu, rng):
     assert bits(a) == bits(b) != bits(c)
 
 
-def test_refused_with_the_rule(tmp_path):
+def test_rejected_with_the_rule(tmp_path):
     bad = {"p_drop": 1.5, "sigma_range_0": -1, "latency": 4, "range_min": 6000}
-    text = refusal("range_sensor", bad, tmp_path)
+    text = rejection("range_sensor", bad, tmp_path)
     assert "p_drop = 1.5: must be in [0, 1]" in text
     assert "sigma_range_0 = -1: must be >= 0" in text
     assert "latency = 4: must be at most 7 sample periods" in text

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""relative_filter.fmu: errors as large as its covariance says, over many runs: NEES (normalised
+"""relative_filter.fmu: errors as large as its covariance predicts, over many runs: NEES (normalised
 estimation error squared) and NIS by chi-square where the model is the truth.
 """
 
@@ -109,9 +109,9 @@ def test_errors_are_as_large_as_claimed(fmu, states, sigma_0):
 )
 def test_errors_are_as_large_as_claimed_over_many_runs(fmu, states, sigma_0):
     """200 runs of 60 s: within the bounds at 95 % of the instants, less what 119 instants that hang
-    together allow. d unknown by 3 cm: the product of its error with that of the attitude, which a
-    linear filter leaves out, raises the NEES of 15 to 15.2 here, to 16 with 10 cm, to 19 with
-    20 cm.
+    together allow. d unknown by 3 cm: the product of its error with the attitude error, which a
+    linear filter leaves out, raises the NEES of 15 to 15.2 here, to 16 with 10 cm, to 19 with 20
+    cm.
     """
     nees, nis = Study(120, sigma_0, seed=4).consistency(fmu, 200, states)
     assert nees.mean() == pytest.approx(len(states), rel=0.04)

@@ -3,7 +3,7 @@
 drift ellipses between samples, grazing passes, the drift without thrust, lost navigation, abort.
 
 States come from the relative motion in the Hill frame of a circular orbit, turned into inertial
-axes here. Margins are never above those of dense sampling.
+axes here. Margins are never above the margins of dense sampling.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from tests.each import each
 
 from .driver import bits
-from .refusals import refusal
+from .rejections import rejection
 
 MU, A = 3.986004415e14, 7.0e6
 N = np.sqrt(MU / A**3)
@@ -132,7 +132,7 @@ def point(fmu, parameters, case, **changes):
 
 @pytest.mark.parametrize("axes", [0, 1])
 @pytest.mark.parametrize(("shape", "margin"), [(1, ellipsoid), (2, box)])
-def test_keep_out_margin_is_that_of_its_shape_in_its_axes(fmu, rng, axes, shape, margin):
+def test_keep_out_margin_matches_its_shape_in_its_axes(fmu, rng, axes, shape, margin):
     case, d = random_case(rng), rng.uniform(1, 20, 3)
     unit = point(fmu, {"keep_out_shape": shape, "keep_out_half": d, "keep_out_axes": axes}, case)
     p = in_target_axes(case[0], case[2]) if axes else case[0]
@@ -178,7 +178,7 @@ def test_plume_margin_is_the_distance_of_the_target_from_the_cone_of_exhaust(fmu
     assert point(fmu, p, case, F_cmd_S=1e-4 * F / np.linalg.norm(F)).get("plume_margin") == RESTING
 
 
-def test_rules_that_are_off_or_rest_say_so(fmu):
+def test_rules_that_are_off_or_rest_state_so(fmu):
     case = np.zeros(3), np.ones(3), None, None
     unit = point(fmu, {}, case)
     for rule in RULES:
@@ -212,7 +212,7 @@ def entry_into_sphere(rho, drho, R):
 
 
 @pytest.mark.parametrize("h", [0.1, 1.0, 8.0])
-def test_straight_drift_enters_the_sphere_when_the_quadratic_equation_says(fmu, h):
+def test_straight_drift_enters_the_sphere_when_the_quadratic_equation_states(fmu, h):
     rho, drho = np.array((-20.0, 1.0, 0.5)), np.array((0.83, 0.02, -0.01))
     p = SPHERE | DEEP
     unit, _ = watch(fmu, p, straight(rho, drho), h, 40)
@@ -369,7 +369,7 @@ ELLIPSES = {
 
 @pytest.mark.parametrize("h", [1.0, 30.0])
 @pytest.mark.parametrize("name", ELLIPSES)
-def test_margins_on_a_drift_ellipse_are_never_above_those_of_dense_samples(fmu, name, h):
+def test_margins_on_a_drift_ellipse_are_never_above_margins_of_dense_samples(fmu, name, h):
     """Motion and dense samples by Clohessy & Wiltshire; a cubic misses it by h^4/384 |d4 rho|."""
     d = np.array((5.0, 3.0, 2.0))
     p = SPHERE | {"keep_out_half": d, "use_corridor": 1, "use_speed_limit": 1}
@@ -490,20 +490,20 @@ def test_arcs_in_axes_of_a_turning_target_and_servicer(fmu):
         unit.step(h, inputs(k * h) | {"F_cmd_S": F})
         if k == 0:
             continue
-        keep, corridor, plume = [], [], []
+        zone, corridor, plume = [], [], []
         for t in np.linspace((k - 1) * h, k * h, 201):
             rho = motion(t)[0]
             q = turned(t)[0].inv().apply(rho)
-            keep.append(box(q, d))
+            zone.append(box(q, d))
             corridor.append(cone(q, np.array((0, 1, 0)), 0.9))
             plume.append(-cone(turned(-2 * t)[0].inv().apply(rho), F / np.linalg.norm(F), beta))
-        for name, values in (("keep_out", keep), ("corridor", corridor), ("plume", plume)):
+        for name, values in (("keep_out", zone), ("corridor", corridor), ("plume", plume)):
             spacing = np.max(np.abs(np.diff(values)))  # an edge may lie between two samples
             assert min(values) - spacing < unit.get(f"{name}_margin") < min(values) + 2e-5
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_what_is_in_force_at_a_sample_is_so_until_the_next(fmu, first):
+def test_rules_in_force_at_a_sample_hold_until_the_next(fmu, first):
     """Out of the corridor and across the plume between two samples; flag and force at one of
     them.
     """
@@ -532,7 +532,7 @@ DRIFT = SPHERE | {"passive_time": 5000, "passive_step": 30}
 
 
 @pytest.mark.parametrize("name", ELLIPSES)
-def test_drift_without_thrust_comes_as_close_as_clohessy_and_wiltshire_say(fmu, name):
+def test_drift_without_thrust_comes_as_close_as_clohessy_and_wiltshire_state(fmu, name):
     """Linear equations at 20 m to 40 m: off by 25 rho^2/a, 6 mm."""
     start = [np.array(x) for x in ELLIPSES[name]]
     unit = fmu("safety_monitor", DRIFT)
@@ -545,8 +545,8 @@ def test_drift_without_thrust_comes_as_close_as_clohessy_and_wiltshire_say(fmu, 
 
 
 @pytest.mark.parametrize("e", [0.0, 0.1])
-def test_prediction_is_the_flown_drift_with_oblateness_and_eccentricity(fmu, e):
-    """The drift is flown by target.fmu and servicer.fmu; 1e-3 of the distance is asked for."""
+def test_prediction_is_the_simulated_drift_with_oblateness_and_eccentricity(fmu, e):
+    """The drift is simulated by target.fmu and servicer.fmu; 1e-3 of the distance is required."""
     orbit = {"a": 7.2e6, "e": e, "inc": 0.9, "argp": 0.4, "raan": 0.3, "nu": 0.2, "use_J2": 1}
     start = {"rho_0_H": (30.0, -250.0, 20.0), "drho_0_H": (0.12, 0.02, -0.01)}
     bodies = fmu("target", orbit), fmu("servicer", orbit | start)
@@ -586,7 +586,7 @@ def test_zone_that_turns_with_the_target_counts_as_the_sphere_around_it(fmu):
 
 
 def test_passive_rule_fails_at_the_same_instant_at_10_hz_and_1_hz(fmu):
-    """The servicer pushes itself towards the target; it is flown once with held force."""
+    """The servicer pushes itself towards the target; it is simulated once with held force."""
     orbit = {"a": A, "e": 0, "inc": 0.4, "use_J2": 0}
     start = {"rho_0_H": (1.0, -60.0, 0.5), "mass_0": 100}
     times = []
@@ -618,7 +618,7 @@ def test_target_lost_for_longer_than_allowed_aborts_at_that_instant(fmu):
         garbage = {name: np.zeros_like(v) for name, v in states(0, *motion(0), 0).items()}
         u = states(0.25 * k, *motion(0), 0) if valid else garbage
         unit.step(0.25, u | {"relative_valid": valid})
-        assert unit.get("keep_out_margin") == 17  # kept
+        assert unit.get("keep_out_margin") == 17  # unchanged
         lost = max(0.0, 0.25 * k - (2.25 if k < 25 else 6.25))
         assert abs(unit.get("navigation_margin") - (3 - (0.0 if k < 10 else lost))) < 1e-12
         assert unit.get("abort") == (k > 21)
@@ -650,26 +650,26 @@ def test_a_lost_target_is_left_in_the_axes_of_its_last_valid_state(fmu, axes, dv
 
 def test_a_target_that_is_found_again_begins_a_new_arc_with_its_velocity(fmu):
     """Within the limit before and after the loss; the path in between, a jump with another
-    velocity, is not judged, and the next arc begins with the velocity at which it was found.
+    velocity, is not evaluated, and the next arc begins with the velocity at which it was found.
     """
     p = SPHERE | DEEP | {"use_speed_limit": 1, "speed_at_zero": 0.5, "speed_slope": 0}
     unit = fmu("safety_monitor", p | {"approaching": 1})
-    flown = [(0.0, 0.1, 1), (0.1, 0.1, 1), (7.0, 3.0, 0), (9.0, 0.2, 1), (9.3, 0.4, 1)]
-    for k, (y, speed, valid) in enumerate(flown):
+    simulated = [(0.0, 0.1, 1), (0.1, 0.1, 1), (7.0, 3.0, 0), (9.0, 0.2, 1), (9.3, 0.4, 1)]
+    for k, (y, speed, valid) in enumerate(simulated):
         position, velocity = (0, 20 + y, 0), (0, speed, 0)
         unit.step(1, states(k, position, velocity, 0) | {"relative_valid": valid})
     assert unit.get("least_margin")[2] == pytest.approx(0.5 - 0.4, abs=2e-7)
     assert not unit.get("violated").any()
 
 
-def test_what_happens_while_the_target_is_lost_is_not_judged(fmu):
+def test_nothing_is_evaluated_while_the_target_is_lost(fmu):
     unit = fmu("safety_monitor", SPHERE | DEEP)
     for k, (y, valid) in enumerate(((-20.0, 1), (0.0, 0), (20.0, 1), (21.0, 1))):
         unit.step(1, states(k, (0, y, 0), (0, 1, 0), 0) | {"relative_valid": valid})
     assert not unit.get("violated").any()
 
 
-def test_nothing_is_judged_before_the_monitor_is_armed(fmu):
+def test_nothing_is_evaluated_before_the_monitor_is_armed(fmu):
     """A cold filter: within the zone, too fast and not valid until 6 s, outside and slow after."""
     p = SPHERE | DEEP | {"use_speed_limit": 1, "speed_slope": 0, "lost_time": 3, "act": 1}
     found = []
@@ -709,7 +709,7 @@ def test_zero_range_violates_the_zone_and_lies_on_the_edge_of_the_cones(fmu):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_number_that_is_none_is_refused_and_the_monitor_goes_on(fmu):
+def test_a_number_that_is_none_is_rejected_and_the_monitor_continues(fmu):
     unit = fmu("safety_monitor", SPHERE | DEEP)
     good = states(0, (0, 20, 0), (0, 0, 0), 0)
     unit.step(1, good)
@@ -722,7 +722,7 @@ def test_a_number_that_is_none_is_refused_and_the_monitor_goes_on(fmu):
 @pytest.mark.parametrize(
     ("size", "rate", "h"), [(1e6, 1e6, 1), (1e12, 1e12, 1), (1e20, 1e20, 1), (1, 1e15, 1e-6)]
 )
-def test_judging_absurd_but_finite_inputs_ends(fmu, rng, size, rate, h):
+def test_evaluating_absurd_but_finite_inputs_ends(fmu, rng, size, rate, h):
     """Rounding of such numbers is far coarser than 1e-7 m: halving has to end all the same."""
     p = SPHERE | DEEP | {"use_corridor": 1, "use_speed_limit": 1, "use_plume": 1}
     unit = fmu("safety_monitor", p)
@@ -805,11 +805,11 @@ def test_drift_is_predicted_at_its_own_period(fmu, period):
     assert changes.tolist() == (list(range(1, 12)) if period == 0 else [5, 10])
 
 
-def test_drift_may_rest_while_approaching_and_is_judged_from_then_on(fmu):
+def test_drift_may_rest_while_approaching_and_is_evaluated_from_then_on(fmu):
     """Straight flight towards the zone: the rule rests from 2 s to 5 s, and the violation begins
-    with the first sample at which it is judged again; nothing is remembered from before.
+    with the first sample at which it is evaluated again; nothing is remembered from before.
     """
-    flown = {}
+    simulated = {}
     for opens in (0, 1):
         unit = fmu("safety_monitor", DRIFT | DEEP | {"passive_opens": opens, "passive_period": 4})
         shown = []
@@ -818,13 +818,13 @@ def test_drift_may_rest_while_approaching_and_is_judged_from_then_on(fmu):
             here = states(k, (-20 + 0.1 * k, 0, 0), drho, 0)
             unit.step(1, here | {"approaching": 2 <= k < 6})
             shown.append((unit.get("passive_margin"), unit.get("passive_entry")))
-        flown[opens] = shown, unit.get("t_first")[3], unit.get("least_margin")[3]
-    shown, first, least = flown[1]
-    assert shown[:2] == flown[0][0][:2] == [(shown[0][0], NOT_YET)] * 2
+        simulated[opens] = shown, unit.get("t_first")[3], unit.get("least_margin")[3]
+    shown, first, least = simulated[1]
+    assert shown[:2] == simulated[0][0][:2] == [(shown[0][0], NOT_YET)] * 2
     assert shown[2:6] == [(1e9, NOT_YET)] * 4
     assert first == 6 and least == shown[6][0] == pytest.approx(-3)
     assert shown[6][1] == pytest.approx((19.4 - 3) / 0.1)
-    assert 2 < flown[0][1] <= 4 and flown[0][0][4][0] == pytest.approx(-3)
+    assert 2 < simulated[0][1] <= 4 and simulated[0][0][4][0] == pytest.approx(-3)
 
 
 def test_without_act_the_command_passes_unchanged(fmu):
@@ -848,7 +848,7 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu):
         assert bits(cut) == bits(whole)
 
 
-def test_nothing_is_kept_from_the_initialization(fmu):
+def test_nothing_is_retained_from_the_initialization(fmu):
     unit = fmu("safety_monitor", SPHERE, states(0, (0, 1, 0), (0, 0, 0)))
     assert unit.get("keep_out_margin") < 0
     assert not unit.get("violated").any()
@@ -869,5 +869,5 @@ def test_nothing_is_kept_from_the_initialization(fmu):
         ({"keep_out_half": (1, 0, 1)}, "keep_out_half"),
     ],
 )
-def test_bad_parameters_are_refused(tmp_path, parameters, name):
-    assert name in refusal("safety_monitor", parameters, tmp_path)
+def test_bad_parameters_are_rejected(tmp_path, parameters, name):
+    assert name in rejection("safety_monitor", parameters, tmp_path)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from .driver import bits
-from .refusals import refusal
+from .rejections import rejection
 from .test_safety_monitor import DEEP, OFF, SPHERE, states
 
 ALONE = OFF | DEEP | {"lost_time": 1.0, "sample_period": 0, "use_range": 1, "range_slope": 0}
@@ -18,7 +18,7 @@ ZONE = {"keep_out_shape": 1, "keep_out_half": (3, 3, 3)}
 H = 0.5
 
 
-def told(k, y, v, range_meas=None, **changes):
+def stated(k, y, v, range_meas=None, **changes):
     """The estimate at sample k: y on the y axis, with v; range_meas at this sample."""
     inputs = states(k * H, (0, y, 0), (0, v, 0), 0)
     if range_meas is not None:
@@ -49,7 +49,7 @@ def test_velocity_in_error_aborts_though_position_is_right(fmu, b, tolerance, ta
     """As in the DART mishap 0.6 m/s; the rules on the estimate hold all the time."""
     p = {"range_at_zero": tolerance, "range_tau": tau, "range_patience": 3}
     unit = fmu("safety_monitor", ALONE | ZONE | p)
-    lost, abort = first_loss(unit, lambda k: told(k, 100, b, 100))
+    lost, abort = first_loss(unit, lambda k: stated(k, 100, b, 100))
     n = 1
     while abs(drift_of_dead_reckoning(b, tau, n)) <= tolerance:
         n += 1
@@ -64,14 +64,14 @@ def test_velocity_error_that_stays_below_the_tolerance_in_its_time_constant_is_b
     p = {"range_at_zero": 1.0, "range_tau": 10, "range_patience": 3}
     for b, aborts in ((0.0999, False), (0.105, True)):
         unit = fmu("safety_monitor", ALONE | p)
-        assert (first_loss(unit, lambda k, b=b: told(k, 100, b, 100))[1] is not None) == aborts
+        assert (first_loss(unit, lambda k, b=b: stated(k, 100, b, 100))[1] is not None) == aborts
 
 
 def test_drifting_position_aborts_when_it_is_off_by_the_tolerance(fmu):
     """The estimate rests at 50 m and believes so; truth closes with 0.04 m/s."""
     p = {"range_at_zero": 1.0, "range_tau": 10, "range_patience": 3}
     unit = fmu("safety_monitor", ALONE | ZONE | p)
-    lost, _ = first_loss(unit, lambda k: told(k, 50, 0, 50 - 0.04 * k * H))
+    lost, _ = first_loss(unit, lambda k: stated(k, 50, 0, 50 - 0.04 * k * H))
     assert lost == pytest.approx(25.5 + 3)  # 0.04 t > 1 at the sample after 25 s
     assert unit.get("abort") == 1
     assert unit.get("keep_out_margin") == pytest.approx(47)  # as estimated
@@ -83,10 +83,10 @@ def test_alone_the_range_counts_only_against_a_state_that_is_called_valid(fmu, a
     p = {"range_at_zero": 1.0, "range_tau": 10, "range_patience": 0, "range_alone": alone}
     unit = fmu("safety_monitor", ALONE | p)
     for k in range(20):
-        unit.step(H, told(k, 50, 0, 50, relative_valid=0))
+        unit.step(H, stated(k, 50, 0, 50, relative_valid=0))
     assert unit.get("abort") == 1 - alone
     for k in range(20, 24):
-        unit.step(H, told(k, 50, 0, 45, relative_valid=1))
+        unit.step(H, stated(k, 50, 0, 45, relative_valid=1))
     assert unit.get("abort") == 1
     assert unit.get("rule_violated") == 6
     # valid at 9.5 s for the last time; abort after lost_time
@@ -97,7 +97,7 @@ def test_tolerance_grows_with_the_range(fmu):
     p = {"range_at_zero": 0.5, "range_slope": 0.01, "range_patience": 0}
     for off, aborts in ((1.49, False), (1.52, True)):
         unit = fmu("safety_monitor", ALONE | p)
-        motion = lambda k, off=off: told(k, 100 + off, 0, 100)  # noqa: E731
+        motion = lambda k, off=off: stated(k, 100 + off, 0, 100)  # noqa: E731
         assert (first_loss(unit, motion, 10)[1] is not None) == aborts
 
 
@@ -105,11 +105,11 @@ def test_single_outliers_and_a_cured_estimate_are_forgiven(fmu):
     p = {"range_at_zero": 1.0, "range_tau": 10, "range_patience": 3}
     unit = fmu("safety_monitor", ALONE | p | {"lost_time": 20})
     for k in range(60):
-        unit.step(H, told(k, 100, 0, 130 if k % 10 == 5 else 100))
+        unit.step(H, stated(k, 100, 0, 130 if k % 10 == 5 else 100))
         assert unit.get("navigation_margin") == 20 if k < 5 else True
     margins = []
     for k in range(60, 120):
-        unit.step(H, told(k, 100 if k >= 80 else 110, 0, 100))
+        unit.step(H, stated(k, 100 if k >= 80 else 110, 0, 100))
         margins.append(unit.get("navigation_margin"))
     assert min(margins) < 20
     assert margins[-1] == 20
@@ -124,7 +124,7 @@ def test_range_is_compared_at_its_own_time(fmu):
     def late(k):
         taken = k * H - 1.0
         range_ = {"range_meas": 400 - 5 * taken, "range_time": taken, "range_valid": taken >= 0}
-        return told(k, 400 - 5 * k * H, -5) | range_
+        return stated(k, 400 - 5 * k * H, -5) | range_
 
     assert first_loss(unit, late, 40) == (None, None)
     unit = fmu("safety_monitor", ALONE | p)
@@ -137,7 +137,7 @@ def test_dead_reckoning_is_exact_under_constant_acceleration(fmu):
 
     def pulled(k, a=0.1):
         y, v = 50 + a * (k * H) ** 2 / 2, a * k * H
-        return told(k, y, v, y)
+        return stated(k, y, v, y)
 
     assert first_loss(fmu("safety_monitor", ALONE | p), pulled, 40) == (None, None)
 
@@ -147,13 +147,13 @@ def test_an_estimate_called_invalid_is_not_compared_and_reckoning_begins_anew(fm
     unit = fmu("safety_monitor", ALONE | p)
     for k in range(30):
         gone = 10 <= k < 15
-        estimate = told(k, 7, 5, 100) if gone else told(k, 100, 0, 100)
+        estimate = stated(k, 7, 5, 100) if gone else stated(k, 100, 0, 100)
         unit.step(H, estimate | {"relative_valid": not gone})
         assert unit.get("navigation_margin") == 20 - (k - 9) * H * gone, k
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_verdict_is_that_of_an_independent_recursion(fmu, seed):
+def test_verdict_matches_an_independent_recursion(fmu, seed):
     """Noise, gaps, estimates that come and go, three-dimensional motion at uneven ranges."""
     rng = np.random.default_rng(seed)
     p = {"range_at_zero": 0.6, "range_slope": 0.005, "range_tau": 4, "range_patience": 1}
@@ -197,24 +197,24 @@ def test_without_new_ranges_the_verdict_stays(fmu):
     p = {"range_at_zero": 1.0, "range_patience": 1, "lost_time": 5}
     unit = fmu("safety_monitor", ALONE | p)
     for k in range(40):
-        heard = {"range_valid": k <= 4, "range_meas": 100.0 if k <= 4 else 0.0}
-        unit.step(H, told(k, 110, 0, 0) | heard)
+        measured = {"range_valid": k <= 4, "range_meas": 100.0 if k <= 4 else 0.0}
+        unit.step(H, stated(k, 110, 0, 0) | measured)
     assert unit.get("abort") == 1
     assert unit.get("t_first")[5] == pytest.approx(0.5 + 5)
 
 
-def test_range_says_nothing_before_the_monitor_is_armed(fmu):
+def test_range_states_nothing_before_the_monitor_is_armed(fmu):
     """Its patience begins then too."""
     p = {"range_at_zero": 1.0, "range_patience": 5, "t_armed": 20}
-    assert first_loss(fmu("safety_monitor", ALONE | p), lambda k: told(k, 110, 0, 100))[0] == 25
+    assert first_loss(fmu("safety_monitor", ALONE | p), lambda k: stated(k, 110, 0, 100))[0] == 25
 
 
 def test_switched_off_the_range_moves_no_bit(fmu):
     p = SPHERE | {"passive_time": 300, "act": 1}
     a, b = fmu("safety_monitor", p), fmu("safety_monitor", p)
     for k in range(12):
-        a.step(H, told(k, 9 - k, -1))
-        b.step(H, told(k, 9 - k, -1, 500.0))
+        a.step(H, stated(k, 9 - k, -1))
+        b.step(H, stated(k, 9 - k, -1, 500.0))
         assert bits(a) == bits(b)
 
 
@@ -228,5 +228,5 @@ def test_switched_off_the_range_moves_no_bit(fmu):
         ({"range_slope": -1}, "range_slope"),
     ],
 )
-def test_bad_parameters_are_refused(tmp_path, parameters, name):
-    assert name in refusal("safety_monitor", parameters, tmp_path)
+def test_bad_parameters_are_rejected(tmp_path, parameters, name):
+    assert name in rejection("safety_monitor", parameters, tmp_path)

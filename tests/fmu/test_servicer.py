@@ -60,7 +60,7 @@ def test_thrust_with_mass_flow_follows_the_rocket_equation(fmu):
     assert deviation(unit.get("r_SN_N"), (path, 0, 0), path) < 1e-9
 
 
-def test_step_that_would_use_more_than_the_whole_mass_is_refused(fmu):
+def test_step_that_would_use_more_than_the_whole_mass_is_rejected(fmu):
     unit = fmu("servicer", DEEP_SPACE | {"mass_0": 1})
     with pytest.raises(FMICallException):
         unit.step(5, {"mdot": 0.3})
@@ -85,7 +85,7 @@ def test_force_turns_with_the_body_and_torque_acts_in_body_axes(fmu):
     assert deviation(unit.get("v_SN_N"), velocity) < 1e-9
 
 
-def test_velocity_turns_with_the_body_only_where_the_unphysical_option_asks_for_it(fmu, rng):
+def test_velocity_turns_with_the_body_only_with_the_unphysical_option(fmu, rng):
     """Components in body axes stay; before the attitude is released nothing turns. RK4 at 0.02
     rad/s: 1e-12.
     """
@@ -99,7 +99,7 @@ def test_velocity_turns_with_the_body_only_where_the_unphysical_option_asks_for_
         assert deviation(free.get("v_SN_N"), p["v_0_N"]) == 0
 
 
-def test_loads_of_contact_add_to_those_of_the_actuators(fmu, rng):
+def test_loads_of_contact_add_to_loads_of_the_actuators(fmu, rng):
     """Powers of two: the sum is the same however it is parted."""
     F, M = rng.integers(-8, 8, 3) / 4, rng.integers(-8, 8, 3) / 64
     body = cases.spinning_servicer(rng) | {"sigma_SN_0": (0.1, -0.2, 0.3)}
@@ -206,8 +206,8 @@ def test_relative_motion_is_clohessy_wiltshire_up_to_the_second_order(fmu, rng):
 
 
 def test_attitude_is_frozen_before_its_release_while_the_force_acts_in_its_axes(fmu, rng):
-    """Torques, wheel commands and disturbances before t_att leave no trace; then motion is that of
-    a fresh start.
+    """Torques, wheel commands and disturbances before t_att leave no trace; then motion equals the
+    motion after a fresh start.
     """
     p = cases.spinning_servicer(rng) | {"M_dist_S": random_wave(rng, 0.01), "mass_0": 50}
     u = {
@@ -387,7 +387,7 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng, h):
 # ---- reference implementation ----
 
 
-def test_result_is_that_of_the_reference_implementation(fmu, rng):
+def test_result_matches_the_reference_implementation(fmu, rng):
     """The same RK4 on quaternions instead of Rodrigues parameters: attitude differs by truncation,
     (w h)^5 a step.
     """
@@ -416,7 +416,7 @@ def test_just_below_half_a_turn_in_an_internal_step_a_long_step_is_as_good_as_ma
     assert bits(one) == bits(many)
 
 
-def test_half_a_turn_in_an_internal_step_is_refused(fmu):
+def test_half_a_turn_in_an_internal_step_is_rejected(fmu):
     """The rate grows by 1 rad/s a second: at 15.7 rad/s, pi over a step of 0.2 s, it is over."""
     p = {"J_S": np.diag((100.0, 100, 100)), "A_w": np.eye(3), "max_step": 0.2, "use_J2": 0}
     unit = fmu("servicer", p, {"M_S": (100.0, 0, 0)})

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
-from tests.reference.space_robot import Orbit, Robot, fly
+from tests.reference.space_robot import Orbit, Robot, simulate
 
-from .refusals import refusal
+from .rejections import rejection
 from .robot_cases import PAPER, Q, pitch_constants, same_sign
 from .theory import dcm_of_quaternion
 
@@ -46,7 +46,7 @@ def state(unit):
     )
 
 
-def flown(unit, seconds, h=1.0, inputs=lambda t: {}):
+def simulated(unit, seconds, h=1.0, inputs=lambda t: {}):
     """States at 0, h, 2 h, ..., with inputs held over every step."""
     rows = [state(unit)]
     for k in range(round(seconds / h)):
@@ -60,24 +60,24 @@ def flown(unit, seconds, h=1.0, inputs=lambda t: {}):
 
 @pytest.mark.parametrize("robot", [PAPER, ODD], ids=["paper", "odd"])
 @pytest.mark.parametrize("locked", [False, True], ids=["free", "locked"])
-def test_motion_is_that_of_point_masses_on_an_eccentric_orbit(fmu, robot, locked):
+def test_motion_matches_point_masses_on_an_eccentric_orbit(fmu, robot, locked):
     unit = fmu(
         "space_robot", parameters(robot) | MOVING | {"e": 0.1, "nu": 0.7}, {"joint_lock": locked}
     )
-    orbit, rows = Orbit(e=0.1, nu=0.7), flown(unit, 200, 10)
-    expected = fly(robot, orbit, rows[0], np.arange(0, 201, 10.0), locked=locked)
+    orbit, rows = Orbit(e=0.1, nu=0.7), simulated(unit, 200, 10)
+    expected = simulate(robot, orbit, rows[0], np.arange(0, 201, 10.0), locked=locked)
     assert rows[:, 4:] == pytest.approx(expected[:, 4:], abs=1e-10)
     assert same_sign(rows[:, :4], expected[:, :4]) == pytest.approx(expected[:, :4], abs=1e-10)
 
 
-def test_motion_under_loads_and_torques_is_that_of_point_masses(fmu):
+def test_motion_under_loads_and_torques_matches_point_masses(fmu):
     """In deep space, held inputs: force and torque on the base, torques at the joints."""
     F, M, tau = np.array([3.0, -2.0, 1.0]), np.array([0.5, -0.3, 0.4]), np.array([0.4, -0.2])
     unit = fmu(
         "space_robot", parameters(ODD) | MOVING | SPACE, {"F_S": F, "M_S": M, "joint_torque": tau}
     )
-    rows = flown(unit, 30)
-    expected = fly(
+    rows = simulated(unit, 30)
+    expected = simulate(
         ODD,
         Orbit(),
         rows[0],
@@ -137,7 +137,7 @@ def test_jacobi_integral_is_constant_on_a_circular_orbit(fmu, locked):
     assert np.ptp(J) < 1e-9 * abs(J[0])
 
 
-def test_energies_are_those_of_the_point_masses(fmu, rng):
+def test_energies_match_the_point_masses(fmu, rng):
     """T = sum m v^2 / 2 and V = sum m g (s^2 - 3 (a.s)^2) / 2, on an eccentric orbit."""
     start = MOVING | {
         "euler_0": rng.uniform(-1, 1, 3),
@@ -167,7 +167,7 @@ def test_gravity_gradient_can_be_switched_off(fmu):
 
 
 def test_angular_momentum_changes_by_torque_and_moment_of_the_force(fmu):
-    """About the centre of mass of the whole, which is not that of the base."""
+    """About the centre of mass of the whole, which is not the base's."""
     F, M = np.array([2.0, 1.0, -1.0]), np.array([0.1, 0.2, -0.3])
     unit = fmu(
         "space_robot",
@@ -249,7 +249,7 @@ def test_pitch_counts_full_turns_and_passes_the_singularity_of_the_angles(fmu):
 # ---- the lock
 
 
-def test_locking_moving_joints_keeps_the_angular_momentum(fmu):
+def test_locking_moving_joints_retains_the_angular_momentum(fmu):
     unit = fmu("space_robot", MOVING | SPACE | {"joint_rate_0": (0.05, -0.1)})
     unit.step(5.0)
     before, angles = unit.get("h_N"), unit.get("joint_angle")
@@ -296,7 +296,7 @@ def test_start_attitude_and_rates_are_published_as_given(fmu, rng):
     assert unit.get("deuler") == pytest.approx(rates, abs=1e-15)
 
 
-def test_without_gravity_the_normal_of_the_orbit_is_that_of_its_elements(fmu, rng):
+def test_without_gravity_the_normal_of_the_orbit_matches_its_elements(fmu, rng):
     """q_SN for angles 0: x outward, z = Rz(raan) Rx(inc) (0, 0, 1), y = z x x."""
     inc, raan, start = rng.uniform(0.2, 1.2), rng.uniform(-3, 3), {"euler_0": (0, 0, 0)}
     unit = fmu("space_robot", start | {"mu": 0, "inc": inc, "raan": raan, "argp": 0.4, "nu": -0.9})
@@ -350,7 +350,7 @@ def test_the_integrator_is_of_fourth_order(fmu):
     assert coarse / fine == pytest.approx(16, rel=0.2)
 
 
-# ---- refusals
+# ---- rejections
 
 
 @pytest.mark.parametrize(
@@ -358,11 +358,14 @@ def test_the_integrator_is_of_fourth_order(fmu):
     [
         ({"e": 1.0}, "e = 1: must be in [0, 1)"),
         ({"mass": (1, 0, 1)}, "mass[2] = 0: must be > 0"),
-        ({"Izz": (4124.83, 30, 22.84)}, "Izz[2] = 30: Ixx, Iyy, Izz must keep the triangle rule"),
+        (
+            {"Izz": (4124.83, 30, 22.84)},
+            "Izz[2] = 30: Ixx, Iyy, Izz must satisfy the triangle inequality",
+        ),
         ({"l": (1, -1, 1)}, "l[2] = -1: must be >= 0"),
         ({"a": 0}, "a = 0: must be > 0"),
         ({"max_step": 0}, "max_step = 0: must be > 0"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_rule(tmp_path, values, rule):
-    assert rule in refusal("space_robot", values, tmp_path)
+def test_bad_parameters_are_rejected_with_the_rule(tmp_path, values, rule):
+    assert rule in rejection("space_robot", values, tmp_path)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What an FMU flies with if nobody says otherwise: the constants of its paper as the references of
-the tests, which were written apart from it, have them, and the data sheets of sensors and filters.
-What is named nowhere here is zero.
+"""Default values of an FMU: the constants of its paper, as in the references of the tests, which
+were written independently, and the data sheets of sensors and filters. A value that is not named
+here is zero.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from .robot_cases import PAPER
 AHEAD = (1, 0, 0, 0)
 EARTH = {name: paper_case.ORBIT[name] for name in ("mu", "R_E", "J2")}
 PLANET = {"mu": 3.986004415e14}
-# ---- inputs of what nobody is wired to: a circular orbit, nothing turns
+# ---- unconnected inputs: a circular orbit, nothing turns
 TARGET = {"r_TN_N": (7158140, 0, 0), "v_TN_N": (0, 7462.286, 0), "q_TN": AHEAD}
 BEHIND = {"r_SN_N": (7158140, 20, 0), "v_SN_N": (-0.0208, 7462.286, 0), "q_SN": AHEAD}
 """20 m along track, at rest in H: -20 n"""
@@ -271,22 +271,22 @@ CASES = ARMS | FLEXIBLE | SENSORS_AND_FILTERS | PLANTS | GUIDANCES | CONTROLLERS
 
 
 @each("name", CASES)
-def test_start_values_are_those_of_the_paper_and_of_data_sheets(fmu, name):
+def test_start_values_match_the_paper_and_of_data_sheets(fmu, name):
     """To the last digit that is written down; constants with a sign, a place or a digit wrong are
     off by more.
     """
     unit = fmu(name)
     rows = {v.name.partition("[")[0] for v in unit.kind.description.modelVariables}
     rows -= unit.kind.outputs.keys()
-    wanted = {k: v for k, v in flat(CASES[name]).items() if k in rows}
+    required = {k: v for k, v in flat(CASES[name]).items() if k in rows}
     other = {
-        k: (unit.get(k), wanted.get(k, 0))
+        k: (unit.get(k), required.get(k, 0))
         for k in rows
-        if np.atleast_1d(unit.get(k)) != pytest.approx(wanted.get(k, 0), rel=1e-9, abs=1e-99)
+        if np.atleast_1d(unit.get(k)) != pytest.approx(required.get(k, 0), rel=1e-9, abs=1e-99)
     }
     assert other == {}
     if name in SENSORS_AND_FILTERS:
-        assert wanted.keys() == flat(CASES[name]).keys()
+        assert required.keys() == flat(CASES[name]).keys()
 
 
 def test_every_fmu_has_its_line():

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from .cases import random_direction
 from .driver import bits
 from .motion import deviation
-from .refusals import refusal
+from .rejections import rejection
 
 MU, A = 3.986004415e14, 7.0e6
 N = np.sqrt(MU / A**3)
@@ -158,5 +158,5 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
         assert bits(cut) == bits(whole)
 
 
-def test_an_axis_that_is_no_unit_vector_is_refused(tmp_path):
-    assert "axis_H" in refusal("switched_controller", {"axis_H": (1, 1, 0)}, tmp_path)
+def test_an_axis_that_is_no_unit_vector_is_rejected(tmp_path):
+    assert "axis_H" in rejection("switched_controller", {"axis_H": (1, 1, 0)}, tmp_path)

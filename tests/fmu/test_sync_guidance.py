@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""sync_guidance.fmu against kinematics: published derivatives are derivatives, the frame D is what
-(6) says it is.
+"""sync_guidance.fmu against kinematics: published derivatives are derivatives, the frame D is the
+frame of (6).
 
 Where a target moves it is the target FMU without what the software does not model (J2, manoeuvre),
 so that its orbit frame and attitude move exactly as the software believes.
@@ -30,7 +30,7 @@ from .cases import (
 )
 from .driver import bits
 from .motion import deviation, stencil
-from .refusals import refusal
+from .rejections import rejection
 from .theory import (
     EARTH,
     MU,
@@ -62,7 +62,7 @@ def at_once(fmu, p, states, t=0.0):
     return fmu("sync_guidance", p, states, start=t).outputs()
 
 
-def fly(fmu, p, target, steps=200, h=H):
+def simulate(fmu, p, target, steps=200, h=H):
     """Guidance beside moving target and servicer, sampled every h: time, inputs and outputs, one
     row per sample.
     """
@@ -118,19 +118,19 @@ def assert_published_derivatives_are_derivatives(f):
 
 def test_published_rates_and_accelerations_are_derivatives_of_the_published_references(fmu, rng):
     p = parameters(rng)
-    assert_published_derivatives_are_derivatives(fly(fmu, p, tumbling(rng, p)))
+    assert_published_derivatives_are_derivatives(simulate(fmu, p, tumbling(rng, p)))
 
 
 def test_with_known_disturbance_torque_they_still_are(fmu, rng):
     p, w = parameters(rng), {"M_dist_T": random_wave(rng, 0.05)}
     assert_published_derivatives_are_derivatives(
-        fly(fmu, p | w | {"know_M_dist": 1}, tumbling(rng, p) | w)
+        simulate(fmu, p | w | {"know_M_dist": 1}, tumbling(rng, p) | w)
     )
 
 
 def test_in_deep_space_they_are_derivatives_too_and_the_hill_frame_is_inertial(fmu, rng):
     p = parameters(rng) | {"mu": 0}
-    f = fly(fmu, p, tumbling(rng, p) | DEEP_SPACE | {"r_0_N": (1, 2, 3)})
+    f = simulate(fmu, p, tumbling(rng, p) | DEEP_SPACE | {"r_0_N": (1, 2, 3)})
     assert_published_derivatives_are_derivatives(f)
     assert deviation(f["rho_ref_H"], f["rho_ref_N"]) == 0
 
@@ -138,12 +138,12 @@ def test_in_deep_space_they_are_derivatives_too_and_the_hill_frame_is_inertial(f
 def test_relative_velocity_is_the_derivative_of_the_relative_position_in_the_hill_frame(fmu, rng):
     """Positions of 7e6 m have a rounding of 1e-9 m, so 1e-8 m/s in the stencil."""
     p = parameters(rng)
-    f = fly(fmu, p, tumbling(rng, p))
+    f = simulate(fmu, p, tumbling(rng, p))
     assert deviation(derivative(f["rho_H"]), f["drho_H"][2:-2]) < 1e-7
 
 
 def acceleration_by(torque, p, states, out):
-    """What a torque on the target adds to ddrho_ref_N: alpha x rho_ref."""
+    """Contribution of a torque on the target to ddrho_ref_N: alpha x rho_ref."""
     alpha_N = dcm_of_quaternion(states["q_TN"]).T @ np.linalg.solve(p["J_T"], torque)
     return np.cross(alpha_N, out["rho_ref_N"])
 
@@ -205,7 +205,7 @@ def test_distance_shrinks_exponentially_from_start_to_final_value_along_the_gras
 # ---- relative state and alignment ----
 
 
-def test_relative_state_is_that_of_the_inputs_in_the_turning_frame(fmu, rng):
+def test_relative_state_matches_the_inputs_in_the_turning_frame(fmu, rng):
     """drho_H by a complex step along the Kepler motion of the target."""
     states = random_bodies(rng)
     out, (r, v) = at_once(fmu, parameters(rng), states), (states["r_TN_N"], states["v_TN_N"])
@@ -276,7 +276,7 @@ def passage(fmu, rng, pole, h=0.1, steps=400):
         "omega_TN_T_0": rate * C_TN @ C_NH @ spin,
     }
     p = parameters(rng) | {"J_T": body["J_T"], "p_T": C_TN @ C_NH @ p_H}
-    return fly(fmu, p, EARTH | ELEMENTS | body | motion, steps, h), p
+    return simulate(fmu, p, EARTH | ELEMENTS | body | motion, steps, h), p
 
 
 def states_of(f, k):
@@ -314,7 +314,7 @@ def test_reference_attitude_is_continuous_into_the_guard_and_within_it(fmu, rng,
 
 
 @pytest.mark.parametrize("pole", [1, -1])
-def test_rates_within_the_guard_are_those_of_the_published_attitude(fmu, rng, pole):
+def test_rates_within_the_guard_match_the_published_attitude(fmu, rng, pole):
     """The roll reference is held from sample to sample, so that its rate is right to the first
     order, rate^2 h.
     """
@@ -367,7 +367,7 @@ def test_quaternions_of_either_sign_are_the_same_attitude(fmu, rng):
 
 @pytest.mark.parametrize("h", [0.1, 0.25, 0.5])
 def test_samples_are_taken_at_multiples_of_the_period_and_held(fmu, rng, h):
-    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, whatever the step of the
+    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, for any step of the
     master.
     """
     period, p = 0.5, parameters(rng) | {"sample_period": 0.5}
@@ -397,7 +397,7 @@ def test_a_sample_belongs_to_its_own_time_however_the_steps_lie(fmu, rng, h):
 # ---- reference implementation ----
 
 
-def test_outputs_are_those_of_the_reference_implementation(fmu, rng):
+def test_outputs_match_the_reference_implementation(fmu, rng):
     """Also along a passage of the guard, where each sample depends on the one before."""
     p, states = (
         parameters(rng) | {"know_M_dist": 1, "M_dist_T": random_wave(rng, 0.1)},
@@ -453,7 +453,7 @@ def passing(fmu, limits, miss=0.035, rate=0.01, steps=2400, h=0.1):
 
 
 @pytest.fixture
-def flown(fmu):
+def simulated(fmu):
     return passing(fmu, LIMITS)
 
 
@@ -477,48 +477,48 @@ def test_the_reference_jumps_after_the_guard_without_limits(fmu):
     assert f["normal_angle"].min() == pytest.approx(0.035, abs=1e-3)
 
 
-def test_with_limits_it_is_continuous_and_keeps_them(flown):
-    assert flown["attitude_guard"].any()
-    assert flown["roll_limited"].any()
-    assert turns(flown["q_DN"]).max() < 0.1 * (0.05 + 0.012)
-    assert np.abs(flown["omega_DN_D"][:, 0]).max() <= 0.05 + 1e-15
-    assert np.abs(flown["alpha_DN_D"][:, 0]).max() <= 1e-3 + 1e-15
-    assert np.abs(np.diff(flown["omega_DN_D"], axis=0)).max() < 0.1 * 2e-3
+def test_with_limits_it_is_continuous_and_retains_them(simulated):
+    assert simulated["attitude_guard"].any()
+    assert simulated["roll_limited"].any()
+    assert turns(simulated["q_DN"]).max() < 0.1 * (0.05 + 0.012)
+    assert np.abs(simulated["omega_DN_D"][:, 0]).max() <= 0.05 + 1e-15
+    assert np.abs(simulated["alpha_DN_D"][:, 0]).max() <= 1e-3 + 1e-15
+    assert np.abs(np.diff(simulated["omega_DN_D"], axis=0)).max() < 0.1 * 2e-3
 
 
-def test_its_rates_are_derivatives_of_what_is_published(flown):
+def test_its_rates_are_derivatives_of_what_is_published(simulated):
     """The roll acceleration changes at samples, so rates are compared over one sample: the turn of
     D against the mean of the rates at both ends, an error of h^3 |alpha'|/12.
     """
-    q, h = flown["q_DN"], 0.1
+    q, h = simulated["q_DN"], 0.1
     C = np.array([dcm_of_quaternion(x) for x in q])
     turned_by = Rotation.from_matrix(np.einsum("nij,nkj->nik", C[1:], C[:-1])).as_rotvec()
-    omega = flown["omega_DN_D"]
-    joined = (flown["roll_limited"][:-1] == 1) & (flown["roll_limited"][1:] == 0)
+    omega = simulated["omega_DN_D"]
+    joined = (simulated["roll_limited"][:-1] == 1) & (simulated["roll_limited"][1:] == 0)
     mean = (omega[1:] + omega[:-1]) / 2
     assert -turned_by[~joined] / h == pytest.approx(mean[~joined], abs=2e-6)
     assert -turned_by[joined] / h == pytest.approx(mean[joined], abs=1e-6 / h)
-    alpha, end = flown["alpha_DN_D"][:-1], omega[1:]
-    free = (flown["roll_limited"][:-1] == 1) & (flown["roll_limited"][1:] == 1)
+    alpha, end = simulated["alpha_DN_D"][:-1], omega[1:]
+    free = (simulated["roll_limited"][:-1] == 1) & (simulated["roll_limited"][1:] == 1)
     expected = (omega[:-1] + h * alpha)[free]
     assert end[free, 0] == pytest.approx(expected[:, 0], abs=1e-15)
     assert end[free, 1:] == pytest.approx(expected[:, 1:], abs=2e-6)
 
 
-def test_the_axis_stays_on_the_target_and_rule_and_reference_agree_in_the_end(fmu, flown):
-    C = np.array([dcm_of_quaternion(x) for x in flown["q_DN"]])
-    axis = np.array([dcm_of_quaternion(q).T @ AXIS_T for q in flown["q_TN"]])
+def test_the_axis_stays_on_the_target_and_rule_and_reference_agree_in_the_end(fmu, simulated):
+    C = np.array([dcm_of_quaternion(x) for x in simulated["q_DN"]])
+    axis = np.array([dcm_of_quaternion(q).T @ AXIS_T for q in simulated["q_TN"]])
     assert C[:, 0] == pytest.approx(-axis, abs=1e-9)
     rule = passing(fmu, {})
-    off = flown["roll_limited"] == 1
+    off = simulated["roll_limited"] == 1
     last = np.flatnonzero(off)[-1]
     assert 0 < np.argmax(off) < last < len(off) - 1
-    np.testing.assert_array_equal(flown["q_DN"][~off], rule["q_DN"][~off])
-    np.testing.assert_array_equal(flown["omega_DN_D"][~off], rule["omega_DN_D"][~off])
-    assert apart(flown["q_DN"][last], rule["q_DN"][last]) < 2e-6
+    np.testing.assert_array_equal(simulated["q_DN"][~off], rule["q_DN"][~off])
+    np.testing.assert_array_equal(simulated["omega_DN_D"][~off], rule["omega_DN_D"][~off])
+    assert apart(simulated["q_DN"][last], rule["q_DN"][last]) < 2e-6
 
 
-def test_limited_rolls_are_those_of_an_independent_derivation(fmu, flown):
+def test_limited_rolls_match_an_independent_derivation(fmu, simulated):
     """D turned by the rotation vector of the shortest turn, then rolled; the law of A.4.6."""
     rule, h, most, a_max = passing(fmu, {}), 0.1, 0.05, 1e-3
     axes = -np.array([dcm_of_quaternion(q).T @ AXIS_T for q in rule["q_TN"]])
@@ -542,7 +542,7 @@ def test_limited_rolls_are_those_of_an_independent_derivation(fmu, flown):
         if allowed and (not off or (abs(psi) < 1e-6 and abs(rate - r) < 1e-6)):
             D, rate, acceleration, off = C[2], r, dr, False
         else:
-            off, a, tau, wanted = True, a_max / 2, 10 * h, 0.0
+            off, a, tau, required = True, a_max / 2, 10 * h, 0.0
             if not guard:
                 close = abs(psi) <= a * tau**2
                 v = (
@@ -550,14 +550,14 @@ def test_limited_rolls_are_those_of_an_independent_derivation(fmu, flown):
                     if close
                     else np.sign(psi) * np.sqrt(2 * a * (abs(psi) - a * tau**2 / 2))
                 )
-                wanted = r + dr * h + v
+                required = r + dr * h + v
             rate = np.clip(rate, -most, most)
-            acceleration = np.clip((np.clip(wanted, -most, most) - rate) / h, -a_max, a_max)
-        assert flown["roll_limited"][k] == off
-        assert dcm_of_quaternion(flown["q_DN"][k])[2] == pytest.approx(D, abs=1e-7)
-        assert flown["omega_DN_D"][k, 0] == pytest.approx(rate, abs=1e-8)
+            acceleration = np.clip((np.clip(required, -most, most) - rate) / h, -a_max, a_max)
+        assert simulated["roll_limited"][k] == off
+        assert dcm_of_quaternion(simulated["q_DN"][k])[2] == pytest.approx(D, abs=1e-7)
+        assert simulated["omega_DN_D"][k, 0] == pytest.approx(rate, abs=1e-8)
 
 
-def test_one_limit_without_the_other_is_refused(tmp_path):
-    text = refusal("sync_guidance", {"roll_rate_max": 0.05}, tmp_path)
+def test_one_limit_without_the_other_is_rejected(tmp_path):
+    text = rejection("sync_guidance", {"roll_rate_max": 0.05}, tmp_path)
     assert "must be above 0 with roll_rate_max" in text

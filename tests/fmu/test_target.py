@@ -47,7 +47,7 @@ def energy(r, v, oblateness):
 
 
 @pytest.mark.parametrize(("rate", "tolerance"), [(0.01, 1e-12), (0.3, 1e-6)])
-def test_free_tumbling_keeps_energy_and_inertial_angular_momentum(fmu, rng, rate, tolerance):
+def test_free_tumbling_retains_energy_and_inertial_angular_momentum(fmu, rng, rate, tolerance):
     """Levels of RK4 at 0.1 s: truncation grows with the fifth power of the rate; at 0.01 rad/s it
     is rounding.
     """
@@ -156,7 +156,7 @@ def test_in_deep_space_the_path_is_straight(fmu):
     assert not unit.get("M_gg_T").any()
 
 
-def test_kepler_orbit_closes_and_keeps_its_energy(fmu):
+def test_kepler_orbit_closes_and_retains_its_energy(fmu):
     unit = fmu("target", ORBIT | {"use_J2": 0})
     r, v = unit.get("r_TN_N"), unit.get("v_TN_N")
     unit.step(2 * np.pi * np.sqrt(ELEMENTS["a"] ** 3 / MU))
@@ -173,7 +173,7 @@ def day(kind):
     unit.close()
 
 
-def test_oblate_planet_keeps_energy_and_polar_angular_momentum_over_a_day(day):
+def test_oblate_planet_retains_energy_and_polar_angular_momentum_over_a_day(day):
     _, r, v = day
     E = np.array([energy(x, dx, J2) for x, dx in zip(r, v, strict=True)])
     h_z = np.cross(r, v)[:, 2]
@@ -415,7 +415,7 @@ def test_steps_off_the_grid_only_add_their_own_truncation_error(fmu, rng):
 # ---- reference implementation ----
 
 
-def test_result_is_that_of_the_reference_implementation(fmu, rng):
+def test_result_matches_the_reference_implementation(fmu, rng):
     """The same RK4 on quaternions instead of Rodrigues parameters: attitude differs by truncation,
     (w h)^5 a step.
     """

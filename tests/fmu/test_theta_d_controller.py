@@ -43,7 +43,7 @@ def random_weights(rng):
 
 
 @pytest.mark.parametrize("up_axis", [1, 2, 3])
-def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, up_axis):
+def test_outputs_match_the_reference_over_three_samples(fmu, rng, up_axis):
     """Riccati by scipy, Lyapunov by Kronecker products; 1e-7 relative: 1e-9 m of cancellation by
     gains.
     """
@@ -67,7 +67,7 @@ def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, up_axis
 # ---- the regulator ----
 
 
-def test_position_gains_are_those_of_the_double_integrator(fmu, rng):
+def test_position_gains_match_the_double_integrator(fmu, rng):
     """kp = sqrt(qp/r), kd = sqrt(qv/r + 2 kp); control per channel divided by g = (1, 1/rho, 1/(rho
     ce)).
     """
@@ -83,7 +83,7 @@ def test_position_gains_are_those_of_the_double_integrator(fmu, rng):
     assert deviation(SIGMA * out["a_cmd_L"], u, np.max(np.abs(u))) < 1e-10
 
 
-def test_attitude_gains_are_those_of_scipy_for_a_full_inertia(fmu, rng):
+def test_attitude_gains_match_scipy_for_a_full_inertia(fmu, rng):
     p = random_weights(rng)
     scene = Scene(turn=0.8 * random_direction(rng), omega=0.1 * rng.normal(size=3))
     out = sample(fmu("theta_d_controller", shared.settings(p) | SPACE | LINEAR), scene.inputs())
@@ -223,6 +223,6 @@ def test_spinning_wheels_are_taken_into_account(fmu, rng):
     ],
     ids=lambda p: next(iter(p)),
 )
-def test_weights_and_inertias_that_are_not_positive_are_refused(fmu, p):
+def test_weights_and_inertias_that_are_not_positive_are_rejected(fmu, p):
     with pytest.raises(FMICallException):
         fmu("theta_d_controller", p)

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog, lsq_linear
 
 from .cases import random_direction
-from .refusals import refusal
+from .rejections import rejection
 
 T0 = 0.1
 DAMPING = 1e-5  # sqrt(eps) of the model's definition
@@ -113,7 +113,9 @@ def test_a_command_in_reach_is_met(fmu, rng):
 
 
 def test_lost_thrusters_are_left_out_from_the_time_on(fmu, rng):
-    """The bits of an allocation to whom they have no thrust; before that those of a whole one."""
+    """The bits of an allocation with thrusters without thrust; before that the bits of a whole
+    one.
+    """
     g, lost = box_of_thrusters(), np.arange(N) % 2
     half = g | {"thrust_nominal": g["thrust_nominal"] * (1 - lost)}
     units = [fmu("thruster_allocation", g | {"lost": lost, "lost_from": 2 * T0})]
@@ -155,13 +157,13 @@ def test_command_that_no_thruster_can_serve_gives_nothing(fmu):
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-4, 1e3, 1e8])
-def test_what_is_in_reach_does_not_depend_on_the_unit_of_force(fmu, size):
+def test_reachable_commands_do_not_depend_on_the_unit_of_force(fmu, size):
     """Thrusters and command `size` times as strong."""
     strong = box_of_thrusters()
     strong["thrust_nominal"] = size * strong["thrust_nominal"]
     wrench = size * np.array([0.5, -0.2, 0.3, 0.1, -0.05, 0.2])
-    for keep in (0, 1):
-        unit = fmu("thruster_allocation", strong | {"keep_direction": keep}, command(wrench))
+    for direction in (0, 1):
+        unit = fmu("thruster_allocation", strong | {"keep_direction": direction}, command(wrench))
         unit.step(T0)
         assert (unit.get("infeasible"), unit.get("scale")) == (0, 1)
         assert allocated(unit) == pytest.approx(wrench, abs=1e-6 * size)
@@ -275,7 +277,7 @@ def test_on_time_follows_the_demand_with_what_is_unspent_carried_over(fmu, rng):
 
 
 @pytest.mark.parametrize("shortest", [0, 1, 2, 4])
-def test_pulses_stand_at_the_start_of_the_period_and_are_not_too_short(fmu, rng, shortest):
+def test_pulses_are_at_the_start_of_the_period_and_are_not_too_short(fmu, rng, shortest):
     unit = fmu("thruster_allocation", box_of_thrusters() | PULSES | {"min_on_time": shortest * T0})
     for _ in range(40):
         w, rows = rng.normal(size=6) * 0.3, []
@@ -288,8 +290,8 @@ def test_pulses_stand_at_the_start_of_the_period_and_are_not_too_short(fmu, rng,
 
 
 def test_full_thrust_fills_the_first_period(fmu):
-    """A command out of reach asks for all of a thruster but rounding; nothing is left to be given
-    later.
+    """A command out of reach requests the full thrust of a thruster but rounding; nothing is left
+    to be given later.
     """
     unit = fmu("thruster_allocation", {"pulsed": 1, "pulse_period": 1.0})
     on = []
@@ -345,7 +347,7 @@ def test_first_outputs_leave_no_memory(fmu):
     assert unit.get("throttle")[0] == 0
 
 
-# ---- refusals
+# ---- rejections
 
 
 @pytest.mark.parametrize(
@@ -366,5 +368,5 @@ def test_first_outputs_leave_no_memory(fmu):
         (PULSES | {"min_on_time": 1.1}, "min_on_time = 1.1: must not be above pulse_period"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_rule(tmp_path, parameters, rule):
-    assert rule in refusal("thruster_allocation", parameters, tmp_path)
+def test_bad_parameters_are_rejected_with_the_rule(tmp_path, parameters, rule):
+    assert rule in rejection("thruster_allocation", parameters, tmp_path)

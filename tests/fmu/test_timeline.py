@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from .refusals import refusal
+from .rejections import rejection
 
 FLAGS = ("go_1", "go_2", "go_3", "retreat", "resume", "relative_valid")
 LATER = 1e30
@@ -68,5 +68,5 @@ def test_a_start_after_a_time_has_its_row(fmu, start):
         (table((1.0, (1, 2, 1, 0, 0, 1))), "rows[1,2] = 2: must be 0 or 1"),
     ],
 )
-def test_refused(change, words, tmp_path):
-    assert words in refusal("timeline", change, tmp_path)
+def test_rejected(change, words, tmp_path):
+    assert words in rejection("timeline", change, tmp_path)

@@ -19,15 +19,15 @@ from ..reference import transposition as reference
 from ..reference.attitude import multiply
 from .assembly_cases import C_HO, N_ORBIT, Q_FLIGHT, Assembly, C_SO_of, quintic
 from .driver import archive
-from .refusals import refusal
+from .rejections import rejection
 
 FULL = {"nodes": 90}
 NAMES = ("q_DH", "omega_DN_D", "alpha_DN_D", "h_ref_D", "dh_ref_D", "rotation_ref", "eps_ref")
 
 
 @pytest.fixture(scope="module")
-def flown(kind):
-    """flown(step, **parameters): times and the reference at them."""
+def simulated(kind):
+    """simulated(step, parameters): times and the reference at them."""
     from .driver import Unit
 
     @cache
@@ -55,8 +55,8 @@ def C_NO(t):
 # ---- the plan
 
 
-def test_plan_stays_below_its_limits_in_a_handful_of_steps(fmu, flown):
-    unit, plan = fmu("transposition_guidance", FULL), flown(5.0)
+def test_plan_stays_below_its_limits_in_a_handful_of_steps(fmu, simulated):
+    unit, plan = fmu("transposition_guidance", FULL), simulated(5.0)
     assert unit.get("status") == 0
     assert unit.get("no_plan") == 0
     assert 1 <= unit.get("iterations") <= 6
@@ -81,7 +81,7 @@ def test_history_of_the_iteration_ends_with_the_plan(fmu):
     assert peak[n] == pytest.approx(unit.get("momentum_max"), abs=0.2)
 
 
-def test_reference_begins_and_ends_in_the_flight_attitude_at_rest(fmu):
+def test_reference_begins_and_ends_in_the_run_attitude_at_rest(fmu):
     unit = fmu("transposition_guidance", FULL | {"sample_period": 1.0})
     assert unit.get("q_DH") == pytest.approx(Q_FLIGHT, abs=1e-15)
     assert unit.get("omega_DN_D") == pytest.approx([0, -N_ORBIT, 0], abs=1e-15)
@@ -93,8 +93,8 @@ def test_reference_begins_and_ends_in_the_flight_attitude_at_rest(fmu):
     assert unit.get("omega_DN_D") == pytest.approx([0, -N_ORBIT, 0], abs=1e-15)
 
 
-def test_the_finest_grid_ends_in_the_flight_attitude_too(fmu):
-    """Its last node is the last that there is room for; a millisecond before the end."""
+def test_the_finest_grid_ends_in_the_run_attitude_too(fmu):
+    """Its last node is the last that fits; a millisecond before the end."""
     unit = fmu("transposition_guidance", {"nodes": 120})
     unit.step(5400.0 - 1e-3)
     unit.step(1e-4)
@@ -149,7 +149,7 @@ def nodes_of(unit):
 
 
 @pytest.mark.parametrize("weight", [0, 2])
-def test_without_air_the_plan_is_that_of_the_point_masses(fmu, weight):
+def test_without_air_the_plan_matches_the_point_masses(fmu, weight):
     """The drag of a box has edges in the attitude, where finite differences depend on the step."""
     changes = {"rho": 0, "nodes": 24, "weight": weight, "h_0_S": (0, 300, 100)}
     unit = fmu("transposition_guidance", changes | {"sample_period": 225})
@@ -164,7 +164,7 @@ def test_without_air_the_plan_is_that_of_the_point_masses(fmu, weight):
     assert nodes_of(unit) == pytest.approx(plan.nodes, abs=1e-9)
 
 
-def test_with_air_the_plan_is_that_of_the_point_masses(fmu):
+def test_with_air_the_plan_matches_the_point_masses(fmu):
     """Within the ambiguity of finite differences over the edges of the boxes, some 1e-6."""
     unit = fmu("transposition_guidance", {"nodes": 24, "sample_period": 225})
     plan = reference.Planner(p=reference.Planning(intervals=24)).plan()
@@ -173,7 +173,7 @@ def test_with_air_the_plan_is_that_of_the_point_masses(fmu):
 
 
 @pytest.mark.parametrize("scheme", [1, 2])
-def test_the_differences_of_the_patent_are_those_of_the_point_masses(fmu, scheme):
+def test_the_differences_of_the_patent_match_the_point_masses(fmu, scheme):
     """1: second difference corrected, 2: as printed."""
     few = {"iterations_max": 1, "rotation_max": 3.0, "nodes": 16, "rho": 0}
     unit = fmu("transposition_guidance", few | {"scheme": scheme})
@@ -183,12 +183,12 @@ def test_the_differences_of_the_patent_are_those_of_the_point_masses(fmu, scheme
     assert tried(unit)[0] == pytest.approx(np.array(patent.plan().peaks), rel=1e-8)
 
 
-def test_reference_rates_and_momentum_are_those_of_the_planned_attitude(flown):
+def test_reference_rates_and_momentum_match_the_planned_attitude(simulated):
     """Attitude, its derivatives as of a differentiated matrix, momentum of the gyros by Gauss'
     rule of three points in every second; edges of the boxes in the stream are left to the
     tolerance.
     """
-    plan, planner = flown(1.0), reference.Planner()
+    plan, planner = simulated(1.0), reference.Planner()
     nodes = np.concatenate((plan["eps_ref"][::60], np.zeros((1, 3))))
     rows = slice(None, None, 7)
     motion = reference.reference(N_ORBIT, planner.curve(nodes), plan["t"][rows])
@@ -201,11 +201,11 @@ def test_reference_rates_and_momentum_are_those_of_the_planned_attitude(flown):
     assert plan["dh_ref_D"] == pytest.approx(np.diff(h, axis=0), abs=2e-5)
 
 
-def test_momentum_is_predicted_by_gauss_rule_of_two_points_on_a_sixteenth_of_the_grid(flown):
+def test_momentum_is_predicted_by_gauss_rule_of_two_points_on_a_sixteenth_of_the_grid(simulated):
     """Steps between nodes of 60 s, to the last digits; another number of steps would be off by
     1e-7 where edges of the boxes turn into the stream.
     """
-    plan, planner = flown(3.75), reference.Planner()
+    plan, planner = simulated(3.75), reference.Planner()
     nodes = np.concatenate((plan["eps_ref"][::16], np.zeros((1, 3))))
     h = planner.predicted(nodes, period=3.75, points=2)
     assert plan["h_ref_D"] == pytest.approx(h[:-1], abs=1e-9)
@@ -229,9 +229,9 @@ def test_a_later_window_has_the_same_plan(fmu):
 # ---- the reference
 
 
-def test_rates_and_accelerations_are_differences_of_the_attitude(flown):
+def test_rates_and_accelerations_are_differences_of_the_attitude(simulated):
     """The slope of the acceleration jumps at the nodes, every 60 s."""
-    plan, h = flown(1.0), 1.0
+    plan, h = simulated(1.0), 1.0
     C_DN = [C_SO_of(q) @ C_NO(t).T for q, t in zip(plan["q_DH"], plan["t"], strict=True)]
     C_DN = np.array(C_DN)
     spin = -np.einsum("kij,klj->kil", C_DN[2:] - C_DN[:-2], C_DN[1:-1]) / (2 * h)
@@ -262,14 +262,14 @@ def balance(plan, model, torque, every=1):
     return np.linalg.norm(gaps, axis=1).max()
 
 
-def test_predicted_momentum_balances_the_torques_on_point_masses(flown):
+def test_predicted_momentum_balances_the_torques_on_point_masses(simulated):
     """Tolerance: Simpson's rule across the kinks of faces that turn into the flow."""
-    model, plan = Assembly(), flown(5.0)
+    model, plan = Assembly(), simulated(5.0)
     assert balance(plan, model, model.torque) < 0.02
 
 
-def test_wrong_terms_do_not_balance(flown):
-    model, plan = Assembly(), flown(5.0)
+def test_wrong_terms_do_not_balance(simulated):
+    model, plan = Assembly(), simulated(5.0)
     prefix = 3 * N_ORBIT**2  # printed before the aerodynamic torque
 
     def printed_air(C_SO, angle):
@@ -280,8 +280,8 @@ def test_wrong_terms_do_not_balance(flown):
     assert balance(plan, Assembly(hinge=(9.6, 0, 0.1)), model.torque, every=6) > 1
 
 
-def test_rate_of_momentum_is_its_mean_over_the_coming_sample(flown):
-    plan = flown(5.0)
+def test_rate_of_momentum_is_its_mean_over_the_coming_sample(simulated):
+    plan = simulated(5.0)
     steps = np.diff(plan["h_ref_D"], axis=0) / 5.0
     assert plan["dh_ref_D"][:-1] == pytest.approx(steps, abs=1e-9)
 
@@ -327,7 +327,7 @@ def test_second_difference_as_printed_believes_in_a_plan_that_saturates(fmu):
         ({"alpha": 1e-6, "iterations_max": 5}, 2),
     ],
 )
-def test_an_impossible_task_ends_in_the_flight_attitude_with_a_status(fmu, parameters, status):
+def test_an_impossible_task_ends_in_the_run_attitude_with_a_status(fmu, parameters, status):
     unit = fmu("transposition_guidance", FULL | parameters | {"sample_period": 1.0})
     assert unit.get("status") == status
     assert unit.get("no_plan") == 1
@@ -337,17 +337,17 @@ def test_an_impossible_task_ends_in_the_flight_attitude_with_a_status(fmu, param
     assert not unit.get("alpha_DN_D").any()
 
 
-def test_an_impossible_task_is_said_in_the_log(tmp_path):
+def test_an_impossible_task_is_reported_in_the_log(tmp_path):
     model = Fmu(archive("transposition_guidance"), tmp_path)
     with Instance(model) as instance:
         instance.start(model.settings(nodes=90, rotation_max=0.1))
         texts = [m.text for m in instance.host.messages if m.category == "logStatusWarning"]
     assert len(texts) == 1
     assert "no_plan" in texts[0]
-    assert "no history keeps the momentum below the limit" in texts[0]
+    assert "no history with the momentum below the limit" in texts[0]
 
 
-def test_flight_attitude_can_be_asked_for(fmu):
+def test_flight_attitude_can_be_requested(fmu):
     unit = fmu("transposition_guidance", FULL | {"use_plan": 0})
     assert (unit.get("status"), unit.get("no_plan"), unit.get("iterations")) == (1, 0, 0)
     assert unit.get("momentum_max") > 2 * 1500
@@ -364,15 +364,15 @@ def test_flight_attitude_can_be_asked_for(fmu):
         ({"H_sat": 0}, "H_sat = 0: must be > 0"),
         ({"H_sat": -5}, "H_sat = -5: must be > 0"),
         ({"m1": 0}, "m1 = 0: must be > 0"),
-        ({"J0": np.diag((1, 1, 3))}, "J0 = 3: must keep the triangle rule"),
+        ({"J0": np.diag((1, 1, 3))}, "J0 = 3: must satisfy the triangle inequality"),
         ({"momentum_share": 1.1}, "momentum_share = 1.1: must be at most 1"),
         ({"rotation_max": 3.1}, "rotation_max = 3.1: must be below 175 deg"),
         ({"scheme": 3}, "scheme = 3: must be 0, 1 or 2"),
         ({"iterations_max": 31}, "iterations_max = 31: must be a whole number from 0 to 30"),
     ],
 )
-def test_refused(tmp_path, parameters, message):
-    assert message in refusal("transposition_guidance", parameters, tmp_path)
+def test_rejected(tmp_path, parameters, message):
+    assert message in rejection("transposition_guidance", parameters, tmp_path)
 
 
 # ---- cost

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What theory says about attitude, gravity and orbits, written without the formulas of the models
-under test.
+"""Theory of attitude, gravity and orbits, written without the formulas of the models under test.
 
 Attitude is a rotation matrix instead of Rodrigues parameters, gravity the gradient of its
 potential, gravity gradient a sum over point masses. C_XY maps components in frame Y to components

@@ -28,9 +28,20 @@ def browser():
         running.close()
 
 
+def wait(page, condition, polls=2400):
+    """Wait until an expression holds in a page; Playwright's own wait_for_function evaluates text
+    in the page, which its policy forbids.
+    """
+    for _ in range(polls):
+        if page.evaluate(condition):
+            return
+        page.wait_for_timeout(50)
+    pytest.fail(f"never holds: {condition}")
+
+
 @contextmanager
 def opened(running, path, width=1280, height=900, where="", touch=False):
-    """A page of a file, at a place of it, ready; whatever goes wrong in it fails the test."""
+    """A page of a file, at one of its places, ready; any error in the page fails the test."""
     context = running.new_context(
         viewport={"width": width, "height": height},
         reduced_motion="reduce",
@@ -39,10 +50,12 @@ def opened(running, path, width=1280, height=900, where="", touch=False):
     )
     page, wrong = context.new_page(), []
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("console", lambda said: wrong.append(said.text) if said.type != "log" else None)
-    page.on("requestfailed", lambda request: wrong.append(f"wants {request.url[:100]}"))
+    page.on(
+        "console", lambda reported: wrong.append(reported.text) if reported.type != "log" else None
+    )
+    page.on("requestfailed", lambda request: wrong.append(f"requests {request.url[:100]}"))
     page.goto(path.absolute().as_uri() + where)
-    page.wait_for_function("window.report && window.report.ready", timeout=120_000)
+    wait(page, "window.report && window.report.ready")
     yield page
     page.wait_for_timeout(50)
     assert wrong == []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Small foreign FMUs, and systems made of them."""
+"""Small third-party FMUs, and systems made of them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from harness.files import paths
 from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
-from tests.harness.foreign_fmu import MODELS, build
+from tests.harness.third_party_fmu import MODELS, build
 from tests.shared import shared
 from tests.sketches import sketched
 
@@ -26,7 +27,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="session")
 def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with all foreign FMUs."""
+    """Folder with all third-party FMUs."""
     folder = tmp_path_factory.mktemp("fmus")
     for model in MODELS:
         build(model, folder)
@@ -35,8 +36,17 @@ def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def fmus(fmu_folder: Path) -> dict[str, Path]:
-    """Paths of the foreign FMUs by name."""
+    """Paths of the third-party FMUs by name."""
     return {path.stem: path for path in fmu_folder.glob("*.fmu")}
+
+
+@pytest.fixture
+def project_fmus(fmus: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Make the small FMUs count as FMUs of the project, for one test alone."""
+    monkeypatch.setattr(paths, "fmus", lambda: fmus)
+    paths._is_ours.cache_clear()
+    yield
+    paths._is_ours.cache_clear()
 
 
 @pytest.fixture
@@ -74,15 +84,15 @@ def _port(name: str) -> Port:
 
 @pytest.fixture(scope="module", autouse=True)
 def _sketches() -> Iterator[None]:
-    """How pictures look is tested elsewhere."""
+    """The look of pictures is tested elsewhere."""
     with sketched():
         yield
 
 
 @pytest.fixture
 def trusted(monkeypatch, tmp_path):
-    """Flights of these small FMUs in this process, in a folder of their own: a child for each of
-    them costs more than all else where it is not what a test is about.
+    """Runs of these small FMUs in this process, in a folder of their own: a child for each of them
+    costs more than all else where it is not what a test is about.
     """
     monkeypatch.setattr("harness.master.isolated.all_ours", lambda _: True)
     monkeypatch.chdir(tmp_path)
@@ -90,5 +100,5 @@ def trusted(monkeypatch, tmp_path):
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
-    """FMUs of the tests write marks where they run: never into the checkout."""
+    """FMUs of the tests write files where they run: never into the checkout."""
     monkeypatch.chdir(tmp_path)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A small system of foreign FMUs that runs for 6 s; with the set `hot` one of them fails at 3 s."""
+"""A small system of third-party FMUs that runs for 6 s; with the parameter set `hot` one of them
+fails at 3 s.
+"""
 
 TOML = """
 name = "demo"

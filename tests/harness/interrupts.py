@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Processes that a test starts: Ctrl-C and hang-up heard also where the tests themselves are deaf
-to them (`make test &`, nohup), since a process inherits that a signal is ignored; and patience
-with a machine that has much else to do.
+"""Processes that a test starts: Ctrl-C and hang-up handled also where the tests themselves ignore
+them (`make test &`, nohup), since a process inherits that a signal is ignored; and patience with a
+machine that has much else to do.
 """
 
 import signal
@@ -15,11 +15,11 @@ ANSWERS: dict[int, Any] = {signal.SIGINT: signal.default_int_handler}
 if hasattr(signal, "SIGHUP"):
     ANSWERS[signal.SIGHUP] = signal.SIG_DFL
 LONGEST = 600.0
-"""What a process may take for anything, or for its end [s]: for a test that would fail anyway."""
+"""Patience with a process, for any result or for its end [s]: for a test that would fail anyway."""
 
 
 def until(found: Callable[[], Any], what: str) -> Any:
-    """What a function finds, as soon as it finds something."""
+    """Return the result of a function as soon as it is not empty."""
     end = time.monotonic() + LONGEST
     while not (result := found()):
         assert time.monotonic() < end, f"no {what} after {LONGEST} s"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Somebody who reaches the ports of a campaign and has no credentials: whatever answers is a door.
+"""Client that reaches the ports of a campaign and has no credentials: any answer is a door.
 
     python -I -c INTRUDER HOST PORTS USER KEY CERTIFICATE
 
-prints the doors that are open, a line each. Ports stand side by side, USER is a number or -. It
+prints the doors that are open, a line each. Ports are given side by side, USER is a number or -. It
 knows the standard library only, and loads all before it becomes another user.
 """
 
@@ -14,11 +14,11 @@ import ssl
 import sys
 
 ALERT = 21
-"""First byte of a TLS record that refuses."""
+"""First byte of a TLS record that rejects."""
 
 
 def heard(host: str, port: int, sent: bytes) -> bytes:
-    """What a port answers to plain bytes."""
+    """Return the answer of a port to plain bytes."""
     with socket.create_connection((host, port), timeout=5) as line:
         line.sendall(sent)
         line.settimeout(1)
@@ -29,9 +29,9 @@ def heard(host: str, port: int, sent: bytes) -> bytes:
 
 
 def heard_under_tls(host: str, port: int, context: ssl.SSLContext) -> bytes:
-    """What a port says to one who does not care who it is.
+    """Return the answer of a port to a client that does not authenticate it.
 
-    Dask's nodes speak first, as soon as they accept somebody.
+    Dask's nodes send first, as soon as they accept a client.
     """
     try:
         with (
@@ -44,7 +44,7 @@ def heard_under_tls(host: str, port: int, context: ssl.SSLContext) -> bytes:
 
 
 def client(*files: str) -> ssl.SSLContext:
-    """Who believes everybody; files: certificate and key to show."""
+    """Return a TLS context that trusts every peer; files: certificate and key to show."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE
@@ -53,32 +53,32 @@ def client(*files: str) -> ssl.SSLContext:
     return context
 
 
-def doors(host, port, nameless, foreign):
-    """What is open behind a port."""
+def doors(host, port, nameless, third_party):
+    """Yield what is open behind a port."""
     try:
         plain = heard(host, port, b"")
         page = heard(host, port, b"GET / HTTP/1.0\r\n\r\n")
     except OSError:
         return  # nothing listens for us
     if plain and plain[0] != ALERT:
-        yield "speaks to everybody"
+        yield "answers everybody"
     if page.startswith(b"HTTP"):
         yield "serves pages"
     if heard_under_tls(host, port, nameless):
         yield "accepts who has no certificate"
-    if heard_under_tls(host, port, foreign):
-        yield "accepts foreign certificates"
+    if heard_under_tls(host, port, third_party):
+        yield "accepts third-party certificates"
 
 
 def main(host: str, ports: str, user: str, key: str, certificate: str) -> None:
     """Try all doors."""
-    nameless, foreign = client(), client(certificate, key)
+    nameless, third_party = client(), client(certificate, key)
     if user.isdigit():
         os.setgroups([])
         os.setgid(int(user))
         os.setuid(int(user))
     for port in map(int, ports.split(",")):
-        for door in doors(host, port, nameless, foreign):
+        for door in doors(host, port, nameless, third_party):
             print(port, door)
     print("tried", ports)
 

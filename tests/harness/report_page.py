@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import base64
+import gzip
+import hashlib
 import json
 from html.parser import HTMLParser
 
@@ -17,7 +19,7 @@ class Page(HTMLParser):
         super().__init__()
         self.size = len(text.encode())
         self.scripts, self.ids, self.links, self.words = {}, set(), [], []
-        self.headings, self.alerts = [], []
+        self.headings, self.alerts, self.policy = [], [], ""
         self._open = []
         self.feed(text)
         self.close()
@@ -29,6 +31,8 @@ class Page(HTMLParser):
         self._open.append((tag, found))
         self.ids.add(found.get("id"))
         self.links += [v for k, v in attributes if k in ("src", "href", "srcset", "data")]
+        if found.get("http-equiv") == "Content-Security-Policy":
+            self.policy = found["content"]
         if tag in ("meta", "input", "link"):
             self._open.pop()
 
@@ -47,13 +51,31 @@ class Page(HTMLParser):
         if any(a.get("role") == "alert" for _, a in self._open):
             self.alerts.append(text.strip())
 
+    def is_closed(self, *further):
+        """Whether the policy allows no network and exactly the scripts of the page, but for further
+        sources of scripts.
+        """
+        codes = [text for name, text in self.scripts.items() if name.startswith("code")]
+        packed = [text for name, text in self.scripts.items() if name.startswith("script-")]
+        codes = [text.encode() for text in codes]
+        codes += [gzip.decompress(base64.b64decode(text)) for text in packed]
+        hashes = [base64.b64encode(hashlib.sha256(code).digest()).decode() for code in codes]
+        rules = dict(rule.strip().split(" ", 1) for rule in self.policy.split(";"))
+        allowed = rules.pop("script-src").split()
+        return (
+            sorted(allowed) == sorted([*(f"'sha256-{each}'" for each in hashes), *further])
+            and rules["default-src"] == rules["base-uri"] == rules["form-action"] == "'none'"
+            and {each for rule in rules.values() for each in rule.split()}
+            <= {"'none'", "data:", "blob:", "'unsafe-inline'"}
+        )
+
     @property
     def text(self):
         return " ".join(" ".join(self.words).split())
 
     def array(self, name):
-        kept = self.stored[name]
-        return np.frombuffer(base64.b64decode(kept["data"]), "<f4").reshape(kept["shape"])
+        retained = self.stored[name]
+        return np.frombuffer(base64.b64decode(retained["data"]), "<f4").reshape(retained["shape"])
 
     def signal(self, name):
         """The plot of a variable; None if it does not change."""

@@ -25,8 +25,8 @@ from harness.spelling import did_you_mean, file_stem, printable
 from harness.ssp import reader
 from harness.studies.variants import MAX_RUNS, combinations
 from harness.system.graph import build_graph
-from tests.harness.foreign_fmu import COUNTER, description
-from tests.harness.foreign_ssp import component, system, write
+from tests.harness.third_party_fmu import COUNTER, description
+from tests.harness.third_party_ssp import component, system, write
 
 COUNT = component("count", "counter", "n>", "t_last>")
 GAIN = component("gain", "gain", "u<", "y>", "k=")
@@ -51,7 +51,7 @@ def named(fmus, tmp_path):
         with zipfile.ZipFile(path) as archive:
             content = {entry: archive.read(entry) for entry in archive.namelist()}
         old = content["SystemStructure.ssd"]
-        content["SystemStructure.ssd"] = old.replace(b'name="foreign"', b'name="%s"' % name, 1)
+        content["SystemStructure.ssd"] = old.replace(b'name="third_party"', b'name="%s"' % name, 1)
         with zipfile.ZipFile(path, "w") as archive:
             for entry, data in content.items():
                 archive.writestr(entry, data)
@@ -104,7 +104,7 @@ def test_a_link_planted_beside_is_not_followed(tmp_path, monkeypatch):
 # ---- archives and encodings
 
 
-def test_two_entries_of_one_name_are_refused(fmus, tmp_path):
+def test_two_entries_of_one_name_are_rejected(fmus, tmp_path):
     path = write(tmp_path / "x.ssp", system("top", [COUNT], []), fmus)
     with warnings.catch_warnings(action="ignore"), zipfile.ZipFile(path, "a") as archive:
         archive.writestr("SystemStructure.ssd", "<other/>")
@@ -161,7 +161,7 @@ def test_usual_encodings_are_read(encoding):
     assert parsed(declared.encode(encoding)).get("name") == "\xfc"
 
 
-def test_check_parses_nothing_before_the_document_type_is_refused(tmp_path, monkeypatch, capsys):
+def test_check_parses_nothing_before_the_document_type_is_rejected(tmp_path, monkeypatch, capsys):
     def never(*_arguments, **_options):
         raise AssertionError("it was parsed")
 
@@ -222,7 +222,7 @@ def test_parameters_through_pairs_of_nested_connectors_end_in_seconds(fmus, tmp_
         assert any("is driven 2 times" in problem for problem in problems)
 
 
-def test_a_long_chain_of_connectors_is_refused_not_a_recursion(fmus, tmp_path):
+def test_a_long_chain_of_connectors_is_rejected_not_a_recursion(fmus, tmp_path):
     passing = [system(f"p{i}", [], ["u y"], "u<", "y>") for i in range(2000)]
     passing = [p.replace("<d:Elements></d:Elements>", "") for p in passing]
     wires = ["count.n p0.u", *(f"p{i}.y p{i + 1}.u" for i in range(1999)), "p1999.y gain.u"]
@@ -231,7 +231,7 @@ def test_a_long_chain_of_connectors_is_refused_not_a_recursion(fmus, tmp_path):
         assert any("passes more than 200 connectors" in problem for problem in problems)
 
 
-def test_100_000_components_are_refused_in_seconds(fmus, tmp_path):
+def test_100_000_components_are_rejected_in_seconds(fmus, tmp_path):
     one = '<d:Component name="c{}" source="resources/counter.fmu"/>'
     parts = [one.format(i) for i in range(100_000)]
     path = write(tmp_path / "x.ssp", system("top", parts, []), fmus)
@@ -261,7 +261,7 @@ def test_1000_misspelt_connections_are_all_named_in_seconds(fmus, tmp_path, caps
     assert all(f"close: component_{i:04d}" in lines[i] for i in (0, 500, 999))
 
 
-def test_close_matches_are_those_of_difflib_among_few_and_among_many():
+def test_close_matches_match_difflib_among_few_and_among_many():
     many = [f"component_{i:04d}" for i in range(1000)]
     assert did_you_mean("componemt_0123", many).startswith(" (close: component_0123")
     assert did_you_mean("gian", ["gain", "main"]) == " (close: gain)"
@@ -292,7 +292,7 @@ def test_thousands_of_parameters_are_written_and_read_in_seconds(tmp_path, count
         [("set", f"a.{name}=0:9:1") for name in "abcdefghij"],
     ],
 )
-def test_too_many_runs_are_refused_at_once(varied):
+def test_too_many_runs_are_rejected_at_once(varied):
     with within(2), pytest.raises(UsageError, match=f"more than the limit of {MAX_RUNS}"):
         combinations({}, varied)
 
@@ -305,7 +305,7 @@ def test_as_many_runs_as_allowed_are_made_in_seconds():
 # ---- control characters
 
 
-def test_what_is_shown_cannot_control_a_terminal():
+def test_printed_text_cannot_control_a_terminal():
     assert printable("\xfc \u03c9 [1]\n\t") == "\xfc \u03c9 [1]\n\t"
     assert printable("a\x1b[2Jb\x07\x9b") == "a\\x1b[2Jb\\x07\\x9b"
     assert printable("a\u202eb\u200b") == "a\\u202eb\\u200b"
@@ -328,15 +328,15 @@ def test_notes_with_control_characters_are_shown_harmless(capsys, monkeypatch):
     monkeypatch.setattr(root, "handlers", [])
     main(["list", "nowhere"])
     capsys.readouterr()
-    logging.getLogger("harness").warning("says %s", "\x1b[2J")
-    assert capsys.readouterr().err == "harness: note: says \\x1b[2J\n"
+    logging.getLogger("harness").warning("reports %s", "\x1b[2J")
+    assert capsys.readouterr().err == "harness: note: reports \\x1b[2J\n"
 
 
-def test_a_text_that_xml_cannot_hold_is_refused_by_export(fmus, tmp_path, capsys):
+def test_a_text_that_xml_cannot_hold_is_rejected_by_export(fmus, tmp_path, capsys):
     path = write(tmp_path / "x.ssp", system("top", [component("m", "mixed")], []), fmus)
     arguments = ["--set", "m.label=a\x1bb"]
     assert main(["export", str(path), str(tmp_path / "out"), *arguments]) == 1
-    said = capsys.readouterr().err
-    assert "holds a character that XML cannot hold" in said
-    assert "internal error" not in said
-    assert "\x1b" not in said
+    reported = capsys.readouterr().err
+    assert "holds a character that XML cannot hold" in reported
+    assert "internal error" not in reported
+    assert "\x1b" not in reported

@@ -3,8 +3,8 @@
 a line, which `make test-long` prints.
 
 A row of ATTEMPTS is a name, what is prepared in an empty folder, the command line, its exit status
-and the beginning of what it says. Files stand in the folder under the names that the line uses:
-out.nc is a run of sync_approach of one second, demo.ssp a small foreign system.
+and the beginning of what it reports. Files are in the folder under the names that the line uses:
+out.nc is a run of sync_approach of one second, demo.ssp a small third-party system.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from harness.ssp.build import system_of
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from tests.harness.demo import TOML
-from tests.harness.test_exchange import ISS, elements
+from tests.harness.mission.test_exchange import ISS, elements
 
 pytestmark = pytest.mark.long
 
@@ -39,12 +39,12 @@ def nothing(_: Path) -> None:
 
 
 class Attempt(NamedTuple):
-    """One attempt; says: begin of the first line of standard error."""
+    """One attempt; states: beginning of the first line of standard error."""
 
     name: str
     command: str
     status: int
-    says: str
+    states: str
     prepare: Callable[[Path], None] = nothing
 
 
@@ -158,13 +158,13 @@ ATTEMPTS = [
     ),
     *(
         Attempt(
-            f"two-line elements, {says}",
+            f"two-line elements, {states}",
             f"{RUN} --start target=iss.tle",
             2,
-            f"harness: --start target: iss.tle: {says}",
+            f"harness: --start target: iss.tle: {states}",
             written("iss.tle", elements(line, first, text)),
         )
-        for line, first, text, says in (
+        for line, first, text, states in (
             (2, 3, "25545", "line 1 is of satellite 25544, line 2 of 25545"),
             (1, 21, "000.88612269", "line 1, columns 19 to 32: epoch: 2020 has the days 1 to 366"),
             (1, 21, "999.88612269", "line 1, columns 19 to 32: epoch: 2020 has the days 1 to 366"),
@@ -194,10 +194,10 @@ ATTEMPTS = [
     ),
     *(
         Attempt(
-            f"{command.split()[0]} of a result with {name}", command, 1, UNREADABLE + says, change
+            f"{command.split()[0]} of a result with {name}", command, 1, UNREADABLE + states, change
         )
         for command in ("report out.nc", "convert out.nc -o x.csv", "run --like out.nc -q -o x.nc")
-        for name, says, change in (
+        for name, states, change in (
             ("swaps of lists", "swaps: ", attribute("provenance_swaps", "[[[1], 2, 3]]")),
             ("a step of text", "step: expected a number", attribute("provenance_step", "x")),
             ("NaN times", "row 0 has the time nan", values("time", lambda t: t * np.nan)),
@@ -271,7 +271,7 @@ def test_an_attempt_costs_a_line(attempt, result, fmus, tmp_path, capsys, record
     record_property("attempt", f"{attempt.name}: {first[:150]}")
     assert "internal error" not in err
     assert "Traceback" not in err
-    assert (status, err[: len(attempt.says)]) == (attempt.status, attempt.says)
+    assert (status, err[: len(attempt.states)]) == (attempt.status, attempt.states)
     assert err or out or attempt.status == 0
     if attempt.name.startswith("rows that do not"):
         assert read("again.nc").time[-1] == 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is an extra: a run needs none of it, and what needs it says how to install it."""
+"""Optional extras: a run needs none, and a command that needs one states how to install it."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ def bare(folder, *lines):
         cwd=folder, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert "Traceback" not in done.stderr
-    found, said = [], ""
+    found, reported = [], ""
     for line in done.stderr.splitlines():
         if line.startswith("status "):
-            found.append((int(line.split()[1]), said))
-        said = line
+            found.append((int(line.split()[1]), reported))
+        reported = line
     assert len(found) == len(lines), done.stderr
     return found
 
 
-def test_without_any_extra_a_system_runs_and_is_judged_and_the_rest_says_what_it_needs(tmp_path):
+def test_without_extras_a_system_runs_and_is_evaluated_and_the_rest_states_what_it_needs(tmp_path):
     (tmp_path / "c.toml").write_text(
         'system = "sync_approach"\nruns = 2\n[fixed]\nstop = 1.0\n'
         '[factors]\n"servicer.mass_0" = {uniform = {low = 90, high = 110}}\n'
-        '[metrics]\nend = "time[-1]"\n'
+        '[metrics]\nend = "last(time)"\n'
     )
     needing = {
         "plot x.csv": "plot",
@@ -56,16 +56,16 @@ def test_without_any_extra_a_system_runs_and_is_judged_and_the_rest_says_what_it
         "campaign c.toml -o c.zarr": "campaign",
         "convert x.csv -o x.parquet": "exchange",
     }
-    flown, *others = bare(tmp_path, "run sync_approach --stop 5 -o x.csv", *needing)
-    assert flown[0] == 0, flown[1]
+    simulated, *others = bare(tmp_path, "run sync_approach --stop 5 -o x.csv", *needing)
+    assert simulated[0] == 0, simulated[1]
     assert (tmp_path / "x.csv").is_file()
-    for (status, said), extra in zip(others, needing.values(), strict=True):
-        assert status == 1, said
-        assert "pip install 'servicing-fmus[" in said
-        assert extra in said or extra == "report", said
+    for (status, reported), extra in zip(others, needing.values(), strict=True):
+        assert status == 1, reported
+        assert "pip install 'servicing-fmus[" in reported
+        assert extra in reported or extra == "report", reported
 
 
-def test_what_a_run_loads_is_none_of_the_extras(tmp_path):
+def test_a_run_loads_none_of_the_extras(tmp_path):
     script = (
         "import sys; from harness.cli import main\n"
         "main(['run', 'sync_approach', '--stop', '5', '-o', 'x.csv'])\n"

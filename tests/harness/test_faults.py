@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One foreign FMU with many vices, in every phase of its life: each costs one line, no rows, no
+"""One third-party FMU with many vices, in every phase of its life: each costs one line, no rows, no
 other run and no earlier file.
 """
 
@@ -47,7 +47,7 @@ b = "vicious"
 k = 0.0
 """
 STEPS = {"fmi2DoStep": 2, "fmi2GetReal": 6, "fmi2SetReal": 5}
-"""Calls that go well before the vice shows, so that there are rows to keep."""
+"""Calls that go well before the vice shows, so that there are rows to store."""
 
 AT_WORK = ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep")
 AFTER_THE_RUN = ("fmi2Terminate", "fmi2FreeInstance")
@@ -130,7 +130,7 @@ def rows_before(phase):
     return 1 if phase in AT_WORK else 0
 
 
-def judge_run(folder, vice, phase, outcome):
+def check_run(folder, vice, phase, outcome):
     status, out, err = outcome
     kind, old = VICES[vice].kind, (folder / "x.csv").read_bytes()
     ends_run = kind in (CRASH, FAIL) and shows(vice, phase) and phase not in AFTER_THE_RUN
@@ -147,10 +147,10 @@ def judge_run(folder, vice, phase, outcome):
     assert "b:" in err[0]
     assert old == OLD
     if rows_before(phase):
-        kept = read(folder / "x.partial.csv")
-        assert not kept.complete
-        assert len(kept.time) >= rows_before(phase)
-        assert kept["b.y"].tolist() == list(np.arange(float(len(kept.time))))
+        retained = read(folder / "x.partial.csv")
+        assert not retained.complete
+        assert len(retained.time) >= rows_before(phase)
+        assert retained["b.y"].tolist() == list(np.arange(float(len(retained.time))))
 
 
 def run_with(folder, vice, phase, call=in_process):
@@ -168,15 +168,15 @@ SOME = [case for i, case in enumerate(CASES) if i % (2 * len(PHASES) + 1) == 0]
 
 
 @pytest.mark.parametrize(("vice", "phase"), SOME)
-def test_a_vice_costs_one_line_and_no_rows(folder, vice, phase):
-    judge_run(folder, vice, phase, run_with(folder, vice, phase))
+def test_a_fault_costs_one_line_and_no_rows(folder, vice, phase):
+    check_run(folder, vice, phase, run_with(folder, vice, phase))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("vice", NOT_ENDLESS)
 @each("phase", PHASES)
 def test_every_vice_in_every_phase_of_a_run(folder, vice, phase):
-    judge_run(folder, vice, phase, run_with(folder, vice, phase))
+    check_run(folder, vice, phase, run_with(folder, vice, phase))
 
 
 def test_the_sample_has_every_phase_and_nearly_half_of_the_vices():
@@ -190,7 +190,7 @@ def test_the_sample_has_every_phase_and_nearly_half_of_the_vices():
 )
 def test_exit_0_inside_an_fmu_does_not_end_the_program_with_success(folder, phase):
     status, _, err = outcome = run_with(folder, "exit_0", phase, harness)
-    judge_run(folder, "exit_0", phase, outcome)
+    check_run(folder, "exit_0", phase, outcome)
     assert "exit(0)" in err[0]
     assert (status == 0) == (phase == "fmi2Terminate")
 
@@ -230,7 +230,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         for k, number in enumerate(SIGNALS)
     ],
 )
-def test_an_endless_loop_ends_at_once_and_keeps_the_rows(folder, tmp_path, phase, number):
+def test_an_endless_loop_ends_at_once_and_retains_the_rows(folder, tmp_path, phase, number):
     vice = "endless_loop" if number == signal.SIGINT else "endless_sleep"
     trace = tmp_path / "trace"
     (folder / "x.csv").write_bytes(OLD)
@@ -261,7 +261,7 @@ def test_an_endless_loop_ends_at_once_and_keeps_the_rows(folder, tmp_path, phase
 # ---- the other commands
 
 
-def judge_compare(folder, out, outcome, vice, phase):
+def check_compare(folder, out, outcome, vice, phase):
     status, _, err = outcome
     ends_run = VICES[vice].kind in (CRASH, FAIL) and shows(vice, phase)
     ends_run = ends_run and phase not in AFTER_THE_RUN
@@ -294,7 +294,7 @@ def compare_with(folder, out, vice, phase, call):
 )
 def test_compare_is_never_ended_by_one_run(folder, tmp_path, vice, phase):
     outcome = compare_with(folder, tmp_path / "out", vice, phase, harness)
-    judge_compare(folder, tmp_path / "out", outcome, vice, phase)
+    check_compare(folder, tmp_path / "out", outcome, vice, phase)
 
 
 @pytest.mark.long
@@ -302,13 +302,13 @@ def test_compare_is_never_ended_by_one_run(folder, tmp_path, vice, phase):
 @each("phase", PHASES)
 def test_every_vice_in_every_phase_of_compare(folder, tmp_path, vice, phase):
     outcome = compare_with(folder, tmp_path / phase, vice, phase, harness)
-    judge_compare(folder, tmp_path / phase, outcome, vice, phase)
+    check_compare(folder, tmp_path / phase, outcome, vice, phase)
 
 
 # ---- patience
 
 
-def test_patience_ends_a_run_and_keeps_its_rows(folder, tmp_path):
+def test_patience_ends_a_run_and_retains_its_rows(folder, tmp_path):
     status, out, err = in_process(
         folder, "run", "two.ssp", "-o", tmp_path / "x.nc", "-q", "--patience", 1,
         vice="endless_sleep", phase="fmi2DoStep", after=STEPS["fmi2DoStep"],
@@ -341,7 +341,7 @@ patience = 2.0
 [factors]
 "swap.b" = {list = ["good.fmu", "vicious.fmu", "good.fmu"]}
 [metrics]
-end = "b.y[-1]"
+end = "last(b.y)"
 """
 
 
@@ -359,7 +359,7 @@ def campaign_with(folder, vice, phase, workers=0):
     return store.array("status").tolist(), store.array("message").tolist(), store.array("end")
 
 
-def judge_campaign(folder, vice, phase, workers=0):
+def check_campaign(folder, vice, phase, workers=0):
     status, message, end = campaign_with(folder, vice, phase, workers)
     kind = VICES[vice].kind
     ends_run = kind != QUIET and shows(vice, phase) and phase not in AFTER_THE_RUN
@@ -385,9 +385,9 @@ def judge_campaign(folder, vice, phase, workers=0):
         ("chdir", "fmi2Instantiate"),
     ],
 )
-def test_a_vice_costs_one_run_of_a_campaign(folder, monkeypatch, vice, phase):
+def test_a_fault_costs_one_run_of_a_campaign(folder, monkeypatch, vice, phase):
     monkeypatch.chdir(folder)
-    judge_campaign(folder, vice, phase)
+    check_campaign(folder, vice, phase)
 
 
 @pytest.mark.parametrize(
@@ -395,14 +395,14 @@ def test_a_vice_costs_one_run_of_a_campaign(folder, monkeypatch, vice, phase):
 )
 def test_an_endless_loop_costs_one_run_of_a_campaign(folder, monkeypatch, phase):
     monkeypatch.chdir(folder)
-    message = judge_campaign(folder, "endless_loop", phase)
+    message = check_campaign(folder, "endless_loop", phase)
     assert f"b: {phase} has not returned for 2 s" in message
 
 
 def test_workers_outlive_the_vices_of_a_run(folder, monkeypatch):
     """Dask would give the block of a lost worker to another one: no message could name the call."""
     monkeypatch.chdir(folder)
-    message = judge_campaign(folder, "segfault", "fmi2DoStep", workers=2)
+    message = check_campaign(folder, "segfault", "fmi2DoStep", workers=2)
     assert message == ("b: fmi2DoStep crashed (SIGSEGV, segmentation fault) (at t = 2 s)")
 
 
@@ -411,7 +411,7 @@ def test_workers_outlive_the_vices_of_a_run(folder, monkeypatch):
 @each("phase", PHASES)
 def test_every_vice_in_every_phase_of_a_campaign(folder, monkeypatch, vice, phase):
     monkeypatch.chdir(folder)
-    judge_campaign(folder, vice, phase)
+    check_campaign(folder, vice, phase)
 
 
 # ---- one FMU alone
@@ -422,7 +422,7 @@ CHECK = ("check", "two.ssp")
 OTHERS = ("chdir", "kill_group", "error")
 
 
-def judge_command(folder, outcome, file):
+def check_command(folder, outcome, file):
     status, _, err = outcome
     assert not any("Traceback" in line or "internal error" in line for line in err), err
     assert status in (0, 1), err
@@ -437,7 +437,7 @@ def test_linearize_names_the_call_that_has_crashed(folder):
     call = "fmi2DoStep, or the reading after it,"
     line = f"harness: vicious: {call} crashed (SIGSEGV, segmentation fault)"
     assert outcome == (1, [], [line])
-    judge_command(folder, outcome, "model.npz")
+    check_command(folder, outcome, "model.npz")
 
 
 @pytest.mark.parametrize(
@@ -450,7 +450,7 @@ def test_the_other_commands_survive_too(folder, command, file, vice):
     for phase in ("load", "fmi2ExitInitializationMode", "fmi2FreeInstance"):
         if file:
             (folder / file).write_bytes(OLD)
-        judge_command(folder, in_process(folder, *command, vice=vice, phase=phase), file)
+        check_command(folder, in_process(folder, *command, vice=vice, phase=phase), file)
 
 
 @pytest.mark.long
@@ -459,13 +459,13 @@ def test_the_other_commands_survive_too(folder, command, file, vice):
 def test_every_vice_in_every_phase_of_linearize_and_export(folder, vice, phase):
     for command, file in ((LINEARIZE, "model.npz"), (EXPORT, "copy.ssp")):
         (folder / file).write_bytes(OLD)
-        judge_command(folder, in_process(folder, *command, vice=vice, phase=phase), file)
+        check_command(folder, in_process(folder, *command, vice=vice, phase=phase), file)
 
 
 # ---- what only a run in a process of its own can do
 
 
-def test_marks_that_foreign_code_has_written_over_do_no_harm(folder, monkeypatch):
+def test_counters_that_third_party_code_has_written_over_do_no_harm(folder, monkeypatch):
     """Shared memory is open to the child."""
     from harness import run
     from harness.errors import RunError
@@ -479,15 +479,15 @@ def test_marks_that_foreign_code_has_written_over_do_no_harm(folder, monkeypatch
                 send(kind, content)
 
         crash(begun, *order)
-        order[-1].recorder.marks[:] = 2**62
+        order[-1].recorder.progress[:] = 2**62
         os.abort()
 
     monkeypatch.setattr(isolated, "_run", scribble)
-    assert run(folder / "two.ssp").complete  # all rows are there, as far as anybody can tell
+    assert run(folder / "two.ssp").complete  # all rows are there, as far as can be seen
 
     def nonsense(send, *order):
         send(isolated.BEGUN, [("b", "fmi2DoStep")])
-        order[-1].recorder.marks[:] = -(2**62)
+        order[-1].recorder.progress[:] = -(2**62)
         os.abort()
 
     monkeypatch.setattr(isolated, "_run", nonsense)
@@ -531,7 +531,7 @@ def test_children_are_made_either_way(folder, monkeypatch, method):
     assert Path.cwd() != folder
 
 
-def foreign_copy(system, path):
+def third_party_copy(system, path):
     """The system with the same FMUs packed anew, so that they are not ours any more."""
     with zipfile.ZipFile(system) as old, zipfile.ZipFile(path, "w") as new:
         for name in old.namelist():
@@ -549,7 +549,7 @@ def foreign_copy(system, path):
 def test_a_whole_isolated_run_has_the_bits_of_one_in_process(tmp_path, stop):
     """Macro steps of five FMUs, from the command to the file."""
     copy = tmp_path / "sync_approach.ssp"
-    foreign_copy(paths.systems()["sync_approach"], copy)
+    third_party_copy(paths.systems()["sync_approach"], copy)
     for option in ((), ("--in-process",)):
         file = tmp_path / f"x{len(option)}.nc"
         status, _, err = harness(Path.cwd(), "run", copy, "-q", "-o", file, "--stop", stop, *option)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The rooms of the harness: what may know of what. Imports run downward only, and each kind of
+"""The packages of the harness: which may import which. Imports run downward only, and each kind of
 knowledge (XML, FMI, drawing, the command line) has one place.
 """
 
@@ -28,18 +28,18 @@ LAYERS = (
     ("results",),
     ("remote",),
     ("system",),
-    ("rules",),
+    ("conformance",),
     ("files",),
     ("errors", "spelling"),
 )
-"""From the top down; rooms of one layer do not know each other."""
+"""From the top down; packages of one layer do not know each other."""
 
-FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in layer}
+FLOOR = {package: len(LAYERS) - i for i, layer in enumerate(LAYERS) for package in layer}
 
 ONLY = {
-    "lxml": {"ssp", "exports", "remote", "rules", "files", "authoring"},
+    "lxml": {"ssp", "exports", "remote", "conformance", "files", "authoring"},
     "ctypes": {"master"},
-    "fmpy": {"master", "ssp", "remote", "system", "studies", "rules"},
+    "fmpy": {"master", "ssp", "remote", "system", "studies", "conformance"},
     "matplotlib": {"figures", "exports"},
     "typer": {"cli"},
     "jinja2": {"report"},
@@ -54,10 +54,10 @@ ONLY = {
     "dask": {"studies"},
     "distributed": {"studies"},
 }
-"""Libraries, and the only rooms that may import them."""
+"""Libraries, and the only packages that may import them."""
 
 
-def room_of(file):
+def package_of(file):
     return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
@@ -91,35 +91,35 @@ def file():
 
 
 def test_imports_run_downward(file):
-    room = room_of(file)
-    assert room in FLOOR, f"{room} has no place in LAYERS"
+    package = package_of(file)
+    assert package in FLOOR, f"{package} has no place in LAYERS"
     for module in imports_of(file):
-        if module.startswith("harness.") and room != "__init__":
+        if module.startswith("harness.") and package != "__init__":
             other = module.split(".")[1]
-            if other in FLOOR and other != room:
-                assert FLOOR[other] < FLOOR[room], f"{ident(file)} imports {module}"
+            if other in FLOOR and other != package:
+                assert FLOOR[other] < FLOOR[package], f"{ident(file)} imports {module}"
 
 
-def test_libraries_stay_in_their_rooms(file):
+def test_libraries_stay_in_their_packages(file):
     for module in imports_of(file):
         library = module.partition(".")[0]
         if library in ONLY:
-            assert room_of(file) in ONLY[library], f"{ident(file)} imports {module}"
+            assert package_of(file) in ONLY[library], f"{ident(file)} imports {module}"
 
 
 def test_the_plain_data_of_a_system_know_fmpy_only_as_the_reader_of_a_description():
     readers = {
         ident(f)
         for f in FILES
-        if room_of(f) == "system" and any(m.startswith("fmpy") for m in imports_of(f))
+        if package_of(f) == "system" and any(m.startswith("fmpy") for m in imports_of(f))
     }
     assert readers == {"system/interface.py"}
 
 
-def test_no_circle_inside_a_room():
-    """Modules of one room import each other in one direction."""
+def test_no_import_cycle_inside_a_package():
+    """Modules of one package import each other in one direction."""
     edges = {
-        ident(f): {m for m in imports_of(f) if m.startswith(f"harness.{room_of(f)}.")}
+        ident(f): {m for m in imports_of(f) if m.startswith(f"harness.{package_of(f)}.")}
         for f in FILES
     }
     modules = {f"harness.{name.removesuffix('.py').replace('/', '.')}": name for name in edges}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Whatever a user writes: a result or a reason, never a traceback, an internal error or a hang."""
+"""For any input of a user: a result or a reason, never a traceback, an internal error or a hang."""
 
 from __future__ import annotations
 
@@ -57,10 +57,9 @@ def folder(tmp_path_factory, fmus):
 
 
 @pytest.fixture(autouse=True)
-def _short_runs(monkeypatch, folder, fmus):
+def _short_runs(monkeypatch, folder, project_fmus):
     """Runs in this process, and no long ones."""
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("harness.files.paths.fmus", lambda: fmus)
 
     def simulate(system, **options):
         for name in ("in_process", "patience", "progress"):
@@ -288,7 +287,7 @@ def test_names_of_variables(folder, fmus, name, ending):
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs /dev/zero")
 @pytest.mark.parametrize("ending", [".toml", ".ssv", ".ssp", ".fmu", ".csv", ".nc"])
-def test_a_device_that_never_ends_is_refused_and_not_read_to_its_end(folder, ending):
+def test_a_device_that_never_ends_is_rejected_and_not_read_to_its_end(folder, ending):
     file = folder / f"zeros{ending}"
     file.unlink(missing_ok=True)
     file.symlink_to("/dev/zero")
@@ -298,13 +297,13 @@ def test_a_device_that_never_ends_is_refused_and_not_read_to_its_end(folder, end
         ".ssp": ("run", file.name),
         ".fmu": ("check", file.name),
     }.get(ending, ("plot", file.name))
-    with _room_for(4 << 30):
+    with _memory_limit(4 << 30):
         assert outcome(*command) in (1, 2)
 
 
 @contextmanager
-def _room_for(size):
-    """So much memory more, so that a mistake costs no other program its life."""
+def _memory_limit(size):
+    """Limit of further memory [bytes], so that a mistake costs no other program its life."""
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_AS)
     used = psutil.Process().memory_info().vms
@@ -327,7 +326,7 @@ def test_a_toml_file_has_a_limit(folder, monkeypatch, capsys):
 @pytest.mark.parametrize(
     "text", [".".join(["a"] * 3000) + " = 1", "x = " + "[" * 60 + "]" * 60, "[" + "a." * 60 + "b]"]
 )
-def test_a_toml_file_that_is_nested_too_deep_is_refused(folder, text, capsys):
+def test_a_toml_file_that_is_nested_too_deep_is_rejected(folder, text, capsys):
     (folder / "deep.toml").write_text(text)
     for command in (["campaign", "deep.toml"], ["run", "demo.ssp", "--params", "deep.toml"]):
         assert outcome(*command) in (1, 2)

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def drawn():
-    """What a property is tried with."""
+    """Return the examples with which a property is tried."""
     found = []
 
     @given(st.text(max_size=5), st.integers(), st.floats(allow_nan=False))
@@ -27,7 +27,7 @@ def drawn():
     return found
 
 
-def test_the_examples_are_the_same_whatever_else_is_loaded(tmp_path, monkeypatch):
+def test_the_examples_do_not_depend_on_other_loaded_modules(tmp_path, monkeypatch):
     assert settings().derandomize or settings.get_current_profile_name() == "random"
     before = drawn()
     names = [f"loaded_{i}" for i in range(20)]

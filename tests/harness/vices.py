@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One foreign FMU with many vices: which one, and in which FMI function, the environment says.
+"""One third-party FMU with many vices: the environment selects which one, and in which FMI
+function.
 
 `VICE` is a name of VICES and `PHASE` one of PHASES, `AFTER` the number of calls before. The same
 binary behaves well without them.
@@ -11,8 +12,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.harness import foreign_fmu
-from tests.harness.foreign_fmu import Model, p, source_text, u, x, y
+from tests.harness import third_party_fmu
+from tests.harness.third_party_fmu import Model, p, source_text, u, x, y
 
 PHASES = (
     "load",
@@ -105,8 +106,8 @@ HEAD = r"""
 #include <unistd.h>
 static volatile int spin;
 static int status;
-static volatile int deep(int n) { volatile char room[4096]; room[n % 4096] = 1;
-    return deep(n + 1) + room[0]; }
+static volatile int deep(int n) { volatile char part[4096]; part[n % 4096] = 1;
+    return deep(n + 1) + part[0]; }
 static void vice(const char *phase)
 {
     static int calls;
@@ -151,6 +152,6 @@ NO_STATUS = ("fmi2Instantiate", "fmi2FreeInstance", "fmi2GetTypesPlatform", "fmi
 def build(folder: Path) -> tuple[Path, Path]:
     """The vicious FMU and a good one of the same model."""
     return (
-        foreign_fmu.build(MODEL, folder, source(MODEL)),
-        foreign_fmu.build(GOOD, folder),
+        third_party_fmu.build(MODEL, folder, source(MODEL)),
+        third_party_fmu.build(GOOD, folder),
     )

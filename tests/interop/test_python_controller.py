@@ -17,7 +17,7 @@ MINE = ROOT / "examples/my_controller"
 
 
 @pytest.mark.tool("PythonFMU", "pythonfmu")
-def test_a_controller_in_python_flies_as_its_twin_in_c(tmp_path):
+def test_a_controller_in_python_runs_as_its_twin_in_c(tmp_path):
     """The same law written twice: roundings apart, the same commands."""
     if importlib.util.find_spec("pythonfmu") is None:
         pytest.skip("pythonfmu is not installed")

@@ -46,8 +46,8 @@ def place(part, variable):
     return f"{{{part}, {variable.reference}}}"
 
 
-def flight_inc(monolith, steps):
-    """The system as tables of flight.c."""
+def program_inc(monolith, steps):
+    """The system as tables of program.c."""
     nodes = list(enumerate(monolith.graph.nodes))
     slots = [place(i, w.variable) for i, n in nodes for w in n.outputs]
     names = [n.interface.model.modelName for _, n in nodes]
@@ -68,19 +68,19 @@ def flight_inc(monolith, steps):
 
 
 @pytest.fixture(scope="module", params=SYSTEMS)
-def flown(request, tmp_path_factory):
-    """Folder with flight.inc, the models, and the last outputs as the harness computes them."""
-    folder, steps = tmp_path_factory.mktemp("flight"), SYSTEMS[request.param]
+def simulated(request, tmp_path_factory):
+    """Folder with program.inc, the models, and the last outputs as the harness computes them."""
+    folder, steps = tmp_path_factory.mktemp("recording"), SYSTEMS[request.param]
     with load(request.param) as system:
         monolith = Monolith(system)
-        (folder / "flight.inc").write_text(flight_inc(monolith, steps))
+        (folder / "program.inc").write_text(program_inc(monolith, steps))
         monolith.run(steps)
         models = {node.interface.model.modelName for node in monolith.graph.nodes}
         return folder, sorted(models), monolith.outputs()
 
 
-def fly(folder, models, compiler, runner):
-    """What the program prints."""
+def simulate(folder, models, compiler, runner):
+    """Return the output of the program."""
     include = [f"-I{path}" for path in (*FOLDERS, FMUS / "flight", folder)]
     objects = []
     for name in models:
@@ -90,9 +90,10 @@ def fly(folder, models, compiler, runner):
         subprocess.run(
             [*compiler, *FLAGS, *include, symbol, "-c", source, "-o", objects[-1]], check=True
         )
-    program = folder / "flight.exe"
+    program = folder / "program.exe"
     subprocess.run(
-        [*compiler, *FLAGS, *include, HERE / "flight.c", *objects, "-o", program, "-lm"], check=True
+        [*compiler, *FLAGS, *include, HERE / "program.c", *objects, "-o", program, "-lm"],
+        check=True,
     )
     done = subprocess.run([*runner, program], check=True, capture_output=True, text=True)
     return done.stdout.split()
@@ -107,17 +108,17 @@ def missing(compiler, runner):
 
 
 @pytest.fixture(scope="module")
-def expected(flown):
-    folder, models, last = flown
-    found = fly(folder, models, ["cc", "-O2"], [])
+def expected(simulated):
+    folder, models, last = simulated
+    found = simulate(folder, models, ["cc", "-O2"], [])
     assert [int(text, 16) for text in found[1:]] == np.asarray(last).view(np.uint64).tolist()
     return found
 
 
 @pytest.mark.parametrize("platform", PLATFORMS)
-def test_every_output_of_every_step_has_the_same_bits(platform, flown, expected):
+def test_every_output_of_every_step_has_the_same_bits(platform, simulated, expected):
     compiler, runner = PLATFORMS[platform]
     if reason := missing(compiler, runner):
         pytest.skip(reason)
-    folder, models, _ = flown
-    assert fly(folder, models, compiler, runner) == expected
+    folder, models, _ = simulated
+    assert simulate(folder, models, compiler, runner) == expected

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.systems.docking_case import J_S, J_T, M_S, M_T, P_Q, P_S, fly, matrices
+from tests.systems.docking_case import J_S, J_T, M_S, M_T, P_Q, P_S, matrices, simulate
 
 K = 100.0
 TIP = np.array((-0.112, 0.006, -0.004))
@@ -60,16 +60,16 @@ def motion_by_mujoco(place):
 
 @pytest.mark.interop
 @pytest.mark.tool("MuJoCo", "mujoco")
-def test_soft_capture_is_that_of_mujoco():
+def test_soft_capture_matches_mujoco():
     """Over four periods of the spring, in which the pair moves by 0.2 m: 5e-6 m and 5e-6 of the
-    attitude at 100 Hz, less than a third of it at 200 Hz.
+    attitude at 100 Hz, less than a third at 200 Hz.
     """
     place = P_Q + TIP - np.diag((-1, -1, 1)) @ P_S
     bodies, attitudes = motion_by_mujoco(place)
     start = {"servicer.r_0_N": place, "servicer.v_0_N": SPEED, "servicer.omega_SN_S_0": RATE}
     errors = []
     for h in (0.01, 0.005):
-        result = fly(stop=STOP, step=h, **start, **CAUGHT)
+        result = simulate(stop=STOP, step=h, **start, **CAUGHT)
         assert (result["mechanism.phase"][1:] == 2).all()
         assert np.ptp(result["mechanism.tip_Q"], axis=0).max() > 0.02
         rows = slice(None, None, round(0.01 / h))

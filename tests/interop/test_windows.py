@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The win64 library of every FMU of a system, run under Wine, gives the bits of linux64 over a
-whole flight.
+whole run.
 """
 
 import os
@@ -68,15 +68,15 @@ def workshop(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def flight():
-    """The graph of the system and its rows flown with the linux64 libraries."""
+def recording():
+    """The graph of the system and its rows simulated with the linux64 libraries."""
     with load(SYSTEM) as system:
         return system, build_graph(system), run(SYSTEM).values
 
 
 def inputs_of(graph, node, rows):
-    """What a component read at every macro step of Gauss-Seidel: new rows from those before it,
-    else old ones.
+    """Inputs that a component read at every macro step of Gauss-Seidel: new rows from those before
+    it, else old ones.
     """
     first = min(wire.slot for wire in node.outputs)
     slots = np.array([wire.slot for wire in node.inputs], dtype=int)
@@ -114,8 +114,8 @@ def replay(folder, name, recorded, columns):
 @pytest.mark.parametrize(
     "component", ["guidance", "controller", "propulsion", "servicer", "target"]
 )
-def test_win64_gives_the_bits_of_linux64_over_a_whole_flight(component, workshop, flight):
-    system, graph, rows = flight
+def test_win64_gives_the_bits_of_linux64_over_a_whole_run(component, workshop, recording):
+    system, graph, rows = recording
     node = next(n for n in graph.nodes if n.component.name == component)
     recorded = workshop / f"{component}.bin"
     record(recorded, node, inputs_of(graph, node, rows), system.experiment.step)

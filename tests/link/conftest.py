@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from harness.files.paths import fmus
-from harness.master.serve import StandIn
+from harness.master.serve import Board
 from tests.link.frames import Peer
 from tests.shared import shared
 
@@ -32,7 +32,7 @@ def answering(fmu):
     """A socket whose other end is a board with this FMU."""
     ours, theirs = socket.socketpair()
     ours.settimeout(PATIENCE)
-    with StandIn(fmu) as board, ours:
+    with Board(fmu) as board, ours:
         worker = threading.Thread(target=_answer, args=(board, theirs), daemon=True)
         worker.start()
         yield ours
@@ -48,7 +48,7 @@ def _answer(board, connection):
 
 @pytest.fixture
 def peer():
-    """Someone who speaks to a board with the adaptive controller."""
+    """Peer of a board with the adaptive controller."""
     with answering(fmus()["adaptive_controller"]) as connection:
         yield Peer(connection)
 
@@ -61,7 +61,7 @@ class Listener:
     """
 
     def __init__(self, fmu, bend=None):
-        self.board, self.bend = StandIn(fmu), bend or (lambda data, towards: data)
+        self.board, self.bend = Board(fmu), bend or (lambda data, towards: data)
         self.socket = socket.create_server(("127.0.0.1", 0))
         self.worker = threading.Thread(target=self._serve, daemon=True)
         self.failures = []
@@ -107,7 +107,7 @@ def board():
     return lambda bend=None: Listener(fmus()["adaptive_controller"], bend)
 
 
-def flown_twice_from(simulation, step, further):
+def simulated_twice_from(simulation, step, further):
     """The result of a simulation that has gone on to `further` and back to `step`."""
     simulation.advance(to=step)
     snapshot = simulation.save()

@@ -39,16 +39,16 @@ class Frame(NamedTuple):
 
     @property
     def data(self):
-        """What a request was answered with, without what was said."""
+        """The data that answer a request, without the message."""
         (size,) = struct.unpack_from("<I", self.payload)
         return self.payload[4 : 4 + size]
 
     @property
-    def said(self):
+    def reported(self):
         return self.payload[4 + len(self.data) :].decode()
 
 
-def sealed(frame: Frame, order="<"):
+def checksummed(frame: Frame, order="<"):
     code = frame.code if isinstance(frame.code, int) else CODE[frame.code]
     head = struct.pack(
         f"{order}4sBBBBII",
@@ -65,7 +65,7 @@ def sealed(frame: Frame, order="<"):
 
 
 def opened(data: bytes):
-    """The frame that stands at the front of the bytes, and the rest; None if there is none."""
+    """The frame at the front of the bytes, and the rest; None if there is none."""
     if len(data) < HEADER.size:
         return None, data
     magic, version, code, component, status, sequence, length, crc = HEADER.unpack_from(data)
@@ -127,7 +127,7 @@ class Peer:
         frame, self.held = found
         return frame
 
-    def ask(self, code, payload=b"", **about):
+    def request(self, code, payload=b"", **about):
         """The answer to a new request."""
-        self.send(sealed(Frame(CODE[code], next(self.sequence), payload, **about)))
+        self.send(checksummed(Frame(CODE[code], next(self.sequence), payload, **about)))
         return self.receive()

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 import pytest
 
 from harness.files.paths import fmus
-from harness.master.serve import _READ, _WRITE, StandIn, _Board, _Slot, _Software
+from harness.master.serve import _READ, _WRITE, Board, _Board, _Slot, _Software
 from harness.system.interface import read_interface
 from tests.fmu.driver import Kind, Unit
 from tests.link.conftest import PATIENCE, answering
@@ -27,8 +27,8 @@ from tests.link.frames import (
     OTHER_VERSION,
     Frame,
     Peer,
+    checksummed,
     getting,
-    sealed,
     setting,
     stepping,
 )
@@ -61,8 +61,8 @@ def begin(peer):
         ("enter", struct.pack("<dBd", 0, 1, 100)),
         ("initialize", b""),
     ):
-        answer = peer.ask(code, payload)
-        assert answer.status == 0, answer.said
+        answer = peer.request(code, payload)
+        assert answer.status == 0, answer.reported
     return answer
 
 
@@ -77,7 +77,7 @@ def doubles(data):
 
 
 def test_it_describes_itself(peer):
-    data = peer.ask("describe").data
+    data = peer.request("describe").data
     components, variables, limit, saves, probe = struct.unpack_from("<HIIBd", data)
     interface = read_interface(fmus()["adaptive_controller"])
     assert (components, variables, limit, saves) == (1, len(interface.variables), 65536, 1)
@@ -90,7 +90,7 @@ def test_an_exchange_gives_the_bits_of_the_fmu(peer, kind, twin):
     begin(peer)
     for k in range(5):
         position = (7158140.0, 20.0 + k, 0.3 * k)
-        answer = peer.ask("exchange", exchange(kind, position, k))
+        answer = peer.request("exchange", exchange(kind, position, k))
         twin.step(STEP, {"r_SN_N": position})
         assert doubles(answer.data) == tuple(
             value for name in kind.outputs for value in _flat(twin.get(name))
@@ -103,18 +103,18 @@ def _flat(value):
 
 def test_set_step_get_is_an_exchange(peer, kind):
     begin(peer)
-    wanted = peer.ask("exchange", exchange(kind, (7158140.0, 21.0, 0.0), 0)).data
+    required = peer.request("exchange", exchange(kind, (7158140.0, 21.0, 0.0), 0)).data
     begin(peer)
     values = dict(zip(kind.references["r_SN_N"], (7158140.0, 21.0, 0.0), strict=True))
-    assert peer.ask("set", setting(values)).status == 0
-    assert peer.ask("step", stepping(0, STEP)).status == 0
-    assert peer.ask("get", getting(outputs_of(kind))).data == wanted
+    assert peer.request("set", setting(values)).status == 0
+    assert peer.request("step", stepping(0, STEP)).status == 0
+    assert peer.request("get", getting(outputs_of(kind))).data == required
 
 
 def test_the_longest_request_reaches_the_fmu_with_every_value(monkeypatch):
     """As many neighbours as a payload holds."""
     most = (65536 - 2 - 7) // 8
-    wanted = {1000 + k: 0.5 * k - 7.0 for k in range(most)}
+    required = {1000 + k: 0.5 * k - 7.0 for k in range(most)}
 
     @ctypes.CFUNCTYPE(
         ctypes.c_int,
@@ -127,55 +127,55 @@ def test_the_longest_request_reaches_the_fmu_with_every_value(monkeypatch):
         given.append(dict(zip(references[:count], values[:count], strict=True)))
         return 0
 
-    class Recording(StandIn):
+    class Recording(Board):
         def __init__(self, fmu):
             super().__init__(fmu)
             self._software.set_real = ctypes.cast(set_real, ctypes.c_void_p).value
 
     given = []
-    monkeypatch.setattr("tests.link.conftest.StandIn", Recording)
+    monkeypatch.setattr("tests.link.conftest.Board", Recording)
     with answering(fmus()["adaptive_controller"]) as connection:
         peer = Peer(connection)
         begin(peer)
-        assert peer.ask("set", setting(wanted)).status == 0
-    assert given == [wanted]
+        assert peer.request("set", setting(required)).status == 0
+    assert given == [required]
 
 
-def test_a_request_that_comes_twice_is_carried_out_once(peer, kind):
+def test_a_repeated_request_is_executed_once(peer, kind):
     begin(peer)
     request = Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0), 0))
-    peer.send(sealed(request) * 3)
+    peer.send(checksummed(request) * 3)
     first, second, third = (peer.receive() for _ in range(3))
     assert first == second == third
-    assert peer.ask("step", stepping(STEP, STEP)).status == 0  # the time has advanced once
+    assert peer.request("step", stepping(STEP, STEP)).status == 0  # the time has advanced once
 
 
 def test_an_old_request_is_dropped(peer, kind):
     begin(peer)
     old = Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0), 0))
-    peer.send(sealed(old))
+    peer.send(checksummed(old))
     peer.receive()
-    peer.ask("step", stepping(STEP, STEP))
-    peer.send(sealed(old))
-    assert peer.ask("step", stepping(2 * STEP, STEP)).status == 0
+    peer.request("step", stepping(STEP, STEP))
+    peer.send(checksummed(old))
+    assert peer.request("step", stepping(2 * STEP, STEP)).status == 0
 
 
 @pytest.mark.parametrize("ahead", [-1, 2, 1 << 31])
 def test_a_request_out_of_its_order_is_not_answered(peer, kind, ahead):
-    """Neither the one before the last nor one after the next, with whatever it asks."""
+    """Neither the one before the last nor one after the next, with any request."""
     begin(peer)
     payload = exchange(kind, (7158140.0, 21.0, 0), 0)
-    last = peer.ask("exchange", payload)
-    peer.send(sealed(Frame(CODE["exchange"], (last.sequence + ahead) % 2**32, payload)))
-    answer = peer.ask("step", stepping(STEP, STEP))
+    last = peer.request("exchange", payload)
+    peer.send(checksummed(Frame(CODE["exchange"], (last.sequence + ahead) % 2**32, payload)))
+    answer = peer.request("step", stepping(STEP, STEP))
     assert (answer.status, answer.sequence) == (0, last.sequence + 1)
 
 
 def test_a_repeated_request_is_answered_by_its_own_component_or_not_at_all():
-    """The board keeps one answer: that of another component is never sent in place of it."""
+    """The board stores one answer: the answer of another component is never sent in its place."""
     names = ("adaptive_controller", "pid_controller")
     with ExitStack() as use:
-        boards = [use.enter_context(StandIn(fmus()[name])) for name in names]
+        boards = [use.enter_context(Board(fmus()[name])) for name in names]
         ours, theirs = map(use.enter_context, socket.socketpair())
         use.callback(answering_together(boards, theirs).join, PATIENCE)
         use.callback(ours.shutdown, socket.SHUT_RDWR)
@@ -185,7 +185,7 @@ def test_a_repeated_request_is_answered_by_its_own_component_or_not_at_all():
         second = first._replace(component=1)
         new = first._replace(sequence=101, code=CODE["reset"])
         for frame in (first, second, second, first, new):  # the answer to the fourth is lost
-            peer.send(sealed(frame))
+            peer.send(checksummed(frame))
         answers = [peer.receive() for _ in range(4)]
     assert [(answer.component, answer.sequence) for answer in answers] == [
         (0, 100),
@@ -223,21 +223,21 @@ def answering_together(boards, connection):
 
 def test_a_late_description_does_not_open_the_session_anew(peer):
     first = Frame(CODE["describe"], next(peer.sequence))
-    peer.send(sealed(first))
+    peer.send(checksummed(first))
     peer.receive()
-    peer.ask("reset")
+    peer.request("reset")
     old = Frame(CODE["enter"], next(peer.sequence), struct.pack("<dBd", 0, 1, 100))
-    peer.send(sealed(old))
+    peer.send(checksummed(old))
     peer.receive()
-    peer.ask("initialize")
-    peer.send(sealed(first) + sealed(old))  # both are older than the last
-    assert peer.ask("step", stepping(0, STEP)).status == 0
+    peer.request("initialize")
+    peer.send(checksummed(first) + checksummed(old))  # both are older than the last
+    assert peer.request("step", stepping(0, STEP)).status == 0
 
 
 @pytest.mark.parametrize("place", [0, 4, 9, 13, 17, 20, 30, -1])
-def test_a_damaged_request_is_refused_and_can_be_sent_again(peer, kind, place):
+def test_a_damaged_request_is_rejected_and_can_be_sent_again(peer, kind, place):
     begin(peer)
-    request = sealed(
+    request = checksummed(
         Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0.0), 0))
     )
     damaged = bytearray(request)
@@ -249,74 +249,74 @@ def test_a_damaged_request_is_refused_and_can_be_sent_again(peer, kind, place):
     assert (answer.status, answer.code) == (0, CODE["exchange"] | ANSWER)
 
 
-@pytest.mark.parametrize("kept", [1, 7, 19, 20, 21, 60])
-def test_a_truncated_request_is_survived(peer, kind, kept):
+@pytest.mark.parametrize("retained", [1, 7, 19, 20, 21, 60])
+def test_a_truncated_request_is_survived(peer, kind, retained):
     begin(peer)
-    request = sealed(
+    request = checksummed(
         Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0.0), 0))
     )
-    peer.send(request[:kept] + request)
+    peer.send(request[:retained] + request)
     answer = peer.receive()
     while answer.status == DAMAGED:
         answer = peer.receive()
     assert (answer.status, answer.code) == (0, CODE["exchange"] | ANSWER)
 
 
-def test_the_fmu_says_why_it_refuses(peer, kind):
+def test_the_fmu_states_why_it_rejects(peer, kind):
     begin(peer)
-    refused = peer.ask("set", setting({kind.references["r_SN_N"][0]: float("nan")}))
-    assert refused.status == 3
-    assert refused.said == "fmi2SetReal: r_SN_N[1]: must be finite"
-    failed = peer.ask("step", stepping(50, STEP))
-    assert "the communication point is not the end of the last step" in failed.said
+    rejected = peer.request("set", setting({kind.references["r_SN_N"][0]: float("nan")}))
+    assert rejected.status == 3
+    assert rejected.reported == "fmi2SetReal: r_SN_N[1]: must be finite"
+    failed = peer.request("step", stepping(50, STEP))
+    assert "the communication point is not the end of the last step" in failed.reported
 
 
 def test_a_state_comes_back_bit_for_bit(peer, kind):
     begin(peer)
-    peer.ask("exchange", exchange(kind, (7158140.0, 21.0, 0.0), 0))
-    state = peer.ask("save").data
-    wanted = peer.ask("exchange", exchange(kind, (7158140.0, 22.0, 1.0), 1)).data
-    peer.ask("exchange", exchange(kind, (7158140.0, 5.0, 3.0), 2))
-    assert peer.ask("restore", state).status == 0
-    assert peer.ask("exchange", exchange(kind, (7158140.0, 22.0, 1.0), 1)).data == wanted
+    peer.request("exchange", exchange(kind, (7158140.0, 21.0, 0.0), 0))
+    state = peer.request("save").data
+    required = peer.request("exchange", exchange(kind, (7158140.0, 22.0, 1.0), 1)).data
+    peer.request("exchange", exchange(kind, (7158140.0, 5.0, 3.0), 2))
+    assert peer.request("restore", state).status == 0
+    assert peer.request("exchange", exchange(kind, (7158140.0, 22.0, 1.0), 1)).data == required
 
 
-def test_a_damaged_state_is_refused(peer):
+def test_a_damaged_state_is_rejected(peer):
     begin(peer)
-    state = bytearray(peer.ask("save").data)
+    state = bytearray(peer.request("save").data)
     state[40] ^= 1
-    answer = peer.ask("restore", bytes(state))
+    answer = peer.request("restore", bytes(state))
     assert answer.status == 3
-    assert "damaged" in answer.said
+    assert "damaged" in answer.reported
 
 
 def test_steps_are_counted_from_the_reset(peer):
     begin(peer)
     for k in range(3):
-        peer.ask("step", stepping(k * STEP, STEP))
-    assert struct.unpack_from("<Q", peer.ask("statistics").data) == (3,)
-    peer.ask("reset")
-    assert struct.unpack_from("<Q", peer.ask("statistics").data) == (0,)
+        peer.request("step", stepping(k * STEP, STEP))
+    assert struct.unpack_from("<Q", peer.request("statistics").data) == (3,)
+    peer.request("reset")
+    assert struct.unpack_from("<Q", peer.request("statistics").data) == (0,)
 
 
-def test_memory_is_that_of_the_instance_alone(kind):
-    """Whatever other instances of the same program have taken before."""
+def test_memory_matches_the_instance_alone(kind):
+    """Regardless of what other instances of the same program have taken before."""
     found = []
     for _ in range(2):
         with answering(fmus()["adaptive_controller"]) as connection:
             peer = Peer(connection)
             begin(peer)
-            found.append(int.from_bytes(peer.ask("statistics").data[-4:], "little"))
+            found.append(int.from_bytes(peer.request("statistics").data[-4:], "little"))
     assert found[0] == found[1] > 1000
 
 
-def test_who_cannot_be_meant_is_told(peer):
-    assert peer.ask("step", stepping(0, STEP)).status == NO_SESSION
-    assert peer.ask("describe", version=2).status == OTHER_VERSION
-    assert peer.ask("describe", component=1).status == NO_COMPONENT
+def test_wrong_session_version_and_component_are_reported(peer):
+    assert peer.request("step", stepping(0, STEP)).status == NO_SESSION
+    assert peer.request("describe", version=2).status == OTHER_VERSION
+    assert peer.request("describe", component=1).status == NO_COMPONENT
 
 
-def test_what_makes_no_sense_is_malformed(peer, kind):
+def test_invalid_payloads_are_malformed(peer, kind):
     begin(peer)
     inputs = kind.references["r_SN_N"]
     cut = setting(dict.fromkeys(inputs, 1.0))[:-1]
@@ -329,8 +329,8 @@ def test_what_makes_no_sense_is_malformed(peer, kind):
         ("exchange", setting({})),
         ("enter", b"\0"),
     ):
-        assert peer.ask(code, payload).status == MALFORMED, (code, payload)
-    assert peer.ask("step", stepping(0, STEP)).status == 0
+        assert peer.request(code, payload).status == MALFORMED, (code, payload)
+    assert peer.request("step", stepping(0, STEP)).status == 0
 
 
 def test_no_bytes_bring_the_board_down():
@@ -364,7 +364,7 @@ class _Patient:
 
 def _nonsense(chance):
     noise = chance.randbytes(chance.randrange(200))
-    sound = sealed(Frame(chance.randrange(128), chance.randrange(1 << 32), noise))
+    sound = checksummed(Frame(chance.randrange(128), chance.randrange(1 << 32), noise))
     damaged = bytearray(sound)
     damaged[chance.randrange(len(damaged))] ^= 1 << chance.randrange(8)
     return chance.choice([noise, sound, bytes(damaged), sound[: chance.randrange(len(sound))]])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The FMU that stands for a component: whole systems with the controller behind a TCP port, over a
+"""The FMU that represents a component: whole systems with the controller behind a TCP port, over a
 line that damages, loses, doubles and delays.
 """
 
@@ -29,9 +29,9 @@ from harness.ssp.writer import write_ssp
 from harness.studies.check import check
 from harness.system.schedule import Verb
 from tests.each import each
-from tests.harness.foreign_fmu import Model, build, u, y
-from tests.link.conftest import PATIENCE, Listener, flown_twice_from
-from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
+from tests.harness.third_party_fmu import Model, build, u, y
+from tests.link.conftest import PATIENCE, Listener, simulated_twice_from
+from tests.link.frames import ANSWER, CODE, Frame, checksummed, opened
 
 MIXED = Model(
     "mixed",
@@ -55,24 +55,24 @@ def moved(place, stop=STOP, **changes):
         yield simulation
 
 
-def flown(place, stop=STOP, **changes):
+def simulated(place, stop=STOP, **changes):
     with moved(place, stop, **changes) as simulation:
         simulation.advance()
         return simulation.result()
 
 
 @pytest.fixture(scope="module")
-def wanted():
-    return flown("")
+def required():
+    return simulated("")
 
 
-def assert_same(result, wanted):
-    assert result.values.tobytes() == wanted.values.tobytes()
+def assert_same(result, required):
+    assert result.values.tobytes() == required.values.tobytes()
 
 
-def test_a_run_through_the_link_has_the_bits_of_a_run_without(board, wanted):
+def test_a_run_through_the_link_has_the_bits_of_a_run_without(board, required):
     with board() as found:
-        assert_same(flown(found.place), wanted)
+        assert_same(simulated(found.place), required)
 
 
 def test_both_algorithms_and_executors_go_through_the_link(board):
@@ -82,27 +82,27 @@ def test_both_algorithms_and_executors_go_through_the_link(board):
             {"executor": "python"},
             {"set": ["servicer.mass_0=99"]},
         ):
-            assert_same(flown(found.place, 1.0, **how), flown("", 1.0, **how))
+            assert_same(simulated(found.place, 1.0, **how), simulated("", 1.0, **how))
 
 
-def test_a_further_run_resets_the_board(board, wanted):
+def test_a_further_run_resets_the_board(board, required):
     with board() as found, moved(found.place) as simulation:
         for _ in range(3):
-            result = simulation.fly(on={"controller": found.place}, stop=STOP)
-            assert_same(result, wanted)
+            result = simulation.run(on={"controller": found.place}, stop=STOP)
+            assert_same(result, required)
 
 
-def test_a_snapshot_of_the_system_continues_bit_for_bit(board, wanted):
+def test_a_snapshot_of_the_system_continues_bit_for_bit(board, required):
     with board() as found, moved(found.place) as simulation:
-        assert_same(flown_twice_from(simulation, 11, 23), wanted)
+        assert_same(simulated_twice_from(simulation, 11, 23), required)
 
 
-def test_parameters_refused_by_the_component_are_named(board):
+def test_parameters_rejected_by_the_component_are_named(board):
     wrong = {"set": ["controller.Gamma_m=-1"]}
     with board() as found, pytest.raises(UsageError) as there:
-        flown(found.place, **wrong)
+        simulated(found.place, **wrong)
     with pytest.raises(UsageError, match=r"^--set controller\.Gamma_m=-1: must be >= 0$") as here:
-        flown("", **wrong)
+        simulated("", **wrong)
     assert str(there.value) == str(here.value)
 
 
@@ -136,21 +136,21 @@ def bend_with(chance, what, rate):
 
 @pytest.mark.parametrize("what", ["corrupted", "truncated", "doubled", "noisy", "delayed"])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_bad_line_costs_time_but_no_bit(board, wanted, what, seed):
+def test_a_bad_line_costs_time_but_no_bit(board, required, what, seed):
     bend = bend_with(random.Random(seed), what, 12)
     with board(bend) as found:
-        assert_same(flown(f"{found.place}?timeout=0.05&retries=50"), wanted)
+        assert_same(simulated(f"{found.place}?timeout=0.05&retries=50"), required)
 
 
-def test_a_line_that_only_damages_is_one_error(board):
+def test_a_line_that_only_damages_is_reported_as_one_error(board):
     bad = bend_with(random.Random(3), "corrupted", 1)
     with board(bad) as found, pytest.raises(FmuError) as caught:
-        flown(f"{found.place}?timeout=0.05&retries=2")
-    assert "no answer to 'describe' within 0.05 s, asked 3 times" in str(caught.value)
+        simulated(f"{found.place}?timeout=0.05&retries=2")
+    assert "no answer to 'describe' within 0.05 s after 3 attempts" in str(caught.value)
 
 
 def after_steps(count, then):
-    """What then(data) makes of everything that is sent after so many exchanges."""
+    """Replace everything that is sent after so many exchanges by then(data)."""
     exchanges = []
 
     def bend(data, towards):
@@ -165,9 +165,9 @@ def gone(_):
     raise OSError
 
 
-def test_a_board_that_goes_is_one_error_and_the_rows_stay(board):
+def test_a_lost_board_is_reported_as_one_error_and_the_rows_are_retained(board):
     with board(after_steps(7, gone)) as found, pytest.raises(RunError) as caught:
-        flown(found.place)
+        simulated(found.place)
     assert "tcp://127.0.0.1:" in str(caught.value)
     assert ": the connection has ended (at t = " in str(caught.value)
     assert len(caught.value.partial.time) == 8
@@ -178,7 +178,7 @@ import os, signal, socket, threading
 from harness import run
 from harness.errors import RunError
 from harness.files.paths import fmus
-from harness.master.serve import StandIn
+from harness.master.serve import Board
 
 signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # as in a program that is not Python
 server = socket.socket(socket.AF_UNIX)
@@ -196,7 +196,7 @@ def serve():
             connection.shutdown(socket.SHUT_RDWR)
             connection.close()
 
-    with StandIn(fmus()["adaptive_controller"]) as board:
+    with Board(fmus()["adaptive_controller"]) as board:
         try:
             board.answer(connection.recv, send)
         except OSError:
@@ -227,73 +227,75 @@ def test_a_board_that_has_gone_does_not_end_the_program_with_a_signal(tmp_path):
     assert "/board: the connection has ended" in ended.stdout
 
 
-def test_a_board_that_falls_silent_is_one_error(board):
+def test_a_board_that_falls_silent_is_reported_as_one_error(board):
     with board(after_steps(7, lambda data: b"")) as found, pytest.raises(RunError) as caught:
-        flown(f"{found.place}?timeout=0.3&retries=1")
-    assert "no answer to 'exchange' within 0.3 s, asked 2 times" in str(caught.value)
+        simulated(f"{found.place}?timeout=0.3&retries=1")
+    assert "no answer to 'exchange' within 0.3 s after 2 attempts" in str(caught.value)
 
 
-def test_nobody_at_the_other_end_is_one_error():
+def test_a_missing_peer_is_reported_as_one_error():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     with pytest.raises(FmuError) as caught:
-        flown(f"tcp://127.0.0.1:{port}")
-    said = f"fmi2Instantiate: tcp://127.0.0.1:{port}: nobody answers (Connection refused)"
-    assert str(caught.value).endswith(f"cannot be loaded: {said}")
+        simulated(f"tcp://127.0.0.1:{port}")
+    reported = (
+        f"fmi2Instantiate: tcp://127.0.0.1:{port}: the connection failed (Connection refused)"
+    )
+    assert str(caught.value).endswith(f"cannot be loaded: {reported}")
 
 
 def sound(_):
-    return sealed(Frame(CODE["exchange"] | ANSWER, 0, payload=b"abcd"))
+    return checksummed(Frame(CODE["exchange"] | ANSWER, 0, payload=b"abcd"))
 
 
 @pytest.mark.parametrize(
     "words",
     [lambda _: b"SLNK", lambda _: b"x", sound, lambda chance: chance.randbytes(64)],
-    ids=["beginnings of frames", "letters", "answers to nobody", "noise"],
+    ids=["beginnings of frames", "letters", "answers without a request", "noise"],
 )
-def test_a_board_that_babbles_is_as_silent_as_one_that_says_nothing(words):
-    """Without end as far as the link can tell: until the link has gone, or the test is lost."""
-    babble = words(random.Random(5)) * 4096
+def test_a_board_that_sends_noise_is_as_silent_as_one_that_sends_nothing(words):
+    """Endless, as far as the link can detect: until the link has gone, or the test is lost."""
+    noise = words(random.Random(5)) * 4096
 
     def serve():
         with suppress(OSError), listener.accept()[0] as connection:
             connection.settimeout(PATIENCE)
             until = time.monotonic() + PATIENCE
             while time.monotonic() < until:
-                connection.sendall(babble)
+                connection.sendall(noise)
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
         worker = threading.Thread(target=serve, daemon=True)
         worker.start()
         port = listener.getsockname()[1]
         with pytest.raises(FmuError) as caught:
-            flown(f"tcp://127.0.0.1:{port}?timeout=0.05&retries=2")
+            simulated(f"tcp://127.0.0.1:{port}?timeout=0.05&retries=2")
         worker.join(PATIENCE)
-    assert "no answer to 'describe' within 0.05 s, asked 3 times" in str(caught.value)
+    assert "no answer to 'describe' within 0.05 s after 3 attempts" in str(caught.value)
 
 
 def checked(place, **changes):
-    """What `check` says of the system with its controller there."""
+    """Return the report of `check` for the system with its controller there."""
     with pytest.raises(StructureError) as caught:
         check(SYSTEM, on={"controller": place}, **changes)
     return caught.value.problems
 
 
-def test_check_asks_the_board(board):
+def test_check_requests_the_board(board):
     with board() as found:
         place = found.place
         assert str(check(SYSTEM, on={"controller": place})).startswith(f"{SYSTEM}: fine (")
-        (said,) = checked(place, set=["controller.Gamma_m=-1"])
-    assert said == "--set controller.Gamma_m=-1: must be >= 0"
-    (said,) = checked(place)
-    assert said.startswith("controller: adaptive_controller.fmu cannot be loaded: ")
-    assert said.endswith("nobody answers (Connection refused)")
+        (reported,) = checked(place, set=["controller.Gamma_m=-1"])
+    assert reported == "--set controller.Gamma_m=-1: must be >= 0"
+    (reported,) = checked(place)
+    assert reported.startswith("controller: adaptive_controller.fmu cannot be loaded: ")
+    assert reported.endswith("the connection failed (Connection refused)")
 
 
 def test_check_finds_the_wrong_board():
     with Listener(fmus()["pid_controller"]) as found:
-        (said,) = checked(found.place)
-    assert "another interface: it holds pid_controller {" in said
+        (reported,) = checked(found.place)
+    assert "wrong interface: the board has pid_controller {" in reported
 
 
 # ---- the wrong peer
@@ -329,9 +331,9 @@ class Impostor:
                         connection.sendall(self.answer(frame))
 
 
-def refused(answer, within=20):
+def rejected(answer, within=20):
     with Impostor(answer, within) as peer, pytest.raises(FmuError) as caught:
-        flown(peer.place)
+        simulated(peer.place)
     return str(caught.value).partition("cannot be loaded: ")[2]
 
 
@@ -340,46 +342,48 @@ def reply(frame, **about):
 
 
 def test_a_peer_of_another_version():
-    text = refused(lambda frame: sealed(reply(frame, version=2)))
-    assert text.endswith("it speaks version 2 of the protocol, this link version 1")
+    text = rejected(lambda frame: checksummed(reply(frame, version=2)))
+    assert text.endswith("the board uses version 2 of the protocol, this link version 1")
 
 
 def test_a_peer_of_the_other_byte_order():
     for disguise in (lambda data: data, lambda data: b"KNLS" + data[4:]):
-        text = refused(lambda frame, d=disguise: d(sealed(reply(frame), order=">")), within=0.3)
-        assert text.endswith("it sends numbers in the other byte order")
+        text = rejected(
+            lambda frame, d=disguise: d(checksummed(reply(frame), order=">")), within=0.3
+        )
+        assert text.endswith("the board uses the other byte order")
 
 
 def test_a_peer_with_doubles_of_another_kind(board):
     description = bytes.fromhex("0100 01000000 00000100 01") + b"\xbf\x54\x7a\xe1" * 2 + bytes(12)
     payload = len(description).to_bytes(4, "little") + description
-    text = refused(lambda frame: sealed(reply(frame, payload=payload)))
-    assert text.endswith("its doubles are not those of IEEE 754")
+    text = rejected(lambda frame: checksummed(reply(frame, payload=payload)))
+    assert text.endswith("the board does not use doubles of IEEE 754")
 
 
 def test_a_peer_with_another_component():
     with Listener(fmus()["pid_controller"]) as found, pytest.raises(FmuError) as caught:
-        flown(found.place)
-    assert "another interface: it holds pid_controller {" in str(caught.value)
+        simulated(found.place)
+    assert "wrong interface: the board has pid_controller {" in str(caught.value)
 
 
 def test_a_peer_that_answers_too_little():
-    text = refused(lambda frame: sealed(reply(frame, payload=b"\x09\0\0\x00123456789")))
-    assert text.endswith("a malformed description")
-    text = refused(lambda frame: sealed(reply(frame, payload=b"\xff\xff\xff\xff")))
-    assert text.endswith("a malformed answer")
+    text = rejected(lambda frame: checksummed(reply(frame, payload=b"\x09\0\0\x00123456789")))
+    assert text.endswith("the description is malformed")
+    text = rejected(lambda frame: checksummed(reply(frame, payload=b"\xff\xff\xff\xff")))
+    assert text.endswith("the answer is malformed")
 
 
 def test_a_peer_that_answers_nonsense_is_never_believed():
     """Sound frames of random content to every request, and noise: one error each, no wrong run."""
     chance = random.Random(8)
     for _ in range(8):
-        text = refused(
+        text = rejected(
             lambda frame: chance.choice(
                 [
                     chance.randbytes(50),
-                    sealed(reply(frame, payload=chance.randbytes(chance.randrange(60)))),
-                    sealed(reply(frame, status=chance.randrange(256))),
+                    checksummed(reply(frame, payload=chance.randbytes(chance.randrange(60)))),
+                    checksummed(reply(frame, status=chance.randrange(256))),
                 ]
             ),
             within=0.1,
@@ -387,7 +391,7 @@ def test_a_peer_that_answers_nonsense_is_never_believed():
         assert text.startswith("fmi2Instantiate: tcp://127.0.0.1:")
 
 
-def test_fewer_values_than_asked_for_are_no_values(board):
+def test_fewer_values_than_requested_are_no_values(board):
     """A board of ours, whose answers to exchanges lose their last double on the way."""
 
     def bend(data, towards):
@@ -395,25 +399,30 @@ def test_fewer_values_than_asked_for_are_no_values(board):
         if frame is None or frame.code != CODE["exchange"] | ANSWER:
             return data
         short = frame.data[:-8]
-        return sealed(frame._replace(payload=len(short).to_bytes(4, "little") + short))
+        return checksummed(frame._replace(payload=len(short).to_bytes(4, "little") + short))
 
-    with board(bend) as found, pytest.raises(RunError, match="does not hold the values"):
-        flown(found.place)
+    with (
+        board(bend) as found,
+        pytest.raises(RunError, match="does not contain the requested values"),
+    ):
+        simulated(found.place)
 
 
 def linked(simulation):
     return next(i for i in simulation.instances if i.name == "controller")
 
 
-def test_a_warning_about_inputs_does_not_keep_the_state_from_being_saved(board):
-    """What is set reaches the board before its state is asked for; a warning is no failure."""
+def test_a_warning_about_inputs_does_not_retain_the_state_from_being_saved(board):
+    """Values that are set reach the board before its state is requested; a warning is no
+    failure.
+    """
 
     def bend(data, towards):
         frame, _ = opened(data) if towards == "link" else (None, b"")
         if frame is None or frame.code != CODE["set"] | ANSWER:
             return data
         warned.append(frame)
-        return sealed(frame._replace(status=1))
+        return checksummed(frame._replace(status=1))
 
     warned = []
     with board(bend) as found, moved(found.place) as simulation:
@@ -455,20 +464,20 @@ def test_a_state_that_is_not_there_or_does_not_fit_is_not_written_down(board):
         library, handle = linked(simulation).calls.library, linked(simulation).calls.handle
         state, size = linked(simulation).save(simulation.time), ctypes.c_size_t()
         assert library.fmi2SerializedFMUstateSize(handle, state, ctypes.byref(size)) == 0
-        room = (ctypes.c_char * size.value)()
+        space = (ctypes.c_char * size.value)()
 
-        def written(state, room, size):
-            return library.fmi2SerializeFMUstate(handle, state, room, ctypes.c_size_t(size))
+        def written(state, space, size):
+            return library.fmi2SerializeFMUstate(handle, state, space, ctypes.c_size_t(size))
 
-        assert written(state, room, size.value - 1) == 3
-        assert written(None, room, size.value) == 3
+        assert written(state, space, size.value - 1) == 3
+        assert written(None, space, size.value) == 3
         assert written(state, None, size.value) == 3
-        assert written(state, room, size.value) == 0
+        assert written(state, space, size.value) == 0
         again = ctypes.c_void_p()
         for damaged in (size.value - 1, 8, 0):
             given = ctypes.c_size_t(damaged)
-            assert library.fmi2DeSerializeFMUstate(handle, room, given, ctypes.byref(again)) == 3
-        assert library.fmi2DeSerializeFMUstate(handle, room, size, ctypes.byref(again)) == 0
+            assert library.fmi2DeSerializeFMUstate(handle, space, given, ctypes.byref(again)) == 3
+        assert library.fmi2DeSerializeFMUstate(handle, space, size, ctypes.byref(again)) == 0
         assert library.fmi2FreeFMUstate(handle, ctypes.byref(again)) == 0
         assert not again
 
@@ -517,14 +526,14 @@ def test_whole_numbers_and_truth_values_go_through_the_link(tmp_path_factory, i,
         ("tcp://localhost:1?timeouts=1", "there is no option timeouts (close: timeout)"),
     ],
 )
-def test_a_place_that_cannot_be_is_refused_by_its_words(place, text):
+def test_a_place_that_cannot_be_is_rejected_by_its_words(place, text):
     with pytest.raises(UsageError) as caught:
-        flown(place)
+        simulated(place)
     assert f"--on controller={place}: " in str(caught.value)
     assert text in str(caught.value)
 
 
-def test_a_component_that_is_not_there_is_refused():
+def test_a_component_that_is_not_there_is_rejected():
     with load(SYSTEM) as system, pytest.raises(UsageError, match=r"--on controlled: .*controller"):
         Simulation(system, on=["controlled=cortex-m7"])
 
@@ -543,9 +552,9 @@ def test_the_link_fmu_has_the_interface_of_its_component(board):
 
 
 @pytest.mark.parametrize("resources", [None, b"", b"/", b"file:///"])
-def test_resources_that_name_no_folder_are_one_error(resources):
+def test_resources_that_name_no_folder_are_reported_as_one_error(resources):
     """Under the sanitizers also: nothing is read before the path."""
-    assert said_of(resources) == [b"fmi2Instantiate: /link.txt cannot be read"]
+    assert message_of(resources) == [b"fmi2Instantiate: /link.txt cannot be read"]
 
 
 @pytest.mark.parametrize("name", ["09 az AZ", "é, 日本, ~", "100%", "%zz"])
@@ -557,17 +566,17 @@ def test_an_address_is_read_with_its_coded_characters(tmp_path, name):
     coded = "".join(f"%{byte:02x}" if byte % 2 else f"%{byte:02X}" for byte in name.encode())
     uris = {folder.as_uri().encode(), f"{tmp_path.as_uri()}/{coded}/".encode()}
     for uri in uris | {uri.replace(b"file://", b"file://localhost") for uri in uris}:
-        (line,) = said_of(uri)
+        (line,) = message_of(uri)
         assert b"cannot be read" not in line
         assert line.startswith(b"fmi2Instantiate: ")
 
 
-def said_of(resources):
-    """What the link says of an address that leads to no component."""
-    said = []
-    logger = fmi2CallbackLoggerTYPE(lambda _a, _b, _c, _d, text: said.append(text))
+def message_of(resources):
+    """Return the messages of the link for an address that leads to no component."""
+    reported = []
+    logger = fmi2CallbackLoggerTYPE(lambda _a, _b, _c, _d, text: reported.append(text))
     calls = fmi2CallbackFunctions(logger=logger)
     instantiate = ctypes.CDLL(str(built("link"))).fmi2Instantiate
     instantiate.restype = ctypes.c_void_p
     assert instantiate(b"x", 1, b"{guid}", resources, ctypes.byref(calls), 0, 0) is None
-    return said
+    return reported

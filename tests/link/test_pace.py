@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The pace of a clock, told by a clock of the test's own; and answers that come too late."""
+"""The pace of a clock, measured with a clock of the test's own; and answers that come too late."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from harness import Simulation, load, run
 from harness.errors import RunError, UsageError
 from harness.master.pacer import Pacer
 from tests.link.frames import CODE
-from tests.link.test_link import SYSTEM, flown
+from tests.link.test_link import SYSTEM, simulated
 
 STEP = 0.1
 
 
 class Clock:
-    """Time that passes in sleep, which lasts `slow` too long, and when it is told to."""
+    """Time that passes in sleep, which lasts `slow` too long, and when the test sets it."""
 
     def __init__(self, slow=0.0):
         self.now, self.slow = 7.0, slow
@@ -31,7 +31,7 @@ class Clock:
 
 
 def paced(clock, work, factor=1.0):
-    """Begin times, from the first, of steps that take as long as `work` says [s]."""
+    """Begin times, from the first, of steps that take the times in `work` [s]."""
     pacer, begins = Pacer(factor, clock, clock.sleep), []
     for k, seconds in enumerate(work):
         pacer.wait(k * STEP, lambda: None)
@@ -40,7 +40,7 @@ def paced(clock, work, factor=1.0):
     return np.array(begins), pacer.timing()
 
 
-def test_steps_begin_at_absolute_deadlines_whatever_each_is_late():
+def test_steps_begin_at_absolute_deadlines_for_any_delay_of_each():
     begins, timing = paced(Clock(slow=0.001), [0.03] * 6001)
     assert np.allclose(begins[1:] - STEP * np.arange(1, 6001), 0.001, atol=1e-9)
     assert timing.drift == pytest.approx(0.001)
@@ -70,19 +70,19 @@ def test_the_keyboard_is_looked_at_during_long_waits():
 
 
 @pytest.mark.parametrize("factor", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_factor_that_is_none_is_refused(factor):
+def test_a_factor_that_is_none_is_rejected(factor):
     with pytest.raises(UsageError, match="expected a factor above 0"):
         Pacer(factor)
 
 
-def test_a_paced_run_has_the_same_bits_and_says_how_it_was_paced():
+def test_a_paced_run_has_the_same_bits_and_states_how_it_was_paced():
     clock = Clock()
     with load(SYSTEM) as system:
         pacer = Pacer(1.0, clock, clock.sleep)
         with Simulation(system, stop=2.0, pacer=pacer) as simulation:
             simulation.advance()
             result = simulation.result()
-    assert result.values.tobytes() == flown("", 2.0).values.tobytes()
+    assert result.values.tobytes() == simulated("", 2.0).values.tobytes()
     assert clock.now == pytest.approx(7.0 + 1.9)
     assert result.provenance.timing.startswith("1 times real time, 20 steps, jitter ")
 
@@ -99,7 +99,7 @@ def test_run_paces_in_a_process_of_its_own_too(board):
 
 
 def late_in(step, release):
-    """A line that keeps the answer of one exchange until it is released."""
+    """A line that holds the answer of one exchange until it is released."""
     exchanges = []
 
     def bend(data, towards):
@@ -116,7 +116,7 @@ def commands(result):
     return result["controller.F_cmd_S"]
 
 
-def flown_late(board, late, steps_held, asked=True):
+def late_run(board, late, steps_held, settle=True):
     """A run in which the answer of step 5 comes after `steps_held` further steps."""
     release = threading.Event()
     with board(late_in(5, release)) as found, load(SYSTEM) as system:
@@ -129,14 +129,14 @@ def flown_late(board, late, steps_held, asked=True):
                 simulation.advance(to=5 + steps_held)
             finally:
                 release.set()
-            if asked:
+            if settle:
                 _settled(simulation)
             simulation.advance()
             return simulation.result()
 
 
 def _settled(simulation):
-    """The link has heard what was late."""
+    """Wait until the link has received the late answer."""
     from harness.master.calls import cost
 
     controller = next(i for i in simulation.instances if i.name == "controller")
@@ -144,31 +144,31 @@ def _settled(simulation):
 
 
 def test_wait_loses_nothing(board):
-    assert flown_late(board, "wait", 0).values.tobytes() == flown("", 2.0).values.tobytes()
+    assert late_run(board, "wait", 0).values.tobytes() == simulated("", 2.0).values.tobytes()
 
 
-def test_hold_keeps_the_last_command_and_catches_up(board):
-    found, wanted = commands(flown_late(board, "hold", 3)), commands(flown("", 2.0))
-    assert (found[:5] == wanted[:5]).all()
-    assert (found[5:9] == wanted[4]).all()
+def test_hold_retains_the_last_command_and_catches_up(board):
+    found, required = commands(late_run(board, "hold", 3)), commands(simulated("", 2.0))
+    assert (found[:5] == required[:5]).all()
+    assert (found[5:9] == required[4]).all()
     assert (found[9:] != found[8]).any(axis=1).all()
-    assert np.allclose(found[9:], wanted[9:], rtol=0.02)
+    assert np.allclose(found[9:], required[9:], rtol=0.02)
 
 
 def test_a_board_that_was_held_catches_up_with_the_steps_that_it_was_not_sent(board):
-    found = commands(flown_late(board, "hold", 3, asked=False))
-    assert np.allclose(found[-1], commands(flown("", 2.0))[-1], rtol=0.05)
+    found = commands(late_run(board, "hold", 3, settle=False))
+    assert np.allclose(found[-1], commands(simulated("", 2.0))[-1], rtol=0.05)
 
 
-def test_stop_ends_the_run_and_keeps_its_rows(board):
+def test_stop_ends_the_run_and_retains_its_rows(board):
     with pytest.raises(RunError, match=r"no answer within the deadline of 0\.02 s") as caught:
-        flown_late(board, "stop", 0)
+        late_run(board, "stop", 0)
     assert len(caught.value.partial.time) == 5
 
 
 def test_late_needs_a_pace_and_a_place():
     for how in ({"realtime": 1.0}, {"on": {"controller": "cortex-m7"}}):
-        with pytest.raises(UsageError, match="--late hold: needs --realtime and a component"):
+        with pytest.raises(UsageError, match="--late hold: is valid only with --realtime and --on"):
             run(SYSTEM, late="hold", **how)
     with pytest.raises(UsageError, match="late expects wait, hold or stop, got never"):
         run(SYSTEM, late="never", realtime=1.0, on={"controller": "tcp://localhost:1"})

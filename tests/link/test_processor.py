@@ -23,34 +23,34 @@ from harness.cli.app import app
 from harness.errors import FmuError, UsageError
 from harness.files.paths import built, fmus
 from harness.master.changes import apply
-from harness.master.serve import StandIn
-from harness.remote import targets
+from harness.master.serve import Board
+from harness.remote import firmware
+from harness.remote.firmware import PROCESSORS, find_processor, missing
 from harness.remote.places import _made
-from harness.remote.targets import TARGETS, find_target, missing
 from tests.harness.interrupts import until
-from tests.link.conftest import PATIENCE, flown_twice_from
+from tests.link.conftest import PATIENCE, simulated_twice_from
 
 SYSTEM, STOP = "sync_approach", 30.0
 
 
 def needs(*names):
     """A mark that skips where the tools of a processor are missing."""
-    lacking = [text for name in names if (text := missing(TARGETS[name]))]
+    lacking = [text for name in names if (text := missing(PROCESSORS[name]))]
     return pytest.mark.skipif(bool(lacking), reason="; ".join(lacking))
 
 
-def processors(*names):
+def selected(*names):
     return [pytest.param(name, marks=needs(name)) for name in names]
 
 
-def flown(on, stop=STOP, system=SYSTEM, **changes):
+def simulated(on, stop=STOP, system=SYSTEM, **changes):
     with load(system) as found, Simulation(found, on=on, stop=stop, **changes) as simulation:
         simulation.advance()
         return simulation.result()
 
 
 def assert_same(on, **how):
-    assert flown(on, **how).values.tobytes() == flown({}, **how).values.tobytes()
+    assert simulated(on, **how).values.tobytes() == simulated({}, **how).values.tobytes()
 
 
 def emulators(process=None):
@@ -59,14 +59,14 @@ def emulators(process=None):
     return [p for p in kin if p.is_running() and p.name().startswith("qemu-system")]
 
 
-@pytest.mark.parametrize("target", processors("cortex-m7"))
+@pytest.mark.parametrize("target", selected("cortex-m7"))
 def test_the_controller_gives_the_same_bits_on(target):
     assert_same({"controller": target})
     assert not emulators()
 
 
 @pytest.mark.pil
-@pytest.mark.parametrize("target", processors(*TARGETS))
+@pytest.mark.parametrize("target", selected(*PROCESSORS))
 def test_guidance_and_controller_give_the_same_bits_on(target):
     assert_same({"controller": target, "guidance": target})
 
@@ -80,7 +80,7 @@ def test_two_components_share_a_processor():
         assert len(emulators()) == 1
         simulation.advance()
         result = simulation.result()
-    assert result.values.tobytes() == flown({}).values.tobytes()
+    assert result.values.tobytes() == simulated({}).values.tobytes()
     assert not emulators()
 
 
@@ -95,20 +95,20 @@ def test_two_components_on_two_processors():
 def test_a_snapshot_with_a_processor_continues_bit_for_bit():
     on = {"controller": "cortex-m7"}
     with load(SYSTEM) as system, Simulation(system, on=on, stop=STOP) as simulation:
-        first = flown_twice_from(simulation, 100, 200).values.tobytes()
-        again = simulation.fly(on=on, stop=STOP).values.tobytes()
-    assert first == again == flown({}).values.tobytes()
+        first = simulated_twice_from(simulation, 100, 200).values.tobytes()
+        again = simulation.run(on=on, stop=STOP).values.tobytes()
+    assert first == again == simulated({}).values.tobytes()
 
 
 @pytest.mark.pil
 @needs("cortex-m7")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_whatever_ends_the_harness_ends_the_emulator(tmp_path, number):
+def test_the_emulator_ends_with_the_harness_for_any_signal(tmp_path, number):
     code = (
         "from harness import Simulation, load\n"
         "with load('sync_approach') as s, Simulation(s, on=['controller=cortex-m7']) as it:\n"
         "    it.advance(to=10)\n"
-        "    print('flying', flush=True)\n"
+        "    print('running', flush=True)\n"
         "    input()\n"
     )
     process = subprocess.Popen(
@@ -118,7 +118,7 @@ def test_whatever_ends_the_harness_ends_the_emulator(tmp_path, number):
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
-    assert process.stdout.readline() == b"flying\n"
+    assert process.stdout.readline() == b"running\n"
     started = emulators(psutil.Process(process.pid))
     keepers = psutil.Process(process.pid).children()
     assert len(started) == 1
@@ -131,7 +131,7 @@ def test_whatever_ends_the_harness_ends_the_emulator(tmp_path, number):
 
 @pytest.mark.pil
 @needs("cortex-m7")
-def test_an_emulator_that_dies_is_one_error():
+def test_an_emulator_that_fails_is_reported_as_one_error():
     with load(SYSTEM) as system, Simulation(system, on={"controller": "cortex-m7"}) as simulation:
         simulation.advance(to=10)
         emulators()[0].kill()
@@ -160,13 +160,13 @@ assert instantiate(b"x", 1, b"guid", sys.argv[2].encode(), ctypes.byref(calls), 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="exchanges fork by the loader of Linux")
 @pytest.mark.parametrize(
-    ("argument", "said"),
+    ("argument", "reported"),
     [
         (sys.executable, "fork (Resource temporarily unavailable)"),
         ("/no/emulator", "/no/emulator (No such file or directory)"),
     ],
 )
-def test_an_emulator_that_cannot_be_started_leaves_nothing(tmp_path, argument, said):
+def test_an_emulator_that_cannot_be_started_leaves_nothing(tmp_path, argument, reported):
     """No keeper could be made, or it would have nothing to start: one line, at once."""
     (tmp_path / "no_fork.c").write_text(NO_FORK)
     library = tmp_path / "no_fork.so"
@@ -183,23 +183,23 @@ def test_an_emulator_that_cannot_be_started_leaves_nothing(tmp_path, argument, s
         check=True,
     )
     started = "fmi2Instantiate: none: the emulator cannot be started: "
-    assert done.stdout == f"{started}{said}\n"
+    assert done.stdout == f"{started}{reported}\n"
     assert list((tmp_path / "tmp").iterdir()) == []
 
 
 EMULATOR = """
 import os, sys
 from pathlib import Path
-from harness.master.serve import StandIn
+from harness.master.serve import Board
 
 fmu, to_board, from_board = map(Path, sys.argv[1:])
-with StandIn(fmu) as board, to_board.open("rb", 0) as reads, from_board.open("wb", 0) as writes:
+with Board(fmu) as board, to_board.open("rb", 0) as reads, from_board.open("wb", 0) as writes:
     board.answer(reads.read, writes.write)
 """
 
 
 def behind_pipes(group, *command):
-    """The controller as a link to what a command starts, which speaks over two pipes."""
+    """The controller as a link to what a command starts, which communicates over two pipes."""
     settings = [("via", "emulator"), ("target", "native"), ("group", group), ("timeout", "60")]
     return _made(
         fmus()["adaptive_controller"], [*settings, *(("argument", a) for a in command)], b""
@@ -207,9 +207,7 @@ def behind_pipes(group, *command):
 
 
 @pytest.mark.parametrize("group", ["", "alone"])
-def test_a_board_that_is_started_and_speaks_over_pipes_gives_the_same_bits(
-    tmp_path, monkeypatch, group
-):
+def test_a_started_board_over_pipes_gives_the_same_bits(tmp_path, monkeypatch, group):
     """As an emulator, without one: started by the keeper, which leaves nothing behind."""
     (tmp_path / "emulator.py").write_text(EMULATOR)
     (tmp_path / "tmp").mkdir()
@@ -224,7 +222,7 @@ def test_a_board_that_is_started_and_speaks_over_pipes_gives_the_same_bits(
             assert len(list((tmp_path / "tmp").glob("slnk-*"))) == 1
             simulation.advance()
             result = simulation.result()
-    assert result.values.tobytes() == flown({}, 3.0).values.tobytes()
+    assert result.values.tobytes() == simulated({}, 3.0).values.tobytes()
     until(lambda: not list((tmp_path / "tmp").glob("slnk-*")), "end of the keeper")
 
 
@@ -235,43 +233,43 @@ def test_a_link_that_joins_waits_until_the_keeper_is_ready(tmp_path, monkeypatch
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     folder = tmp_path / f"slnk-{os.getpid()}-shared"
     folder.mkdir(mode=0o700)
-    asked = threading.Event()
+    requested = threading.Event()
 
     def board():
-        asked.wait()
+        requested.wait()
         time.sleep(0.3)  # as long as the link is here, it waits
         for name in ("to_board", "from_board", "life"):
             os.mkfifo(folder / name, 0o600)
         life = os.open(folder / "life", os.O_RDWR)
         with (
-            StandIn(fmus()["adaptive_controller"]) as found,
+            Board(fmus()["adaptive_controller"]) as found,
             (folder / "to_board").open("rb", 0) as reads,
             (folder / "from_board").open("wb", 0) as writes,
         ):
             found.answer(reads.read, writes.write)
         for _ in "jq":  # the link leaves after its pipes have ended
-            said.append(os.read(life, 1))
+            reported.append(os.read(life, 1))
         os.close(life)
 
-    said = []
+    reported = []
     worker = threading.Thread(target=board, daemon=True)
     worker.start()
     fmu = behind_pipes("shared", "/no/emulator")
     with load(SYSTEM) as system:
         changed = apply(system, swap={"controller": fmu}, stop=1.0)
-        asked.set()
+        requested.set()
         with Simulation(changed) as simulation:
             simulation.advance()
             result = simulation.result()
     worker.join(PATIENCE)
-    assert result.values.tobytes() == flown({}, 1.0).values.tobytes()
-    assert said == [b"j", b"q"]
+    assert result.values.tobytes() == simulated({}, 1.0).values.tobytes()
+    assert reported == [b"j", b"q"]
 
 
 def test_missing_tools_are_named_with_their_packages(monkeypatch):
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(UsageError) as caught:
-        find_target("cortex-m7")
+        find_processor("cortex-m7")
     assert str(caught.value) == (
         "cortex-m7 needs arm-none-eabi-gcc and arm-none-eabi-objcopy and qemu-system-arm: make "
         "pil, or apt-get install gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm"
@@ -286,7 +284,7 @@ def fake_tools(folder, target, specs):
 
 
 @pytest.mark.parametrize(
-    ("specs", "said"),
+    ("specs", "reported"),
     [
         ("/lib/picolibc.specs", "riscv32: RISC-V RV32GC, doubles in hardware: ready"),
         (
@@ -296,17 +294,17 @@ def fake_tools(folder, target, specs):
         ),
     ],
 )
-def test_check_says_what_this_machine_lacks(tmp_path, monkeypatch, specs, said):
-    fake_tools(tmp_path, TARGETS["riscv32"], specs)
+def test_check_states_what_this_machine_lacks(tmp_path, monkeypatch, specs, reported):
+    fake_tools(tmp_path, PROCESSORS["riscv32"], specs)
     monkeypatch.setenv("PATH", str(tmp_path))
-    targets._has_library.cache_clear()
+    firmware._has_library.cache_clear()
     done = CliRunner().invoke(app, ["check"])
-    targets._has_library.cache_clear()
+    firmware._has_library.cache_clear()
     lines = done.output.splitlines()
     assert done.exit_code == 0
-    assert len(lines) == len(TARGETS)
+    assert len(lines) == len(PROCESSORS)
     assert lines[0].startswith("cortex-m7 needs arm-none-eabi-gcc and ")
-    assert lines[2] == said
+    assert lines[2] == reported
 
 
 def test_check_of_nothing_takes_no_changes():
@@ -323,14 +321,14 @@ def rebuilt(target, change):
 
 
 @needs("cortex-m7")
-def test_an_fmu_without_sources_is_refused(tmp_path):
+def test_an_fmu_without_sources_is_rejected(tmp_path):
     bare = rebuilt(tmp_path / "bare.fmu", lambda n, c: None if n.startswith("sources/") else c)
     with load(SYSTEM) as system, pytest.raises(FmuError, match=r"bare.fmu holds no sources"):
         apply(system, swap={"controller": bare}, on={"controller": "cortex-m7"})
 
 
 @needs("cortex-m7")
-def test_an_fmu_that_needs_an_operating_system_is_refused_in_one_line(tmp_path):
+def test_an_fmu_that_needs_an_operating_system_is_rejected_in_one_line(tmp_path):
     def change(name, content):
         return b"#include <sys/socket.h>\n" + content if name.endswith("/fmi2.c") else content
 

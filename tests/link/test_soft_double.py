@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""soft_double.c: sums, quotients and roots against those of this machine, bit for bit."""
+"""soft_double.c: sums, quotients and roots against this machine's, bit for bit."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def check(function, hardware, *operands):
     """All bits equal; of what is no number only that it is none."""
     got = compute(function, *operands)
     with np.errstate(all="ignore"):
-        wanted = hardware(*(column.view(float) for column in operands))
-    unlike = got != wanted.view(np.uint64)
-    wrong = np.where(np.isnan(wanted), ~np.isnan(got.view(float)), unlike)
+        required = hardware(*(column.view(float) for column in operands))
+    unlike = got != required.view(np.uint64)
+    wrong = np.where(np.isnan(required), ~np.isnan(got.view(float)), unlike)
     assert [tuple(map(hex, row)) for row in zip(*(c[wrong] for c in operands), strict=True)] == []
 
 
@@ -71,7 +71,7 @@ def exponents(bits):
 
 
 def near(rng, bits, apart):
-    """Other numbers, with exponents at most so far from those of these."""
+    """Other numbers, with exponents at most so far from these."""
     shift = rng.integers(-apart, apart + 1, RANDOM)
     return with_exponents(random_bits(rng), exponents(bits) + shift)
 
@@ -97,7 +97,7 @@ def test_sums_of_numbers_near_each_other(soft, apart):
 
 
 @pytest.mark.parametrize("sign", [0, 1 << 63])
-def test_sums_that_the_very_last_bit_keeps_from_a_tie(soft, sign):
+def test_sums_that_the_very_last_bit_retains_from_a_tie(soft, sign):
     """Ones down to some place, and three ones so far below, the last at the end."""
     place, middle, apart = (grid.ravel() for grid in np.mgrid[0:52, 1:52, 1:55].astype(np.uint64))
     one = np.uint64(1)

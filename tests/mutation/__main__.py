@@ -5,8 +5,8 @@
     .venv/bin/python -m tests.mutation.reached -n 2 tests/harness
     .venv/bin/python -m tests.mutation --python --seed 1 --count 300 -o python.jsonl
 
-One line per fault that compiles. What survives is for a reader to judge: it cannot show, or a test
-is missing.
+One line per fault that compiles. A reader evaluates the survivors: the fault has no effect, or a
+test is missing.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from tests.mutation import judge, python_faults
+from tests.mutation import evaluation, python_faults
+from tests.mutation.evaluation import ILL, ROOT, SURVIVED, UNREAD
 from tests.mutation.faults import Fault, c_files, drawn, faults, python_files
-from tests.mutation.judge import ILL, ROOT, SURVIVED, UNREAD
 
-ROOMS = ("master", "results", "ssp", "studies/campaign")
+PACKAGES = ("master", "results", "ssp", "studies/campaign")
 """Folders of harness/ that faults are drawn from."""
 
 
@@ -33,15 +33,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=300, help="faults that compile")
-    parser.add_argument("--jobs", type=int, default=1, help="faults judged at the same time")
+    parser.add_argument("--jobs", type=int, default=1, help="faults evaluated at the same time")
     parser.add_argument("-o", "--output", type=Path, help="lines of JSON; goes on with it")
     parser.add_argument(
         "--again",
         action="store_true",
-        help="those of the file that survived once more; Python is read anew",
+        help="the survivors of the file once more; Python is read anew",
     )
     parser.add_argument(
-        "--python", action="store_true", help=f"in {', '.join(ROOMS)} of harness/, not in fmus/"
+        "--python", action="store_true", help=f"in {', '.join(PACKAGES)} of harness/, not in fmus/"
     )
     parser.add_argument("files", nargs="*", help="files below fmus/ or harness/ (default: all)")
     print(_text(_campaign(parser.parse_args())))
@@ -70,37 +70,39 @@ def _campaign(a: argparse.Namespace) -> Counter[str]:
                 counts[row["outcome"]] += 1
                 if row["outcome"] == SURVIVED:
                     print(f"{row['fault']}  [{row['where']}]", flush=True)
-                _keep(a.output, row)
+                _record(a.output, row)
     return counts
 
 
 def _drawn(a: argparse.Namespace) -> list[Fault]:
     root = ROOT / ("harness" if a.python else "fmus")
-    files = python_files(root, ROOMS) if a.python else c_files(root)
+    files = python_files(root, PACKAGES) if a.python else c_files(root)
     find = python_faults.faults if a.python else faults
     return drawn(
         root, [f for f in files if not a.files or f in a.files], find, a.seed, 100 * a.count
     )
 
 
-_JUDGES: list[tuple[Any, Any]] = []
-"""Of this process: what judges a fault, and its tree."""
+_EVALUATORS: list[tuple[Any, Any]] = []
+"""Of this process: the function that evaluates a fault, and its tree."""
 
 
 def _prepare(folder: str, python: bool, again: bool) -> None:
     place = Path(tempfile.mkdtemp(dir=folder))
     if python:
-        from tests.mutation import python_judge  # with coverage.py, which C has no need of
+        from tests.mutation import python_evaluation  # with coverage.py, which C has no need of
 
-        _JUDGES.append((python_judge.judged, python_judge.PythonTree(place, fresh=again)))
+        _EVALUATORS.append(
+            (python_evaluation.evaluate, python_evaluation.PythonTree(place, fresh=again))
+        )
     else:
-        _JUDGES.append((judge.judged, judge.Tree(place)))
+        _EVALUATORS.append((evaluation.evaluate, evaluation.Tree(place)))
 
 
 def _row(fault: Fault) -> dict[str, object]:
-    ((judged, tree),) = _JUDGES
+    ((evaluate, tree),) = _EVALUATORS
     shown = fault.shown((tree.sources / fault.file).read_text(encoding="utf-8"))
-    outcome, where = judged(tree, fault)
+    outcome, where = evaluate(tree, fault)
     return {"fault": shown, "outcome": outcome, "where": where, **fault._asdict()}
 
 
@@ -112,7 +114,7 @@ def _known(file: Path | None) -> dict[Fault, str]:
     return {Fault(*(row[name] for name in Fault._fields)): row["outcome"] for row in rows}
 
 
-def _keep(file: Path | None, row: dict[str, object]) -> None:
+def _record(file: Path | None, row: dict[str, object]) -> None:
     if file is not None:
         with file.open("a", encoding="utf-8") as lines:
             lines.write(json.dumps(row) + "\n")

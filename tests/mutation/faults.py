@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Deliberate faults: every change of one token that could have been a slip of the pen in C code.
 
-Operators stand between spaces, for clang-format puts them there; a sign or a pointer does not.
+Operators are between spaces, because clang-format puts them there; a sign or a pointer does not.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def _other_numbers(number: str) -> tuple[str, ...]:
 
 
 def _pieces(code: str, first: int, ends: str) -> int | None:
-    """Where the first of these characters stands outside of all brackets."""
+    """Return the index of the first of these characters outside of all brackets."""
     depth = 0
     for k in range(first, len(code)):
         if depth == 0 and code[k] in ends:
@@ -133,15 +133,15 @@ def _swapped(source: str, code: str, opening: int) -> tuple[int, int, str] | Non
 
 
 def c_files(root: Path) -> list[str]:
-    """The sources and headers below a folder, but for those of the build."""
+    """The sources and headers below a folder, except in the build."""
     files = sorted(p for ending in "ch" for p in root.rglob(f"*.{ending}"))
     names = [p.relative_to(root) for p in files]
     return [name.as_posix() for name in names if "build" not in name.parts]
 
 
-def python_files(root: Path, rooms: Sequence[str]) -> list[str]:
+def python_files(root: Path, packages: Sequence[str]) -> list[str]:
     """The modules in some folders of a folder."""
-    found = (p.relative_to(root).as_posix() for r in rooms for p in (root / r).rglob("*.py"))
+    found = (p.relative_to(root).as_posix() for r in packages for p in (root / r).rglob("*.py"))
     return sorted(found)
 
 

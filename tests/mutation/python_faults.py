@@ -24,10 +24,10 @@ OPERATORS = {
     ast.FloorDiv: ("//", "/"), ast.Mod: ("%", "//"), ast.Pow: ("**", "*"), ast.BitOr: ("|", "&"),
     ast.BitAnd: ("&", "|"),
 }  # fmt: skip
-"""Each with its text and what may stand in its place."""
+"""Each with its text and its replacements."""
 CALLS = {"min": "max", "max": "min", "any": "all", "all": "any", "sorted": "list"}
 STATEMENTS = (ast.AugAssign, ast.Raise, ast.Break, ast.Continue, ast.Delete)
-"""Those that may be left out, as may a call that stands by itself."""
+"""Statements that may be left out, as may a call by itself."""
 
 
 def faults(file: str, source: str) -> Iterator[Fault]:
@@ -74,7 +74,7 @@ class _Faults:
     def _between(
         self, kind: str, left: ast.expr, right: ast.expr, old: str, new: str
     ) -> Iterator[Fault]:
-        """The operator between two operands, which may stand in brackets."""
+        """The operator between two operands, which may be in brackets."""
         first, last = self._last(left), self._first(right)
         found = self.source.find(old, first, last)
         if found >= 0:
@@ -162,7 +162,7 @@ FINDERS: dict[Any, Callable[[_Faults, Any], Iterator[Fault]]] = {
 
 
 def _parts(node: ast.AST) -> Iterator[ast.AST]:
-    """What is inside, but for types, texts with values, and what is for type checkers."""
+    """Yield the nodes inside, except types, texts with values, and parts for type checkers."""
     if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
         return
     for name, value in ast.iter_fields(node):

@@ -3,9 +3,9 @@
 
     python -m tests.mutation.python_runner SOCKET FOLDER
 
-A fault inside of functions is put into those of the fork: their code is replaced. One elsewhere is
-run by a fork that has read nothing of `harness` yet and collects the files that it needs. Processes
-that a test starts read the fault from the sources, where it stands meanwhile.
+A fault inside of functions is put into the functions of the fork: their code is replaced. One
+elsewhere is run by a fork that has read nothing of `harness` yet and collects the files that it
+needs. Processes that a test starts read the fault from the sources, which contain it meanwhile.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def lines(channel: socket.socket) -> Any:
-    """What is written there, line by line; each is the text of a Python value."""
+    """Return the lines of a channel; each is the text of a Python value."""
     return channel.makefile("r", encoding="utf-8")
 
 
@@ -74,7 +74,7 @@ def say(channel: socket.socket, value: object) -> None:
 
 
 def _serve(channel: socket.socket, folder: Path, run: Any) -> None:
-    """Answers orders until nobody is left to give one."""
+    """Answers orders until the channel is closed."""
     for line in lines(channel):
         order = eval(line)
         say(channel, _in_fork(order, folder, lambda order=order: run(order, folder)))
@@ -117,7 +117,7 @@ def _text(file: Path) -> str:
 
 
 def _end_of(pid: int, patience: float) -> int:
-    """How a fork ends; it is ended after its time, or when nothing moves in it."""
+    """Return the end of a fork; it is ended after its time, or when nothing moves in it."""
     began, still = time.monotonic(), 0
     while True:
         done, status = os.waitpid(pid, os.WNOHANG)
@@ -143,7 +143,7 @@ def _at_work(pid: int) -> bool:
 # ---- plugins of pytest
 
 
-class _Told:
+class _Reporter:
     """Writes names where the parent looks: of the test that runs, and of the first that fails."""
 
     def __init__(self, place: Path) -> None:
@@ -162,7 +162,7 @@ class _Told:
 
 
 class _Collected:
-    """Where others begin to run the tests, this session waits for orders."""
+    """Plugin that waits for orders instead of running the tests."""
 
     def __init__(self, channel: socket.socket, other: socket.socket, folder: Path) -> None:
         self.channel, self.other, self.folder = channel, other, folder
@@ -171,7 +171,7 @@ class _Collected:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> Any:
         items = {item.nodeid: item for item in session.items}
-        _foreign_fmus(self.folder)
+        _third_party_fmus(self.folder)
         say(self.channel, "ready")
         for line in lines(self.channel):
             order = eval(line)
@@ -189,7 +189,7 @@ class _Collected:
             return NOT_HERE
         factory = session.config._tmp_path_factory  # type: ignore[attr-defined]
         factory._given_basetemp, factory._basetemp = order["place"] / "t", None
-        session.config.pluginmanager.register(_Told(order["place"]))
+        session.config.pluginmanager.register(_Reporter(order["place"]))
         session.items = [items[name] for name in order["tests"] if name in items]
         session.config.pluginmanager.unregister(self)
         with suppress(session.Failed, session.Interrupted):
@@ -197,12 +197,14 @@ class _Collected:
         return 1 if session.testsfailed else 0
 
 
-def _foreign_fmus(folder: Path) -> None:
-    """The foreign FMUs of the tests are compiled once: nothing of `harness` has a part in it."""
-    from tests.harness import conftest, foreign_fmu
+def _third_party_fmus(folder: Path) -> None:
+    """The third-party FMUs of the tests are compiled once: nothing of `harness` has a part in
+    it.
+    """
+    from tests.harness import conftest, third_party_fmu
 
     made = Path(tempfile.mkdtemp(prefix="fmus", dir=folder))
-    ready = {model.name: foreign_fmu.build(model, made) for model in foreign_fmu.MODELS}
+    ready = {model.name: third_party_fmu.build(model, made) for model in third_party_fmu.MODELS}
     conftest.build = lambda model, place: shutil.copy(ready[model.name], place)  # type: ignore
 
 
@@ -223,7 +225,7 @@ class _Chosen:
 def fresh(order: dict, _: Path) -> int:
     """Tests of a process that reads `harness` only now."""
     files = dict.fromkeys(name.partition("::")[0] for name in order["tests"])
-    plugins = [_Chosen(order["tests"]), _Told(order["place"])]
+    plugins = [_Chosen(order["tests"]), _Reporter(order["place"])]
     base = f"--basetemp={order['place'] / 't'}"
     return int(pytest.main([*OPTIONS, base, *files], plugins))
 
@@ -232,8 +234,8 @@ def fresh(order: dict, _: Path) -> int:
 
 
 def taken(file: str, old: str, new: str) -> bool:
-    """Gives the functions of a module that has been read the code of another source; says whether
-    that is all that differs. A module that nobody has read takes it from the file.
+    """Gives the functions of a module that has been read the code of another source; returns
+    whether that is all that differs. A module that has not been read takes it from the file.
     """
     if old == new or not any(getattr(m, "__file__", None) == file for m in sys.modules.values()):
         return True

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which tests reach which line of the Python code: recorded once, asked for every deliberate fault.
+"""Which tests reach which line of the Python code: recorded once, looked up for every deliberate
+fault.
 
     .venv/bin/python -m tests.mutation.reached -n 2 --cases 3 tests/harness
 
 Everything is measured by coverage.py, each line under the test that runs or the fixture that is
-being made; processes that a test starts inherit its name as PYTEST_CURRENT_TEST. The files stand
-in build/faults. As a plugin of pytest this module names the tests and takes what they cost.
+being made; processes that a test starts inherit its name as PYTEST_CURRENT_TEST. The files are in
+build/faults, or in the folder that the environment variable REACHED names. As a plugin of pytest
+this module names the tests and takes what they cost.
 """
 
 from __future__ import annotations
@@ -25,10 +27,13 @@ import coverage
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PLACE = ROOT / "build/faults"
+PLACE = Path(os.environ.get("REACHED", ROOT / "build/faults"))
 DATA, COSTS = PLACE / "reached", PLACE / "costs.json"
 SETTINGS = """[run]
-source = {root}/harness
+source =
+    {root}/fmus
+    {root}/harness
+    {root}/ssp
 data_file = {data}
 parallel = true
 patch = _exit
@@ -40,12 +45,23 @@ FIXTURE = "fixture "
 
 def main() -> None:
     """Run tests, measured; see the docstring of the module."""
-    PLACE.mkdir(parents=True, exist_ok=True)
-    settings = PLACE / "settings.ini"
-    settings.write_text(SETTINGS.format(root=ROOT, data=DATA), encoding="utf-8")
-    os.environ["COVERAGE_PROCESS_START"] = str(settings)
-    command = [sys.executable, "-m", "pytest", "-p", "tests.mutation.reached"]
-    os.execv(sys.executable, [*command, "-p", "no:cacheprovider", *sys.argv[1:]])
+    os.environ |= settings(ROOT, PLACE)
+    os.execv(sys.executable, [*COMMAND, *sys.argv[1:]])
+
+
+COMMAND = (
+    sys.executable, "-m", "pytest", "-p", "tests.mutation.reached", "-p", "no:cacheprovider",
+)  # fmt: skip
+
+
+def settings(root: Path, place: Path) -> dict[str, str]:
+    """Return the environment in which COMMAND measures the sources below a folder, and prepare the
+    folder of its files.
+    """
+    place.mkdir(parents=True, exist_ok=True)
+    file = place / "settings.ini"
+    file.write_text(SETTINGS.format(root=root, data=place / DATA.name), encoding="utf-8")
+    return {"COVERAGE_PROCESS_START": str(file), "REACHED": str(place)}
 
 
 # ---- plugin
@@ -95,7 +111,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_fixture_setup(fixturedef: Any, request: Any) -> Iterator[None]:
-    """What a fixture of a whole file reaches, each test reaches that asks for it."""
+    """What a fixture of a whole file reaches, each test that uses the fixture reaches."""
     if fixturedef.scope == "function":
         return (yield)
     began, others = _spent(), sum(_MADE.values())
@@ -113,7 +129,7 @@ def _name(fixturedef: Any) -> str:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Iterator[None]:
-    """The report of the end says what the test and its fixtures have cost."""
+    """The report of the end states what the test and its fixtures have cost."""
     report = yield
     if call.when == "teardown":
         found = [d for defs in item._fixtureinfo.name2fixturedefs.values() for d in defs[-1:]]
@@ -137,7 +153,7 @@ def pytest_runtest_logreport(report: Any) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Tests that fail without a fault are not asked."""
+    """Tests that fail without a fault are not used."""
     if hasattr(session.config, "workerinput"):
         return
     for name in _FAILED:
@@ -154,8 +170,8 @@ def _known() -> dict[str, dict[str, Any]]:
 
 
 class Tests(NamedTuple):
-    """What is known of the tests: cost of each without fixtures of more than one test, those
-    fixtures, and which of them a test asks for [s].
+    """Data of the tests: cost of each without fixtures of more than one test, those fixtures, and
+    which of them a test uses [s].
     """
 
     tests: dict[str, float]
@@ -168,28 +184,38 @@ class Tests(NamedTuple):
 
 
 class Reached:
-    """Tests by file and line."""
+    """Tests by file and line, from the files of a folder, which stay if `retain` is set."""
 
-    def __init__(self) -> None:
-        gathered = coverage.Coverage(data_file=str(DATA))
-        with COSTS.open() as lock:  # what one process puts together, another must not at once
+    def __init__(self, place: Path = PLACE, retain: bool = False) -> None:
+        gathered = coverage.Coverage(data_file=str(place / DATA.name), config_file=False)
+        costs = place / COSTS.name
+        with costs.open() as lock:  # what one process puts together, another must not at once
             fcntl.flock(lock, fcntl.LOCK_EX)
-            if list(PLACE.glob("reached.*")):
-                gathered.combine([str(PLACE)])
+            if list(place.glob("reached.*")):
+                gathered.combine([str(place)], keep=retain)
         gathered.load()
         self.data = gathered.get_data()
-        self.tests = Tests(**_known())
+        self.tests = Tests(**json.loads(costs.read_text()))
+
+    def lines(self, file: str) -> dict[int, set[str]]:
+        """Return the tests that reach each line of a file, also through a fixture."""
+        found = self.data.contexts_by_lineno(file)
+        return {line: self._tests(_names(contexts)) for line, contexts in found.items()}
 
     def by(self, file: str, lines: Iterable[int]) -> set[str]:
         """Names of tests that reach one of the lines, also through a fixture; without lines, or for
-        lines that nobody has run, those that reach any line of the file.
+        lines that no test has run, those that reach any line of the file.
         """
         contexts = self.data.contexts_by_lineno(str(ROOT / "harness" / file))
         found = _names(c for line in lines for c in contexts.get(line, ()))
         found = found or _names(c for some in contexts.values() for c in some)
-        fixtures = {name.removeprefix(FIXTURE) for name in found if name.startswith(FIXTURE)}
-        asking = {name for name, uses in self.tests.uses.items() if fixtures.intersection(uses)}
-        return (found | asking) & self.tests.tests.keys()
+        return self._tests(found)
+
+    def _tests(self, names: set[str]) -> set[str]:
+        """Return the tests among some names, and those that use a fixture among them."""
+        fixtures = {name.removeprefix(FIXTURE) for name in names if name.startswith(FIXTURE)}
+        using = {name for name, uses in self.tests.uses.items() if fixtures.intersection(uses)}
+        return (names | using) & self.tests.tests.keys()
 
 
 def _names(contexts: Iterable[str]) -> set[str]:

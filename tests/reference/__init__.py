@@ -4,6 +4,6 @@
 Shares no code and as few formulas as possible with the models under test: attitude by quaternions
 instead of modified Rodrigues parameters, time derivatives by second-order jets instead of printed
 rate formulas, gravity terms as gradients of the potential, regressors as Jacobians of the linear
-expressions they stand for. Frames, names and units are those of the ports; `C_XY` maps Y components
-to X components.
+expressions they represent. Frames, names and units equal those on the ports; `C_XY` maps Y
+components to X components.
 """

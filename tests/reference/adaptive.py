@@ -144,9 +144,9 @@ def projected(m_hat: float, eta_hat: Array, p: Parameters) -> Estimate:
         return Estimate(m_hat, eta_hat)
     start = np.array(p.eta_hat_0)
     off_diagonal = np.array([p.J_offdiag_max] * 6 + [p.A_offdiag_max] * 6)
-    room = np.where(DIAGONAL, p.eta_hat_range * np.abs(start), off_diagonal)
+    space = np.where(DIAGONAL, p.eta_hat_range * np.abs(start), off_diagonal)
     m = np.clip(m_hat, p.m_hat_0 * (1.0 - p.m_hat_range), p.m_hat_0 * (1.0 + p.m_hat_range))
-    return Estimate(float(m), np.clip(eta_hat, start - room, start + room))
+    return Estimate(float(m), np.clip(eta_hat, start - space, start + space))
 
 
 def sample(

@@ -49,7 +49,7 @@ class Arm:
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     def parameters(self) -> dict:
-        """For the interface: seven rows, those above n absurd, because nobody may read them."""
+        """For the interface: seven rows, those above n absurd, because they must not be read."""
         rows = {"joints": self.n, "p_EA_A": self.p_EA_A, "q_EA": self.q_EA}
         rows |= {"mass_0": self.mass_0, "J_S": self.J_S}
         for name in ROWS:
@@ -189,7 +189,7 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Loads:
-    """What is held over a flight: on base, tip (its axes) and joints; wheels; friction."""
+    """Loads that are constant over a run: on base, tip (its axes) and joints; wheels; friction."""
 
     F_S: Array
     M_S: Array
@@ -203,7 +203,7 @@ class Loads:
     friction_rate: float = 0.005
 
 
-def fly(arm: Arm, y: Array, seconds: float, loads: Loads, mu: float = 0.0) -> Array:
+def simulate(arm: Arm, y: Array, seconds: float, loads: Loads, mu: float = 0.0) -> Array:
     """State [r, v, q_SN, w, wheel speeds, q, dq] after some seconds; a point-mass planet."""
 
     def derivative(_: float, y: Array) -> Array:

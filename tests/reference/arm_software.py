@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Guidance and control of the arm on rotation matrices, full matrices and point masses.
 
-Nothing of quaternions, composite bodies or Cholesky. Attitudes are matrices that turn components of
-the body into those of N; inputs and outputs carry the names of the interface.
+Nothing of quaternions, composite bodies or Cholesky. Attitudes are matrices that turn body
+components into N components; inputs and outputs carry the names of the interface.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Guidance:
         self.ref = np.array(self.p["joint_angle_stowed"][: arm.n], float)
 
     def look(self, u: dict) -> None:
-        """Where E is, seen from Q."""
+        """Return the position of E relative to Q."""
         p, n = self.p, self.n
         self.u = u
         self.S, self.T = attitude(u["q_SN"]), attitude(u["q_TN"])
@@ -205,14 +205,14 @@ class Guidance:
         low, high = (
             p["K_limit"] * (p[name][:n] - self.q) for name in ("joint_angle_min", "joint_angle_max")
         )
-        fixed, dq, measures = np.zeros(n, bool), np.zeros(n), None
+        fixed, dq, metrics = np.zeros(n, bool), np.zeros(n), None
         while True:
             free = ~fixed
             A, rest = J_m[:, free], y - J_m[:, fixed] @ dq[fixed]
             m = np.sqrt(max(0.0, np.linalg.det(A @ A.T))) if free.sum() >= 6 else 0.0
             least = p["manipulability_min"]
             damping = p["damping_max"] * (1 - m / least) if m < least else 0.0
-            measures = measures or (m, damping)
+            metrics = metrics or (m, damping)
             G = A @ A.T + damping**2 * np.eye(6)
             dq[free] = z[free] + A.T @ np.linalg.solve(G, rest - A @ z[free])
             broken = free & ((dq < low) | (dq > high))
@@ -224,8 +224,8 @@ class Guidance:
         return {
             "dq": scale * dq,
             "limited": fixed,
-            "manipulability": measures[0],
-            "damping": measures[1],
+            "manipulability": metrics[0],
+            "damping": metrics[1],
             "rate_scale": scale,
             "position_error": np.linalg.norm(miss),
             "angle_error": np.linalg.norm(angle),
@@ -305,7 +305,7 @@ class Controller:
         v = Vehicle(self.arm, q)
         H, b, A_w = v.H(), v.b(w, dq), p["A_w"]
         o = p["omega_rest" if mode == REST else "omega_joint"]
-        wanted = ddr + 2 * p["zeta"] * o * (dr - dq) + o**2 * (r - q)
+        required = ddr + 2 * p["zeta"] * o * (dr - dq) + o**2 * (r - q)
         if mode != REST:
             reaction = H[:6, 6:] @ ddr + b[:6] - v.b(w, 0 * dq)[:6]
             if p["compensate_force"]:
@@ -320,8 +320,8 @@ class Controller:
         else:
             M = M + y["M_ff_S"]
         loads = np.append(F, M - A_w @ accel - np.cross(w, A_w @ u["wheel_speed"]))
-        du = pinvh(H[:6, :6]) @ (loads - b[:6] - H[:6, 6:] @ wanted)
-        tau = H[6:, :6] @ du + H[6:, 6:] @ wanted + b[6:] + p["joint_damping"][:n] * dr
+        du = pinvh(H[:6, :6]) @ (loads - b[:6] - H[:6, 6:] @ required)
+        tau = H[6:, :6] @ du + H[6:, 6:] @ required + b[6:] + p["joint_damping"][:n] * dr
         tau += p["joint_friction"][:n] * dr / np.hypot(dr, p["friction_rate"])
         limit = np.where(p["joint_torque_max"][:n] > 0, p["joint_torque_max"][:n], np.inf)
         y["joint_torque"][:n] = np.clip(tau, -limit, limit)

@@ -190,7 +190,7 @@ class Assembly:
 
 
 def orbital_axes(n: float, t: Array) -> Array:
-    """C_ON (..., 3, 3): x along flight and z to the Earth at t = 0 are those of N."""
+    """C_ON (..., 3, 3): x along flight and z to the Earth at t = 0 are the axes of N."""
     c, s = np.cos(n * np.asarray(t)), np.sin(n * np.asarray(t))
     o, i = 0 * c, 0 * c + 1
     return np.stack(
@@ -213,7 +213,7 @@ def total_momentum(a: Assembly, t: float, q_SN: Array, omega: Array, h_S: Array)
     return dcm(q_SN).T @ (momentum(a.masses, x, by_angle * dalpha + cross(omega, x.T).T) + h_S)
 
 
-def fly(
+def simulate(
     a: Assembly, q_SN: Array, H_N: Array, h_S: Callable[[float], Array], t0: float, t1: float
 ) -> tuple[Array, Array]:
     """Attitude and total momentum (N axes) at t1 for a history of the momentum of the gyros."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What target and servicer share: the orbit of the target, and accelerations in orbit."""
+"""Shared parts of target and servicer: the orbit of the target, and accelerations in orbit."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class Bodies:
     omega: dict
 
     def inputs(self):
-        """As they stand on the wires."""
+        """As they are on the wires."""
         return {
             name: value
             for x in "ST"
@@ -108,7 +108,7 @@ def ports(p, b):
     w = {x: b.turn[x].apply(b.omega[x]) for x in "ST"}
     Q_to_N = b.turn["T"] * rotation(p["q_QT"])
     P_to_N = b.turn["S"] * rotation(p["q_PS"])
-    # velocity of the tip less that of the material point of T at the same place
+    # velocity of the tip less the velocity of the material point of T at the same place
     at_tip = {x: b.v[x] + np.cross(w[x], tip - b.r[x]) for x in "ST"}
     to_Q = Q_to_N.inv()
     return Ports(
@@ -172,7 +172,7 @@ class Memory:
 
 
 def caught(p, s, phase, t):
-    """What is kept at a change of phase. Rest: the probe turned by the shortest arc."""
+    """Values stored at a change of phase. Rest: the probe turned by the shortest arc."""
     axis = s.P_to_Q.apply((1, 0, 0))
     cross, angle = np.cross(axis, (-1, 0, 0)), np.arccos(np.clip(-axis[0], -1, 1))
     size = np.linalg.norm(cross)

@@ -52,7 +52,7 @@ class Parameters(servicer.Parameters):
 
     @cached_property
     def parts(self) -> list[Part]:
-        """Those that exist."""
+        """Return the parts that exist."""
         panels = [Panel(self, i) for i in range(4) if self.panel_mass[i] > 0]
         return [*panels, *(Slosh(self, j) for j in range(4) if self.slosh_mass_0[j] > 0)]
 

@@ -63,7 +63,7 @@ def radius(t: float, p: Parameters) -> Jet:
 def facing_frame(grasp_N: Jet, C_HN: Jet, held_H: Array | None, p: Parameters) -> tuple[Jet, float]:
     """C_DN and |x cross orbit normal|.
 
-    Inside the guard the z axis of the last sample outside, kept constant in H, takes the place of
+    Inside the guard the z axis of the last sample outside, held constant in H, takes the place of
     the cross product and is made normal to x again.
     """
     x = -grasp_N

@@ -17,7 +17,7 @@ Rhs = Callable[[float, Array], Array]
 
 
 def truth(f: Rhs, y: Array, t0: float, t1: float, atol: Array, max_step: float = 10.0) -> Array:
-    """DOP853. The step limit keeps an orbit's local error below rounding; rtol alone would allow
+    """DOP853. With the step limit an orbit's local error is below rounding; rtol alone would allow
     1e-6 m per step.
     """
     solution = solve_ivp(
@@ -48,7 +48,7 @@ def grid(t0: float, t1: float, max_step: float) -> Iterator[tuple[float, float]]
 
 
 def breakpoints(t0: float, t1: float, times: tuple[float, ...]) -> list[float]:
-    """t0, those of the given times that lie strictly between, t1."""
+    """t0, the given times that lie strictly between, t1."""
     return [t0, *sorted({t for t in times if t0 < t < t1}), t1]
 
 

@@ -69,7 +69,7 @@ def white_noise(q: float, T: float) -> Array:
 
 @dataclass
 class Track:
-    """What a filter keeps of its measurements."""
+    """Delayed measurements that a filter stores."""
 
     gate: float
     reset_after: float = 10

@@ -123,7 +123,7 @@ class Held(NamedTuple):
 
 
 def feature(T: Body, p: Guidance) -> Jet:
-    """rho_ref as seen in N; the target's attitude model is that of the other guidance."""
+    """rho_ref as seen in N; the target's attitude model equals the other guidance's."""
     model = guidance.Parameters(mu=p.mu, J_T=p.J_T, use_gravity_gradient=p.use_gravity_gradient)
     return guidance.target_frame(0.0, T, model) @ jet.constant(
         p.rho_f * np.array(p.p_T, dtype=float)

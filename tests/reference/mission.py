@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reference of the mission: phases, range profile, retreat; selection between laws.
 
-Written as a reader would tell it: each phase is a line of `PHASES`, conditions are closures over
-the geometry of the sample, polynomials are numpy polynomials and their derivatives, the drift after
-a retreat is the matrix exponential of the Clohessy-Wiltshire equations.
+Written as a reader would describe it: each phase is a line of `PHASES`, conditions are closures
+over the geometry of the sample, polynomials are numpy polynomials and their derivatives, the drift
+after a retreat is the matrix exponential of the Clohessy-Wiltshire equations.
 """
 
 from __future__ import annotations
@@ -336,7 +336,7 @@ class Selector:
     unloading: bool = False
 
     def unload(self, u: dict, law: int) -> Array:
-        """Torque that empties the wheels in laws 1 to 3, and what the wheels take up of it."""
+        """Torque that empties the wheels in laws 1 to 3, and the part that the wheels take up."""
         excess = np.array(u["wheel_speed"]) - self.p["wheel_speed_ref"]
         full = np.abs(excess).max() / self.p["wheel_speed_max"]
         before = self.unloading or law == 1
@@ -350,7 +350,7 @@ class Selector:
         M = np.clip(-self.p["k_unload"] * A @ excess, -most, most) * self.unloading
         return np.concatenate((np.zeros(3), M, np.linalg.solve(A, M)))
 
-    def wanted(self, u: dict) -> Array:
+    def required(self, u: dict) -> Array:
         th, A = np.array(u["throttle"]), np.reshape(self.p["A_w"], (3, 3))
         zero, force, torque = np.zeros(3), int(u["select_force"]), int(u["select_torque"])
         F_1 = np.array((self.p["main_thrust"] * th[12] - self.p["brake_thrust"] * th[8:12].mean(),
@@ -364,13 +364,13 @@ class Selector:
         return np.concatenate((F, M, W))
 
     def sample(self, u: dict) -> dict[str, Array]:
-        now, tau = self.wanted(u), self.p["blend_time"]
+        now, tau = self.required(u), self.p["blend_time"]
         now = now + self.unload(u, int(u["select_torque"]))
         laws = int(u["select_force"]), int(u["select_torque"])
         self.D = self.D * (np.exp(-self.p["sample_period"] / tau) if tau else 0)
-        for part, of, kept in ((slice(0, 3), 0, (1, 2, 3)), (slice(3, 9), 1, (1, 2, 3, 4))):
+        for part, of, retained in ((slice(0, 3), 0, (1, 2, 3)), (slice(3, 9), 1, (1, 2, 3, 4))):
             if self.last and laws[of] != self.last[of]:
-                blends = tau > 0 and laws[of] in kept and self.last[of] in kept
+                blends = tau > 0 and laws[of] in retained and self.last[of] in retained
                 self.D[part] = (self.out - now)[part] if blends else 0
         self.out, self.last = now + self.D, laws
         F, M, W = self.out[:3].copy(), self.out[3:6], self.out[6:]

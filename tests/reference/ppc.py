@@ -65,14 +65,16 @@ class Error(NamedTuple):
 
 def errors(T: Body, S: Body, ref: Mapping[str, Any], up_axis: float) -> Error:
     now = line_of_sight(Jet(T.r - S.r, T.v - S.v, ZERO3), up_axis)
-    wanted = line_of_sight(Jet(-ref["rho_ref_N"], -ref["drho_ref_N"], -ref["ddrho_ref_N"]), up_axis)
-    x1 = now.q.x - wanted.q.x
+    required = line_of_sight(
+        Jet(-ref["rho_ref_N"], -ref["drho_ref_N"], -ref["ddrho_ref_N"]), up_axis
+    )
+    x1 = now.q.x - required.q.x
     x1[2] = wrapped(x1[2])
     q_SD = attitude.positive(attitude.multiply(attitude.conjugate(ref["q_DN"]), S.q))
     C_SD = attitude.dcm(q_SD)
     wd, wdd = C_SD @ ref["omega_DN_D"], C_SD @ ref["alpha_DN_D"]
     C_SN = attitude.dcm(S.q)
-    return Error(now, wanted, x1, now.q.d - wanted.q.d, q_SD, S.omega - wd, wd, wdd, C_SN)
+    return Error(now, required, x1, now.q.d - required.q.d, q_SD, S.omega - wd, wd, wdd, C_SN)
 
 
 def T_matrix(q: Array) -> Array:

@@ -127,7 +127,7 @@ LITERAL_LAW = ppc.Ppc(
 )
 
 
-# ---- controllers as functions of (t, T, S, wheel_speed, reference) that keep their own state ----
+# ---- controllers as functions of (t, T, S, wheel_speed, reference) that have their own state ----
 
 Law = Callable[[float, Body, Body, Array, Mapping[str, Any]], dict[str, Any]]
 

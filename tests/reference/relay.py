@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The relay approach of Kozlova & Fomichev as one program, written from docs/models.md B.
 
-Coordinates are those of the paper: ISK, whose origin is the servicer at t = 0 (in orbit: a
-reference point on a circular orbit, with the exact difference of gravity). The body velocity u is a
-state of its own for the paper's kinematics; the required attitude is two turns, not a matrix; the
-shortest arc is the half-way quaternion; thrusters are looped over with the printed recursion. Plain
-tuples of floats: numpy on three numbers would cost minutes.
+The coordinates of the paper: ISK, whose origin is the servicer at t = 0 (in orbit: a reference
+point on a circular orbit, with the exact difference of gravity). The body velocity u is a state of
+its own for the paper's kinematics; the required attitude is two turns, not a matrix; the shortest
+arc is the half-way quaternion; thrusters are looped over with the printed recursion. Plain tuples
+of floats: numpy on three numbers would cost minutes.
 
 Row k of a history holds the plant at t_k and what the software and the propulsion unit made of the
 tick before; row 0 is the start, before any tick.
@@ -48,7 +48,7 @@ ROLL, PITCH, YAW = ((5, 7), (4, 6)), ((3,), (1,)), ((0,), (2,))
 
 @dataclass(frozen=True)
 class Parameters:
-    """The defaults are the set `newton`."""
+    """The defaults are the parameter set `newton`."""
 
     kin: int = 1
     law: int = 1

@@ -87,9 +87,9 @@ def switch_time(s: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Flights:
-    """n flights from s (n, 4) with aborts at these times (n,): the attempt begins at `tried` with
-    the states s_tried, thrust ends at `off` with s_off; equal times: no such phase.
+class Trajectories:
+    """n trajectories from s (n, 4) with aborts at these times (n,): the attempt begins at `tried`
+    with the states s_tried, thrust ends at `off` with s_off; equal times: no such phase.
     """
 
     s: Array
@@ -107,12 +107,12 @@ class Flights:
         return np.where((t < off)[..., None], np.where((t < tried)[..., None], far, near), free)
 
 
-def flights(s: Array, abort: float | Array) -> Flights:
+def trajectories(s: Array, abort: float | Array) -> Trajectories:
     """From these starts (n, 4)."""
     off = np.minimum(np.broadcast_to(abort, len(s)), END)
     tried = np.minimum(switch_time(s), off)
     s_tried = driven(K1, s, tried[:, None])[:, 0]
-    return Flights(s, tried, off, s_tried, driven(K2, s_tried, (off - tried)[:, None])[:, 0])
+    return Trajectories(s, tried, off, s_tried, driven(K2, s_tried, (off - tried)[:, None])[:, 0])
 
 
 @dataclass(frozen=True)
@@ -138,11 +138,11 @@ def inside_cone(s: Array) -> Array:
 
 
 def slack(s: Array) -> Array:
-    """What is left of the speed limit."""
+    """Return the margin of the speed limit."""
     return SPEED - np.hypot(s[..., 2], s[..., 3])
 
 
-def margins(f: Flights, *, samples: int = 6000) -> Margins:
+def margins(f: Trajectories, *, samples: int = 6000) -> Margins:
     """From dense samples, closer together at the beginning of a phase where it is fastest. The box
     counts outside of the attempt.
     """

@@ -3,7 +3,7 @@
 
 Total momentum H = J omega + A Omega in S axes (J with the wheels locked, Omega relative to the
 body), dH/dt = M in N. Before t_att the attitude is frozen, the published rate is zero and the
-wheels stand.
+wheels are at rest.
 """
 
 from __future__ import annotations

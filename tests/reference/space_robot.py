@@ -146,7 +146,7 @@ class Orbit:
         return float(self.mu * ((1 + self.e * np.cos(nu)) / (self.a * (1 - self.e**2))) ** 3)
 
 
-def fly(
+def simulate(
     robot: Robot,
     orbit: Orbit,
     start: Array,

@@ -3,7 +3,7 @@
 closed loop, on the point masses of `assembly`.
 
 The angular velocity of the reference is the antisymmetric part of -dC/dt C' of a matrix that is
-differentiated by Leibniz' rule; the tracking law asks for the moment of the accelerations of twelve
+differentiated by Leibniz' rule; the tracking law uses the moment of the accelerations of twelve
 points; the gradient of the singularity measure is a complex step.
 """
 
@@ -288,9 +288,9 @@ class Tracking:
         C_e = C_SN @ ref.motion.C.T
         q_e = positive(multiply(conjugate(ref.motion.q_SO), self.relative(t, q_SN)))
         d_omega = omega - C_e @ ref.motion.omega
-        wanted = C_e @ ref.motion.alpha - np.cross(d_omega, C_e @ ref.motion.omega)
-        wanted = wanted - self.k1 * d_omega - self.k2 * q_e[1:]
-        hdot = self.taken(t, C_SN, omega, wanted, h_S)
+        required = C_e @ ref.motion.alpha - np.cross(d_omega, C_e @ ref.motion.omega)
+        required = required - self.k1 * d_omega - self.k2 * q_e[1:]
+        hdot = self.taken(t, C_SN, omega, required, h_S)
         if ref.hdot is not None:
             m = ref.motion
             hdot = hdot + C_e @ (ref.hdot - self.taken(t, m.C, m.omega, m.alpha, ref.h))
@@ -405,17 +405,17 @@ class Cluster:
         _, s, t = self.frames
         return t * np.cos(d) - s * np.sin(d)
 
-    def measure(self, d: Array) -> Array:
+    def singularity(self, d: Array) -> Array:
         """sqrt(det A A'): 0 where a direction of torque is missing; d may be complex."""
         A = self.directions(d)
         return np.sqrt(np.linalg.det(A @ A.T))
 
     def gradient(self, d: Array) -> Array:
-        return np.array([self.measure(d + 1j * TINY * e).imag / TINY for e in np.eye(6)])
+        return np.array([self.singularity(d + 1j * TINY * e).imag / TINY for e in np.eye(6)])
 
     def steer(self, t: float, d: Array, hdot: Array) -> Array:
         """Gimbal rates for a torque: damped inverse with dither, motion without torque uphill."""
-        A, m = self.directions(d), self.measure(d)
+        A, m = self.directions(d), self.singularity(d)
         e = self.dither * np.sin(0.5 * np.pi * t + np.array((0, np.pi / 2, np.pi)))
         E = np.eye(3) + np.array(((0, e[2], e[1]), (e[2], 0, e[0]), (e[1], e[0], 0)))
         rates = A.T @ np.linalg.solve(A @ A.T + self.damping * np.exp(-m) * E, hdot / self.h_w)
@@ -429,8 +429,8 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Loop:
-    """World, flight software and its sample period; cluster None: ideal devices that give what is
-    asked for.
+    """World, flight software and its sample period; cluster None: ideal devices that deliver the
+    command.
     """
 
     world: Assembly = field(default_factory=Assembly)
@@ -439,8 +439,8 @@ class Loop:
     period: float = 1.0
 
 
-class Flight(NamedTuple):
-    """Instant of a flight: attitude, total momentum (N axes), momentum of ideal devices, gimbal
+class Recording(NamedTuple):
+    """Instant of a run: attitude, total momentum (N axes), momentum of ideal devices, gimbal
     angles.
     """
 
@@ -451,16 +451,16 @@ class Flight(NamedTuple):
     gimbals: Array
 
 
-def at_rest(loop: Loop) -> Flight:
+def at_rest(loop: Loop) -> Recording:
     """Flight attitude and the rate of the orbit at t = 0."""
     q, omega = np.array((1.0, 0, 0, 0)), np.array((0, -loop.world.n, 0))
     gimbals = np.radians(loop.cluster.start) if loop.cluster else np.zeros(6)
     h = loop.cluster.momentum(gimbals) if loop.cluster else np.zeros(3)
     H = assembly.total_momentum(loop.world, 0.0, q, omega, h)
-    return Flight(0.0, q, H, h, gimbals)
+    return Recording(0.0, q, H, h, gimbals)
 
 
-def coasted(loop: Loop, x: Flight, hdot: Array, rates: Array) -> Flight:
+def coasted(loop: Loop, x: Recording, hdot: Array, rates: Array) -> Recording:
     """One sample later, with the rate of the momentum or the gimbal rates held."""
     cluster, t1 = loop.cluster, x.t + loop.period
 
@@ -470,11 +470,11 @@ def coasted(loop: Loop, x: Flight, hdot: Array, rates: Array) -> Flight:
     def held(t: float) -> Array:
         return cluster.momentum(gimbals(t)) if cluster else x.h_S + (t - x.t) * hdot
 
-    q, H = assembly.fly(loop.world, x.q_SN, x.H_N, held, x.t, t1)
-    return Flight(t1, q, H, held(t1), gimbals(t1))
+    q, H = assembly.simulate(loop.world, x.q_SN, x.H_N, held, x.t, t1)
+    return Recording(t1, q, H, held(t1), gimbals(t1))
 
 
-def fly(loop: Loop, guide: Guide, stop: float, x: Flight | None = None) -> dict[str, Array]:
+def simulate(loop: Loop, guide: Guide, stop: float, x: Recording | None = None) -> dict[str, Array]:
     """Rows at the samples up to a time: states at t_k, and the commands that were computed
     there.
     """

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 GENERATED = ("note", "compared", "overloads")
-"""Those that come from docs/targets.md, in no time."""
+"""Values that come from docs/processor_figures.md, without a run."""
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +41,10 @@ def quotations(quoted):
 def test_every_figure_of_a_page_has_a_run_and_every_run_a_page(quoted, missions):
     found = quotations(quoted)
     claims = {f"claims_{name}" for name in missions.claiming()}
-    assert {name for _, name, _ in found} == {*quoted.FIGURES, *claims}
+    assert {name for _, name, _ in found} == {*quoted.VALUES, *claims}
     assert all(text.strip() for _, _, text in found)
-    marks = sum(p.read_text(encoding="utf-8").count("<!--=") for p in quoted.pages())
-    assert marks == len(found), "a mark is not closed"
+    markers = sum(p.read_text(encoding="utf-8").count("<!--=") for p in quoted.pages())
+    assert markers == len(found), "a marker is not closed"
 
 
 def test_no_quotation_within_a_paragraph_begins_a_line(quoted):
@@ -56,10 +56,10 @@ def test_no_quotation_within_a_paragraph_begins_a_line(quoted):
 def test_pages_quote_the_table_of_processors_as_it_is(quoted):
     texts = {name: text for _, name, text in quotations(quoted)}
     for name in GENERATED:
-        assert texts[name] == quoted.FIGURES[name](), f"{name}: make figures"
+        assert texts[name] == quoted.VALUES[name](), f"{name}: make quoted-values"
 
 
-def test_a_page_loses_its_marks_and_keeps_its_figures(quoted):
+def test_a_page_loses_its_markers_and_retains_its_values(quoted):
     page = "It takes <!--=wait-->3 s<!----> here.\n"
     assert quoted.plain(page, {"wait": "3 s"}, "x.md") == "It takes 3 s here.\n"
 
@@ -68,7 +68,7 @@ def test_a_page_loses_its_marks_and_keeps_its_figures(quoted):
     ("figures", "line"),
     [
         ({"mass": "1 kg"}, "x.md: no run gives 'wait'; there are mass"),
-        ({"wait": "4 s"}, "x.md: wait is '4 s', the page has '3 s': make figures"),
+        ({"wait": "4 s"}, "x.md: wait is '4 s', the page has '3 s': make quoted-values"),
     ],
 )
 def test_a_figure_that_no_run_gives_ends_the_build_of_the_site(quoted, figures, line):
@@ -85,7 +85,7 @@ def test_figures_are_written_into_the_pages(quoted, tmp_path, monkeypatch):
 
 
 def test_filling_a_page_with_what_it_has_changes_nothing(quoted, tmp_path, monkeypatch):
-    """And filled, it is the page that the site shows, without its marks."""
+    """And filled, it is the page that the site shows, without its markers."""
     for page in quoted.pages():
         text = page.read_text(encoding="utf-8")
         figures = {found[2]: found[3] for found in quoted.QUOTE.finditer(text)}
@@ -106,7 +106,7 @@ def test_filling_a_page_with_what_it_has_changes_nothing(quoted, tmp_path, monke
 
 
 def test_no_page_of_a_mission_types_a_verdict(quoted):
-    """Verdicts of claims stand in the tables that the runs have filled."""
+    """Verdicts of claims are in the tables that the runs have filled."""
     for page in quoted.pages():
         if "ssp" in page.parts[-3:]:
             left = quoted.QUOTE.sub("", page.read_text(encoding="utf-8"))
@@ -116,7 +116,7 @@ def test_no_page_of_a_mission_types_a_verdict(quoted):
 
 def test_a_table_of_runs_has_a_row_per_command(results, monkeypatch):
     runs = {"short": "sync_approach --stop 1", "long": "sync_approach --stop 3 --set a.b=[1,2]"}
-    monkeypatch.setattr(results, "flown", lambda c: SimpleNamespace(options=results.options(c)))
+    monkeypatch.setattr(results, "result_of", lambda c: SimpleNamespace(options=results.options(c)))
     columns = [
         results.Column("end", lambda r: r.options["stop"], "{:.1f} s"),
         results.Column("set", lambda r: str(r.options.get("set", "-"))),
@@ -134,17 +134,17 @@ def test_a_table_of_runs_has_a_row_per_command(results, monkeypatch):
     assert across[3] == "| end | 1.0 s | 3.0 s |"
 
 
-def test_a_figure_is_a_measure_an_expression_or_a_function_of_a_run(results):
+def test_a_value_is_a_metric_an_expression_or_a_function_of_a_run(results):
     command = "sync_approach --stop 2"
-    assert results.figure(command, "last(time)", "{:.0f} s")() == "2 s"
-    assert results.figure(command, "minimum range", "{:.1f} m")() == "20.0 m"
-    assert results.figure(command, lambda r: (len(r.time), 0.5), "{:g} rows, {:g}")() == (
+    assert results.value_of(command, "last(time)", "{:.0f} s")() == "2 s"
+    assert results.value_of(command, "minimum range", "{:.1f} m")() == "20.0 m"
+    assert results.value_of(command, lambda r: (len(r.time), 0.5), "{:g} rows, {:g}")() == (
         "21 rows, 0.5"
     )
 
 
-def test_claims_of_a_mission_are_those_of_its_own_runs(missions):
-    """A mission page also shows runs of other missions' systems, whose claims stand there."""
+def test_claims_of_a_mission_match_its_own_runs(missions):
+    """A mission page also shows runs of other missions' systems, whose claims are there."""
     paper = {"claims": [("it docks", "figure 1", "<= 1 m", "0.5 m", "reproduced")]}
     runs = [
         {"command": "harness run transposition -o out.nc", "papers": [paper]},

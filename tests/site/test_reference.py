@@ -17,8 +17,8 @@ from harness.files import paths
 from harness.mission.library import places, systems_in
 from harness.ssp import build
 from harness.ssp.library import load
+from harness.studies.analyses import study
 from harness.studies.campaign import factors, plan
-from harness.studies.inquiry import study
 
 HEAD = b"<?xml"
 
@@ -71,7 +71,7 @@ def test_every_key_of_a_system_is_in_the_reference_and_no_other(writer):
     tables = {
         "": build.Source, "experiment": build.Time, "schedule": build.Timing, "set": build.Set,
         "set experiment": build.SetTime, "alternatives": build.Replacement,
-        "compare": build.Compared, "fly": build.Flown, "scene": build.Scene,
+        "compare": build.Compared, "live": build.Live, "scene": build.Scene,
     }  # fmt: skip
     assert ours == {name: set(kind.__struct_fields__) for name, kind in tables.items()}
 
@@ -82,7 +82,7 @@ def test_every_key_of_a_campaign_is_in_the_reference_and_no_other(writer):
         "": set(plan.Table.__struct_encode_fields__),
         "fixed": set(plan.Fixed.__struct_encode_fields__),
         "factors": set(factors.Varied.__struct_encode_fields__),
-        "keep": set(plan.Keep.__struct_encode_fields__),
+        "record": set(plan.Record.__struct_encode_fields__),
         **{name: set(table.__struct_fields__) for name, table in study.TABLES.items()},
     }
 
@@ -153,7 +153,7 @@ def test_no_page_is_longer_than_300_lines_and_links_lead_somewhere(
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 60
     for name, text in (commands | models | missions).items():
         assert isinstance(text, bytes) or text.count("\n") <= 300, name
-    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *pages):
+    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *pages, *(ROOT / "lab").glob("*")):
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
             generated = "reference/" in target or page.name in {"index.md"}
             assert generated or (page.parent / target).exists(), f"{page.name}: {target}"

@@ -39,7 +39,7 @@ def folder(tmp_path_factory, release):
     return place
 
 
-def test_the_version_stands_in_one_place_and_the_citation_agrees(release):
+def test_the_version_is_in_one_place_and_the_citation_agrees(release):
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.search(r"^version: (.*)$", citation, re.M)[1] == release.version()
     assert harness.__version__ == release.version()
@@ -58,7 +58,7 @@ def test_the_fmus_carry_version_and_date_of_the_release(release):
 
 
 @pytest.mark.skipif(shutil.which("sha256sum") is None, reason="sha256sum is not installed")
-def test_checksums_are_those_of_sha256sum(folder):
+def test_checksums_match_sha256sum(folder):
     assert len((folder / "SHA256SUMS").read_text().splitlines()) == 3
     subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=folder, check=True)
 
@@ -140,16 +140,108 @@ def _contents(path):
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def test_the_changelog_has_a_part_for_what_is_not_released():
+@pytest.fixture
+def complete(release, tmp_path, monkeypatch):
+    """A folder with small files of all names that a release has, and a clean repository."""
+    for name, pattern in release.expected().items():
+        path = tmp_path / pattern.replace("*", "py3-none-any")
+        path.parent.mkdir(exist_ok=True)
+        with zipfile.ZipFile(path, "w") as archive:
+            if path.suffix == ".fmu":
+                text = f"<d fmiVersion='3.0' version='{release.version()}'/>"
+                archive.writestr("modelDescription.xml", text)
+                for platform in PLATFORMS.values():
+                    archive.writestr(platform, "")
+            elif path.suffix == ".ssp":
+                archive.writestr("SystemStructure.ssd", "<d version='1.0'/>")
+            else:
+                archive.writestr("harness/data/site/index.html", name)
+    monkeypatch.setattr(release, "_git", lambda *words: "")
+    release.write(tmp_path)
+    return tmp_path
+
+
+def test_a_complete_release_prints_the_two_commands_that_publish_it(release, complete, capsys):
+    assert release.check(complete) == 0
+    commands = [line for line in capsys.readouterr().out.splitlines() if line.startswith("    ")]
+    tag = f"v{release.version()}"
+    assert commands == [
+        f"    git tag -a {tag} -m 'servicing-fmus {release.version()}'",
+        f"    git push origin {tag}",
+    ]
+
+
+def _repack(path, name, data):
+    """Write an archive again with other data of one of its files, or without it."""
+    with zipfile.ZipFile(path) as archive:
+        contents = {n: archive.read(n) for n in archive.namelist()} | {name: data}
+    with zipfile.ZipFile(path, "w") as archive:
+        for each, content in contents.items():
+            if content is not None:
+                archive.writestr(each, content)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        (lambda d: (d / "fmus3/target.fmu").unlink(), "fmus3/target.fmu: missing"),
+        (lambda d: (d / "traceability.zip").unlink(), "traceability.zip: missing"),
+        (lambda d: (d / "ssp/sync_approach.fmi3.ssp").unlink(), "approach.fmi3.ssp: missing"),
+        (
+            lambda d: shutil.copy(next(d.glob("*.whl")), d / "servicing_fmus-0.1.0-x.whl"),
+            "2 files, expected one",
+        ),
+        (
+            lambda d: _repack(
+                d / "fmus/target.fmu", "modelDescription.xml", "<d version='0.0.9'/>"
+            ),
+            "target.fmu: version 0.0.9, expected",
+        ),
+        (
+            lambda d: _repack(d / "fmus/gyro.fmu", "binaries/aarch64-darwin/target.dylib", None),
+            "gyro.fmu: binaries for 3 platforms, expected 4",
+        ),
+        (
+            lambda d: _repack(next(d.glob("*.whl")), "harness/data/site/index.html", None),
+            "contains no documentation site",
+        ),
+    ],
+)
+def test_missing_parts_of_a_release_are_reported(release, complete, spoil, line, capsys):
+    spoil(complete)
+    release.write(complete)
+    assert release.check(complete) == 1
+    assert line in capsys.readouterr().err
+
+
+def test_checksums_that_differ_from_the_files_are_reported(release, complete):
+    (complete / "traceability.zip").write_bytes(b"other")
+    (line,) = release.problems(complete)
+    assert line.endswith("SHA256SUMS: differs from the files")
+
+
+def test_a_release_of_an_unclean_or_older_tree_is_reported(release, complete, monkeypatch):
+    answers = {"status": " M README.md", "--list": f"v{release.version()}", "--points-at": ""}
+    monkeypatch.setattr(
+        release, "_git", lambda *words: next(answers[w] for w in words if w in answers)
+    )
+    first, second = release.problems(complete)
+    assert "not committed" in first
+    assert "belongs to another commit" in second
+
+
+def test_the_changelog_describes_the_version_and_its_date(release, tmp_path, monkeypatch):
+    assert list(release._versions()) == []
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    headings = re.findall(r"^## (.*)$", text, re.MULTILINE)
-    assert headings[0] == "[Unreleased]"
-    assert all(re.fullmatch(r"\[\d+\.\d+\.\d+\] - \d{4}-\d\d-\d\d", h) for h in headings[1:])
-    groups = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
-    assert set(re.findall(r"^### (.*)$", text, re.MULTILINE)) <= groups
+    assert len(text.splitlines()) <= 60
+    for name in ("pyproject.toml", "CITATION.cff"):
+        shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / "CHANGELOG.md").write_text(text.replace("## [0.1.0] - ", "## [0.0.9] - "))
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    assert [line.partition(":")[0] for line in release._versions()] == ["CHANGELOG.md"]
 
 
-def test_workflows_ask_for_little_and_pin_what_they_use():
+def test_workflows_request_few_permissions_and_pin_their_actions():
     import yaml
 
     for path in sorted((ROOT / ".github/workflows").glob("*.yml")):

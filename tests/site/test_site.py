@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.harness.chromium import browser
+from tests.harness.chromium import browser, wait
 
 SITE = Path(__file__).resolve().parents[2] / "build/site"
 PAGES = sorted(p for p in SITE.rglob("*.html") if p.name != "404.html")  # that one is for servers
@@ -24,7 +24,7 @@ WIDE = "document.documentElement.scrollWidth - document.documentElement.clientWi
 
 
 class Addresses(HTMLParser):
-    """What a page loads or leads to."""
+    """Addresses that a page loads or leads to."""
 
     def __init__(self):
         super().__init__()
@@ -60,7 +60,7 @@ def chromium():
 
 @pytest.fixture
 def opened(chromium):
-    """Opens pages of the site; whatever goes wrong in one fails the test."""
+    """Opens pages of the site; any error in one fails the test."""
     context = chromium.new_context(offline=True, viewport={"width": 1280, "height": 900})
     page, wrong = context.new_page(), []
     page.on("pageerror", lambda error: wrong.append(f"{page.url}: {error}"))
@@ -75,7 +75,7 @@ def opened(chromium):
         "request",
         lambda request: (
             request.url.startswith(("file:", "data:", "blob:", "about:"))
-            or wrong.append(f"{page.url} asks for {request.url[:150]}")
+            or wrong.append(f"{page.url} requests {request.url[:150]}")
         ),
     )
     yield page
@@ -118,12 +118,12 @@ def test_every_link_and_picture_leads_somewhere_and_nothing_is_loaded_from_elsew
 
 
 def test_the_live_page_of_every_mission_repeats_its_run(opened):
-    pages = sorted((SITE / "fly").glob("*.html"))
+    pages = sorted((SITE / "live").glob("*.html"))
     missions = {p.stem for p in (SITE / "reference/missions").glob("*.html")} - {"index"}
     assert {p.stem for p in pages} == missions
     for path in pages:
         opened.goto(path.as_uri())
-        opened.wait_for_function("window.report?.live?.ready", timeout=120_000)
+        wait(opened, "window.report?.live?.ready")
         text = opened.inner_text("#live .bits")
         assert text.startswith("Bits of this page = bits of the file"), path.name
 

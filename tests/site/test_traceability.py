@@ -31,7 +31,7 @@ ROWS = [
     Row("vallado-2-4", "orbit", SOURCE, "r_TN_N", 1e-7, 1e-4, "m"),
     Row("basilisk-wheels", "wheels", SOURCE, "C", 7e-8, 3e-7, "rad"),
 ]
-TOLD = [
+ENTRIES = [
     "vallado-2-6 (Vallado): r_TN_N 9e-10 of 1e-06 m; v_TN_N 2e-09 of 1e-09 m/s; DIFFERS",
     "vallado-2-4 (Vallado): r_TN_N 1e-07 of 0.0001 m; agrees",
 ]
@@ -54,7 +54,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def schema(tmp_path_factory):
-    """That of a package, with a stand-in for the schema of links, which it would fetch."""
+    """Schema of a package, with a replacement for the schema of links, which it would fetch."""
     links = tmp_path_factory.mktemp("schema") / "xlink.xsd"
     attributes = "".join(f'<xs:attribute name="{name}" type="xs:string"/>' for name in NAMES)
     links.write_text(
@@ -80,18 +80,18 @@ def test_files_are_valid_and_a_wrong_one_would_not_be(traceability, folder, sche
         assert list(schema.iter_errors(data.decode().replace("checksum=", "sum=")))
 
 
-def test_an_fmu_is_told_by_its_hash_its_sources_and_its_cases(traceability, folder):
+def test_an_fmu_is_reported_by_its_hash_its_sources_and_its_cases(traceability, folder):
     for name, data in traceability.contents(folder, ROWS).items():
         root = ElementTree.fromstring(data)
         content = (folder / root.attrib["data"]).read_bytes()
         assert bytes.fromhex(root.attrib["checksum"]) == hashlib.sha3_256(content).digest()
-        assert entries(data, "validation.case") == TOLD
+        assert entries(data, "validation.case") == ENTRIES
         assert "Source: Zhu & Yang 2009" in entries(data, "source.equations")[0]
         assert len(entries(data, "source.sha256")) == 1
         assert len(entries(data, "build.compiler")) == ("fmi3" in name)
 
 
-def test_what_a_set_is_worth_is_what_its_run_says(traceability, schema):
+def test_the_evidence_of_a_parameter_set_equals_the_report_of_its_run(traceability, schema):
     system = paths.systems()["sync_approach"]
     about = traceability.about_set(system, "default")
     data = traceability.srmd("x", "ssp/x.ssp", system.read_bytes(), "parameters", about)
@@ -117,16 +117,16 @@ def systems(tmp_path):
 def test_the_same_system_with_fmus_of_the_other_fmi_is_not_run_again(
     traceability, systems, monkeypatch
 ):
-    flown = []
+    simulated = []
 
     def about_set(path, params):
-        flown.append((path.stem, params))
+        simulated.append((path.stem, params))
         return [("run", f"{path.stem} {params}")]
 
     monkeypatch.setattr(traceability, "about_set", about_set)
     found = traceability.contents(systems, ROWS)
-    assert sorted(flown) == sorted({*flown})
-    assert {name for name, _ in flown} == {"a", "b"}
+    assert sorted(simulated) == sorted({*simulated})
+    assert {name for name, _ in simulated} == {"a", "b"}
     assert entries(found["a.fmi3.robust.srmd"], "run") == ["a robust"]
     of = {name: entries(found[f"{name}.default.srmd"], "run.of") for name in ("a", "a.fmi3", "b")}
     assert of == {"a": [], "a.fmi3": ["a.ssp"], "b": []}
@@ -139,7 +139,7 @@ def test_unless_its_run_begins_with_other_bits(traceability, systems, monkeypatc
 
     monkeypatch.setattr(traceability, "run", other)
     files = [systems / "ssp" / f"{name}.ssp" for name in ("a", "a.fmi3")]
-    assert traceability.tellers(files) == dict(zip(files, files, strict=True))
+    assert traceability.representatives(files) == dict(zip(files, files, strict=True))
 
 
 def test_the_command_packs_the_same_bytes_again(traceability, folder, tmp_path, monkeypatch):

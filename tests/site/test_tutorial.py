@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The tutorial works literally: every block is run in an empty folder, without a compiler, and
-prints what it says. So does the way to a verdict. From the wheel: test_wheel.py.
+prints what the page shows. So does the way to a verdict. From the wheel: test_wheel.py.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def folders(tmp_path):
 
 
 @pytest.mark.long
-def test_every_block_runs_and_prints_what_it_says(folders):
+def test_every_block_runs_and_prints_what_it_states(folders):
     assert {kind for kind, _ in BLOCKS} == {"sh", "python", "toml", "text"}
     follow(*folders, Path(sys.executable).parent)
     assert {path.name for path in folders[0].iterdir()} >= LEFT

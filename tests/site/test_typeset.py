@@ -113,7 +113,7 @@ SIGNS = re.compile(r"_hat|\bsqrt\b|(?<![A-Za-z_])(sum|integral|grad)(?![a-z])")
 
 def test_every_equation_is_in_the_notation_and_nothing_is_lost(path, typeset):
     for line in equations(path):
-        assert not line.startswith("harness "), "commands stand in fences (```sh)"
+        assert not line.startswith("harness "), "commands belong in fences (```sh)"
         shown = html.unescape(" ".join(re.findall(r">([^<]*)<", typeset.block([line]))))
         assert letters(shown, typeset) == letters(SIGNS.sub("", line), typeset), line
 

@@ -95,7 +95,7 @@ def test_the_site_lies_in_the_wheel(harness, programs):
     assert "servicing-fmus" in page.read_text(encoding="utf-8")
 
 
-def test_every_block_of_the_tutorial_runs_and_prints_what_it_says(programs, work, tools):
+def test_every_block_of_the_tutorial_runs_and_prints_what_it_states(programs, work, tools):
     assert {kind for kind, _ in BLOCKS} == {"sh", "python", "toml", "text"}
     follow(work, tools, programs)
     assert {path.name for path in work.iterdir()} >= LEFT
@@ -123,7 +123,7 @@ near = "time < 250 s or guidance.range <= 12 m"
 away = "guidance.range >= 3.9 m"
 """
 MISSION = """\
-from harness.mission import Measure, Mission, inherit
+from harness.mission import Metric, Mission, inherit
 
 SPEED = "servicer.v_SN_N"
 
@@ -132,13 +132,13 @@ def largest(result, limits):
 
 MISSION = inherit(
     "sync_approach",
-    Mission(measures=(Measure("largest speed", "m/s", (SPEED,), largest),)),
+    Mission(metrics=(Metric("largest speed", "m/s", (SPEED,), largest),)),
 )
 """
 CAMPAIGN = """\
 system = "heavy"
 runs = 50
-success = "guidance.range[-1] < 12"
+success = "last(guidance.range) < 12"
 [factors]
 "servicer.mass_0" = {normal = {mean = 140.0, sigma = 5.0}}
 """

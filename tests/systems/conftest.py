@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A browser, and pages of the systems that a module flies."""
+"""A browser, and pages of the systems that a module runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.sketches import sketched
 
 @pytest.fixture
 def sketches():
-    """How pictures look does not matter."""
+    """The look of pictures does not matter."""
     with sketched():
         yield
 

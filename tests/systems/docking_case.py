@@ -61,7 +61,7 @@ def system():
     return system_of(tomllib.loads(TOML), paths.fmus())
 
 
-def fly(*, tip=-0.11, offset=(0, 0), speed=0.03, step=0.01, stop=3.0, algorithm=None, **more):
+def simulate(*, tip=-0.11, offset=(0, 0), speed=0.03, step=0.01, stop=3.0, algorithm=None, **more):
     """Probe straight ahead of the mouth by `tip`, off its axis, closing at `speed` along it."""
     place = np.array((0.6 + tip + 1.1, *offset))
     start = {
@@ -104,8 +104,8 @@ def kinetic(result):
 
 
 def energy(result):
-    """What must stay: of the bodies, stored, lost, less what was put in; the mechanism's own belong
-    to the end of the step before.
+    """Return the conserved energy: of the bodies, stored, lost, less what was put in; the
+    mechanism's own belong to the end of the step before.
     """
     stored, lost, driven = (
         result[f"mechanism.energy_{kind}"] for kind in ("elastic", "dissipated", "drive")
@@ -122,6 +122,6 @@ omega_SN_S_0 = [0.004, -0.004, -0.005]
 
 
 def capture_a_step_late():
-    """System of a capture within 10 s, for a master that hands every output on a step late."""
+    """System of a capture within 10 s, for a master that passes every output on one step late."""
     text = TOML.replace("[parameters.servicer]\n", CLOSING)
     return system_of(tomllib.loads(text + "[parameters.mechanism]\nlatency = 1\n"), paths.fmus())

@@ -17,11 +17,11 @@ TRUTH_FED = (
     "servicer.sigma_SN_0=[0.33,0.6,0.38]",
     "servicer.M_dist_S.start=0",
 )
-"""What turns sync_approach, set robust, into the same run on truth."""
+"""Changes that turn sync_approach, parameter set robust, into the same run on truth."""
 
 
 @cache
-def flight(params: str = "nominal", changes: tuple[str, ...] = (), **options) -> Result:
+def recording(params: str = "nominal", changes: tuple[str, ...] = (), **options) -> Result:
     return run(SYSTEM, params=params, set=changes, **options)
 
 
@@ -48,15 +48,15 @@ def rms(e: np.ndarray) -> float:
 
 
 class Errors:
-    """Of the samples between two times. A row holds what the software said at the sample before, so
-    that its truth stands one row higher; every step must be recorded.
+    """Values at the samples between two times. A row holds the outputs of the software at the
+    sample before, so its truth is one row higher; every step must be recorded.
     """
 
     def __init__(self, result: Result, begin: float = 600.0, end: float = 1800.0) -> None:
         t = result.time[:-1]
         self.result, self.rows = result, np.flatnonzero((t >= begin) & (t <= end))
 
-    def said(self, name: str) -> np.ndarray:
+    def reported(self, name: str) -> np.ndarray:
         return self.result[f"relative_filter.{name}"][self.rows + 1]
 
     def true(self, name: str) -> np.ndarray:
@@ -64,21 +64,21 @@ class Errors:
 
     def rho(self) -> np.ndarray:
         true = self.true("servicer.r_SN_N") - self.true("target.r_TN_N")
-        return self.said("r_SN_N") - self.said("r_TN_N") - true
+        return self.reported("r_SN_N") - self.reported("r_TN_N") - true
 
     def drho(self) -> np.ndarray:
         true = self.true("servicer.v_SN_N") - self.true("target.v_TN_N")
-        return self.said("v_SN_N") - self.said("v_TN_N") - true
+        return self.reported("v_SN_N") - self.reported("v_TN_N") - true
 
     def target_attitude(self) -> np.ndarray:
-        return np.degrees(turns(self.said("q_TN"), self.true("target.q_TN")))
+        return np.degrees(turns(self.reported("q_TN"), self.true("target.q_TN")))
 
     def target_rate(self) -> np.ndarray:
-        return self.said("omega_TN_T") - self.true("target.omega_TN_T")
+        return self.reported("omega_TN_T") - self.true("target.omega_TN_T")
 
     def own_attitude(self) -> np.ndarray:
         """Arc seconds."""
-        return 3600 * np.degrees(turns(self.said("q_SN"), self.true("servicer.q_SN")))
+        return 3600 * np.degrees(turns(self.reported("q_SN"), self.true("servicer.q_SN")))
 
     def tracking(self) -> np.ndarray:
         return tracking(self.result)[self.rows]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Flights of relay_approach, and what they show: ranges, speeds, pointing, impulse."""
+"""Runs of relay_approach, and what they show: ranges, speeds, pointing, impulse."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MU, R0 = 3.986004415e14, 42164e3
 
 
 @lru_cache(maxsize=16)
-def flight(
+def recording(
     params: str = NEWTON,
     changes: tuple[str, ...] = (),
     *,
@@ -33,8 +33,8 @@ def flight(
     algorithm: str | None = None,
     executor: str = "c",
 ) -> Result:
-    """What the master records; `late`: components that publish one macro step later. Kept for other
-    tests (25 MB).
+    """Return the recording of the master; `late`: components that publish one macro step later.
+    Cached for other tests (25 MB).
     """
     with load(SYSTEM) as found:
         system = apply(found, params=params, set=changes, stop=stop, step=step, algorithm=algorithm)
@@ -45,7 +45,9 @@ def flight(
 
 
 def orbit_point(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position and velocity of the point on the circular orbit that the set `geo` refers to."""
+    """Position and velocity of the point on the circular orbit that the parameter set `geo` refers
+    to.
+    """
     n = np.sqrt(MU / R0**3)
     c, s, none = np.cos(n * t), np.sin(n * t), 0 * t
     return R0 * np.stack([c, s, none], axis=1), n * R0 * np.stack([-s, c, none], axis=1)

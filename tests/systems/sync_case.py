@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Flights of sync_approach, by the FMUs under the master and by the independent reference program,
+"""Runs of sync_approach, by the FMUs under the master and by the independent reference program,
 case by case.
 """
 
@@ -28,8 +28,8 @@ STEP = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Parameters `component.parameter` in which a flight differs from the paper's, and how long it
-    lasts [s].
+    """Parameters `component.parameter` in which a run differs from the paper's, and its duration
+    [s].
     """
 
     name: str
@@ -111,7 +111,7 @@ guard in action.
 
 @contextmanager
 def system(case: Case, **options: Any) -> Iterator[System]:
-    """The system of a case, ready to be changed further or to be flown; options are those of
+    """The system of a case, ready to be changed further or to be run; it takes the options of
     harness.api.
     """
     with load(SYSTEM) as found:
@@ -119,8 +119,8 @@ def system(case: Case, **options: Any) -> Iterator[System]:
 
 
 @lru_cache(maxsize=12)
-def flight(case: Case, executor: str = "c", every: int = 1, **options: Any) -> Result:
-    """What the master records of a case. Kept for other tests (20 MB each), hence not to be
+def recording(case: Case, executor: str = "c", every: int = 1, **options: Any) -> Result:
+    """Return the master's recording of a case. Cached for other tests (20 MB each), hence not to be
     changed.
     """
     with system(case, **options) as changed:
@@ -142,7 +142,7 @@ def identical(a: Result, b: Result) -> bool:
 
 
 @cache
-def reference_flight(case: Case, h: float = STEP) -> closed_loop.History:
+def reference_run(case: Case, h: float = STEP) -> closed_loop.History:
     """History of the reference program, and the ports of the propulsion unit, which passes commands
     on.
     """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The system arch_rendezvous: the flight of the benchmark's equations, the eleven published
-verdicts, margins of the monitor against the recorded flight, and a campaign over all starts.
+"""The system arch_rendezvous: the trajectory of the benchmark's equations, the eleven published
+verdicts, margins of the monitor against the recorded run, and a campaign over all starts.
 
 What is expected comes from the benchmark's equations in closed form: tests/reference/rendezvous.py.
 """
@@ -31,8 +31,8 @@ MONITOR_ALONE = {"monitor.passive_time": 0}
 
 
 @cache
-def flight(name):
-    """Every tenth second; the monitor's rules are judged at every step all the same."""
+def recording(name):
+    """Every tenth second; the monitor's rules are evaluated at every step nevertheless."""
     return run("arch_rendezvous", params=name, every=50, set=MONITOR_ALONE)
 
 
@@ -44,26 +44,26 @@ CENTRE = spre.starts(np.array([(-900.0, -400.0)]))
 
 
 @pytest.mark.parametrize("name", ["SRNA01", "SRA01", "SRU01"])
-def test_flight_is_that_of_the_benchmark(name):
+def test_run_matches_the_benchmark(name):
     """Thrust is held for 0.2 s: 3 cm off with time constants of 20 s and 3 s; 6 mm/min of drift
     rate; nonlinear gravity at 900 m of 42,164 km adds 2 cm.
     """
-    result = flight(name)
-    expected = spre.flights(CENTRE, instance(name).abort[1]).at(result.time / 60)[0]
+    result = recording(name)
+    expected = spre.trajectories(CENTRE, instance(name).abort[1]).at(result.time / 60)[0]
     rho = result["controller.rho_H"]
     assert np.max(np.abs(rho[:, :2] - expected[:, :2])) < 0.15
     assert np.max(np.abs(rho[:, 2])) < 1e-6
 
 
-def check_margins(found, flights, step):
+def check_margins(found, truth, step):
     """found: box, line of sight [m] and speed [m/s], an array each.
 
     Force is held: distances by a thousandth, the speed at the beginning of the attempt by
     0.0045 m/min, per second of step. Aborts while it gathers speed (time constants of 21 s and 3 s)
     are left out: there a switch that is one step late counts.
     """
-    expected = spre.margins(flights, samples=6000)
-    since = flights.off - np.where(flights.off > flights.tried, flights.tried, 0)
+    expected = spre.margins(truth, samples=6000)
+    since = truth.off - np.where(truth.off > truth.tried, truth.tried, 0)
     tried, steady = np.isfinite(expected.corridor), since > 3
     assert np.array_equal(found[1] < RESTING, tried)
     for margin, distance in zip(found, (expected.box, expected.corridor), strict=False):
@@ -76,15 +76,15 @@ def check_margins(found, flights, step):
 
 
 @pytest.mark.parametrize("name", [i.name for i in INSTANCES])
-def test_margins_are_those_of_the_closed_form(name):
-    result = flight(name)
+def test_margins_match_the_closed_form(name):
+    result = recording(name)
     abort = result.parameters["controller.t_abort"] / 60
-    check_margins(result["monitor.least_margin"][-1:, :3].T, spre.flights(CENTRE, abort), 0.2)
+    check_margins(result["monitor.least_margin"][-1:, :3].T, spre.trajectories(CENTRE, abort), 0.2)
 
 
 @pytest.mark.parametrize("instance", INSTANCES, ids=lambda i: i.name)
 def test_verdict_of_each_instance_is_the_published_one(instance):
-    result = flight(instance.name)
+    result = recording(instance.name)
     (paper,) = [p for p in PAPERS if p.belongs_to(result)]
     assert (paper is PAPERS[0]) == instance.safe
     assert [c.evaluate(result).verdict for c in paper.claims] == [Verdict.REPRODUCED] * 3
@@ -96,7 +96,7 @@ def test_verdict_of_each_instance_is_the_published_one(instance):
 
 
 def test_report_shows_the_verdict_beside_the_published_one():
-    text, complete = report(flight("SRU01"))
+    text, complete = report(recording("SRU01"))
     assert complete
     assert "unsafe, falsified" in " ".join(text.split())
     assert "3 claims: 3 reproduced" in text
@@ -115,9 +115,9 @@ def test_a_lighter_thrust_limit_would_be_noticed():
     assert claims["speed"] is Verdict.NOT_REPRODUCED
 
 
-def test_least_margins_are_those_of_the_recorded_flight():
+def test_least_margins_match_the_recorded_run():
     """Rows every 10 s: never below what the monitor found, and near it."""
-    result = flight("SRA01")
+    result = recording("SRA01")
     rho, speed = result["controller.rho_H"], np.linalg.norm(result["controller.drho_H"], axis=1)
     phase = result["controller.phase"]
     keep_out, corridor, slack = result["monitor.least_margin"][-1, :3]
@@ -130,14 +130,14 @@ def test_least_margins_are_those_of_the_recorded_flight():
 
 
 def test_first_violation_is_when_the_drift_enters_the_box():
-    result = flight("SRU01")
+    result = recording("SRU01")
     entered = result["monitor.t_first"][-1, 0]
-    assert abs(entered - 60 * spre.margins(spre.flights(CENTRE, 260)).entry[0]) < 1
+    assert abs(entered - 60 * spre.margins(spre.trajectories(CENTRE, 260)).entry[0]) < 1
 
 
 def test_passive_safety_of_the_proof_is_predicted_from_every_sample():
     """SRA08: any abort up to 240 min drifts safely until 300 min. So from every sample up to 240
-    min the drift of one hour keeps out of the box; by 260 min it does not (SRU01).
+    min the drift of one hour stays out of the box; by 260 min it does not (SRU01).
     """
     result = run("arch_rendezvous", every=300, set={"monitor.passive_time": 3600})
     margin = result["monitor.passive_margin"]
@@ -155,15 +155,15 @@ def in_the_start_box(n, *more):
     return low + (high - low) * qmc.Sobol(len(low), seed=3).random(n)
 
 
-def flown(definition, path):
+def simulated(definition, path):
     return campaign_of(definition, path / "x.zarr", workers=0).data
 
 
 def check_study(found, abort):
     """The abort waits for the next step."""
     xy = np.stack([found[f"servicer.rho_0_H[{k}]"].values for k in (1, 2)], axis=1)
-    flights = spre.flights(spre.starts(xy), np.ceil(60 * abort / STEP) * STEP / 60)
-    return check_margins(margins_in(found), flights, STEP)
+    trajectories = spre.trajectories(spre.starts(xy), np.ceil(60 * abort / STEP) * STEP / 60)
+    return check_margins(margins_in(found), trajectories, STEP)
 
 
 def margins_in(found):
@@ -179,7 +179,9 @@ def test_closed_form_has_the_published_verdict_from_every_start(instance):
     """Starts and aborts all over the box; of an unsafe interval the late aborts break the rule."""
     low, high = np.minimum(instance.abort, spre.END)
     x, y, abort = in_the_start_box(32, (low, high)).T
-    found = spre.margins(spre.flights(spre.starts(np.stack((x, y), axis=1)), abort), samples=1000)
+    found = spre.margins(
+        spre.trajectories(spre.starts(np.stack((x, y), axis=1)), abort), samples=1000
+    )
     assert np.all(found.corridor > 0)
     assert np.all(found.speed > 0)
     assert np.all(found.box > 0) == instance.safe
@@ -187,7 +189,7 @@ def test_closed_form_has_the_published_verdict_from_every_start(instance):
 
 
 def test_study_finds_the_published_verdicts_and_the_margins_of_the_closed_form(tmp_path):
-    found = flown(STUDY | {"runs": 2}, tmp_path)
+    found = simulated(STUDY | {"runs": 2}, tmp_path)
     safe = np.array([instance(name).safe for name in found["params"].values])
     assert len(safe) == 22
     assert np.array_equal(found["violated"].values == 0, safe)
@@ -204,7 +206,7 @@ def test_study_finds_the_published_verdicts_and_the_margins_of_the_closed_form(t
 
 
 def test_study_of_aborts_finds_no_violation_before_240_min(tmp_path):
-    found = flown(read_toml(campaigns()["arch_rendezvous_aborts"]) | {"runs": 8}, tmp_path)
+    found = simulated(read_toml(campaigns()["arch_rendezvous_aborts"]) | {"runs": 8}, tmp_path)
     abort = found["controller.t_abort"].values / 60
     assert np.all(found["late"].values == 1)
     assert np.ptp(abort) > 150
@@ -214,13 +216,15 @@ def test_study_of_aborts_finds_no_violation_before_240_min(tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("instance", INSTANCES, ids=lambda i: i.name)
 def test_campaign_over_starts_and_the_aborts_of_the_interval(instance, tmp_path):
-    """200 flights per instance beside the closed form. A campaign finds violations and proves
-    nothing itself.
+    """200 runs per instance beside the closed form. A campaign finds violations and proves nothing
+    itself.
     """
     low, high = (60 * a for a in instance.abort)
     aborts = {"uniform": {"low": low, "high": high}} if high > low else {"list": [low]}
     box = {name: STUDY["factors"][name] for name in STUDY["factors"] if name != "params"}
-    found = flown(STUDY | {"runs": 200, "factors": box | {"controller.t_abort": aborts}}, tmp_path)
+    found = simulated(
+        STUDY | {"runs": 200, "factors": box | {"controller.t_abort": aborts}}, tmp_path
+    )
     abort = found["controller.t_abort"].values / 60
     expected = check_study(found, abort)
     clear = abs(expected.box) > 1e-3

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""arm_capture: the figures of an independent flight of the same laws, within its bands."""
+"""arm_capture: the values of an independent simulation of the same laws, within its bands."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pytest
 
 from harness import Simulation, load, run
 from harness.results.verdict import Verdict
-from ssp.arm_capture.claims import APPROACH, FLIGHT
-from ssp.arm_capture.measures import (
+from ssp.arm_capture.claims import APPROACH, INDEPENDENT
+from ssp.arm_capture.metrics import (
     ALIGN,
     CLOSE,
     DEPLOY,
@@ -66,7 +66,7 @@ def test_tip_follows_the_tumbling_fixture(nominal):
 
 
 def test_pair_turns_as_one_after_hard_capture(nominal):
-    """What the latch leaves of their relative motion has died out at the end."""
+    """The relative motion after the latch has decayed at the end."""
     held = nominal["mechanism.phase"] == 3
     rates = [
         np.linalg.norm(nominal[name][held][-1])
@@ -86,28 +86,28 @@ def test_deployment_turns_the_base_by_what_the_feed_forward_leaves(changes, atti
     assert off(result)[rows].max() == pytest.approx(14.6e-3, rel=0.05)
 
 
-def test_compensated_force_keeps_the_base_where_it_is():
+def test_compensated_force_retains_the_base_where_it_is():
     result = clean("arm_controller.compensate_force=1")
     assert off(result)[during(result, DEPLOY)].max() == pytest.approx(2.6e-3, rel=0.05)
 
 
 def test_claims_on_the_arm_have_their_verdicts(nominal):
     """The rate at hard capture is not reproduced: the parts still turn against each other."""
-    found = {c.name: c.evaluate(nominal).verdict for p in (APPROACH, FLIGHT) for c in p.claims}
+    found = {c.name: c.evaluate(nominal).verdict for p in (APPROACH, INDEPENDENT) for c in p.claims}
     assert found.pop("rate of the stack") is Verdict.NOT_MET
     for name in ("base attitude in deployment", "base position in deployment"):
         assert found.pop(name) is Verdict.NOT_EXERCISED
     assert set(found.values()) == {Verdict.MET}
 
 
-def test_claims_of_the_deployment_are_judged_from_the_reference_on():
-    found = {c.name: c.evaluate(clean()).verdict for c in FLIGHT.claims[:2]}
+def test_claims_of_the_deployment_are_evaluated_from_the_reference_on():
+    found = {c.name: c.evaluate(clean()).verdict for c in INDEPENDENT.claims[:2]}
     assert set(found.values()) == {Verdict.MET}
 
 
 def momentum(result, k):
-    """Sum of the parts about the common centre of mass without wheels, and that of the stack if it
-    turned with the servicer [N m s].
+    """Sum of the parts about the common centre of mass without wheels, and the momentum of the
+    stack if it turned with the servicer [N m s].
     """
     C, C_T = (dcm(result[name][k]) for name in ("servicer.q_SN", "target.q_TN"))
     arm = reference.Vehicle(reference.DEFAULT, result["servicer.joint_angle"][k])
@@ -124,7 +124,9 @@ def momentum(result, k):
 
 
 def test_momentum_of_the_pair_stays_from_the_grip_to_hard_capture(nominal):
-    """9.09 N m s of the independent flight: J w, while the parts still turn against each other."""
+    """9.09 N m s of the independent simulation: J w, while the parts still turn against each
+    other.
+    """
     grip, hard = (
         int(np.flatnonzero(nominal[name] >= 1)[0])
         for name in ("arm_guidance.grip", "mechanism.hard")
@@ -165,8 +167,8 @@ def rigid_impulse(result, k):
     return impulse, energy, (J @ u - J_t @ u_t) @ impulse / 2
 
 
-def test_flown_impulse_begins_as_that_of_a_rigid_capture(nominal):
-    """0.0377 N s of a rigid grasp, 0.0421 N s flown in the first 0.3 s by the soft latch. A row
+def test_simulated_impulse_begins_as_the_one_of_a_rigid_capture(nominal):
+    """0.0377 N s of a rigid grasp, 0.0421 N s simulated in the first 0.3 s by the soft latch. A row
     shows what a step has left: the gripper closed on the row before.
     """
     grip = int(np.flatnonzero(nominal["arm_guidance.grip"] >= 1)[0]) - 1
@@ -175,21 +177,21 @@ def test_flown_impulse_begins_as_that_of_a_rigid_capture(nominal):
     assert before - after == pytest.approx(work, rel=1e-9)
     assert work > 0
     soft = int(np.flatnonzero(nominal["mechanism.phase"] == 2)[0])
-    flown = np.sum(nominal["mechanism.F_T"][soft : soft + 30], axis=0) * 0.01
-    assert np.linalg.norm(flown) == pytest.approx(0.0421, rel=0.15)
+    simulated = np.sum(nominal["mechanism.F_T"][soft : soft + 30], axis=0) * 0.01
+    assert np.linalg.norm(simulated) == pytest.approx(0.0421, rel=0.15)
 
 
 @pytest.mark.long
 def test_saved_and_restored_in_every_mode_it_has_the_same_future(nominal):
     """In the middle of every mode and of both captures: saved, a second on, restored."""
-    marks = nominal["arm_guidance.arm_mode"] + 10 * nominal["mechanism.phase"]
-    rows = [0, *(np.flatnonzero(np.diff(marks)) + 1), len(marks) - 1]
+    modes = nominal["arm_guidance.arm_mode"] + 10 * nominal["mechanism.phase"]
+    rows = [0, *(np.flatnonzero(np.diff(modes)) + 1), len(modes) - 1]
     with load("arm_capture") as system, Simulation(system) as simulation:
         for begin, end in zip(rows, rows[1:], strict=False):
             there = (begin + end) // 2
             simulation.advance(to=there)
             snapshot = simulation.save()
-            simulation.advance(to=min(there + 100, len(marks) - 1))
+            simulation.advance(to=min(there + 100, len(modes) - 1))
             simulation.restore(snapshot)
             simulation.recorder.table[there + 1 :] = np.nan
             simulation.free(snapshot)

@@ -9,7 +9,7 @@ import pytest
 from harness import load, run
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
-from ssp.arm_capture.measures import ALIGN, CLOSE, DEPLOY, REST, first, missed
+from ssp.arm_capture.metrics import ALIGN, CLOSE, DEPLOY, REST, first, missed
 
 SYSTEM = "arm_capture_navigated"
 SEES_THE_TRUTH = {"star_tracker", "gyro", "pose_sensor", "orbit_sensor", "mechanism"}
@@ -23,8 +23,8 @@ def test_no_software_sees_the_truth():
         wires = {(*c.target, c.source.component) for c in system.connections}
     seen = {(to, name.split("[")[0]) for to, name, of in wires if of in ("servicer", "target")}
     assert {to for to, name in seen if name in STATES} == SEES_THE_TRUTH
-    told = {to for to, name, of in wires if of == "relative_filter"}
-    assert told >= {"guidance", "controller", "arm_guidance"}
+    stated = {to for to, name, of in wires if of == "relative_filter"}
+    assert stated >= {"guidance", "controller", "arm_guidance"}
 
 
 def test_first_samples_have_the_same_bits_in_both_executors():

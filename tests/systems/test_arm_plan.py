@@ -22,7 +22,7 @@ TOOL = {"servicer.p_EA_A": [0.3, 0.1, -0.2], "servicer.q_EA": [0.6, 0, 0, 0.8]}
 
 
 @pytest.fixture(scope="module")
-def flown():
+def simulated():
     """Deployment with a tool that is off the axis; seven joints move."""
     return run("arm_capture", stop=60.0, every=20, set=TOOL)
 
@@ -31,22 +31,24 @@ def attitude(result, name):
     return Rotation.from_quat(result[name][:, [1, 2, 3, 0]])
 
 
-def test_end_effector_is_where_the_plant_has_it(flown):
-    at = pose(arm_of(flown), flown["servicer.joint_angle"])
-    S, E = attitude(flown, "servicer.q_SN"), attitude(flown, "servicer.q_EN")
-    place = S.inv().apply(flown["servicer.r_EN_N"] - flown["servicer.r_SN_N"])
+def test_end_effector_is_where_the_plant_has_it(simulated):
+    at = pose(arm_of(simulated), simulated["servicer.joint_angle"])
+    S, E = attitude(simulated, "servicer.q_SN"), attitude(simulated, "servicer.q_EN")
+    place = S.inv().apply(simulated["servicer.r_EN_N"] - simulated["servicer.r_SN_N"])
     np.testing.assert_allclose(at.tip, place, atol=1e-8)  # positions in orbit: 7e6 m
     np.testing.assert_allclose(at.frame, (S.inv() * E).as_matrix(), atol=1e-12)
 
 
-def test_jacobian_gives_the_velocities_of_the_plant(flown):
+def test_jacobian_gives_the_velocities_of_the_plant(simulated):
     """v_E - v_S - w x p_E and w_E - w in base axes are J_m dq."""
-    at = pose(arm_of(flown), flown["servicer.joint_angle"])
-    found = np.einsum("kij,kj->ki", jacobian(at), flown["servicer.joint_rate"])
-    S, E = attitude(flown, "servicer.q_SN"), attitude(flown, "servicer.q_EN")
-    w = flown["servicer.omega_SN_S"]
-    v = S.inv().apply(flown["servicer.v_EN_N"] - flown["servicer.v_SN_N"]) - np.cross(w, at.tip)
-    turning = (S.inv() * E).apply(flown["servicer.omega_EN_E"].copy()) - w
+    at = pose(arm_of(simulated), simulated["servicer.joint_angle"])
+    found = np.einsum("kij,kj->ki", jacobian(at), simulated["servicer.joint_rate"])
+    S, E = attitude(simulated, "servicer.q_SN"), attitude(simulated, "servicer.q_EN")
+    w = simulated["servicer.omega_SN_S"]
+    v = S.inv().apply(simulated["servicer.v_EN_N"] - simulated["servicer.v_SN_N"]) - np.cross(
+        w, at.tip
+    )
+    turning = (S.inv() * E).apply(simulated["servicer.omega_EN_E"].copy()) - w
     assert np.abs(found).max() > 0.01
     np.testing.assert_allclose(found, np.hstack([v, turning]), atol=1e-11)
 
@@ -85,11 +87,11 @@ def test_the_arm_ends_where_it_is_stretched(nominal):
 def test_from_a_metre_farther_off_nothing_is_planned(tmp_path, capsys):
     given = [part for name, value in FAR.items() for part in ("--set", f"{name}={value}")]
     assert main(["plan", "arm_capture", *given, "-o", str(tmp_path)]) == 1
-    said = capsys.readouterr().out
-    assert "not planned: the stand is outside the reach of the arm" in said
-    assert "not planned: the seat is outside the reach of the arm" in said
+    reported = capsys.readouterr().out
+    assert "not planned: the stand is outside the reach of the arm" in reported
+    assert "not planned: the seat is outside the reach of the arm" in reported
     least = np.ceil((3.05 - FARTHEST) / 0.05) * 0.05
-    assert f"the seat is reached from a base {least:.2f} m nearer" in said
+    assert f"the seat is reached from a base {least:.2f} m nearer" in reported
     assert {p.name for p in tmp_path.iterdir()} == {"planned_reach.png", "planned_joints.png"}
 
 

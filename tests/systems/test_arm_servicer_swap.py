@@ -16,7 +16,7 @@ pytestmark = pytest.mark.long
 STEPS = 40
 
 
-def flown_by_servicer():
+def simulated_by_servicer():
     """Systems with the FMU servicer, and the time of some macro steps [s]."""
     for name in sorted(systems()):
         with load(name) as system:
@@ -26,13 +26,13 @@ def flown_by_servicer():
 
 
 @pytest.fixture
-def flown():
-    return Each(flown_by_servicer())
+def simulated():
+    return Each(simulated_by_servicer())
 
 
-def test_without_joints_it_is_the_servicer_in_every_system(flown):
-    """What it publishes, to 1e-14 of its size."""
-    name, stop = flown
+def test_without_joints_it_is_the_servicer_in_every_system(simulated):
+    """Compare its outputs, to 1e-14 of their size."""
+    name, stop = simulated
     swapped = {"swap": {"servicer": "arm_servicer"}, "set": {"servicer.joints": 0}}
     one, other = run(name, stop=stop), run(name, stop=stop, **swapped)
     for variable in (v for v in one.vectors if v.startswith("servicer.")):
@@ -40,8 +40,8 @@ def test_without_joints_it_is_the_servicer_in_every_system(flown):
         assert np.abs(one[variable] - other[variable]).max() <= 1e-14 * size, variable
 
 
-def test_an_arm_that_nobody_drives_flies_in_every_system(flown):
-    name, stop = flown
+def test_an_unconnected_arm_runs_in_every_system(simulated):
+    name, stop = simulated
     plain, armed = run(name, stop=stop), run(name, stop=stop, swap={"servicer": "arm_servicer"})
     assert armed["servicer.mass"][0] == pytest.approx(plain["servicer.mass"][0] + 25)
     assert not armed["servicer.joint_rate"].any()

@@ -17,15 +17,15 @@ from harness import run
 from harness.cli.showing import listed
 from harness.errors import StructureError, UsageError
 
-from ..harness.foreign_fmu import Model, build, p, u, y
-from .ppc_flights import BAND, after, range_error, settled
+from ..harness.third_party_fmu import Model, build, p, u, y
+from .ppc_recordings import BAND, after, range_error, settled
 
 ROOT = Path(__file__).resolve().parents[2]
 OURS = ("adaptive_controller", "ppc_controller", "pid_controller", "theta_d_controller")
 
 
 @cache
-def flight(system, controller, params="default"):
+def recording(system, controller, params="default"):
     return run(system, swap={"controller": controller}, params=params)
 
 
@@ -44,16 +44,16 @@ def late_errors(result, seconds):
 @pytest.mark.parametrize("controller", OURS)
 @pytest.mark.parametrize("system", ["sync_approach", "ppc_tracking"])
 def test_an_exchange_needs_nothing_else(system, controller, caplog):
-    """The systems know with which parameters each of the four flies: nothing is dropped in silence
+    """The systems know with which parameters each of the four runs: nothing is dropped in silence
     or with a warning.
     """
-    assert flight(system, controller).complete
+    assert recording(system, controller).complete
     assert caplog.messages == []
 
 
 def test_naming_the_controller_that_is_there_already_changes_nothing():
     for system, controller in (("sync_approach", OURS[0]), ("ppc_tracking", OURS[1])):
-        assert flight(system, controller).values.tobytes() == run(system).values.tobytes()
+        assert recording(system, controller).values.tobytes() == run(system).values.tobytes()
 
 
 def test_the_list_shows_for_which_controllers_there_are_parameters():
@@ -79,8 +79,10 @@ def test_each_controller_follows_the_moving_reference_of_the_synchronised_approa
     controller, params
 ):
     """20 m to 4 m, attitude by wheels from 1200 s on; within 2 mm, where the adaptive controller
-    keeps 34 mm. With the manoeuvre within 15 mm, where the adaptive controller keeps 0.4 m."""
-    result = flight("sync_approach", controller, params)
+    stays within 34 mm. With the manoeuvre within 15 mm, where the adaptive controller stays within
+    0.4 m.
+    """
+    result = recording("sync_approach", controller, params)
     assert late_errors(result, 600)[0] < (2e-3 if params == "default" else 15e-3)
     assert late_errors(result, 1500)[1] < np.radians(0.15)
     assert result["guidance.range"].min() > 3.98
@@ -90,20 +92,20 @@ def test_each_controller_follows_the_moving_reference_of_the_synchronised_approa
         assert flag not in result or not np.any(result[flag])
 
 
-def test_the_adaptive_controller_keeps_its_distance_under_the_manoeuvre():
+def test_the_adaptive_controller_retains_its_distance_under_the_manoeuvre():
     """Unknown accelerations are not in its model: 4e-4 m/s2 over K = 2e-3 1/s2 are the 0.2 m that
     it must stay off, and 0.4 m it comes to with the wrong mass."""
-    result = flight("sync_approach", "adaptive_controller", "manoeuvre")
+    result = recording("sync_approach", "adaptive_controller", "manoeuvre")
     assert 0.1 < late_errors(result, 600)[0] < 0.6
     assert result["guidance.range"].min() > 3.5
 
 
-def test_the_manoeuvre_of_the_target_is_what_the_set_says():
-    """Its velocity less that of the default case, over 10 s: the integral of bias and sinusoids, in
-    N axes.
+def test_the_manoeuvre_of_the_target_is_what_the_set_states():
+    """Its velocity less the velocity of the default case, over 10 s: the integral of bias and
+    sinusoids, in N axes.
     """
     moved, calm = (
-        flight("sync_approach", OURS[0], params)["target.v_TN_N"][100]
+        recording("sync_approach", OURS[0], params)["target.v_TN_N"][100]
         for params in ("manoeuvre", "default")
     )
     bias, amplitude = np.array([2.5e-4, 1.5e-4, -2e-4]), np.array([1e-4, 0.8e-4, 1e-4])
@@ -115,11 +117,11 @@ def test_the_manoeuvre_of_the_target_is_what_the_set_says():
 # ---- the line-of-sight approach
 
 
-def test_the_adaptive_controller_flies_the_line_of_sight_approach():
-    """With gains of its own for 300 m, slow adaptation, estimates kept in their ranges, and 490 N
-    from the propulsion.
+def test_the_adaptive_controller_runs_the_line_of_sight_approach():
+    """With gains of its own for 300 m, slow adaptation, estimates limited to their ranges, and 490
+    N from the propulsion.
     """
-    result = flight("ppc_tracking", "adaptive_controller")
+    result = recording("ppc_tracking", "adaptive_controller")
     assert settled(result, range_error(result), BAND) < 35
     assert after(result, 60, range_error(result)) < 0.05
     assert late_errors(result, 60)[1] < np.radians(0.1)
@@ -164,7 +166,7 @@ LAW = """
 """
 
 
-def test_a_controller_built_elsewhere_is_flown(tmp_path):
+def test_a_controller_built_elsewhere_is_simulated(tmp_path):
     """Proportional and derivative, 0.32 rad/s on 100 kg: it lags by the acceleration of the
     reference over K/m, in ppc_tracking 20 m at 1 deg/s. Its torque stays zero."""
     mine = build(Model("mine", PORTS, outputs=LAW, units=UNITS), tmp_path)
@@ -176,7 +178,7 @@ def test_a_controller_built_elsewhere_is_flown(tmp_path):
     assert late_errors(run("sync_approach", swap={"controller": mine}, stop=300.0), 200)[0] < 0.05
 
 
-def test_the_controller_of_the_documentation_flies_as_it_says(tmp_path):
+def test_the_controller_of_the_documentation_runs_as_it_states(tmp_path):
     """docs/own_controller.md: within 4 mm, which is the acceleration of the reference over K/m."""
     page = (ROOT / "docs/own_controller.md").read_text()
     source, fmu = tmp_path / "my_controller.c", tmp_path / "my_controller.fmu"
@@ -188,8 +190,8 @@ def test_the_controller_of_the_documentation_flies_as_it_says(tmp_path):
 
 
 def test_a_controller_without_the_ports_gets_a_list_of_what_is_missing(tmp_path):
-    kept = [v for v in PORTS if not v.name.startswith(("M_cmd_S", "wheel"))]
-    lame = build(Model("lame", [*kept, u("beacon", "m")], outputs=LAW, units=UNITS), tmp_path)
+    retained = [v for v in PORTS if not v.name.startswith(("M_cmd_S", "wheel"))]
+    lame = build(Model("lame", [*retained, u("beacon", "m")], outputs=LAW, units=UNITS), tmp_path)
     with pytest.raises(StructureError) as caught:
         run("sync_approach", swap={"controller": lame})
     assert list(caught.value.problems) == [

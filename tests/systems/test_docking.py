@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The docking mechanism between servicer and target in deep space: closed forms, conservation laws
-and numbers made by others, under either master.
+and published reference values, under either master.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
-from tests.systems.docking_case import J_S, J_T, M_RED, energy, fly, kinetic, matrices, momenta
+from tests.systems.docking_case import J_S, J_T, M_RED, energy, kinetic, matrices, momenta, simulate
 
 NO_LATCH = {"mechanism.latch_enable": 0}
 FLOOR_ONLY = {  # so wide that no wall is near
@@ -22,9 +22,9 @@ FLOOR_ONLY = {  # so wide that no wall is near
 MASTERS = pytest.mark.parametrize("master", [("gauss-seidel", 0), ("jacobi", 1)])
 
 
-def flown(master, **more):
+def simulated(master, **more):
     algorithm, latency = master
-    return fly(algorithm=algorithm, **more, **{"mechanism.latency": latency})
+    return simulate(algorithm=algorithm, **more, **{"mechanism.latency": latency})
 
 
 def drift(history):
@@ -57,7 +57,7 @@ def test_restitution_is_the_closed_form_of_hunt_and_crossley():
 def test_restitution_of_a_head_on_blow_falls_with_the_square_of_the_step(master, speed):
     errors = []
     for h in (0.01, 0.005, 0.0025):
-        result = flown(master, speed=speed, step=h, **NO_LATCH)
+        result = simulated(master, speed=speed, step=h, **NO_LATCH)
         errors.append(speed_after(result) / speed - restitution(40 * speed))
     assert abs(errors[0]) < 4e-4
     assert abs(errors[2]) < 0.2 * max(map(abs, errors[:2]))
@@ -69,7 +69,7 @@ def test_deepest_point_is_the_closed_form():
     depth = (2.5 / 1e5 * M_RED * (v / c - np.log(1 + c * v) / c**2)) ** 0.4
     found = []
     for h in (0.002, 0.001):
-        found.append(-0.12 - fly(step=h, stop=1.5, **NO_LATCH)["mechanism.tip_Q"][:, 0].min())
+        found.append(-0.12 - simulate(step=h, stop=1.5, **NO_LATCH)["mechanism.tip_Q"][:, 0].min())
     assert found[1] == pytest.approx(depth, rel=1e-5)
 
 
@@ -81,18 +81,18 @@ def test_deepest_point_is_the_closed_form():
         (0.3, 0.05, 0.04950494564164447, 0.004740253786869615),
     ],
 )
-def test_numbers_of_an_integration_by_others(c, v, after, deepest):
+def test_a_run_agrees_with_an_independent_integration(c, v, after, deepest):
     """m = 50 kg, k = 1e5 N/m^1.5: closed form confirmed by DOP853 to 3e-13 (arm_and_contact, 3).
     Without exact events an error of h^2 stays at the entry.
     """
     masses = {"servicer.mass_0": 100, "target.mass": 100, "mechanism.mass_T": 100}
     port = {"mechanism.damping_contact": c, "mechanism.max_step": 1e-4} | FLOOR_ONLY
-    result = fly(speed=v, tip=-0.119, step=0.0005, stop=0.4, **NO_LATCH, **masses, **port)
+    result = simulate(speed=v, tip=-0.119, step=0.0005, stop=0.4, **NO_LATCH, **masses, **port)
     assert speed_after(result) == pytest.approx(after, rel=2e-4)
     assert -0.12 - result["mechanism.tip_Q"][:, 0].min() == pytest.approx(deepest, rel=1e-4)
 
 
-def test_slide_into_the_cone_and_out_again_keeps_momenta_and_energy():
+def test_slide_into_the_cone_and_out_again_retains_momenta_and_energy():
     """Off the axis, tumbling, with friction: momenta at 100 Hz, a quarter at half the step."""
     start = {
         "servicer.v_0_N": (-0.04, -0.0085, -0.0068),
@@ -102,7 +102,7 @@ def test_slide_into_the_cone_and_out_again_keeps_momenta_and_energy():
     } | NO_LATCH
     lost = []
     for h in (0.01, 0.005):
-        result = fly(step=h, stop=12, offset=(0.006, -0.004), tip=0.01, **start)
+        result = simulate(step=h, stop=12, offset=(0.006, -0.004), tip=0.01, **start)
         assert result["mechanism.contact"].sum() * h > 0.3
         P, H = momenta(result)
         lost.append([drift(P), drift(H)])
@@ -126,7 +126,7 @@ WHEELS = np.diag((12.0, 15, 10)) @ START["servicer.wheel_speed_0"]
 
 
 def capture(master, h=0.01, stop=60, **more):
-    return flown(master, step=h, stop=stop, offset=(0.006, -0.004), tip=0.01, **(START | more))
+    return simulated(master, step=h, stop=stop, offset=(0.006, -0.004), tip=0.01, **(START | more))
 
 
 @MASTERS
@@ -169,7 +169,7 @@ def test_the_same_capture_in_both_masters(master):
 
 def test_relative_momenta_stay_in_orbit_too():
     """Gravity and J2 on both: the relative linear momentum changes by tides of 1e-6 m/s2 times the
-    mass and no more over the contact; the rates agree with those of deep space to 1e-6.
+    mass and no more over the contact; the rates agree with the rates in deep space to 1e-6.
     """
     orbit = {
         f"{x}.{name}": value
@@ -184,8 +184,8 @@ def test_relative_momenta_stay_in_orbit_too():
         "target.r_0_N": r,
         "target.v_0_N": v,
     }
-    high = fly(step=0.01, stop=10, **(orbit | near))
-    deep = fly(step=0.01, stop=10, offset=(0.006, -0.004), tip=0.01, **START)
+    high = simulate(step=0.01, stop=10, **(orbit | near))
+    deep = simulate(step=0.01, stop=10, offset=(0.006, -0.004), tip=0.01, **START)
     assert 2 in high["mechanism.phase"]
     for name in ("servicer.omega_SN_S", "target.omega_TN_T"):
         assert np.allclose(high[name], deep[name], atol=2e-5)
@@ -196,7 +196,7 @@ def test_relative_momenta_stay_in_orbit_too():
 
 def hard_pair(h=0.002, stop=2.0, damping=(0.0, 0.0), **more):
     """Caught and seated at once at rest, then left with what START gives."""
-    return fly(
+    return simulate(
         tip=-0.12,
         speed=0,
         step=h,
@@ -233,8 +233,8 @@ def mode_rates(k, k_r):
     return np.sort(np.sqrt(eigvals(W @ np.diag((k,) * 3 + (k_r,) * 3)).real))
 
 
-def test_modes_of_the_latched_pair_are_those_of_its_stiffness():
-    """Axial and roll sqrt(k/m): read from the flight; all six from the formula of the page."""
+def test_modes_of_the_latched_pair_match_its_stiffness():
+    """Axial and roll sqrt(k/m): read from the run; all six from the formula of the page."""
     hard, soft = mode_rates(20000, 20000), mode_rates(100, 40)
     assert hard == pytest.approx([14.53, 17.32, 18.26, 18.64, 21.52, 23.54], abs=6e-3)
     assert soft == pytest.approx([0.651, 0.775, 0.839, 1.291, 1.519, 1.654], abs=6e-4)
@@ -252,7 +252,7 @@ def test_modes_of_the_latched_pair_are_those_of_its_stiffness():
 
 
 @pytest.mark.parametrize("h", [0.01, 0.02, 0.05, 0.1])
-def test_hold_takes_what_the_closed_form_says_from_an_undamped_mode(h):
+def test_hold_takes_what_the_closed_form_states_from_an_undamped_mode(h):
     """Energy of the axial mode: times cos theta + theta sin theta/2 a step."""
     result = hard_pair(h, stop=max(2.0, 60 * h), **{"servicer.v_0_N": (-1e-3, 0, 0)})
     x = result["mechanism.tip_Q"][:, 0] + 0.12
@@ -273,7 +273,7 @@ def test_the_latch_is_stable_up_to_a_tenth_of_a_second(h):
     assert force[-20:].max() < 0.02 * force.max() and (result["mechanism.phase"][-1]) == 3
 
 
-# ---- numbers made by others
+# ---- published reference values
 
 
 SIMBODY = [
@@ -289,14 +289,14 @@ def test_parameters_of_simbodys_test_of_hunt_and_crossley(depth, rate):
     s1, s2, R = 1.0, 2 ** (2 / 3), 0.8
     s = s1 * s2 / (s1 + s2)
     d = (0.5 * s2 + 1.0 * s1) / (s1 + s2)
-    wanted = max(0.0, 4 / 3 * s * depth * np.sqrt(R * s * depth) * (1 + 1.5 * d * rate))
+    required = max(0.0, 4 / 3 * s * depth * np.sqrt(R * s * depth) * (1 + 1.5 * d * rate))
     port = {
         "mechanism.k_contact": 4 / 3 * s * np.sqrt(R * s),
         "mechanism.damping_contact": 1.5 * d,
         "mechanism.friction": 0,
     } | FLOOR_ONLY
-    result = fly(tip=-0.12 - depth, speed=rate, step=0.001, stop=0.001, **NO_LATCH, **port)
-    assert result["mechanism.normal_force"][1] == pytest.approx(wanted, abs=1e-10)
+    result = simulate(tip=-0.12 - depth, speed=rate, step=0.001, stop=0.001, **NO_LATCH, **port)
+    assert result["mechanism.normal_force"][1] == pytest.approx(required, abs=1e-10)
 
 
 def test_two_spheres_of_jeod_on_a_linear_spring_and_damper():
@@ -309,7 +309,7 @@ def test_two_spheres_of_jeod_on_a_linear_spring_and_damper():
     free = {"latch_dwell": 0, "trip_force": 0}
     given = {f"mechanism.{name}": value for name, value in (latch | free).items()}
     h = 0.001
-    result = fly(tip=-0.115, speed=2.0, step=h, stop=0.4, **masses, **given)
+    result = simulate(tip=-0.115, speed=2.0, step=h, stop=0.4, **masses, **given)
     x = result["servicer.r_SN_N"][:, 0] - result["target.r_TN_N"][:, 0]
     x, v = x - x[0], result["servicer.v_SN_N"][:, 0] - result["target.v_TN_N"][:, 0]
     assert -x.min() == pytest.approx(0.2109028871556693, rel=1e-5)
@@ -352,7 +352,7 @@ def test_docking_of_jeod_ends_with_the_rate_of_the_assembly():
     window = {"latch_speed": 9, "latch_rate": 9, "latch_dwell": 0, "trip_force": 0}
     limits = {"break_force": 1e9, "break_moment": 1e9}
     given = {f"mechanism.{name}": value for name, value in (latch | window | limits).items()}
-    result = fly(step=0.01, stop=100, **bodies, **given)
+    result = simulate(step=0.01, stop=100, **bodies, **given)
     assert result["mechanism.phase"][-1] == 2
     # the latch stretches by the centrifugal force, 2.5 mm of 10 m: inertia 30 + 2/3 d^2
     d = np.linalg.norm((result["servicer.r_SN_N"] - result["target.r_TN_N"])[-1])

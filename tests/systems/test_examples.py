@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""examples/: every script runs as its text says, in a folder of its own."""
+"""examples/: every script runs as its text states, in a folder of its own."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PRINTS = {
     r"(?:.*\n)* 1\.90 +2\.805000 +3\.\d{6} +1\.0000\d\d(?: +0\.5756\d\d){3}\n",
     "own_controller.py": r"(?s).*position error after 5 min: at most \d\.\d mm\n",
 }
-"""What the scripts print, by name; my_controller.py is run by the interoperability tests."""
+"""Output of the scripts, by name; my_controller.py is run by the interoperability tests."""
 LONG = pytest.mark.long
 
 

@@ -17,7 +17,7 @@ from harness import run
 from harness.cli.app import main
 from harness.figures.captions import _escaped, mathematical, plain_number, symbols
 from harness.figures.choice import figures_of, named
-from harness.figures.finish import finished, look_of
+from harness.figures.finish import finish, look_of
 from harness.figures.plots import overlay, paint, plot
 from harness.figures.style import PAPER, SCREEN, SERIF, style_of
 from harness.mission import Curve, Figure, Level, Panel
@@ -161,7 +161,7 @@ def test_the_least_value_is_marked_where_it_matters():
         ("$x$", "$x$"),
     ],
 )
-def test_symbols_are_those_of_formulas_and_names_of_variables_stay(text, expected):
+def test_symbols_match_formulas_and_names_of_variables_stay(text, expected):
     assert mathematical(text) == expected
 
 
@@ -198,7 +198,7 @@ def test_titles_and_captions_have_symbols_too():
     axes = canvas.subplots()
     axes.set_title("Reach, X_E along x")
     axes.text(0.5, 0.5, "rho_M 4 m")
-    finished(canvas, None, distinct=True)
+    finish(canvas, None, distinct=True)
     assert axes.get_title() == "Reach, $X_{E}$ along x"
     assert [text.get_text() for text in axes.texts] == [r"$\rho_{M}$ 4 m"]
     text = symbols("error of rho_ref [m/s2], 5 % of sync_approach")
@@ -210,7 +210,7 @@ def test_titles_and_captions_have_symbols_too():
 # ---- captions, comparisons
 
 
-def test_captions_stand_beside_the_figures_of_a_paper(tmp_path, capsys, sketches):
+def test_captions_are_beside_the_figures_of_a_paper(tmp_path, capsys, sketches):
     file = tmp_path / "out.nc"
     ResultFile(file).write(result_of(PLAIN))
     assert main(["plot", str(file), "-o", str(tmp_path), "--style", "serif"]) == 0
@@ -219,7 +219,7 @@ def test_captions_stand_beside_the_figures_of_a_paper(tmp_path, capsys, sketches
     assert {line.split(".**")[0][2:] for line in plain.splitlines() if line} == drawn
     assert {line[2:] for line in tex.splitlines() if line.startswith("% ")} == drawn
     least = result_of(PLAIN)["guidance.range"].min()
-    assert f"Least value {least:.4g} m at" in plain
+    assert f"Smallest value {least:.4g} m at" in plain
     assert "sync\\_approach" in tex
     assert "captions.md" in capsys.readouterr().out
     assert not [
@@ -229,7 +229,7 @@ def test_captions_stand_beside_the_figures_of_a_paper(tmp_path, capsys, sketches
     ]
 
 
-def test_what_one_run_alone_has_is_not_compared_and_who_is_missing_is_named(
+def test_variables_of_one_run_alone_are_not_compared_and_the_missing_run_is_named(
     tmp_path, caplog, sketches
 ):
     ours = run("ppc_tracking", stop=5.0)

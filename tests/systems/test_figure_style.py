@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How figures look: sizes and colours of the styles, scales, limits, levels, names, what is left
+"""Look of figures: sizes and colours of the styles, scales, limits, levels, names, what is left
 out, figures of any variables.
 """
 
@@ -37,7 +37,7 @@ OKABE_ITO = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "
 
 
 @cache
-def flight(system, stop=20.0, **changes) -> Result:
+def recording(system, stop=20.0, **changes) -> Result:
     return run(system, stop=stop, **changes)
 
 
@@ -63,7 +63,7 @@ def drawn(axes):
 
 @pytest.mark.parametrize(("wide", "inches"), [(False, 3.5), (True, 7.0)])
 def test_a_figure_of_a_paper_has_the_width_of_its_columns_at_300_dots(tmp_path, wide, inches):
-    result = flight("sync_approach")
+    result = recording("sync_approach")
     (path,) = plot(result, tmp_path, style=style_of("paper", wide), variables=["guidance.range"])
     assert imread(path).shape[1] == inches * 300
 
@@ -76,8 +76,8 @@ def test_drawings_with_two_views_go_across_the_page(tmp_path):
 
 def test_the_text_of_a_paper_has_8_points_and_every_colour_a_style_of_its_own():
     with PAPER.used():
-        canvas = paint(figure_of(flight("sync_approach"), ["controller.eta_hat"]),
-                       flight("sync_approach"), PAPER)  # fmt: skip
+        canvas = paint(figure_of(recording("sync_approach"), ["controller.eta_hat"]),
+                       recording("sync_approach"), PAPER)  # fmt: skip
         axes = canvas.axes[0]
         texts = [axes.xaxis.label, axes.yaxis.label, *axes.get_xticklabels()]
         assert {text.get_fontsize() for text in texts} == {8.0}
@@ -101,7 +101,7 @@ def test_a_style_leaves_nothing_behind():
     assert dict(rcParams) == before
 
 
-def test_an_unknown_style_is_one_line():
+def test_an_unknown_style_is_reported_in_one_line():
     with pytest.raises(UsageError, match="no style poster, only screen, paper, serif"):
         style_of("poster")
 
@@ -145,14 +145,14 @@ def test_a_constant_is_not_its_last_bits():
     assert axes.get_ylim() == pytest.approx((95.0, 105.0))
 
 
-def test_a_small_signal_keeps_its_own_scale():
+def test_a_small_signal_retains_its_own_scale():
     result = table(a__y=("m", np.sin), a__z=("m", lambda t: 1e-6 * np.cos(9 * t)))
     _, small = paint(figure_of(result, ["a.y", "a.z"]), result).axes
     assert max(small.get_ylim()) < 2e-6
 
 
 def test_a_legend_covers_no_curve():
-    result = flight("sync_approach")
+    result = recording("sync_approach")
     canvas = paint(figure_of(result, ["propulsion.F_S"]), result)
     canvas.draw_without_rendering()
     (axes,) = canvas.axes
@@ -174,8 +174,8 @@ def test_no_text_of_a_legend_is_clipped():
 # ---- what the figures of the systems say
 
 
-def test_the_range_to_be_held_is_that_of_the_run():
-    relay = painted("range", flight("relay_approach")).axes[0]
+def test_the_range_to_be_held_matches_the_run():
+    relay = painted("range", recording("relay_approach")).axes[0]
     assert drawn(relay)["to be held: 50 m"][0] == 50.0
     sync = run("sync_approach", set={"guidance.rho_M": 6.0}, stop=20.0)
     assert drawn(painted("range", sync).axes[0])["to be held: 6 m"][0] == 6.0
@@ -184,7 +184,7 @@ def test_the_range_to_be_held_is_that_of_the_run():
 
 
 def test_true_inertias_are_drawn_in_the_colours_of_their_estimates():
-    result = flight("sync_approach")
+    result = recording("sync_approach")
     diagonal, *_ = painted("inertia_estimates", result).axes
     estimates, true = diagonal.get_lines()[:3], diagonal.get_lines()[3:]
     assert [line.get_ydata()[0] for line in true] == [200.0, 250.0, 150.0]
@@ -193,21 +193,21 @@ def test_true_inertias_are_drawn_in_the_colours_of_their_estimates():
 
 
 def test_thrusters_bear_the_names_of_their_system():
-    named = painted("firing", flight("sync_approach_thrusters")).axes[0].get_yticklabels()
-    thrust = flight("sync_approach_thrusters")["propulsion.thrust"]
+    named = painted("firing", recording("sync_approach_thrusters")).axes[0].get_yticklabels()
+    thrust = recording("sync_approach_thrusters")["propulsion.thrust"]
     ways = ["+x"] * 4 + ["-x"] * 4 + ["+y"] * 2 + ["-y"] * 2 + ["+z"] * 2 + ["-z"] * 2
     firing = np.flatnonzero(thrust.any(axis=0))
     assert [text.get_text() for text in named] == [f"{i + 1} ({ways[i]})" for i in firing]
 
 
 def test_rates_that_are_rounding_are_no_signal():
-    (x, y, _) = painted("rates", flight("relay_approach", 60.0)).axes
+    (x, y, _) = painted("rates", recording("relay_approach", 60.0)).axes
     assert np.abs(drawn(x)["actual"]).max() < 1e-15
     assert x.get_ylim() == y.get_ylim() or max(x.get_ylim()) > 1e-5
 
 
 def test_a_phase_plane_is_drawn_where_something_turns():
-    result = flight("relay_approach", 60.0)
+    result = recording("relay_approach", 60.0)
     labels = [axes.get_xlabel() for axes in painted("phase_planes", result).axes]
     assert "rate error about x [rad/s]" not in labels
     assert len(labels) == 1 + np.count_nonzero(np.abs(result["controller.domega_S"]).max(0) > 1e-9)
@@ -217,7 +217,7 @@ def test_a_phase_plane_is_drawn_where_something_turns():
 
 
 def test_panels_of_zeros_are_left_out_and_named_in_the_title():
-    result = flight("space_robot", 3000.0)
+    result = recording("space_robot", 3000.0)
     canvas = painted("joints", result)
     assert [axes.get_ylabel() for axes in canvas.axes] == [
         "angle [deg]",
@@ -227,9 +227,9 @@ def test_panels_of_zeros_are_left_out_and_named_in_the_title():
 
 
 def test_a_figure_in_which_nothing_changes_is_left_out_with_a_note(tmp_path, caplog, sketches):
-    paths = plot(flight("space_robot", 3000.0), tmp_path)
+    paths = plot(recording("space_robot", 3000.0), tmp_path)
     assert "poincare" not in {path.stem for path in paths}
-    assert "not drawn, for nothing changes in them: poincare" in caplog.text
+    assert "not drawn, because nothing changes in them: poincare" in caplog.text
 
 
 def test_torque_on_a_frozen_attitude_is_shaded():
@@ -238,11 +238,11 @@ def test_torque_on_a_frozen_attitude_is_shaded():
     (frozen,) = axes.patches
     assert frozen.get_label() == "attitude frozen: acts on nothing"
     assert (frozen.get_x(), frozen.get_width()) == (0.0, 12.0)
-    assert not painted("torque", flight("ppc_tracking")).axes[0].patches
+    assert not painted("torque", recording("ppc_tracking")).axes[0].patches
 
 
 def test_several_runs_that_do_nothing_are_left_out(tmp_path, sketches):
-    result = flight("sync_approach")
+    result = recording("sync_approach")
     names = {path.stem for path in overlay({"a": result, "b": result}, tmp_path)}
     assert "compared_range" in names
     assert not names & {"compared_wheels", "compared_torque"}
@@ -283,7 +283,7 @@ def test_many_runs_have_a_scale_and_no_legend_that_eats_the_plot():
 
 
 def test_vectors_are_one_panel_with_their_unit_and_matrices_by_element():
-    result = flight("sync_approach")
+    result = recording("sync_approach")
     position, mass, eta = paint(
         figure_of(result, ["servicer.r_SN_N", "servicer.mass", "controller.eta_hat"]), result
     ).axes
@@ -296,12 +296,12 @@ def test_vectors_are_one_panel_with_their_unit_and_matrices_by_element():
 
 def test_the_command_draws_variables_elements_and_groups(tmp_path, capsys):
     file = tmp_path / "out.nc"
-    ResultFile(file).write(flight("ppc_tracking"))
+    ResultFile(file).write(recording("ppc_tracking"))
     names = "servicer.r_SN_N[2], guidance.los"
     assert main(["plot", str(file), "--var", names, "--style", "paper", "--format", "pdf"]) == 0
     (path,) = capsys.readouterr().out.split("\n")[:-1]
     assert path == str(tmp_path / "out_figures" / "servicer.r_SN_N_2_guidance.los.pdf")
-    figure = figure_of(flight("ppc_tracking"), ["servicer.r_SN_N[2]", "guidance.los"])
+    figure = figure_of(recording("ppc_tracking"), ["servicer.r_SN_N[2]", "guidance.los"])
     assert [panel.ylabel for panel in figure.panels] == [
         "servicer.r_SN_N[2] [m]",
         "guidance.los.range [m]",
@@ -311,12 +311,12 @@ def test_the_command_draws_variables_elements_and_groups(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "says"),
+    ("name", "states"),
     [
         ("guidance.rang", r"no such variable \(close: guidance\.range, guidance\.(?!range)"),
-        ("guidance.rho_M", r"a parameter, which has no history; it is 4\."),
+        ("guidance.rho_M", r"is a parameter \(4\."),
     ],
 )
-def test_a_variable_that_cannot_be_drawn_is_one_line(name, says):
-    with pytest.raises(UsageError, match=rf"--var {name}: .*{says}"):
-        figure_of(flight("sync_approach"), [name])
+def test_a_variable_that_cannot_be_drawn_is_reported_in_one_line(name, states):
+    with pytest.raises(UsageError, match=rf"--var {name}: .*{states}"):
+        figure_of(recording("sync_approach"), [name])

@@ -92,7 +92,7 @@ EXPECTED = {
 
 
 @cache
-def flight(system: str, controller: str) -> Result:
+def recording(system: str, controller: str) -> Result:
     component = "joints" if system == "space_robot" else "controller"
     return run(system, swap={component: controller}, stop=60.0)
 
@@ -103,10 +103,10 @@ def figure(name: str, result: Result):
 
 
 def without(result: Result, *names: str) -> Result:
-    kept = [i for i, column in enumerate(result.columns) if not column.startswith(names)]
-    columns, units = (tuple(part[i] for i in kept) for part in (result.columns, result.units))
+    retained = [i for i, column in enumerate(result.columns) if not column.startswith(names)]
+    columns, units = (tuple(part[i] for i in retained) for part in (result.columns, result.units))
     return replace(
-        result, columns=columns, units=units, descriptions=(), values=result.values[:, kept]
+        result, columns=columns, units=units, descriptions=(), values=result.values[:, retained]
     )
 
 
@@ -115,7 +115,7 @@ def without(result: Result, *names: str) -> Result:
 
 @pytest.mark.parametrize(("system", "controller"), EXPECTED)
 def test_a_run_gets_the_figures_that_its_variables_allow(system, controller):
-    result = flight(system, controller)
+    result = recording(system, controller)
     drawn = {f.name for f in figures_of(result) if not f.is_empty(result)}
     assert drawn == EXPECTED[system, controller]
 
@@ -132,7 +132,7 @@ def test_a_run_gets_the_figures_that_its_variables_allow(system, controller):
     ],
 )
 def test_the_files_are_pictures_of_what_the_run_gets(system, controller, tmp_path):
-    paths = plot(flight(system, controller), tmp_path / "new")
+    paths = plot(recording(system, controller), tmp_path / "new")
     assert {path.stem for path in paths} == EXPECTED[system, controller]
     for path in paths:
         ink = imread(path)[..., :3].min(axis=2) < 0.9
@@ -141,14 +141,14 @@ def test_the_files_are_pictures_of_what_the_run_gets(system, controller, tmp_pat
 
 def test_names_of_figures_that_fit_one_result_differ():
     for system, controller in EXPECTED:
-        names = [f.name for f in FIGURES if f.fits(flight(system, controller))]
+        names = [f.name for f in FIGURES if f.fits(recording(system, controller))]
         assert len(names) == len(set(names))
 
 
 @pytest.mark.parametrize(("ending", "head"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
 def test_figures_for_print_are_written_on_demand(tmp_path, sketches, ending, head):
     results = tmp_path / "x.nc"
-    ResultFile(results).write(flight("space_robot", "joint_controller"))
+    ResultFile(results).write(recording("space_robot", "joint_controller"))
     assert main(["plot", str(results), "--format", ending]) == 0
     assert (tmp_path / "x_figures" / f"joints.{ending}").read_bytes().startswith(head)
 
@@ -160,8 +160,8 @@ def lines(axes):
     return {line.get_label(): np.asarray(line.get_data(orig=True)) for line in axes.get_lines()}
 
 
-def test_coordinates_are_those_of_the_result():
-    result = flight("relay_approach", "relay_controller")
+def test_coordinates_match_the_result():
+    result = recording("relay_approach", "relay_controller")
     axes = figure("coordinates", result).axes[1]
     assert np.array_equal(lines(axes)["servicer"], [result.time, result["servicer.r_SN_N"][:, 1]])
     assert np.array_equal(lines(axes)["target"], [result.time, result["target.r_TN_N"][:, 1]])
@@ -177,14 +177,14 @@ def test_in_orbit_positions_are_drawn_relative_to_the_target():
 
 
 def test_required_rates_are_actual_ones_plus_their_error():
-    result = flight("relay_approach", "relay_controller")
+    result = recording("relay_approach", "relay_controller")
     axes = figure("rates", result).axes[2]
     gap = lines(axes)["required"][1] - lines(axes)["actual"][1]
     assert gap == pytest.approx(result["controller.domega_S"][:, 2], abs=1e-15)
 
 
 def test_the_desired_quaternion_has_the_sign_of_the_actual_one():
-    result = flight("ppc_tracking", "ppc_controller")
+    result = recording("ppc_tracking", "ppc_controller")
     column = result.columns.index("guidance.q_DN[1]")
     values = result.values.copy()
     values[500:, column : column + 4] *= -1
@@ -195,7 +195,7 @@ def test_the_desired_quaternion_has_the_sign_of_the_actual_one():
 
 
 def test_funnels_are_plus_and_minus_the_bound():
-    result = flight("ppc_tracking", "ppc_controller")
+    result = recording("ppc_tracking", "ppc_controller")
     for axes, name in zip(
         figure("funnel", result).axes, ("range", "elevation", "azimuth"), strict=False
     ):
@@ -206,7 +206,7 @@ def test_funnels_are_plus_and_minus_the_bound():
 
 
 def test_the_firing_chart_has_a_row_per_engine_that_ever_fires():
-    result = flight("relay_approach", "relay_controller")
+    result = recording("relay_approach", "relay_controller")
     axes = figure("firing", result).axes[0]
     thrust = result["propulsion.thrust"]
     exist = np.flatnonzero(thrust.any(axis=0))
@@ -219,7 +219,7 @@ def test_the_firing_chart_has_a_row_per_engine_that_ever_fires():
 
 
 def test_a_pulse_of_one_row_is_seen_in_a_chart_of_many():
-    result = flight("relay_approach", "relay_controller")
+    result = recording("relay_approach", "relay_controller")
     rows = 40001
     values = np.zeros((rows, len(result.columns)))
     values[12345, result.columns.index("propulsion.thrust[3]")] = 0.5
@@ -233,7 +233,7 @@ def test_switching_lines_pass_through_the_thresholds():
     """Where the derivative is 0 the relays switch at error = threshold / Kp; all points lie on
     sigma = Kp e + Kd e'.
     """
-    result = flight("relay_approach", "relay_controller")
+    result = recording("relay_approach", "relay_controller")
     Kp, Kd, off, on = (
         result.parameter(f"controller.{n}") for n in ("Kp_v", "Kd_v", "rho1", "rho2")
     )
@@ -245,7 +245,7 @@ def test_switching_lines_pass_through_the_thresholds():
 
 
 def test_phase_planes_need_the_parameters_of_the_run():
-    result = replace(flight("relay_approach", "relay_controller"), parameters=None)
+    result = replace(recording("relay_approach", "relay_controller"), parameters=None)
     assert not any(f.name == "phase_planes" and f.fits(result) for f in FIGURES)
 
 
@@ -254,7 +254,7 @@ def test_phase_planes_need_the_parameters_of_the_run():
 
 def controllers():
     return {
-        name: flight("ppc_tracking", name)
+        name: recording("ppc_tracking", name)
         for name in ("ppc_controller", "theta_d_controller", "adaptive_controller")
     }
 
@@ -272,7 +272,9 @@ def test_an_overlay_has_one_line_per_run_and_panel_and_one_legend(tmp_path):
     assert [text.get_text() for text in legend.get_texts()] == list(results)
 
 
-def test_a_run_without_a_variable_is_left_out_and_the_others_keep_their_colours(tmp_path, sketches):
+def test_a_run_without_a_variable_is_left_out_and_the_others_retain_their_colours(
+    tmp_path, sketches
+):
     results = dict(reversed(controllers().items()))
     (figure_,) = (f for f in OVERLAYS if f.name == "compared_acceleration")
     runs = {label: r for label, r in results.items() if figure_.fits(r)}
@@ -304,8 +306,8 @@ def test_compared_paths_are_relative_to_the_target_in_the_colours_of_the_runs():
 
 def test_engines_are_compared_where_there_are_any():
     (engines,) = (f for f in OVERLAYS if f.name == "compared_engines")
-    assert engines.fits(flight("relay_approach", "relay_controller"))
-    assert not engines.fits(flight("ppc_tracking", "ppc_controller"))
+    assert engines.fits(recording("relay_approach", "relay_controller"))
+    assert not engines.fits(recording("ppc_tracking", "ppc_controller"))
 
 
 def test_sections_of_several_eccentricities_make_the_bifurcation_diagram():
@@ -330,7 +332,7 @@ def test_sections_of_several_eccentricities_make_the_bifurcation_diagram():
 
 def test_a_result_in_which_nothing_moves_has_no_figures(tmp_path):
     other = Result("other", np.arange(3.0), ("a.b",), ("",), np.zeros((3, 1)))
-    with pytest.raises(ResultsError, match="nothing that the result holds changes"):
+    with pytest.raises(ResultsError, match="all variables are constant"):
         plot(other, tmp_path)
     assert overlay({"x": other}, tmp_path) == []
 
@@ -343,14 +345,14 @@ def test_a_result_of_no_known_mission_has_a_figure_of_every_component(tmp_path):
 
 
 def test_a_figure_without_one_of_its_variables_is_left_out():
-    result = without(flight("ppc_tracking", "ppc_controller"), "controller.kappa")
+    result = without(recording("ppc_tracking", "ppc_controller"), "controller.kappa")
     assert {figure.name for figure in figures_of(result)} == LINE_OF_SIGHT
 
 
-def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, sketches):
+def test_a_folder_that_cannot_be_written_is_reported_in_one_line(tmp_path, sketches):
     (tmp_path / "file").write_text("")
     for draw in (
-        lambda: plot(flight("sync_approach", "pid_controller"), tmp_path / "file"),
+        lambda: plot(recording("sync_approach", "pid_controller"), tmp_path / "file"),
         lambda: overlay(controllers(), tmp_path / "file"),
     ):
         with pytest.raises(ResultsError, match="cannot be written"):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """--swap servicer=flexible_servicer: starts everywhere, is the rigid servicer without panels and
-slosh, bends and sloshes as much as the documentation says, and what is seen of it.
+slosh, bends and sloshes as much as the documentation states, and shows it in its outputs.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def test_the_swap_starts_and_both_executors_agree_bit_for_bit(system):
 
 
 @pytest.mark.parametrize("system", some(SYSTEMS, 3, 1))
-def test_without_panels_and_slosh_every_signal_is_that_of_the_rigid_servicer(system):
+def test_without_panels_and_slosh_every_signal_matches_the_rigid_servicer(system):
     released = {"servicer.t_att": 0} if system.startswith("sync") else {}
     rigid = run(system, set=released, stop=SYSTEMS[system])
     flexible_one = run(system, swap=SWAP, set=STILL | released, stop=SYSTEMS[system])
@@ -139,9 +139,9 @@ def test_soft_propellant_leaves_its_tank_under_hard_thrust():
     assert list(flexible.notes(result))
 
 
-def test_measures_are_empty_where_the_servicer_is_rigid(approaches):
+def test_metrics_of_panels_are_nan_where_the_servicer_is_rigid(approaches):
     rigid, bent = approaches
-    found = {m.name: (m(rigid, Limits()), m(bent, Limits())) for m in flexible.MEASURES}
+    found = {m.name: (m(rigid, Limits()), m(bent, Limits())) for m in flexible.METRICS}
     assert list(found) == ["panel angle", "residual vibration", "slosh", "elastic energy"]
     assert all(np.isnan(a) for a, _ in found.values())
     assert found["panel angle"][1] == 1e3 * np.abs(bent["servicer.panel_angle"]).max()

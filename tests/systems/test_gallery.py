@@ -56,9 +56,9 @@ def test_pictures_are_small_and_not_empty():
         assert 0.003 < ink.mean() < 0.6, path.name
 
 
-def test_a_scene_is_flown_and_drawn_by_the_script(gallery):
+def test_a_scene_is_simulated_and_drawn_by_the_script(gallery):
     scene = next(scene for scene in gallery.SCENES if scene.name == "ppc")
     short = scene._replace(runs={"a": {"stop": 5.0}, "b": {"stop": 5.0, "params": "manoeuvre"}})
-    png = gallery.drawn("compared_range", gallery.flown(short))
+    png = gallery.drawn("compared_range", gallery.simulate(short))
     assert png.startswith(b"\x89PNG")
     assert len(png) < 150_000

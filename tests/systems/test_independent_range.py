@@ -55,7 +55,7 @@ def ranged(tmp_path_factory):
     return path
 
 
-def fly(path, changes, use_range):
+def simulate(path, changes, use_range):
     return run(path, set=[*changes, f"monitor.use_range={use_range}"], stop=700.0, every=10)
 
 
@@ -66,7 +66,7 @@ def distance(result, who_S, who_T):
 
 @pytest.mark.parametrize("changes", [WRONG_POINT, LEAK], ids=["wrong_point", "leak"])
 def test_a_wrong_estimate_enters_the_zone_without_the_range_and_aborts_with_it(ranged, changes):
-    blind, watched = (fly(ranged, changes, use_range) for use_range in (0, 1))
+    blind, watched = (simulate(ranged, changes, use_range) for use_range in (0, 1))
     assert distance(blind, "servicer", "target").min() < RADIUS
     assert distance(blind, "relative_filter", "relative_filter").min() > 3.8
     assert not blind["monitor.abort"].any()
@@ -78,8 +78,8 @@ def test_a_wrong_estimate_enters_the_zone_without_the_range_and_aborts_with_it(r
     assert watched["monitor.violated"][-1].tolist() == [0, 0, 0, 0, 0, 1]
 
 
-def test_a_right_estimate_flies_the_same_bits_with_the_range(ranged):
-    plain, watched = (fly(ranged, (), use_range) for use_range in (0, 1))
+def test_a_right_estimate_runs_the_same_bits_with_the_range(ranged):
+    plain, watched = (simulate(ranged, (), use_range) for use_range in (0, 1))
     for column in plain.columns:
         assert plain[column].tobytes() == watched[column].tobytes(), column
     assert watched["range_sensor.range_valid"].any()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Sets `limited` and `[consistency]` of the missions that capture: actuators of such a servicer,
-and notes where the software assumes something else than is flown.
+"""Parameter sets `limited` and `[consistency]` of the missions that capture: actuators of such a
+servicer, and notes where the software assumes something else than is simulated.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import pytest
 
 from harness import load, run
 from harness.master.changes import apply
-from harness.results.requirements import findings, say_inconsistencies
+from harness.results.requirements import findings, log_inconsistencies
 from harness.results.verdict import Verdict
 from harness.studies.check import check
 from tests.each import some
@@ -70,7 +70,7 @@ def test_no_set_contradicts_itself(system):
 )
 def test_a_contradiction_is_a_note_that_names_both_values(caplog, system, given, rule):
     with load(system) as found, caplog.at_level(logging.WARNING, logger="harness"):
-        say_inconsistencies(apply(found, set=given))
+        log_inconsistencies(apply(found, set=given))
     (note,) = (r.getMessage() for r in caplog.records if r.getMessage().startswith(f"{rule}: "))
     (name,) = given
     assert name in note
@@ -98,6 +98,6 @@ def test_the_arm_captures_with_the_actuators_of_such_a_servicer():
     ],
 )
 def test_requirements_on_limited_actuators(system, missed):
-    """What the set does not meet stands in docs/models.md J.7."""
+    """Requirements that the parameter set does not meet are listed in docs/models.md J.7."""
     found = verdicts(run(system, params="limited", every=10))
     assert {name for name, verdict in found.items() if verdict is not Verdict.MET} == missed

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The page that flies in a browser, alone and without a network: the bits of the file, the verdicts
-of the harness for drawn settings, keyboard, cancel, and a browser that cannot. Run by make
+"""The page that simulates in a browser, alone and without a network: the bits of the file, the
+verdicts of the harness for drawn settings, keyboard, cancel, and a browser that cannot. Run by make
 test-browser.
 """
 
@@ -15,7 +15,8 @@ import pytest
 from harness import run
 from harness.report.html import write
 from harness.results.requirements import findings
-from tests.harness.chromium import opened
+from tests.harness.chromium import opened, wait
+from tests.harness.report_page import Page
 
 pytestmark = pytest.mark.browser
 
@@ -23,6 +24,11 @@ SYSTEM = "sync_approach"
 LARGEST = 6_000_000
 """Bytes of a page."""
 DRAWS = 10
+OF_FUNCTIONS = {"attitude_error", "trajectory", "force", "safety_margins"}
+"""Figures with curves that Python functions compute."""
+LABELLED = """report.data.figures.flatMap(part => part.figures).filter(figure => figure.plots.some(
+    plot => [plot.title, ...plot.curves.map(curve => curve.name)].some(
+        text => text.endsWith("(of the run in the file)")))).map(figure => figure.name)"""
 PHASES = ["attitude frozen", "attitude tracked"]
 
 
@@ -34,38 +40,39 @@ def result():
 @pytest.fixture(scope="module")
 def path(tmp_path_factory, result):
     pytest.importorskip("ziglang", reason="needs ziglang: make test-browser installs it")
-    return write(result, tmp_path_factory.mktemp("live") / "page.html", fly=True)
+    return write(result, tmp_path_factory.mktemp("live") / "page.html", live=True)
 
 
 def ready(page):
-    page.wait_for_function("report.live && report.live.ready", timeout=120_000)
+    wait(page, "report.live && report.live.ready")
 
 
-def flown(page, settings):
+def simulated(page, settings):
     """Verdicts and end of a run with these settings."""
-    page.evaluate("settings => report.live.fly(settings)", settings)
+    page.evaluate("settings => report.live.run(settings)", settings)
     return page.evaluate("report.live")
 
 
-def told(verdicts):
+def stated(verdicts):
     return [(v["name"], v["verdict"], v["detail"]) for v in verdicts]
 
 
-def wanted(result):
-    return [(f.name, f.told.split(",")[0], f.detail) for f in findings(result)]
+def required(result):
+    return [(f.name, f.statement.split(",")[0], f.detail) for f in findings(result)]
 
 
 def test_the_page_is_small_and_has_the_bits_of_the_file(chromium, path, result):
+    assert Page(path.read_text(encoding="utf-8")).is_closed("'wasm-unsafe-eval'")
     assert path.stat().st_size <= LARGEST
     sha256 = hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest()
     with opened(chromium, path) as page:
         ready(page)
         assert page.get_attribute("#live .bits", "data-sha256") == sha256
         assert page.inner_text("#live .bits").startswith("Bits of this page = bits of the file")
-        assert told(page.evaluate("report.live.verdicts")) == wanted(result)
+        assert stated(page.evaluate("report.live.verdicts")) == required(result)
 
 
-def test_verdicts_of_drawn_settings_are_those_of_the_harness(chromium, path):
+def test_verdicts_of_drawn_settings_match_the_harness(chromium, path):
     draw = np.random.default_rng(25)
     with opened(chromium, path) as page:
         ready(page)
@@ -77,10 +84,10 @@ def test_verdicts_of_drawn_settings_are_those_of_the_harness(chromium, path):
         for _ in range(DRAWS):
             settings = [float(draw.uniform(s["low"], s["high"])) for s in sliders]
             other = run(SYSTEM, set=dict(zip(names, settings, strict=True)))
-            live = flown(page, settings)
-            assert told(live["verdicts"]) == wanted(other)
-            assert live["flight"]["complete"]
-            verdicts |= {(name, verdict) for name, verdict, _ in told(live["verdicts"])}
+            live = simulated(page, settings)
+            assert stated(live["verdicts"]) == required(other)
+            assert live["result"]["complete"]
+            verdicts |= {(name, verdict) for name, verdict, _ in stated(live["verdicts"])}
         assert len(verdicts) > len(live["verdicts"])  # the settings matter
 
 
@@ -98,15 +105,16 @@ def test_a_key_on_a_slider_changes_verdicts_replay_and_plots(chromium, path):
         assert page.evaluate("report.replay.state().bodies.servicer.position") != before
         assert page.inner_text("#requirements tbody") != table
         assert page.is_visible("#live .stale")
+        assert set(page.evaluate(LABELLED)) == OF_FUNCTIONS
         assert "of-file" in page.get_attribute("#claims", "class")
-        told_of = {e["text"]: e["time"] for e in page.evaluate("report.data.scene.events")}
+        time_of = {e["text"]: e["time"] for e in page.evaluate("report.data.scene.events")}
         for verdict in page.evaluate("report.live.verdicts"):
-            (mark,) = (text for text in told_of if text.startswith(f"{verdict['name']}: "))
+            (mark,) = (text for text in time_of if text.startswith(f"{verdict['name']}: "))
             assert verdict["detail"] in mark
-            assert told_of[mark] == verdict["time"]
-        assert told_of["attitude control on"] == 1200
+            assert time_of[mark] == verdict["time"]
+        assert time_of["attitude control on"] == 1200
         assert page.evaluate("report.data.scene.phases.map(p => p.text)") == PHASES
-        assert page.evaluate("document.querySelectorAll('.event').length") == len(told_of)
+        assert page.evaluate("document.querySelectorAll('.event').length") == len(time_of)
         page.click("#live .reset")
         page.evaluate("report.live.idle()")
         assert "=" in page.inner_text("#live .bits")
@@ -120,9 +128,9 @@ def test_a_value_beyond_the_range_stays_at_its_end(chromium, path):
     with opened(chromium, path) as page:
         ready(page)
         base = [s["base"] for s in page.evaluate("report.live.sliders")]
-        live = flown(page, [1e9, *base[1:]])  # beyond the range: the slider stays at its end
+        live = simulated(page, [1e9, *base[1:]])  # beyond the range: the slider stays at its end
         assert live["settings"][0] == page.evaluate("report.live.sliders[0].high")
-        assert flown(page, base)["flight"]["complete"]
+        assert simulated(page, base)["result"]["complete"]
 
 
 def test_a_run_is_cancelled_and_the_next_one_is_whole(chromium, path):
@@ -130,22 +138,22 @@ def test_a_run_is_cancelled_and_the_next_one_is_whole(chromium, path):
         ready(page)
         base = [s["base"] for s in page.evaluate("report.live.sliders")]
         page.evaluate(
-            """settings => { report.live.fly(settings);
+            """settings => { report.live.run(settings);
                              document.querySelector('#live .cancel').click(); }""",
             [base[0] + 1, *base[1:]],
         )
         page.evaluate("report.live.idle()")
         assert "cancelled" in page.inner_text("#live .outcome")
-        assert flown(page, base)["flight"]["complete"]
+        assert simulated(page, base)["result"]["complete"]
 
 
-def test_a_browser_without_webassembly_says_so_and_shows_the_report(chromium, path):
+def test_a_browser_without_webassembly_states_so_and_shows_the_report(chromium, path):
     context = chromium.new_context(offline=True)
     page, wrong = context.new_page(), []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.add_init_script("delete globalThis.WebAssembly")
     page.goto(Path(path).absolute().as_uri())
-    page.wait_for_function("window.report && window.report.ready", timeout=120_000)
+    wait(page, "window.report && window.report.ready")
     assert "has no WebAssembly" in page.inner_text("#live .outcome")
     assert page.is_disabled("#slider-1") and wrong == []
     assert page.locator("#requirements tbody tr").count() == len(page.query_selector_all(".seek"))

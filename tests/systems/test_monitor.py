@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The safety monitor in the approach systems: it changes no other bit, its margins are those of the
-recorded flight, and what breaks a rule is known by number.
+"""The safety monitor in the approach systems: it changes no other bit, its margins equal the
+margins of the recorded run, and every broken rule is reported by number.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ACTIVE = {
     "ppc_tracking": {"keep_out", "corridor", "speed"},
     "relay_approach": {"keep_out", "speed", "passive", "plume"},
 }
-"""Rules that are on by the family of a system; on estimates also that of lost navigation."""
+"""Rules that are on by the family of a system; on estimates also the rule for lost navigation."""
 
 
 def without_monitor(system):
@@ -63,15 +63,15 @@ def test_the_rules_that_fit_its_paper_are_on(name):
     result = run(name, stop=5.0)
     margins = zip(RULES, result["monitor.least_margin"][-1], strict=True)
     family = name.removesuffix("_navigated").removesuffix("_thrusters")
-    judged = {rule for rule, margin in margins if margin < OFF}
-    assert judged == ACTIVE[family] | ({"navigation"} if "navigated" in name else set())
+    evaluated = {rule for rule, margin in margins if margin < OFF}
+    assert evaluated == ACTIVE[family] | ({"navigation"} if "navigated" in name else set())
 
 
-# ---- whole flights
+# ---- whole runs
 
 
 @cache
-def flight(name, params=None, swap=None):
+def recording(name, params=None, swap=None):
     swaps = [f"controller={swap}"] if swap else []
     return run(name, params=params, swap=swaps, every=10)
 
@@ -93,7 +93,7 @@ def off_axis(result):
 
 def test_sync_approach_breaks_its_safe_distance_by_millimetres():
     """The paper claims range >= rho_M = 4 m throughout (docs/models.md A.8)."""
-    result = flight("sync_approach")
+    result = recording("sync_approach")
     distance = range_(result)
     assert abs(least(result, "keep_out") - (distance.min() - 4)) < 1e-5
     assert -3e-3 < least(result, "keep_out") < -2e-3
@@ -104,15 +104,15 @@ def test_sync_approach_breaks_its_safe_distance_by_millimetres():
         assert first(result, rule) == -1
 
 
-def test_corridor_margin_is_never_above_that_of_the_recorded_rows():
-    result = flight("sync_approach")
+def test_corridor_margin_is_never_above_the_one_of_the_recorded_rows():
+    result = recording("sync_approach")
     rows = range_(result) * np.sin(np.radians(10) - off_axis(result))
     assert least(result, "corridor") <= rows.min() + 1e-7
     assert least(result, "corridor") > rows.min() - 1e-3
 
 
 def test_pid_in_ppc_tracking_comes_within_7_m_of_a_hover_at_20_m():
-    result = flight("ppc_tracking", swap="pid_controller")
+    result = recording("ppc_tracking", swap="pid_controller")
     assert abs(range_(result).min() - 7.43) < 0.01
     assert abs(least(result, "keep_out") - (7.43 - 17)) < 0.01
     rows = range_(result) * np.sin(np.radians(20) - off_axis(result))
@@ -123,9 +123,9 @@ def test_pid_in_ppc_tracking_comes_within_7_m_of_a_hover_at_20_m():
 
 
 @pytest.mark.parametrize("controller", ["ppc_controller", "theta_d_controller"])
-def test_the_controllers_that_the_paper_recommends_keep_all_rules(controller):
+def test_the_controllers_that_the_paper_recommends_retain_all_rules(controller):
     for params in ("nominal", "manoeuvre"):
-        result = flight("ppc_tracking", params, None if "ppc" in controller else controller)
+        result = recording("ppc_tracking", params, None if "ppc" in controller else controller)
         assert result["monitor.rule_violated"][-1] == 0
         assert abs(least(result, "keep_out") - (range_(result).min() - 17)) < 1e-3
 
@@ -135,22 +135,22 @@ def test_the_controllers_that_the_paper_recommends_keep_all_rules(controller):
 
 def without(result, component):
     """The columns of all other components, as bytes by name."""
-    kept = [c for c in result.columns if not c.startswith(f"{component}.")]
-    return {column: result[column].tobytes() for column in kept}
+    retained = [c for c in result.columns if not c.startswith(f"{component}.")]
+    return {column: result[column].tobytes() for column in retained}
 
 
 @pytest.mark.parametrize("name", ["ppc_tracking", "sync_approach_thrusters"])
-def test_a_guarded_flight_that_keeps_the_rules_is_the_flight_itself_to_the_bit(name):
-    guarded = flight(f"{name}_guarded")
+def test_a_guarded_run_that_retains_the_rules_is_the_run_itself_to_the_bit(name):
+    guarded = recording(f"{name}_guarded")
     assert guarded.parameter("monitor.act") == 1
     assert not guarded["monitor.abort"].any()
-    assert without(guarded, "monitor") == without(flight(name), "monitor")
+    assert without(guarded, "monitor") == without(recording(name), "monitor")
 
 
 @pytest.mark.parametrize("params", ["nominal", "manoeuvre"])
 def test_guarded_pid_retreats_instead_of_coming_within_its_7_m(params):
     """It leaves the corridor at some 110 m, closing at 20 m/s: 45 m/s outwards take 9 s."""
-    result = flight("ppc_tracking_guarded", params, "pid_controller")
+    result = recording("ppc_tracking_guarded", params, "pid_controller")
     distance, aborted = range_(result), result["monitor.abort"] > 0
     began = result.time[aborted][0]
     assert began - 0.5 <= first(result, "corridor") <= began
@@ -162,7 +162,7 @@ def test_guarded_pid_retreats_instead_of_coming_within_its_7_m(params):
 
 
 def test_guarded_approach_to_a_wrong_distance_ends_before_the_zone():
-    """The guidance is told 2 m instead of 4 m: unguarded it goes there, guarded the drift is
+    """The guidance is given 2 m instead of 4 m: unguarded it goes there, guarded the drift is
     foreseen to enter the zone, and the approach ends outside it.
     """
     wrong = {"guidance.rho_M": 2.0}

@@ -85,7 +85,7 @@ def test_relay_approach_arrives_on_estimates():
 
 
 @pytest.mark.parametrize("name", ["sync_approach_thrusters", "ppc_tracking", "relay_approach"])
-def test_plants_are_those_of_the_system_on_truth(name):
+def test_plants_match_the_system_on_truth(name):
     """But for attitude control from the start in the synchronised approach."""
     changed = {"t_att", "sigma_SN_0[1]", "sigma_SN_0[2]", "sigma_SN_0[3]", "M_dist_S.start"}
     with load(name) as truth, load(f"{name}_navigated") as ours:

@@ -21,12 +21,12 @@ from tests.missions import FIGURES, PAPERS
 from ..reference.attitude import conjugate, multiply
 from ..reference.cases import quaternion
 from ..reference.kalman import err
-from .navigated_case import Errors, flight, rms
+from .navigated_case import Errors, recording, rms
 
 NAMES = {"estimate_errors", "innovations", "normalised_errors", "availability"}
 
 
-def judged(result: Result) -> dict[str, Verdict]:
+def verdicts_of(result: Result) -> dict[str, Verdict]:
     return {claim.name: claim.evaluate(result).verdict for claim in CLAIMS}
 
 
@@ -40,11 +40,11 @@ def changed(result: Result, name: str, factor: float) -> Result:
 
 
 def test_all_claims_hold_in_the_nominal_run():
-    assert set(judged(flight()).values()) == {Verdict.REPRODUCED}
+    assert set(verdicts_of(recording()).values()) == {Verdict.REPRODUCED}
 
 
 def test_a_blind_camera_shows_in_the_availability():
-    verdicts = judged(flight("sun_blinding"))
+    verdicts = verdicts_of(recording("sun_blinding"))
     assert verdicts.pop("availability") is Verdict.PARTLY
     assert verdicts["errors within their bands"] is Verdict.REPRODUCED
 
@@ -60,17 +60,17 @@ def test_a_blind_camera_shows_in_the_availability():
     ],
 )
 def test_claims_can_fail(claim, name, factor):
-    assert judged(changed(flight(), name, factor))[claim] is Verdict.NOT_REPRODUCED
+    assert verdicts_of(changed(recording(), name, factor))[claim] is Verdict.NOT_REPRODUCED
 
 
 def test_claims_belong_to_navigated_runs_only():
     assert PAPER in PAPERS
-    assert PAPER.belongs_to(flight())
+    assert PAPER.belongs_to(recording())
     assert not PAPER.belongs_to(run("sync_approach", stop=10.0))
 
 
 def test_figures_are_drawn_for_navigated_runs_only():
-    fitting = {figure.name for figure in FIGURES if figure.fits(flight())}
+    fitting = {figure.name for figure in FIGURES if figure.fits(recording())}
     assert NAMES | {"tracking_on_estimates"} <= fitting
     on_truth = run("sync_approach", stop=10.0)
     assert not NAMES & {figure.name for figure in FIGURES if figure.fits(on_truth)}
@@ -79,23 +79,23 @@ def test_figures_are_drawn_for_navigated_runs_only():
 @pytest.mark.parametrize("figure", figures.FIGURES, ids=lambda figure: figure.name)
 def test_every_figure_can_be_drawn(figure):
     canvas = plt.figure(figsize=figure.size)
-    figure.draw(canvas, flight())
+    figure.draw(canvas, recording())
     assert canvas.axes
     assert all(axes.lines or axes.collections for axes in canvas.axes)
     plt.close(canvas)
 
 
-def test_drawn_errors_are_those_of_the_tests():
+def test_drawn_errors_match_the_tests():
     """Two ways from the same run."""
-    rho, drho, theta, w = (part.error for part in estimates.errors(flight()))
-    e = Errors(flight(), 0.0, 1800.0)
+    rho, drho, theta, w = (part.error for part in estimates.errors(recording()))
+    e = Errors(recording(), 0.0, 1800.0)
     assert rms(rho) == pytest.approx(rms(e.rho()), rel=1e-12)
     assert rms(drho) == pytest.approx(rms(e.drho()), rel=1e-12)
     assert rms(w) == pytest.approx(rms(e.target_rate()), rel=1e-12)
     assert np.degrees(rms(theta)) == pytest.approx(rms(e.target_attitude()), rel=1e-3)
 
 
-def test_attitude_error_is_that_of_the_filter():
+def test_attitude_error_matches_the_filter():
     rng = np.random.default_rng(1)
     a, b = (np.array([quaternion(rng) for _ in range(20)]) for _ in range(2))
     expected = [err(multiply(conjugate(p), q)) for p, q in zip(a, b, strict=True)]
@@ -105,11 +105,13 @@ def test_attitude_error_is_that_of_the_filter():
 
 def test_innovations_are_counted_once_each():
     """3600 poses and stars less the first of each, which is set; 1800 fixes less one."""
-    counts = [len(estimates.innovations(flight(), f, n, s)[0]) for _, f, n, s, _ in estimates.KINDS]
+    counts = [
+        len(estimates.innovations(recording(), f, n, s)[0]) for _, f, n, s, _ in estimates.KINDS
+    ]
     assert counts == [pytest.approx(n, abs=2) for n in (3599, 3599, 1799)]
 
 
-def test_bounds_are_those_of_chi_square():
+def test_bounds_match_chi_square():
     assert estimates.bounds(6) == pytest.approx(chi2.ppf((0.025, 0.975), 6))
     low, high = estimates.bounds(3, 50)
     assert (low, high) == pytest.approx(chi2.ppf((0.025, 0.975), 150) / 50)

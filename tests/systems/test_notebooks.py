@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""examples/*.ipynb: they run from the first cell to the last and are kept without outputs."""
+"""examples/*.ipynb: they run from the first cell to the last and are stored without outputs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_there_are_notebooks_and_the_page_lists_them():
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
-def test_a_notebook_is_kept_without_outputs(path):
+def test_a_notebook_is_retained_without_outputs(path):
     for cell in nbformat.read(path, as_version=4).cells:
         assert not cell.get("outputs")
         assert cell.get("execution_count") is None

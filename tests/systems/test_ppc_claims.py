@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims of Yin, Luo, Wei & Yuan, J. Astronautics 38(8), 2017, one by one: quotation, our figure,
+"""Claims of Yin, Luo, Wei & Yuan, J. Astronautics 38(8), 2017, one by one: quotation, our value,
 band, verdict.
 
-The paper prints neither the initial states nor the gains of any controller: those of
-ssp/ppc_tracking.toml, are used, so a reproduced figure shows that the claim can be met, not that
+The paper prints neither the initial states nor the gains of any controller. The values of
+ssp/ppc_tracking.toml are used, so a reproduced value shows that the claim can be met, not that
 these were the authors' numbers. One claim is about computing time and so none for a test: "theta-D
 takes much time and cannot be used on line"; `harness compare` shows it to cost some microseconds
 per sample more than the others.
@@ -16,14 +16,14 @@ import pytest
 
 from harness import run
 
-from .ppc_flights import (
+from .ppc_recordings import (
     BAND,
     after,
     attitude_error,
     effort,
-    flight,
     los,
     range_error,
+    recording,
     settled,
     start,
 )
@@ -33,7 +33,7 @@ ALL = (PPC, THETA_D, PID)
 
 
 def convergence(controller, params="nominal"):
-    result = flight(controller, params)
+    result = recording(controller, params)
     return settled(result, range_error(result), BAND)
 
 
@@ -61,16 +61,16 @@ def test_the_servicer_hovers_twenty_metres_above_the_feature():
     """Figure 2. Ours after 60 s: range within 5 mm, 0.1 deg off the axis of the feature.
     Reproduced.
     """
-    result = flight(PPC)
+    result = recording(PPC)
     assert after(result, 60, range_error(result)) < 0.01
     assert after(result, 60, result["guidance.beta_t"]) < np.radians(0.1)
 
 
-def test_line_of_sight_angles_of_ppc_settle_first_and_those_of_pid_oscillate():
+def test_line_of_sight_angles_of_ppc_settle_first_and_of_pid_oscillate():
     """Figure 4: "LCPPC fast, theta-D smooth but slightly slower, PID great oscillation". To 0.5 deg
     13.8, 24.2, 26.0 s, overshoot of the elevation 1.3, 0.4, 17 deg. Reproduced."""
-    times = {c: settled(flight(c), angle_error(flight(c)), np.radians(0.5)) for c in ALL}
-    overshoot = {c: np.degrees(flight(c)["controller.error.elevation"].max()) for c in ALL}
+    times = {c: settled(recording(c), angle_error(recording(c)), np.radians(0.5)) for c in ALL}
+    overshoot = {c: np.degrees(recording(c)["controller.error.elevation"].max()) for c in ALL}
     assert times[PPC] < times[THETA_D] < times[PID]
     assert max(overshoot[PPC], overshoot[THETA_D]) < 2
     assert overshoot[PID] > 10
@@ -79,20 +79,20 @@ def test_line_of_sight_angles_of_ppc_settle_first_and_those_of_pid_oscillate():
 def test_pid_undershoots_the_range_and_comes_near_the_target():
     """Conclusion: PID "cannot guarantee the safety". Ours: PID passes the target at 7.4 m, the
     others stay at 20 m. Reproduced."""
-    assert flight(PID)["guidance.range"].min() < 10
-    assert min(flight(c)["guidance.range"].min() for c in (PPC, THETA_D)) > 19.99
+    assert recording(PID)["guidance.range"].min() < 10
+    assert min(recording(c)["guidance.range"].min() for c in (PPC, THETA_D)) > 19.99
 
 
 def test_ppc_spends_less_than_pid_and_theta_d_least():
     """Figure 5. Integral of the LOS acceleration: 100, 74, 134 m/s. Reproduced."""
-    assert effort(flight(THETA_D)) < effort(flight(PPC)) < effort(flight(PID))
+    assert effort(recording(THETA_D)) < effort(recording(PPC)) < effort(recording(PID))
 
 
 def test_attitudes_are_accurate_in_the_steady_state_and_ppc_acquires_first():
     """Figure 6: all three accurate; theta-D and PID slower. After 60 s 0.006, 0.0001, 0.41 deg; to
     1 deg in 8.7, 13.3, 45 s. Reproduced, PID with the reservation of its slow integral."""
-    late = {c: np.degrees(after(flight(c), 60, attitude_error(flight(c)))) for c in ALL}
-    times = {c: settled(flight(c), attitude_error(flight(c)), np.radians(1)) for c in ALL}
+    late = {c: np.degrees(after(recording(c), 60, attitude_error(recording(c)))) for c in ALL}
+    times = {c: settled(recording(c), attitude_error(recording(c)), np.radians(1)) for c in ALL}
     assert max(late[PPC], late[THETA_D]) < 0.05
     assert late[PID] < 0.5
     assert times[PPC] < times[THETA_D] < times[PID]
@@ -106,17 +106,17 @@ def test_ppc_converges_under_manoeuvre():
     assert convergence(PPC, "manoeuvre") < 25
 
 
-def test_ppc_keeps_half_a_metre_under_manoeuvre():
+def test_ppc_retains_half_a_metre_under_manoeuvre():
     """ "within +-0.5 m". Ours 0.30 m after 40 s, 0.18 m after 60 s. Reproduced."""
-    result = flight(PPC, "manoeuvre")
+    result = recording(PPC, "manoeuvre")
     assert after(result, 40, range_error(result)) < 0.5
 
 
-def test_theta_d_keeps_three_metres_under_manoeuvre():
+def test_theta_d_retains_three_metres_under_manoeuvre():
     """ "only within +-3 m". Ours 2.6 m of range after 40 s. Reproduced; across the line of sight it
     is 5 m.
     """
-    result = flight(THETA_D, "manoeuvre")
+    result = recording(THETA_D, "manoeuvre")
     assert 0.5 < after(result, 40, range_error(result)) < 3
     across = 20 * los(result, "controller.error")[:, 1:]
     assert after(result, 60, across) > 3
@@ -125,7 +125,7 @@ def test_theta_d_keeps_three_metres_under_manoeuvre():
 def test_pid_is_slow_and_oscillates_under_manoeuvre():
     """ "still slow, with larger oscillation". Ours 39.6 s, range down to 11 m, elevation overshoot
     25 deg. Reproduced."""
-    result = flight(PID, "manoeuvre")
+    result = recording(PID, "manoeuvre")
     assert convergence(PID, "manoeuvre") > 2 * convergence(PPC, "manoeuvre")
     assert result["guidance.range"].min() < 15
     assert np.degrees(result["controller.error.elevation"].max()) > 20
@@ -135,7 +135,7 @@ def test_steady_accuracy_of_pid_suffers_from_the_manoeuvre():
     """ "steady accuracy is not affected by manoeuvre, uncertainty, disturbance". Ours: 4 mm in the
     last 20 s without, 0.69 m with the manoeuvre: an integral takes out its mean, not its sinusoids.
     Not reproduced."""
-    nominal, manoeuvre = (flight(PID, params) for params in ("nominal", "manoeuvre"))
+    nominal, manoeuvre = (recording(PID, params) for params in ("nominal", "manoeuvre"))
     assert after(nominal, 100, range_error(nominal)) < 0.01
     assert after(manoeuvre, 100, range_error(manoeuvre)) > 0.5
 
@@ -146,7 +146,7 @@ def test_theta_d_does_not_chatter_under_manoeuvre():
     reproduced."""
 
     def variation(controller):
-        result = flight(controller, "manoeuvre")
+        result = recording(controller, "manoeuvre")
         return np.sum(np.abs(np.diff(result["controller.a_cmd_L"][result.time > 60], axis=0)))
 
     assert variation(THETA_D) < 1.2 * variation(PPC)
@@ -157,13 +157,13 @@ def test_ppc_still_spends_less_than_pid_under_manoeuvre():
     against PID only.
     """
     assert (
-        effort(flight(THETA_D, "manoeuvre"))
-        < effort(flight(PPC, "manoeuvre"))
-        < effort(flight(PID, "manoeuvre"))
+        effort(recording(THETA_D, "manoeuvre"))
+        < effort(recording(PPC, "manoeuvre"))
+        < effort(recording(PID, "manoeuvre"))
     )
 
 
-# ---- what the method promises ----
+# ---- what the method guarantees ----
 
 MANOEUVRE = {
     "target.a_manoeuvre_N.bias": [0.25, 0.15, -0.20],
@@ -203,7 +203,7 @@ def test_the_guarantee_holds_while_the_actuator_saturates_gently():
     """ "theta remains in (L, U) for ever". In both scenarios, saturated for 11 to 13 s, kappa stays
     below 0.13; with the literal law the barrier acts at 0.90. Reproduced."""
     for params, kappa in (("nominal", 0.15), ("manoeuvre", 0.15), ("literal_law", 0.95)):
-        result = flight(PPC, params)
+        result = recording(PPC, params)
         assert np.any(result["controller.a_saturated"])
         assert result["controller.kappa"].max() < kappa
         assert not np.any(result["controller.violation"] + result["controller.violation_att"])
@@ -212,8 +212,8 @@ def test_the_guarantee_holds_while_the_actuator_saturates_gently():
 def test_a_large_initial_speed_breaks_the_guarantee_under_the_acceleration_limit_of_the_paper():
     """ "x2 in z keeps the system stable even if the initial speed is very large". At 45 m/s, with
     kappa(0) = 0.2 and 4.9 m/s2, the funnel is left for seconds and the servicer passes within a
-    metre of the target, flagged: the proof knows no saturation. Not reproduced under the limit of
-    section 4.1; without a limit it holds."""
+    metre of the target, flagged: the proof does not consider saturation. Not reproduced under the
+    limit of section 4.1; without a limit it holds."""
     fast = start((300, np.radians(2), np.radians(32)), (-45.0, 0, 0))
     limited = run("ppc_tracking", set=fast)
     assert limited["controller.start_margin"][1] > 0.7

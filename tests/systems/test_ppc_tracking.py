@@ -20,14 +20,14 @@ from tests.each import some
 from ..reference import adaptive, ppc, ppc_case
 from ..reference.attitude import dcm
 from ..reference.los import triad
-from .ppc_flights import (
+from .ppc_recordings import (
     BAND,
     after,
     attitude_error,
     deviations,
-    flight,
     los,
     range_error,
+    recording,
     settled,
     start,
 )
@@ -39,11 +39,11 @@ FREE = {"controller.a_max": 0, "controller.M_max": [0, 0, 0], "propulsion.M_max"
 # ---- start ----
 
 
-def test_start_is_that_of_the_scenario():
+def test_start_matches_the_scenario():
     """300 m, (2, 32) deg, closing at 10 m/s as seen in N; desired 20 m, (10, 20) deg; attitude 60
     deg off.
     """
-    first = flight("ppc_controller")
+    first = recording("ppc_controller")
     q, dq, ref = (los(first, f"guidance.{name}")[0] for name in ("los", "dlos", "los_ref"))
     assert np.max(np.abs(q - (300, np.radians(2), np.radians(32)))) < 1e-8
     assert np.max(np.abs(dq - (-10, 0, 0))) < 1e-10
@@ -57,10 +57,10 @@ def test_start_is_that_of_the_scenario():
     assert np.max(np.abs(z_b - np.cos(np.radians(25)) * y_l - np.sin(np.radians(25)) * z_l)) < 1e-12
 
 
-def test_line_of_sight_keeps_far_from_the_poles_and_the_sun():
+def test_line_of_sight_retains_far_from_the_poles_and_the_sun():
     for params in ("nominal", "manoeuvre"):
         for controller in CONTROLLERS:
-            result = flight(controller, params)
+            result = recording(controller, params)
             assert after(result, -1, result["guidance.los.elevation"]) < np.radians(45)
             assert not np.any(result["guidance.attitude_guard"])
 
@@ -80,7 +80,7 @@ def is_command(name):
     )
 
 
-def assert_same_flight(result, expected):
+def assert_same_run(result, expected):
     """States to 1e-9 relative; commands to 1e-7: 1e-9 m of rounding in 7e6 m times the gains and
     the barrier.
     """
@@ -92,18 +92,18 @@ def assert_same_flight(result, expected):
 
 
 @pytest.mark.parametrize(("params", "controller"), some(product(SCENARIOS, CONTROLLERS), 2))
-def test_the_fmus_fly_as_the_monolithic_program_written_from_the_specification(controller, params):
+def test_the_fmus_run_as_the_monolithic_program_written_from_the_specification(controller, params):
     expected = ppc_case.run(SCENARIOS[params], ppc_case.laws()[controller], stop=25.0)
-    assert_same_flight(flight(controller, params), expected)
+    assert_same_run(recording(controller, params), expected)
 
 
-def test_the_literal_law_flies_as_the_monolithic_program():
+def test_the_literal_law_runs_as_the_monolithic_program():
     s = replace(ppc_case.NOMINAL, period=0.01)
     s = replace(
         s, target=replace(s.target, max_step=0.01), servicer=replace(s.servicer, max_step=0.01)
     )
     expected = ppc_case.run(s, lambda: ppc_case.ppc_law(ppc_case.LITERAL_LAW), stop=6.0)
-    assert_same_flight(flight("ppc_controller", "literal_law"), expected)
+    assert_same_run(recording("ppc_controller", "literal_law"), expected)
 
 
 # ---- the funnel ----
@@ -165,7 +165,7 @@ def test_without_saturation_no_state_leaves_its_funnel_from_any_start_inside(see
 @pytest.mark.parametrize("law", [0, 1, 2])
 def test_every_gain_law_brings_the_servicer_to_the_hover_point(law):
     """Law 0 with its own constants, law 1 with the same small-signal gain as law 2."""
-    literal = flight("ppc_controller", "literal_law")
+    literal = recording("ppc_controller", "literal_law")
     result = run("ppc_tracking", set={"controller.law": law}) if law else literal
     assert settled(result, range_error(result), 0.05) < 60
     assert not np.any(result["controller.violation"])
@@ -180,27 +180,27 @@ def test_every_gain_law_brings_the_servicer_to_the_hover_point(law):
     ids=["too fast", "too far aside"],
 )
 def test_a_start_outside_the_funnel_ends_the_run_in_its_first_step_with_the_reason(q, dq, margin):
-    with pytest.raises(RunError) as refused:
+    with pytest.raises(RunError) as rejected:
         run("ppc_tracking", set=start(q, dq))
-    assert "controller" in str(refused.value)
-    assert margin in str(refused.value)
-    assert "must be > 0" in str(refused.value)
+    assert "controller" in str(rejected.value)
+    assert margin in str(rejected.value)
+    assert "must be > 0" in str(rejected.value)
 
 
 # ---- software periods ----
 
 
 @pytest.mark.parametrize("controller", some(CONTROLLERS, 3))
-def test_software_periods_between_10_and_100_ms_fly_alike(controller):
+def test_software_periods_between_10_and_100_ms_run_alike(controller):
     """Convergence within 0.3 s, and ranges that differ in proportion to the period: the error of
     the hold.
     """
-    flights = {ms: flight(controller, f"period_{ms}ms") for ms in (10, 50, 100)}
+    recordings = {ms: recording(controller, f"period_{ms}ms") for ms in (10, 50, 100)}
     ranges = {
         ms: np.linalg.norm(r["servicer.r_SN_N"] - r["target.r_TN_N"], axis=1)
-        for ms, r in flights.items()
+        for ms, r in recordings.items()
     }
-    times = [settled(flights[ms], ranges[ms] - 20, BAND) for ms in ranges]
+    times = [settled(recordings[ms], ranges[ms] - 20, BAND) for ms in ranges]
     assert max(times) - min(times) < 0.3
     near, far = (np.max(np.abs(ranges[ms] - ranges[10][::5])) for ms in (50, 100))
     assert near < 0.6 * far
@@ -211,7 +211,7 @@ def test_reference_and_fmu_agree_on_the_default_parameters():
     """So that the closed loops compared above have the parameters of the specification, not of one
     another.
     """
-    result = flight("ppc_controller")
+    result = recording("ppc_controller")
     assert ppc.Ppc().range == ppc.Channel(15, 0.1, 4.3, 600, 0.5, 0.2)
     assert abs(result["controller.alpha.range"][1] - 600) < 1e-12
     assert adaptive.Parameters().m_hat_0 == 95

@@ -15,7 +15,7 @@ from harness.errors import ResultsError
 from harness.mission import Verdict
 from tests.missions import PAPERS
 
-from .ppc_flights import flight
+from .ppc_recordings import recording
 
 PPC, PID, THETA_D = "ppc_controller", "pid_controller", "theta_d_controller"
 REPRODUCED, PARTLY, NOT = Verdict.REPRODUCED, Verdict.PARTLY, Verdict.NOT_REPRODUCED
@@ -62,18 +62,18 @@ def paper(result):
 
 
 @pytest.mark.parametrize("case", FIGURES, ids=" ".join)
-def test_every_claim_has_our_figure_and_verdict(case):
-    result, expected = flight(*case), FIGURES[case]
+def test_every_claim_has_our_value_and_verdict(case):
+    result, expected = recording(*case), FIGURES[case]
     claims = {claim.name: claim for claim in paper(result).claims}
     assert claims.keys() == expected.keys()
-    for name, (figure, verdict) in expected.items():
-        assert claims[name].numbers(result)[0] == pytest.approx(figure, rel=0.05), name
+    for name, (value, verdict) in expected.items():
+        assert claims[name].numbers(result)[0] == pytest.approx(value, rel=0.05), name
         assert claims[name].evaluate(result).verdict is verdict, name
 
 
 @pytest.mark.parametrize("case", FIGURES, ids=" ".join)
 def test_the_table_names_controller_and_scenario_within_120_columns(case):
-    text, passed = report(flight(*case))
+    text, passed = report(recording(*case))
     assert passed
     assert max(map(len, text.splitlines())) <= 120
     assert text.isascii()
@@ -85,7 +85,7 @@ def test_the_table_names_controller_and_scenario_within_120_columns(case):
 
 
 def changed(case, variable, change):
-    result = flight(*case)
+    result = recording(*case)
     values = result.values.copy()
     places = (
         [result.columns.index(variable)]
@@ -147,7 +147,7 @@ def changed(case, variable, change):
     ],
 )
 def test_another_history_gets_another_verdict(case, claim, variable, change, expected):
-    (found,) = (c for c in paper(flight(*case)).claims if c.name == claim)
+    (found,) = (c for c in paper(recording(*case)).claims if c.name == claim)
     assert found.evaluate(changed(case, variable, change)).verdict is expected
 
 
@@ -156,7 +156,7 @@ def alternating(x):
 
 
 def test_a_run_that_ends_early_is_not_judged():
-    result = flight(PPC, "nominal")
+    result = recording(PPC, "nominal")
     short = replace(result, time=result.time[:600], values=result.values[:600])
     text, passed = report(short)
     assert not passed
@@ -164,12 +164,12 @@ def test_a_run_that_ends_early_is_not_judged():
 
 
 def test_without_the_parameters_the_scenario_is_not_known():
-    said = "does not hold the parameters by which some are known"
-    bare = replace(flight(PPC, "nominal"), parameters=None)
+    reported = "lacks the parameters by which some papers are recognised"
+    bare = replace(recording(PPC, "nominal"), parameters=None)
     text = " ".join(report(bare)[0].split())
-    assert said in text
+    assert reported in text
     assert "section 4" not in text
-    with pytest.raises(ResultsError, match=said):
+    with pytest.raises(ResultsError, match=reported):
         report(undemanding(bare))
 
 
@@ -179,7 +179,7 @@ def undemanding(result):
 
 
 def test_another_range_to_hover_at_is_not_the_case_of_the_paper():
-    result = flight(PPC, "nominal")
+    result = recording(PPC, "nominal")
     values = result.parameters.values.copy()
     values[0, result.parameters.columns.index("guidance.rho_f")] = 25.0
     other = replace(result, parameters=replace(result.parameters, values=values))

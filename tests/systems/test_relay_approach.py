@@ -27,12 +27,12 @@ from .relay_case import (
     SMALL,
     arrival,
     distance,
-    flight,
     holding,
     impulse,
     last,
     orbit_point,
     pointing,
+    recording,
     relative_speed,
     speed,
     velocities,
@@ -48,9 +48,9 @@ def same_as_reference(params: str, stop: float, every: int) -> None:
     rounding lets it.
 
     A relay that decides one tick earlier would change thrust and all that follows: exact equality
-    of the flags over the whole flight shows more than any tolerance on positions.
+    of the flags over the whole run shows more than any tolerance on positions.
     """
-    ours, theirs = flight(params, every=every, stop=stop), relay.run(SETS[params], stop, every)
+    ours, theirs = recording(params, every=every, stop=stop), relay.run(SETS[params], stop, every)
     R, V = orbit_point(ours.time) if params == GEO else (0.0, 0.0)
     assert np.array_equal(ours["propulsion.thrust"][:, :13], theirs["thrust"])
     assert np.array_equal(ours["propulsion.impulse"][:, :13], theirs["impulse"])
@@ -78,14 +78,14 @@ def relative_attitude(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("stop", [200.0, pytest.param(1000.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize("params", SETS)
-def test_flies_as_the_independent_program_at_every_tick(params, stop):
+def test_runs_as_the_independent_program_at_every_tick(params, stop):
     """First alignment, first burns. In orbit 4e7 m in double precision leave 1e-6 m."""
     same_as_reference(params, stop, 1)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("params", [NEWTON, PAPER, SMALL])
-def test_flies_as_the_independent_program_for_the_whole_mission(params):
+def test_runs_as_the_independent_program_for_the_whole_mission(params):
     """400 000 ticks with the same decisions; about a minute each."""
     same_as_reference(params, 40000.0, 10)
 
@@ -97,7 +97,7 @@ def test_flies_as_the_independent_program_for_the_whole_mission(params):
     ("params", "band"), [(NEWTON, (47, 54)), (GEO, (47, 54)), (PAPER, (49, 50.5))]
 )
 def test_the_range_is_reached_and_held_for_the_rest_of_the_mission(params, band):
-    result = flight(params)
+    result = recording(params)
     held = distance(result)[holding(result)]
     assert arrival(result) < 35000
     assert held.min() > band[0]
@@ -107,7 +107,7 @@ def test_the_range_is_reached_and_held_for_the_rest_of_the_mission(params, band)
 @pytest.mark.parametrize(("params", "difference"), [(NEWTON, 1.2e-3), (GEO, 3e-3), (PAPER, 1.7e-3)])
 def test_the_speed_of_the_target_is_matched_on_average(params, difference):
     """Mean relative velocity of the hold against 0.01 m/s (in orbit up to 0.36 m/s) [m/s]."""
-    result = flight(params)
+    result = recording(params)
     v_S, v_T = velocities(result)
     rows = holding(result)
     assert np.linalg.norm((v_S - v_T)[rows].mean(axis=0)) < difference
@@ -117,7 +117,7 @@ def test_the_speed_of_the_target_is_matched_on_average(params, difference):
 
 
 def test_newton_needs_tens_of_newton_seconds_of_translation():
-    result = flight(NEWTON)
+    result = recording(NEWTON)
     assert 30 < impulse(result, MAIN) < 60
     assert 10 < impulse(result, BRAKES) < 30
     assert impulse(result, ATTITUDE) < 500
@@ -127,7 +127,7 @@ def test_the_tidal_acceleration_costs_geo_impulse():
     """The target drifts off at up to 0.36 m/s relative to the orbiting point, and the servicer
     follows.
     """
-    result = flight(GEO)
+    result = recording(GEO)
     assert 150 < impulse(result, MAIN) < 250
     assert impulse(result, BRAKES) < 150
 
@@ -136,7 +136,7 @@ def test_paper_small_thrust_approaches_at_a_constant_speed_of_16_mm_per_s():
     """From the end of the first burn to the arrival: the relays are inside their band, so nothing
     fires.
     """
-    result = flight(SMALL)
+    result = recording(SMALL)
     rows = (result.time >= 2000) & (result.time <= arrival(result) - 2000)
     assert speed(result)[rows] == pytest.approx(0.016, rel=1e-3)
     assert result["propulsion.switches"][-1, 12] == 1
@@ -144,7 +144,7 @@ def test_paper_small_thrust_approaches_at_a_constant_speed_of_16_mm_per_s():
 
 @pytest.mark.parametrize("params", [PAPER, SMALL])
 def test_the_target_is_first_pointed_at_within_200_s(params):
-    result = flight(params)
+    result = recording(params)
     assert result.time[(pointing(result) < 2).argmax()] < 200
 
 
@@ -155,19 +155,19 @@ def test_one_tick_of_latency_sets_main_engine_and_brakes_of_the_paper_against_ea
     """Documented finding: 50 N are too coarse for a band of 5 mm/s. After one more tick of dead
     time both are on nearly all the time, from the first burn on; with a tenth of the thrust the
     same tick does nothing of the kind."""
-    prompt, late = (flight(PAPER, late=late, stop=2000.0) for late in ((), ("controller",)))
+    prompt, late = (recording(PAPER, late=late, stop=2000.0) for late in ((), ("controller",)))
     assert fighting(prompt) < 0.01
     assert fighting(late) > 0.9
     assert impulse(late, MAIN) > 100 * impulse(prompt, MAIN)
     for params in (SMALL, NEWTON):
-        assert fighting(flight(params, late=("controller",), stop=2000.0)) == 0
+        assert fighting(recording(params, late=("controller",), stop=2000.0)) == 0
 
 
 @pytest.mark.long
 def test_cost_of_one_tick_of_latency_over_the_whole_mission():
     """250 times the impulse with the paper's thrust, less than half as much again without."""
     cost = {
-        p: impulse(flight(p, late=("controller",)), MAIN) / impulse(flight(p), MAIN)
+        p: impulse(recording(p, late=("controller",)), MAIN) / impulse(recording(p), MAIN)
         for p in (PAPER, SMALL, NEWTON)
     }
     assert cost[PAPER] == pytest.approx(253, rel=0.02)
@@ -189,7 +189,7 @@ def fighting(result) -> float:
 )
 def test_newton_holds_its_range_with_two_ticks_of_dead_time_and_more(dead_time):
     """Jacobi delays every hand-over by a tick; the hold gets no worse than a few metres."""
-    result = flight(NEWTON, **dead_time)
+    result = recording(NEWTON, **dead_time)
     assert np.abs(distance(result)[holding(result)] - HOLD).max() < 4
 
 
@@ -204,7 +204,7 @@ def test_double_precision_suffices_for_inertial_coordinates_in_geostationary_orb
     millimetre.
     """
     none = "propulsion.thrust_nominal=[0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]"
-    result = flight(GEO, (none,), every=1000)
+    result = recording(GEO, (none,), every=1000)
     n = np.sqrt(MU / R0**3)
 
     def tide(t, y):
@@ -227,8 +227,8 @@ def test_only_a_velocity_that_turns_with_the_body_lets_the_scalar_law_come_to_re
     """B.8: with Newton's law the velocity across the axis is not controlled; it grows until the
     servicer circles.
     """
-    newton = flight(PAPER, ("servicer.velocity_follows_attitude=0",))
-    paper = flight(PAPER)
+    newton = recording(PAPER, ("servicer.velocity_follows_attitude=0",))
+    paper = recording(PAPER)
     assert relative_speed(paper)[last(paper, 5000)].mean() < 2e-3
     assert relative_speed(newton)[-1] > 0.1
     assert impulse(newton, MAIN) > 10 * impulse(paper, MAIN)
@@ -237,25 +237,27 @@ def test_only_a_velocity_that_turns_with_the_body_lets_the_scalar_law_come_to_re
 # ---- macro step, recording, cost
 
 
-def test_flight_does_not_depend_on_the_macro_step_below_the_call_period():
-    """Software and propulsion keep their own grids; the plants only round differently."""
-    whole, half = (flight(NEWTON, stop=2000.0, step=h, every=n) for h, n in ((0.1, 10), (0.05, 20)))
+def test_run_does_not_depend_on_the_macro_step_below_the_call_period():
+    """Software and propulsion have their own grids; the plants only round differently."""
+    whole, half = (
+        recording(NEWTON, stop=2000.0, step=h, every=n) for h, n in ((0.1, 10), (0.05, 20))
+    )
     for name in ("propulsion.thrust", "propulsion.impulse", "controller.throttle", "guidance.mode"):
         assert np.array_equal(whole[name], half[name])
     assert whole["servicer.r_SN_N"] == pytest.approx(half["servicer.r_SN_N"], rel=0, abs=1e-10)
 
 
-def test_recording_every_tenth_step_does_not_change_the_flight():
-    all_steps, tenth = (flight(PAPER, stop=1000.0, every=n) for n in (1, 10))
+def test_recording_every_tenth_step_does_not_change_the_run():
+    all_steps, tenth = (recording(PAPER, stop=1000.0, every=n) for n in (1, 10))
     assert all_steps.values[::10].tobytes() == tenth.values.tobytes()
 
 
-def test_both_executors_fly_the_same_bits():
-    c, python = (flight(PAPER, stop=100.0, executor=e) for e in ("c", "python"))
+def test_both_executors_run_the_same_bits():
+    c, python = (recording(PAPER, stop=100.0, executor=e) for e in ("c", "python"))
     assert c.values.tobytes() == python.values.tobytes()
 
 
-MEASURE = """
+PEAK = """
 from pathlib import Path
 from harness import run
 rows = len(run("relay_approach", every=10).time)
@@ -272,7 +274,11 @@ print(rows, peak.split()[1])
 def test_400_000_steps_with_every_tenth_recorded_stay_below_300_MB():
     """Alone in a process; measured 90 MB."""
     run = subprocess.run(
-        [sys.executable, "-c", MEASURE], capture_output=True, text=True, check=True, env=os.environ
+        [sys.executable, "-c", PEAK],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ,
     )
     rows, kilobytes = map(float, run.stdout.split())
     assert rows == 40001

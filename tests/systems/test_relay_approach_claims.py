@@ -17,7 +17,7 @@ from harness.results.files import ResultFile
 from ssp.relay_approach.claims import PAPER as KOZLOVA_FOMICHEV_2023
 from tests.each import each
 
-from .relay_case import BRAKES, GEO, HOLD, MAIN, NEWTON, PAPER, SMALL, flight, impulse
+from .relay_case import BRAKES, GEO, HOLD, MAIN, NEWTON, PAPER, SMALL, impulse, recording
 
 REPRODUCED, PARTLY, NOT = Verdict.REPRODUCED, Verdict.PARTLY, Verdict.NOT_REPRODUCED
 CLAIMS = {claim.name: claim for claim in KOZLOVA_FOMICHEV_2023.claims}
@@ -46,7 +46,7 @@ FIGURES = {
     ("transition quaternion", SMALL): (1.58, REPRODUCED),
     ("transition quaternion", NEWTON): (31.1, NOT),
 }
-"""The hold of paper_small_thrust is too short to be judged: it arrives 1000 s before the end, at
+"""The hold of paper_small_thrust is too short to be evaluated: it arrives 1000 s before the end, at
 1.6 instead of 2 cm/s. newton turns its thrust axis along the velocity error before a burn, so its
 transition quaternion leaves 1 by design."""
 
@@ -54,22 +54,22 @@ transition quaternion leaves 1 by design."""
 @each(("claim", "params"), FIGURES)
 def test_claim(claim, params):
     figure, expected = FIGURES[claim, params]
-    assert CLAIMS[claim].numbers(flight(params))[0] == pytest.approx(figure, rel=0.02)
-    assert CLAIMS[claim].evaluate(flight(params)).verdict is expected
+    assert CLAIMS[claim].numbers(recording(params))[0] == pytest.approx(figure, rel=0.02)
+    assert CLAIMS[claim].evaluate(recording(params)).verdict is expected
 
 
 def test_every_claim_has_a_verdict_in_the_set_of_the_paper():
     assert {claim for claim, params in FIGURES if params == PAPER} == set(CLAIMS)
 
 
-def test_the_paper_flies_at_the_price_of_kilonewton_seconds():
-    """Not said in the paper: 8 kN s; a tenth of the thrust does it with 23 N s, and momentum alone
-    would need 20.
+def test_the_paper_runs_at_the_price_of_kilonewton_seconds():
+    """Not stated in the paper: 8 kN s; a tenth of the thrust does it with 23 N s, and momentum
+    alone would need 20.
     """
-    assert impulse(flight(PAPER), MAIN) + impulse(flight(PAPER), BRAKES) == pytest.approx(
+    assert impulse(recording(PAPER), MAIN) + impulse(recording(PAPER), BRAKES) == pytest.approx(
         8127, rel=0.01
     )
-    assert impulse(flight(SMALL), MAIN) + impulse(flight(SMALL), BRAKES) == pytest.approx(
+    assert impulse(recording(SMALL), MAIN) + impulse(recording(SMALL), BRAKES) == pytest.approx(
         22.8, rel=0.01
     )
 
@@ -78,7 +78,7 @@ def test_the_paper_flies_at_the_price_of_kilonewton_seconds():
 
 
 def test_the_table_of_the_paper_passes_within_120_columns():
-    text, passed = report(flight(PAPER))
+    text, passed = report(recording(PAPER))
     assert passed
     assert "8 claims: 6 reproduced, 2 partly" in text
     assert "Not the case of the paper" not in text
@@ -86,8 +86,8 @@ def test_the_table_of_the_paper_passes_within_120_columns():
     assert text.isascii()
 
 
-def test_the_table_says_in_what_a_run_differs_from_the_paper():
-    text = " ".join(report(flight(NEWTON))[0].split())
+def test_the_table_states_in_what_a_run_differs_from_the_paper():
+    text = " ".join(report(recording(NEWTON))[0].split())
     for words in (
         "Not the case of the paper: guidance.law 1 instead of 0",
         "guidance.k_q 0.02 instead of 0.05 /s",
@@ -96,27 +96,27 @@ def test_the_table_says_in_what_a_run_differs_from_the_paper():
         assert words in text
 
 
-def test_a_hold_too_short_to_be_judged_says_so(tmp_path, capsys):
-    """paper_small_thrust arrives 1000 s before the end; the command fails, because not everything
-    was judged.
+def test_a_hold_too_short_for_a_verdict_is_reported_as_not_judged(tmp_path, capsys):
+    """paper_small_thrust arrives 1000 s before the end; the command fails, because some claims are
+    not judged.
     """
     file = ResultFile(tmp_path / "small.nc")
-    small = flight(SMALL)
+    small = recording(SMALL)
     file.write(replace(small, time=small.time[::5], values=small.values[::5]))
     assert main(["report", str(file.path)]) == 1
     assert "3 not exercised" in capsys.readouterr().out
-    reason = CLAIMS["constant distance"].evaluate(small).figure
+    reason = CLAIMS["constant distance"].evaluate(small).value
     assert reason == "the run ends at 40000 s, less than 3000 s after the arrival"
 
 
 def test_on_an_orbit_the_speeds_of_the_paper_are_not_judged():
-    text, passed = report(flight(GEO))
+    text, passed = report(recording(GEO))
     assert not passed
     assert "4 not judged" in text
 
 
 def changed(variable, change):
-    result = flight(PAPER)
+    result = recording(PAPER)
     values = result.values.copy()
     places = result.vectors[variable].reshape(-1)
     values[:, places] = change(values[:, places])

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The replay in a browser: every control does what it says, zones are where the target is and red
-while violated, cameras see what they promise. Run by make test-browser.
+"""The replay in a browser: every control does what its label states, zones are where the target is
+and red while violated, cameras show what their names promise. Run by make test-browser.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ssp.shared.exchange.bodies import instants, shadow, sun_direction
 from ssp.shared.safety import RESTING
-from tests.harness.chromium import opened
+from tests.harness.chromium import opened, wait
 
 RUNS = {
     "sync_approach": {"every": 10, "epoch": "2026-03-20T06:00:00"},
@@ -62,7 +62,9 @@ def pixels(data):
 
 @each_system
 def test_the_zone_is_about_the_target_at_three_instants(chromium, report_of, system):
-    """In inertial axes; the origin of the scene is the target in orbit, that of N elsewhere."""
+    """In inertial axes; the origin of the scene is the target in orbit, the origin of N
+    elsewhere.
+    """
     path, result = report_of(system)
     target = result["target.r_TN_N"]
     orbit = np.linalg.norm(target[0]) > 1e6
@@ -70,8 +72,8 @@ def test_the_zone_is_about_the_target_at_three_instants(chromium, report_of, sys
         page.click("[data-frame=N]")
         for part in (0.1, 0.5, 0.9):
             time = result.time[int(part * (len(result.time) - 1))]
-            marks = state_at(page, time)["marks"]
-            zones = [m for m in marks if m["kind"] in {"ellipsoid", "cuboid"}]
+            shown = state_at(page, time)["zones"]
+            zones = [m for m in shown if m["kind"] in {"ellipsoid", "cuboid"}]
             expected = [0 if orbit else np.interp(time, result.time, axis) for axis in target.T]
             assert len(zones) == 1
             np.testing.assert_allclose(zones[0]["position"], expected, atol=1e-2)
@@ -90,14 +92,12 @@ def test_a_zone_is_red_while_its_rule_is_violated_and_at_no_other_time(chromium,
             if len(set(margin[k - 5 : k + 5] < 0)) > 1:
                 continue  # between two instants of the replay
             seen = state_at(page, result.time[k])
-            (cone,) = (m for m in seen["marks"] if m["kind"] == "cone")
+            (cone,) = (m for m in seen["zones"] if m["kind"] == "cone")
             assert cone["now"] == (2 if margin[k] < 0 else 0 if margin[k] >= RESTING else 1)
             assert (seen["rules"]["corridor"] == "violated") == bool(margin[k] < 0)
 
 
-def test_words_and_values_stand_in_the_picture_and_the_parameter_in_the_tool_tip(
-    chromium, report_of
-):
+def test_words_and_values_are_in_the_picture_and_the_parameter_in_the_tool_tip(chromium, report_of):
     path, _ = report_of(SYSTEM)
     with opened(chromium, path) as page:
         (zone,) = page.query_selector_all(".key div:has-text('keep-out')")
@@ -107,21 +107,46 @@ def test_words_and_values_stand_in_the_picture_and_the_parameter_in_the_tool_tip
         assert not [word for word in text.split() if "_" in word or "$" in word]
 
 
+OVERLAPS = """() => {
+    const boxes = [...document.querySelectorAll(".names .label")].map((e) =>
+        ({ text: e.textContent, box: e.getBoundingClientRect() })).filter(({ box }) => box.width);
+    const inside = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+        && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
+    return boxes.flatMap((one, k) => boxes.slice(k + 1).filter((other) =>
+        inside(one.box, other.box)).map((other) => `${one.text} on ${other.text}`));
+}"""
+
+
+@each_system
+def test_no_name_overlaps_another_one(chromium, report_of, system):
+    path, result = report_of(system)
+    with opened(chromium, path) as page:
+        cameras = page.query_selector_all(".cameras button")
+        for camera in cameras:
+            camera.click()
+            for time in times_of(result, 5):
+                page.evaluate(f"report.replay.seek({time})")
+                page.wait_for_timeout(100)
+                assert page.evaluate(OVERLAPS) == [], (camera.inner_text(), time)
+        cameras[0].click()
+        wait(page, "[...document.querySelectorAll('.names .label')].filter(e => e.offsetWidth)[1]")
+
+
 # ---- time
 
 
-def test_marks_on_the_slider_seek_and_name_what_happened(chromium, report_of):
+def test_events_on_the_slider_seek_and_name_what_happened(chromium, report_of):
     path, result = report_of(SYSTEM)
     with opened(chromium, path) as page:
-        marks = page.query_selector_all(".event")
-        titles = [mark.get_attribute("title") for mark in marks]
-        assert len(marks) == len(page.evaluate("report.data.scene.events"))
+        events = page.query_selector_all(".event")
+        titles = [event.get_attribute("title") for event in events]
+        assert len(events) == len(page.evaluate("report.data.scene.events"))
         assert any("attitude control on" in title for title in titles)
         assert any("worst" in title for title in titles)
         assert any("shadow" in title for title in titles)
-        for mark in marks:
-            mark.evaluate("mark => mark.click()")
-            assert state_at(page)["time"] == float(mark.get_attribute("data-time"))
+        for event in events:
+            event.evaluate("event => event.click()")
+            assert state_at(page)["time"] == float(event.get_attribute("data-time"))
         released = result.parameter("servicer.t_att")
         assert state_at(page, released - 1)["phase"] == "attitude frozen"
         assert state_at(page, released + 1)["phase"] == "attitude tracked"
@@ -132,9 +157,9 @@ def test_the_address_holds_the_instant(chromium, report_of):
     with opened(chromium, path, where="#t=1547") as page:
         assert state_at(page)["time"] == 1547
         state_at(page, 321.5)
-        page.wait_for_function("location.hash === '#t=321.5'")
+        wait(page, "location.hash === '#t=321.5'")
         page.evaluate("location.hash = '#t=900'")
-        page.wait_for_function("report.replay.state().time === 900")
+        wait(page, "report.replay.state().time === 900")
         page.evaluate("location.hash = '#plots'")
         page.wait_for_timeout(50)
         assert state_at(page)["time"] == 900
@@ -144,15 +169,15 @@ def test_a_click_in_a_plot_leads_to_the_scene_and_a_button_back(chromium, report
     path, _ = report_of(PLAIN)
     with opened(chromium, path) as page:
         page.query_selector("#plots .plot").scroll_into_view_if_needed()
-        page.wait_for_function("plotCards.some(e => e.drawn && e.visible && e.plot.time)")
+        wait(page, "plotCards.some(e => e.drawn && e.visible && e.plot.time)")
         page.evaluate(
             "plotCards.find(e => e.plot.time && e.visible).drawing"
             ".emit('plotly_click', {points: [{x: 12.5}]})"
         )
         assert state_at(page)["time"] == 12.5
-        page.wait_for_function("document.querySelector('.stage').getBoundingClientRect().top >= 0")
+        wait(page, "document.querySelector('.stage').getBoundingClientRect().top >= 0")
         page.click(".return")
-        page.wait_for_function("scrollY > 300")
+        wait(page, "scrollY > 300")
         assert not page.is_visible(".return")
 
 
@@ -231,7 +256,7 @@ def test_the_overview_has_both_bodies_a_third_of_the_picture_apart(chromium, rep
 
 
 @pytest.mark.parametrize("system", [SYSTEM, "relay_approach", "arm_capture"])
-def test_nothing_stands_between_a_camera_and_what_it_looks_at(chromium, report_of, system):
+def test_nothing_is_between_a_camera_and_its_target(chromium, report_of, system):
     path, result = report_of(system)
     with opened(chromium, path) as page:
         for camera, seen in (("servicer", "target"), ("target", "servicer")):
@@ -239,7 +264,7 @@ def test_nothing_stands_between_a_camera_and_what_it_looks_at(chromium, report_o
             assert {state_at(page, time)["first"] for time in times_of(result, 9)} == {seen}
 
 
-def test_the_sensor_view_stands_in_the_camera_and_looks_along_its_axis(chromium, report_of):
+def test_the_sensor_view_is_in_the_camera_and_looks_along_its_axis(chromium, report_of):
     path, result = report_of(CAMERA)
     with opened(chromium, path) as page:
         page.click("[data-camera=sensor]")
@@ -265,7 +290,7 @@ def test_the_sensor_view_stands_in_the_camera_and_looks_along_its_axis(chromium,
         assert not page.is_visible(".sight")
 
 
-def test_the_sun_stands_where_the_date_says_and_darkness_where_the_shadow_is(chromium, report_of):
+def test_the_sun_is_where_the_date_states_and_darkness_where_the_shadow_is(chromium, report_of):
     path, result = report_of(SYSTEM)
     towards = sun_direction(instants(result, RUNS[SYSTEM]["epoch"]))
     dark = shadow(result["target.r_TN_N"], towards)
@@ -319,7 +344,7 @@ def test_the_printed_page_has_the_scene_and_all_plots_on_white(chromium, report_
         page.emulate_media(media="print")
         assert page.is_visible(".printed")
         assert not page.is_visible(".stage")
-        page.wait_for_function("document.querySelector('.printed').naturalWidth > 300")
+        wait(page, "document.querySelector('.printed').naturalWidth > 300")
         drawn = page.evaluate("plotCards.filter(e => e.made.offsetParent).map(e => e.drawn)")
         assert len(drawn) > 5
         assert all(drawn)

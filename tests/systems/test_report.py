@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The report as a page of HTML: whatever the kind of result, its numbers are those of the result,
-its extremes survive, it needs nothing from elsewhere, and it says what is wrong.
+"""The report as a page of HTML: for every kind of result, its numbers equal the result's, its
+extremes survive, it needs nothing from elsewhere, and it states what is wrong.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -18,13 +19,13 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from harness import run
-from harness.claims.report import judged
+from harness.claims.report import judgements
 from harness.cli.app import main
 from harness.errors import HarnessError
 from harness.mission.library import of_result
 from harness.report import run as report_run
 from harness.report import template
-from harness.report.arrays import kept_rows
+from harness.report.arrays import thinned_rows
 from harness.report.html import of_run, write
 from harness.results.files import ResultFile
 from harness.results.requirements import findings
@@ -79,6 +80,7 @@ def test_a_page_is_whole_and_needs_nothing_from_elsewhere(system):
     page = page_of(system)
     assert page.size < LARGEST
     assert not [link for link in page.links if not link.startswith("#")]
+    assert page.is_closed()
     assert {"script-plotly", "script-k3d", "replay", "plots", "signals"} <= page.ids
     assert page.headings[0] == system
     assert not page.alerts
@@ -124,10 +126,10 @@ def test_parameters_and_claims_are_shown(system):
     page, result = page_of(system), result_of(system)
     for name in result.parameters.vectors:
         assert name in page.text
-    for each in judged(result):
+    for each in judgements(result):
         for claim, judgement in each.claims:
             assert claim.text in page.text
-            assert judgement.figure in page.text
+            assert judgement.value in page.text
 
 
 # ---- replay
@@ -145,7 +147,7 @@ def instants(page, result):
 
 
 @pytest.mark.parametrize("system", ["sync_approach", "arch_rendezvous"])
-def test_the_replay_in_the_hill_frame_is_what_the_flight_software_sees(system):
+def test_the_replay_in_the_hill_frame_is_what_the_run_software_sees(system):
     """rho_H of guidance or controller, of the sample before, against positions turned here."""
     result = run(system, stop=200.0)
     page = Page(sketch_of(result))
@@ -176,7 +178,7 @@ def test_deep_space_has_no_hill_frame_and_an_orbit_has():
 
 
 def tip_of(page, k, tip):
-    """Where a point of the last link of a body is in its axes at instant k of the replay."""
+    """Return a point of the last link of a body in its axes at instant k of the replay."""
     body = page.data["scene"]["bodies"][0]
     place = np.array(tip, dtype=float)
     for link in reversed(body["links"]):
@@ -185,7 +187,7 @@ def tip_of(page, k, tip):
     return place
 
 
-def test_links_of_the_robot_reach_where_its_joint_angles_say():
+def test_links_of_the_robot_reach_where_its_joint_angles_state():
     """x = r0 + (l1 + r1) cos q1 + s cos (q1 + q2), y likewise: the tip s of link 2."""
     page, result = page_of("space_robot"), result_of("space_robot")
     rows, r, inner = (
@@ -290,14 +292,15 @@ def test_plumes_blow_against_the_commanded_force():
     page, result = page_of("sync_approach"), result_of("sync_approach")
     plumes = page.data["scene"]["plumes"]
     rows = instants(page, result)
-    push = sum(np.outer(page.array(p["share"]), -np.array(p["out"])) for p in plumes)
+    shares = [np.clip(page.array(p["share"]), 0, 1) for p in plumes]  # as the page draws them
+    push = sum(np.outer(s, -np.array(p["out"])) for s, p in zip(shares, plumes, strict=True))
     force = result["controller.F_cmd_S"]
     means = [force[a:b].mean(axis=0) for a, b in zip(rows, [*rows[1:], len(force)], strict=True)]
     largest = np.abs(force).max()
     np.testing.assert_allclose(push, np.array(means) / largest, atol=1e-6)
 
 
-def test_thrusters_stand_where_the_parameters_say():
+def test_thrusters_are_where_the_parameters_state():
     page, result = page_of("relay_approach"), result_of("relay_approach")
     plumes = page.data["scene"]["plumes"]
     assert len(plumes) == 13
@@ -309,16 +312,16 @@ def test_thrusters_stand_where_the_parameters_say():
     np.testing.assert_allclose([p["out"] for p in plumes], -directions)
 
 
-def test_zones_are_those_of_the_monitor():
-    marks = {m["kind"]: m for m in page_of("arch_rendezvous").data["scene"]["marks"]}
-    assert marks["cuboid"]["half"] == [0.2, 0.2, 0.2]
-    assert marks["cone"]["axis"] == [-1, 0, 0]
-    assert marks["cone"]["angle"] == pytest.approx(np.radians(30))
+def test_zones_match_the_monitor():
+    zones = {m["kind"]: m for m in page_of("arch_rendezvous").data["scene"]["zones"]}
+    assert zones["cuboid"]["half"] == [0.2, 0.2, 0.2]
+    assert zones["cone"]["axis"] == [-1, 0, 0]
+    assert zones["cone"]["angle"] == pytest.approx(np.radians(30))
 
 
 def test_probe_and_drogue_are_where_the_mechanism_has_them():
     """Tip in drogue axes and misalignment of the mechanism, from the parts of the page; its sample
-    of row 0 is that of the row.
+    of row 0 is the row itself.
     """
     ports = {
         "mechanism.p_PS_S": [1.1, 0.2, -0.1],
@@ -344,31 +347,31 @@ def test_probe_and_drogue_are_where_the_mechanism_has_them():
 
 
 def test_phases_and_events_run_along_with_a_mission(capsys, tmp_path):
-    """A flight whose phases are set by hand: words of the numbers, events at their instants, the
-    same in the report on the terminal.
+    """A run whose phases are set by hand: words of the numbers, events at their instants, the same
+    in the report on the terminal.
     """
-    flown = result_of("servicing_mission")
-    values, column = flown.values.copy(), flown.columns.index
+    simulated = result_of("servicing_mission")
+    values, column = simulated.values.copy(), simulated.columns.index
     values[100:, column("manager.phase")] = 13
     values[100:, column("manager.reason")] = 2
-    values[100:, column("manager.t_phase")] = flown.time[100]
-    result = replace(flown, values=values)
+    values[100:, column("manager.t_phase")] = simulated.time[100]
+    result = replace(simulated, values=values)
     page = Page(sketch_of(result))
     scene = page.data["scene"]
     latch, force = scene["numbers"]
     assert [phase["text"] for phase in scene["phases"]] == ["far approach", "safe"]
     assert latch["words"][int(page.array(latch["values"])[0])] == "free"
     assert (force["name"], force["unit"]) == ("contact force", "N")
-    told = [(e["time"], e["text"], e["kind"]) for e in scene["events"]]
-    assert told[0] == (0, "far approach", "phase")
-    assert (flown.time[100], "safe (ordered by ground)", "abort") in told
-    assert [time for time, *_ in told] == sorted(time for time, *_ in told)
+    stated = [(e["time"], e["text"], e["kind"]) for e in scene["events"]]
+    assert stated[0] == (0, "far approach", "phase")
+    assert (simulated.time[100], "safe (ordered by ground)", "abort") in stated
+    assert [time for time, *_ in stated] == sorted(time for time, *_ in stated)
     ResultFile(tmp_path / "out.nc").write(result)
     main(["report", str(tmp_path / "out.nc")])
-    said = capsys.readouterr().out
-    assert "Notes:" in said
-    assert "10.0 s: SAFE (ordered by ground)" in said
-    assert "time line: FAR 10 s, SAFE 10 s" in said
+    reported = capsys.readouterr().out
+    assert "Notes:" in reported
+    assert "10.0 s: SAFE (ordered by ground)" in reported
+    assert "time line: FAR 10 s, SAFE 10 s" in reported
 
 
 @given(st.lists(st.floats(0.1, 10), min_size=3, max_size=3), st.floats(1, 1e4))
@@ -386,20 +389,20 @@ def test_the_box_of_uniform_density_comes_back_from_its_inertia(edges, mass):
     arrays(float, st.integers(1, 400), elements=st.floats(-1e6, 1e6) | st.just(float("nan"))),
     st.integers(4, 60),
 )
-def test_thinned_rows_keep_extremes_ends_and_gaps(values, points):
-    rows = kept_rows(values, points)
+def test_thinned_rows_retain_extremes_ends_and_gaps(values, points):
+    rows = thinned_rows(values, points)
     assert len(rows) <= 1.5 * points + 4 or len(rows) == len(values)
     assert (np.diff(rows) > 0).all()
     assert rows[0] == 0
     assert rows[-1] == len(values) - 1
-    kept = values[rows]
+    retained = values[rows]
     if np.isfinite(values).any():
-        assert np.nanmin(kept) == np.nanmin(values)
-        assert np.nanmax(kept) == np.nanmax(values)
-    assert np.isnan(kept).any() == np.isnan(values).any()
+        assert np.nanmin(retained) == np.nanmin(values)
+        assert np.nanmax(retained) == np.nanmax(values)
+    assert np.isnan(retained).any() == np.isnan(values).any()
 
 
-def test_a_spike_of_one_row_survives_and_the_page_says_that_it_is_thinned():
+def test_a_spike_of_one_row_survives_and_the_page_states_that_it_is_thinned():
     result = run("sync_approach", stop=600.0)
     values = result.values.copy()
     column = result.columns.index("guidance.range")
@@ -409,13 +412,13 @@ def test_a_spike_of_one_row_survives_and_the_page_says_that_it_is_thinned():
     x, y = page.array(curve["x"]), page.array(curve["y"])
     assert len(y) < len(result.time)
     assert x[y == 77.0] == np.float32(result.time[4321])
-    assert "keep the least and the largest" in page.text
+    assert "include the smallest and the largest" in page.text
 
 
-# ---- what was flown
+# ---- settings
 
 
-def test_the_page_says_what_was_flown_and_what_was_changed():
+def test_the_page_states_what_was_simulated_and_what_was_changed():
     result = run("sync_approach", every=10, set={"servicer.mass_0": 93.5})
     page = Page(sketch_of(result))
     for line in result.provenance.lines():
@@ -424,26 +427,26 @@ def test_the_page_says_what_was_flown_and_what_was_changed():
     assert page.text.count("not the case of the paper") > 1
 
 
-def test_requirements_stand_in_the_page_with_their_worst_instant(tmp_path, capsys):
+def test_requirements_are_in_the_page_with_their_worst_instant(tmp_path, capsys):
     result = result_of("ppc_tracking")
     ResultFile(tmp_path / "out.nc").write(result)
     worst = int(np.argmin(result["guidance.range"]))
-    wanted = ("guidance.range >= 250 m", "guidance.range <= 400 m")
-    given = [part for text in wanted for part in ("--require", text)]
+    required = ("guidance.range >= 250 m", "guidance.range <= 400 m")
+    given = [part for text in required for part in ("--require", text)]
     page = tmp_path / "r.html"
     assert main(["report", str(tmp_path / "out.nc"), "-o", str(page), *given]) == 1
     assert "guidance.range >= 250 m" in capsys.readouterr().err
     text = Page(page.read_text(encoding="utf-8")).text
     own = Counter(found.verdict for found in findings(result))
-    for verdict in (Verdict.MET, Verdict.NOT_MET):  # those of the system and one of the user
+    for verdict in (Verdict.MET, Verdict.NOT_MET):  # the system's requirements and one of the user
         number = own[verdict] + 1
         word = Kind.REQUIREMENT.word(verdict)
         assert f" {number} requirement{'s' if number > 1 else ''} {word} " in text
-    said = f"worst {result['guidance.range'][worst]:.6g} m at {result.time[worst]:g} s"
-    assert said in text
+    reported = f"worst {result['guidance.range'][worst]:.6g} m at {result.time[worst]:g} s"
+    assert reported in text
 
 
-# ---- the story
+# ---- the timeline
 
 
 def test_the_head_begins_with_what_is_worst():
@@ -457,12 +460,12 @@ def test_the_head_begins_with_what_is_worst():
 
 
 def test_many_notes_are_folded_below_the_verdicts(monkeypatch):
-    """A mission notes each of its phases: the replay still stands near the top."""
+    """A mission notes each of its phases: the replay is still near the top."""
     result, notes = result_of("sync_approach"), ["note 1 of 3", "note 2", "note 3"]
     monkeypatch.setattr(report_run, "notes", lambda of: notes)
     text = sketch_of(result)
     assert '<div class="note">' not in text
-    chips, folded = text.index('class="chips"'), text.index('<details class="flown notes">')
+    chips, folded = text.index('class="chips"'), text.index('<details class="settings notes">')
     assert chips < folded < text.index(notes[0]) < text.index('id="replay"')
     del notes[2]
     text = sketch_of(result)
@@ -471,8 +474,8 @@ def test_many_notes_are_folded_below_the_verdicts(monkeypatch):
 
 def test_claims_of_several_papers_are_counted_together():
     result = result_of("arm_capture")
-    verdicts = [each.verdict for paper in judged(result) for _, each in paper.claims]
-    assert len(judged(result)) == 2
+    verdicts = [each.verdict for paper in judgements(result) for _, each in paper.claims]
+    assert len(judgements(result)) == 2
     count = verdicts.count(Verdict.REPRODUCED)
     texts = [text for _, text in report_run.chips(result) if "claim" in text]
     assert f"{count} claims reproduced" in texts
@@ -480,8 +483,8 @@ def test_claims_of_several_papers_are_counted_together():
 
 
 def violated(result):
-    """A flight with the first violations of keep-out zone and corridor at 5 and 7 s, an abort at
-    7 s.
+    """A run with the first violations of keep-out zone and corridor at 5 and 7 s, an abort at 7
+    s.
     """
     values, column = result.values.copy(), result.columns.index
     for rule, name, when in ((1, "keep_out", 5.0), (2, "corridor", 7.0)):
@@ -497,19 +500,19 @@ def test_violations_and_aborts_are_events_and_states_of_zones():
     result = violated(result_of("servicing_mission"))
     page = Page(sketch_of(result))
     scene = page.data["scene"]
-    told = [(e["time"], e["kind"]) for e in scene["events"]]
-    assert (5, "violation") in told
-    assert (7, "violation") in told
-    assert (7, "abort") in told
+    stated = [(e["time"], e["kind"]) for e in scene["events"]]
+    assert (5, "violation") in stated
+    assert (7, "violation") in stated
+    assert (7, "abort") in stated
     time = page.array(scene["time"])
-    zone = next(m for m in scene["marks"] if m["kind"] == "ellipsoid")
+    zone = next(m for m in scene["zones"] if m["kind"] == "ellipsoid")
     assert zone["text"] == "keep-out zone, 12 m"
     np.testing.assert_array_equal(page.array(zone["state"]) == 2, time >= 5)
     rules = {rule["name"]: rule["violated"] for rule in scene["rules"]}
     assert (rules["keep-out"], rules["corridor"]) == (5, 7)
 
 
-def test_the_earth_turns_and_the_sun_stands_by_the_date():
+def test_the_earth_turns_and_the_sun_is_placed_by_the_date():
     """A dated run; Greenwich looks where the equation of the equinoxes has it, within a minute of
     arc of the angle of 280.46 deg at J2000.
     """
@@ -526,10 +529,10 @@ def test_the_earth_turns_and_the_sun_stands_by_the_date():
     assert page_of("ppc_tracking").array(bare["sun"]["towards"]).shape == (1, 3)
 
 
-# ---- what is wrong is said
+# ---- what is wrong is stated
 
 
-def test_an_incomplete_run_says_so_at_the_top():
+def test_an_incomplete_run_states_so_at_the_top():
     result = replace(result_of("sync_approach"), complete=False, message="a <b> failed at 3 s")
     page = Page(sketch_of(result))
     assert " ".join(page.alerts) == "Incomplete run. a <b> failed at 3 s"
@@ -563,7 +566,23 @@ def test_a_result_of_no_duration_has_a_page(rows):
     assert page.data["scene"] is None
 
 
-def test_corrupt_and_missing_files_are_one_line(tmp_path, capsys):
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", ["servicer.r_SN_N", "guidance.rho_H"])
+def test_values_that_are_not_finite_are_named_and_left_out(name, value):
+    """JSON has no word for them, and no browser reads a page that holds one."""
+    result = result_of("sync_approach")
+    values = result.values.copy()
+    values[3:5, result.vectors[name][1]] = value
+    page = Page(sketch_of(replace(result, values=values)))
+    numbers = [page.scripts[part] for part in ("data", "arrays")]
+    assert [json.loads(text, parse_constant=pytest.fail) for text in numbers]
+    assert f"left out of plots and replay: {name} in 2 of {len(result.time)} rows" in page.text
+    for body in page.data["scene"]["bodies"]:
+        assert np.isfinite(page.array(body["r"])).all()
+    assert "not finite" not in page_of("sync_approach").text
+
+
+def test_corrupt_and_missing_files_are_reported_in_one_line(tmp_path, capsys):
     (tmp_path / "bad.nc").write_bytes(b"no netCDF")
     for name in ("bad.nc", "none.nc"):
         assert main(["report", str(tmp_path / name), "-o", str(tmp_path / "r.html")]) == 1
@@ -574,12 +593,12 @@ def test_corrupt_and_missing_files_are_one_line(tmp_path, capsys):
 
 
 def test_a_missing_library_names_the_extra(monkeypatch):
-    template.script.cache_clear()
+    template._script.cache_clear()
     monkeypatch.setitem(sys.modules, "k3d", None)
     monkeypatch.setattr(template.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(HarnessError, match=r"needs plotly: pip install 'servicing-fmus\[report\]'"):
-        template.script("plotly")
-    template.script.cache_clear()
+        template._script("plotly")
+    template._script.cache_clear()
 
 
 def test_the_command_writes_the_page(tmp_path, capsys):

@@ -5,12 +5,14 @@ a phone shows it all. Run by make test-browser.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from harness import run
 from harness.report.html import write
-from tests.harness.chromium import opened
+from tests.harness.chromium import opened, wait
 
 RUNS = {
     "sync_approach": {"every": 10},
@@ -29,7 +31,22 @@ RUNS = {
 }
 SYSTEM = "sync_approach"
 TANKS = [[0, 0, 0.25], [0, 0, -0.25]]
-"""Where the slosh masses of flexible_servicer rest."""
+"""Rest positions of the slosh masses of flexible_servicer."""
+INTRUDER = """async () => {
+    const blocked = [], place = document.querySelector("footer");
+    document.addEventListener("securitypolicyviolation", ({ effectiveDirective }) =>
+        blocked.push(effectiveDirective));
+    const script = document.createElement("script");
+    script.textContent = "window.intruder = true";
+    place.append(script);
+    place.innerHTML += `<iframe src="https://example.org/"></iframe>
+        <img src="https://example.org/a.png" onerror="window.intruder = true">
+        <p style="background: url(https://example.org/b.png)">text</p>`;
+    await fetch("https://example.org/").catch(() => null);
+    await new Promise((done) => setTimeout(done, 200));
+    return blocked;
+}"""
+"""Directives of the policy of a page that block injected content."""
 each_system = pytest.mark.parametrize("system", RUNS)
 pytestmark = pytest.mark.browser
 
@@ -72,6 +89,19 @@ def test_a_report_opens_without_error_and_its_plots_hold_the_data(chromium, repo
         assert lines >= sum(card["curves"] for card in drawn) - len(drawn)
 
 
+def test_injected_content_of_a_page_neither_runs_nor_loads(chromium, report_of):
+    path, _ = report_of(SYSTEM)
+    page = chromium.new_page()
+    page.goto(path.absolute().as_uri())
+    wait(page, "window.report && window.report.ready")
+    blocked = page.evaluate(INTRUDER)
+    assert set(blocked) == {
+        "script-src-elem", "script-src-attr", "img-src", "frame-src", "connect-src",
+    }  # fmt: skip
+    assert not page.evaluate("window.intruder")
+    page.close()
+
+
 @each_system
 def test_bodies_move_and_two_frames_differ(chromium, report_of, system):
     path, result = report_of(system)
@@ -88,7 +118,19 @@ def test_bodies_move_and_two_frames_differ(chromium, report_of, system):
         assert page.evaluate("report.replay.state().time") > after["time"]
 
 
-def test_bodies_are_where_the_result_says(chromium, report_of):
+@pytest.mark.parametrize("rows", [slice(3, 4), slice(None)])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_page_of_values_that_are_not_finite_opens(chromium, report_of, tmp_path, rows, value):
+    _, result = report_of(SYSTEM)
+    values = result.values.copy()
+    values[rows] = value
+    path = write(replace(result, values=values), tmp_path / "page.html")
+    with opened(chromium, path) as page:
+        scroll_through(page)
+        assert page.evaluate("!!report.replay") == (rows != slice(None))
+
+
+def test_bodies_are_where_the_result_states(chromium, report_of):
     """In N axes at an instant between two rows of the replay."""
     path, result = report_of(SYSTEM)
     rho = result["servicer.r_SN_N"] - result["target.r_TN_N"]
@@ -102,7 +144,7 @@ def test_bodies_are_where_the_result_says(chromium, report_of):
             np.testing.assert_allclose(state["bodies"]["servicer"]["position"], expected, atol=2e-3)
 
 
-def test_panels_bend_and_propellant_slides_as_the_result_says(chromium, tmp_path):
+def test_panels_bend_and_propellant_slides_as_the_result_states(chromium, tmp_path):
     """Where the panels are bent most: the joints of the picture have the angles of the rows, the
     masses their displacements.
     """
@@ -153,7 +195,7 @@ def test_zoom_is_linked_and_a_click_seeks(chromium, report_of):
     path, _ = report_of(SYSTEM)
     with opened(chromium, path) as page:
         page.query_selector("#plots .plot").scroll_into_view_if_needed()
-        page.wait_for_function("plotCards.filter(e => e.drawn).length > 2")
+        wait(page, "plotCards.filter(e => e.drawn).length > 2")
         page.evaluate(
             "Plotly.relayout(plotCards.find(e => e.plot.time && e.drawn).drawing,"
             " {'xaxis.range': [100, 250]})"
@@ -187,13 +229,13 @@ def test_names_with_an_index_are_symbols(chromium, report_of):
     path, _ = report_of("relay_approach")
     with opened(chromium, path) as page:
         scroll_through(page)
-        wanted = {
+        required = {
             "rho_ref [m]": "\u03c1<sub>ref</sub> [m]",
             "omega of S": "\u03c9 of S",
             "guidance.rho_ref_N": "guidance.rho_ref_N",
             "a < b": "a &lt; b",
         }
-        for text, html in wanted.items():
+        for text, html in required.items():
             assert page.evaluate("text => Symbols.html(text)", text) == html
         titles = page.evaluate(
             """[...document.querySelectorAll('.xtitle, .ytitle, .plot h4 span')]
@@ -219,7 +261,7 @@ def test_names_of_rings_do_not_cover_each_other(chromium, report_of):
                 assert all(abs(x - a) > 40 or abs(y - b) > 12 for a, b in places[:k])
 
 
-def test_a_phone_shows_it_without_scrolling_sideways(chromium, report_of):
+def test_a_phone_shows_the_page_without_scrolling_sideways(chromium, report_of):
     path, _ = report_of(SYSTEM)
     with opened(chromium, path, width=390, height=844) as page:
         scroll_through(page)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages of comparisons and campaigns: their numbers are those of the table and of the dataset."""
+"""Pages of comparisons and campaigns: their numbers equal those in the table and in the dataset."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def compared(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
+def simulated(tmp_path_factory):
     """Campaign and page of 24 runs."""
     path = tmp_path_factory.mktemp("campaign") / "spread.zarr"
     definition = {
@@ -46,8 +46,8 @@ def flown(tmp_path_factory):
         "success": "parameter(servicer.mass_0) < 105",
         "fixed": {"stop": 20.0},
         "factors": {"servicer.mass_0": {"uniform": {"low": 80.0, "high": 130.0}}},
-        "metrics": {"miss": "norm(servicer.r_SN_N - target.r_TN_N)[-1]", "cost": "delta-v"},
-        "keep": {"bands": ["guidance.range"]},
+        "metrics": {"miss": "last(norm(servicer.r_SN_N - target.r_TN_N))", "cost": "delta-v"},
+        "record": {"bands": ["guidance.range"]},
     }
     found = campaign(definition, path, workers=0)
     return found, Page(write(path, path.parent / "c.html").read_text(encoding="utf-8"))
@@ -58,6 +58,7 @@ def flown(tmp_path_factory):
 
 def test_a_comparison_shows_its_table(compared):
     folder, page = compared
+    assert page.is_closed()
     with (folder / "comparison.csv").open() as file:
         heads, *rows = csv.reader(file)
     assert len(rows) == 4
@@ -87,7 +88,7 @@ def test_every_run_is_in_every_plot_with_its_own_numbers(compared):
         np.testing.assert_array_equal(page.array(curve["y"]), distance.astype("f4")[rows])
 
 
-def test_all_servicers_fly_in_one_replay(compared):
+def test_all_servicers_run_in_one_replay(compared):
     folder, page = compared
     scene = page.data["scene"]
     assert [b["name"] for b in scene["bodies"]] == [*page.data["runs"], "target"]
@@ -102,7 +103,7 @@ def test_all_servicers_fly_in_one_replay(compared):
         np.testing.assert_allclose(path, rho, atol=1e-5)
 
 
-def test_the_replay_tells_the_course_of_every_run(compared):
+def test_the_replay_states_the_course_of_every_run(compared):
     """Phases, events and the state of the rules, each with the label of its run."""
     folder, page = compared
     scene = page.data["scene"]
@@ -151,12 +152,12 @@ def test_a_run_that_ended_early_is_named_at_the_top(compared, tmp_path):
         message="target.q_TN: is not a number",
     )
     ended.unlink()
-    ResultFile(ended).keep(short)
+    ResultFile(ended).write_partial(short)
     (partial / "adaptive_controller_servicer.mass_0_95.nc").unlink()
     page = Page(write(partial, tmp_path / "r.html").read_text(encoding="utf-8"))
-    said = " ".join(page.alerts)
-    assert "pid_controller, servicer.mass_0=95. target.q_TN: is not a number" in said
-    assert "adaptive_controller, servicer.mass_0=95. it has left no results" in said
+    reported = " ".join(page.alerts)
+    assert "pid_controller, servicer.mass_0=95. target.q_TN: is not a number" in reported
+    assert "adaptive_controller, servicer.mass_0=95. there is no results file" in reported
     assert len(page.data["runs"]) == 3
     stays = page.array(page.body("pid_controller, servicer.mass_0=95")["r"])
     assert np.array_equal(stays[-1], stays[-2])
@@ -167,8 +168,8 @@ def test_a_run_that_ended_early_is_named_at_the_top(compared, tmp_path):
 # ---- campaign
 
 
-def test_a_campaign_shows_its_success_and_its_metrics(flown):
-    found, page = flown
+def test_a_campaign_shows_its_success_and_its_metrics(simulated):
+    found, page = simulated
     data = found.data
     succeeded = int((data.success.values > 0).sum())
     assert 0 < succeeded < 24
@@ -177,10 +178,11 @@ def test_a_campaign_shows_its_success_and_its_metrics(flown):
         for number in (data[name].values.mean(), data[name].values.max()):
             assert f"{number:.5g}" in page.text
     assert not page.alerts
+    assert page.is_closed()
 
 
-def test_histograms_count_every_run(flown):
-    found, page = flown
+def test_histograms_count_every_run(simulated):
+    found, page = simulated
     for plot in page.figures()["histograms"]:
         x, y = (page.array(plot["curves"][0][key]) for key in ("x", "y"))
         values = found.data[plot["title"].partition(" [")[0]].values
@@ -192,8 +194,8 @@ def test_histograms_count_every_run(flown):
         assert np.abs(np.array(counted) - y[1:-1:2]).max() <= 1
 
 
-def test_metrics_are_drawn_against_the_factors_with_their_correlation(flown):
-    found, page = flown
+def test_metrics_are_drawn_against_the_factors_with_their_correlation(simulated):
+    found, page = simulated
     mass = found.data["servicer.mass_0"].values
     plots = {p["y"]: p for p in page.figures()["factors"]}
     for name, unit in (("miss", "m"), ("cost", "m/s")):
@@ -204,8 +206,8 @@ def test_metrics_are_drawn_against_the_factors_with_their_correlation(flown):
         assert f"{rank_correlation(mass, values):+.2f}" in plot["title"]
 
 
-def test_bands_are_percentiles_of_the_runs(flown):
-    found, page = flown
+def test_bands_are_percentiles_of_the_runs(simulated):
+    found, page = simulated
     (plot,) = page.figures()["bands"]
     band = found.data["guidance.range_band"].values[:, :, 0]
     outer, inner, median = plot["curves"]
@@ -214,14 +216,14 @@ def test_bands_are_percentiles_of_the_runs(flown):
     np.testing.assert_array_equal(page.array(median["y"]), band[2].astype("f4"))
 
 
-def test_the_worst_runs_come_with_the_command_that_repeats_them(flown):
-    found, page = flown
+def test_the_worst_runs_come_with_the_command_that_repeats_them(simulated):
+    found, page = simulated
     worst = int(np.argmax(found.data["cost"].values))
     assert f"harness run sync_approach --like {found.path}#{worst}" in page.text
 
 
-def test_runs_to_come_and_failed_runs_are_said(flown, tmp_path):
-    found, _ = flown
+def test_runs_to_come_and_failed_runs_are_reported(simulated, tmp_path):
+    found, _ = simulated
     path = tmp_path / "part.zarr"
     shutil.copytree(found.path, path)
     group = zarr.open_group(path, mode="r+")
@@ -229,21 +231,21 @@ def test_runs_to_come_and_failed_runs_are_said(flown, tmp_path):
     group["status"][9] = 2
     group["message"][9] = "servicer: mass is not positive"
     page = Page(write(path, tmp_path / "p.html").read_text(encoding="utf-8"))
-    assert " ".join(page.alerts) == "Incomplete campaign. 4 runs are still to come."
+    assert " ".join(page.alerts) == "Incomplete campaign. 4 runs have not completed."
     assert "run 9: servicer: mass is not positive" in page.text
 
 
 # ---- what is neither
 
 
-def test_other_folders_and_damaged_tables_are_one_line(tmp_path, capsys):
+def test_other_folders_and_damaged_tables_are_reported_in_one_line(tmp_path, capsys):
     assert main(["report", str(tmp_path), "-o", str(tmp_path / "r.html")]) == 2
-    assert "neither a comparison.csv nor the dataset" in capsys.readouterr().err
+    assert "neither comparison.csv nor the dataset" in capsys.readouterr().err
     (tmp_path / "comparison.csv").write_text("run,range [m]\na,1,2\n")
     assert main(["report", str(tmp_path), "-o", str(tmp_path / "r.html")]) == 1
     assert capsys.readouterr().err.count("\n") == 1
     (tmp_path / "comparison.csv").write_text("run,range [m]\na,1\n")
-    with pytest.raises(ResultsError, match="none of the results"):
+    with pytest.raises(ResultsError, match="contains none of the results"):
         write(tmp_path, tmp_path / "r.html")
     (tmp_path / "c.zarr").mkdir()
     (tmp_path / "c.zarr" / "zarr.json").write_text("{}")
@@ -251,13 +253,13 @@ def test_other_folders_and_damaged_tables_are_one_line(tmp_path, capsys):
         write(tmp_path / "c.zarr", tmp_path / "r.html")
 
 
-def test_the_worst_flight_of_a_search_stands_beside_the_nominal_one(tmp_path):
+def test_the_worst_run_of_a_search_is_beside_the_nominal_one(tmp_path):
     """Same replay and plots, labels in the order of the colours; a campaign has neither."""
     definition = {
         "system": "sync_approach",
         "fixed": {"stop": 20.0},
         "factors": {"servicer.rho_0_H": {"normal": {"mean": [0.0, 20.0, 0.0], "sigma": 0.5}}},
-        "worst": {"of": "distance", "flights": 12},
+        "worst": {"of": "distance", "runs": 12},
     }
     study = worst(definition, tmp_path / "w.zarr", workers=0)
     page = Page(write(study.path, tmp_path / "w.html").read_text(encoding="utf-8"))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""servicing_mission: the table of events of a whole mission, every set to the end that its name
-says. One mission takes some seconds of processor time, so whole flights are marked long.
+"""servicing_mission: the table of events of a whole mission, every parameter set to the end that
+its name states. One mission takes some seconds of processor time, so whole runs are marked long.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from harness import Simulation, load, run
 from harness.mission.claim import Verdict
 from ssp.servicing_mission.claims import CLAIMS
-from ssp.servicing_mission.flight import increments, stays
+from ssp.servicing_mission.events import increments, stays
 
 MU = 3.986004415e14
 NOMINAL = [
@@ -32,7 +32,7 @@ ENDS = {
 
 
 def test_the_first_second_is_the_same_in_both_executors_and_with_any_thinning():
-    """Equal bits; rows every 0.1 s unless told otherwise."""
+    """Equal bits; rows every 0.1 s unless stated otherwise."""
     one, other = (run("servicing_mission", stop=1.0, executor=e) for e in ("c", "python"))
     every = run("servicing_mission", stop=1.0, every=1)
     assert len(one.time) == 11
@@ -58,14 +58,16 @@ def test_the_mission_goes_through_all_its_phases_to_a_stack_at_rest(nominal):
 
 
 @pytest.mark.long
-def test_the_whole_flight_has_the_same_bits_in_both_executors(nominal):
+def test_the_whole_run_has_the_same_bits_in_both_executors(nominal):
     other = run("servicing_mission", executor="python")
     assert nominal.values.tobytes() == other.values.tobytes()
 
 
 @pytest.mark.long
 def test_saved_and_restored_in_every_phase_it_has_the_same_future(nominal):
-    """In the middle of every phase: saved, ten seconds on, restored, flown on to the next."""
+    """In the middle of every phase: saved, advanced by ten seconds, restored, advanced to the
+    next.
+    """
     with load("servicing_mission") as system, Simulation(system) as simulation:
         for stay in stays(nominal):
             there = 10 * round(5 * (stay.begin + stay.end))
@@ -83,11 +85,11 @@ def test_saved_and_restored_in_every_phase_it_has_the_same_future(nominal):
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.name)
 def test_events_lie_in_their_bands(nominal, claim):
     judgement = claim.evaluate(nominal)
-    assert judgement.verdict is Verdict.REPRODUCED, judgement.figure
+    assert judgement.verdict is Verdict.REPRODUCED, judgement.value
 
 
 @pytest.mark.long
-def test_increments_are_those_of_the_thrusters(nominal):
+def test_increments_match_the_thrusters(nominal):
     """Impulse over mass, summed over the rows: the mass falls by 0.3 kg, so to 1e-3."""
     impulse = nominal["propulsion.impulse"].sum(axis=1)
     mass = nominal["servicer.mass"]
@@ -105,7 +107,7 @@ def test_wheels_and_stack_stay_within_their_limits(nominal):
 
 
 @pytest.mark.long
-def test_unloading_does_nothing_to_a_flight_that_never_fills_a_wheel(nominal):
+def test_unloading_does_nothing_to_a_run_that_never_fills_a_wheel(nominal):
     """On truth no wheel reaches 0.7 of its limit before capture: the same states, bit for bit."""
     other = run("servicing_mission", params="unloading")
     for name in nominal.vectors:
@@ -132,15 +134,15 @@ def test_every_set_ends_in_a_safe_drift_for_the_reason_in_its_name(name):
     """A day of drift beyond 150 m, no rule of the monitor violated."""
     before, reason = ENDS[name]
     result = run("servicing_mission", params=name)
-    flown = stays(result)
-    assert [s.phase for s in flown] == [*before, "RETREAT", "SAFE"]
-    assert flown[-2].reason == reason
+    simulated = stays(result)
+    assert [s.phase for s in simulated] == [*before, "RETREAT", "SAFE"]
+    assert simulated[-2].reason == reason
     assert (result["monitor.least_margin"][-1, :3] > 0).all()
     assert drift_of_a_day(result) > 150
 
 
 @pytest.mark.long
-def test_a_safe_drift_is_resumed_when_ground_says_so():
+def test_a_safe_drift_is_resumed_when_ground_states_so():
     """A retreat at the first hold, then resume: the far approach begins anew."""
     times = [1350.0, 1360.0, 3000.0] + [1e30] * 13
     go = (1, 1, 1, 0, 0, 1)

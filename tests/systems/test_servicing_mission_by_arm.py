@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""servicing_mission_by_arm: the mission mated by the arm, every set to the end that its name says.
-Whole flights are marked long.
+"""servicing_mission_by_arm: the mission mated by the arm, every parameter set to the end that its
+name states. Whole runs are marked long.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from harness.mission.library import of_result
 from harness.report.arrays import Arrays
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
-from ssp.arm_capture.claims import APPROACH, FLIGHT
-from ssp.arm_capture.measures import ALIGN, CLOSE, DEPLOY, REST, first
+from ssp.arm_capture.claims import APPROACH, INDEPENDENT
+from ssp.arm_capture.metrics import ALIGN, CLOSE, DEPLOY, REST, first
 from ssp.servicing_mission.claims import PAPER
-from ssp.servicing_mission.flight import collided, outcome, stays
+from ssp.servicing_mission.events import collided, outcome, stays
 from tests.reference import arm as reference
 
 from .test_servicing_mission import NOMINAL, drift_of_a_day
@@ -101,8 +101,8 @@ def test_the_mission_comes_to_a_stack_at_rest_with_its_phases_in_order(nominal):
     assert rate[-1] < 2e-6
     assert np.linalg.norm(nominal["target.omega_TN_T"][-1]) < 2e-6
     assert np.abs(nominal["servicer.wheel_speed"]).max() <= 0.3
-    judged = {found.text.split(" ")[0]: found.verdict for found in findings(nominal)}
-    assert set(judged.values()) == {Verdict.MET}, judged
+    verdicts = {found.text.split(" ")[0]: found.verdict for found in findings(nominal)}
+    assert set(verdicts.values()) == {Verdict.MET}, verdicts
 
 
 @pytest.mark.long
@@ -116,8 +116,8 @@ def test_arm_and_latch_work_as_in_arm_capture(nominal):
     assert first(nominal, "mechanism.hard", 1) - begin["RIGIDISE"] == pytest.approx(15, abs=0.3)
     tip = nominal["arm_guidance.position_error"]
     assert tip[np.isin(mode, (ALIGN, CLOSE))].max() < 0.1e-3
-    assert not PAPER.belongs_to(nominal)  # the table is that of the probe
-    for paper in (APPROACH, FLIGHT):
+    assert not PAPER.belongs_to(nominal)  # its table is the probe's
+    for paper in (APPROACH, INDEPENDENT):
         assert paper.belongs_to(nominal)
         claims = [claim for claim in paper.claims if claim.name != "rate of the stack"]
         verdicts = {claim.evaluate(nominal).verdict for claim in claims}
@@ -142,9 +142,9 @@ def test_every_set_retreats_for_the_reason_in_its_name_and_folds_the_arm(name):
     """A day of drift beyond 150 m; nothing is touched, and E that is out goes away at once."""
     before, reason, moved = ENDS[name]
     result = run(SYSTEM, params=name, every=50)
-    flown = stays(result)
-    assert [s.phase for s in flown] == [*before, "RETREAT", "SAFE"]
-    assert flown[-2].reason == reason
+    simulated = stays(result)
+    assert [s.phase for s in simulated] == [*before, "RETREAT", "SAFE"]
+    assert simulated[-2].reason == reason
     assert modes(result) == moved
     assert not result["mechanism.phase"].any()
     leaving = result["manager.phase"] == 12

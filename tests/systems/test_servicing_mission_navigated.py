@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""servicing_mission_navigated: the mission on estimates, and four stories of real missions with
-what protects and without it. Whole flights are marked long.
+"""servicing_mission_navigated: the mission on estimates, and four failures of real missions with
+and without the protection against them. Whole runs are marked long.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from harness import load, run
 from harness.mission.claim import Verdict
 from harness.results.requirements import margin
 from ssp.servicing_mission.claims import CLAIMS
-from ssp.servicing_mission.flight import collided, increments, outcome, stays
+from ssp.servicing_mission.events import collided, increments, outcome, stays
 from ssp.shared.relative_motion import range_
 
 from .test_servicing_mission import ENDS, NOMINAL, drift_of_a_day
@@ -31,12 +31,12 @@ def test_no_software_sees_the_truth():
         wires = {(*c.target, c.source.component) for c in system.connections}
     seen = {(to, name.split("[")[0], of) for to, name, of in wires if of in PLANTS}
     assert {to for to, name, _ in seen if name in STATES} <= SEES_THE_TRUTH
-    told = {to for to, name, of in wires if of == "relative_filter"}
-    assert {"manager", "monitor", "guidance", "controller", "stack_guidance"} <= told
+    stated = {to for to, name, of in wires if of == "relative_filter"}
+    assert {"manager", "monitor", "guidance", "controller", "stack_guidance"} <= stated
 
 
 def test_first_seconds_have_the_same_bits_in_both_executors():
-    """Filters start at the wrong place and are told better by the first pose."""
+    """Filters start at the wrong place and are corrected by the first pose."""
     one, other = (run(SYSTEM, stop=0.6, executor=e) for e in ("c", "python"))
     for name in one.vectors:
         assert np.array_equal(one[name], other[name]), name
@@ -64,10 +64,10 @@ def test_the_mission_on_estimates_comes_to_a_stack_at_rest(nominal):
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.name)
 def test_events_lie_in_the_bands_of_the_truth(nominal, claim):
     judgement = claim.evaluate(nominal)
-    assert judgement.verdict is Verdict.REPRODUCED, judgement.figure
+    assert judgement.verdict is Verdict.REPRODUCED, judgement.value
 
 
-def fly(name):
+def simulate(name):
     return run(SYSTEM, params=name, every=50)
 
 
@@ -75,20 +75,20 @@ def fly(name):
 @pytest.mark.parametrize("name", sorted(set(ENDS) - {"bounce"}))
 def test_sets_of_the_truth_end_for_the_same_reasons(name):
     before, reason = ENDS[name]
-    result = fly(name)
-    flown = stays(result)
-    assert [s.phase for s in flown] == [*before, "RETREAT", "SAFE"]
-    assert flown[-2].reason == reason
+    result = simulate(name)
+    simulated = stays(result)
+    assert [s.phase for s in simulated] == [*before, "RETREAT", "SAFE"]
+    assert simulated[-2].reason == reason
     assert drift_of_a_day(result) > 150
 
 
 @pytest.mark.long
 def test_bounce_ends_in_a_safe_drift_when_the_wheels_are_full():
     """Pushing and backing off take so long that a wheel is at its limit before the second try."""
-    result = fly("bounce")
-    flown = stays(result)
-    assert [s.phase for s in flown] == [*NOMINAL[:8], "BACKOFF", "RETREAT", "SAFE"]
-    assert flown[-2].reason == "time-out"
+    result = simulate("bounce")
+    simulated = stays(result)
+    assert [s.phase for s in simulated] == [*NOMINAL[:8], "BACKOFF", "RETREAT", "SAFE"]
+    assert simulated[-2].reason == "time-out"
     backing = result["manager.phase"] == 11
     assert np.abs(result["servicer.wheel_speed"][backing]).max() == pytest.approx(0.3)
     assert not collided(result)
@@ -97,7 +97,7 @@ def test_bounce_ends_in_a_safe_drift_when_the_wheels_are_full():
 
 @pytest.mark.long
 def test_dart_collides_on_its_own_estimate_and_aborts_on_the_independent_range():
-    blind, watched = fly("dart_blind"), fly("dart")
+    blind, watched = simulate("dart_blind"), simulate("dart")
     met = int(range_(blind).argmin())
     assert collided(blind)
     v = blind["servicer.v_SN_N"][met] - blind["target.v_TN_N"][met]
@@ -111,9 +111,9 @@ def test_dart_collides_on_its_own_estimate_and_aborts_on_the_independent_range()
 
 @pytest.mark.long
 def test_elsa_d_without_half_of_its_thrusters_stays_at_the_hold_and_drifts_safely():
-    known, unseen = fly("elsa_d"), fly("elsa_d_blind")
-    told = (known.time > 2032.5) & (known.time < 2090)
-    assert known["allocation.infeasible"][told].mean() > 0.9
+    known, unseen = simulate("elsa_d"), simulate("elsa_d_blind")
+    stated = (known.time > 2032.5) & (known.time < 2090)
+    assert known["allocation.infeasible"][stated].mean() > 0.9
     assert not unseen["allocation.infeasible"][(unseen.time > 2032) & (unseen.time < 2043)].any()
     assert [s.phase for s in stays(known)] == [*NOMINAL[:4], "RETREAT", "SAFE"]
     assert drift_of_a_day(known) > 150
@@ -125,11 +125,11 @@ def test_elsa_d_without_half_of_its_thrusters_stays_at_the_hold_and_drifts_safel
 
 @pytest.mark.long
 def test_adras_j_aborts_when_the_attitude_jumps_and_misses_the_drogue_without_the_guard():
-    guarded, blind = fly("adras_j"), fly("adras_j_blind")
-    flown = stays(guarded)
-    assert [s.phase for s in flown] == [*NOMINAL[:6], "RETREAT", "SAFE"]
-    assert flown[-2].reason == "error near the target"
-    assert 13 < range_(guarded)[flown[-2].row] < 15
+    guarded, blind = simulate("adras_j"), simulate("adras_j_blind")
+    simulated = stays(guarded)
+    assert [s.phase for s in simulated] == [*NOMINAL[:6], "RETREAT", "SAFE"]
+    assert simulated[-2].reason == "error near the target"
+    assert 13 < range_(guarded)[simulated[-2].row] < 15
     assert range_(guarded).min() > 13
     assert drift_of_a_day(guarded) > 150
     touching = blind["mechanism.phase"] == 1
@@ -140,12 +140,12 @@ def test_adras_j_aborts_when_the_attitude_jumps_and_misses_the_drogue_without_th
 
 @pytest.mark.long
 def test_orbital_express_retreats_at_its_reset_and_comes_back_to_the_outer_hold():
-    guarded, blind = fly("orbital_express"), fly("orbital_express_blind")
-    flown = stays(guarded)
-    assert [s.phase for s in flown] == [*NOMINAL[:6], "RETREAT", "SAFE", "FAR", "HOLD_1"]
-    assert flown[6].reason == "navigation lost"
-    assert 9 < range_(guarded)[flown[6].row] < 10
-    assert range_(guarded)[flown[6].row :].min() > 8
+    guarded, blind = simulate("orbital_express"), simulate("orbital_express_blind")
+    simulated = stays(guarded)
+    assert [s.phase for s in simulated] == [*NOMINAL[:6], "RETREAT", "SAFE", "FAR", "HOLD_1"]
+    assert simulated[6].reason == "navigation lost"
+    assert 9 < range_(guarded)[simulated[6].row] < 10
+    assert range_(guarded)[simulated[6].row :].min() > 8
     assert 95 < range_(guarded)[-1] < 110
     assert (guarded["monitor.least_margin"][-1, :3] > 0).all()
     assert collided(blind)
@@ -155,13 +155,13 @@ def test_orbital_express_retreats_at_its_reset_and_comes_back_to_the_outer_hold(
 @pytest.mark.long
 def test_a_second_approach_needs_wheels_that_were_unloaded():
     """After reset, retreat and resume: with full wheels the fly-around never ends, unloaded ones
-    bring a capture; the requirement on the wheels tells the two apart.
+    bring a capture; the requirement on the wheels distinguishes the two.
     """
-    full, unloaded = fly("orbital_express_full"), fly("orbital_express_unloaded")
+    full, unloaded = simulate("orbital_express_full"), simulate("orbital_express_unloaded")
     first = [*NOMINAL[:6], "RETREAT", "SAFE"]
-    flown = [s.phase for s in stays(full)]
-    assert flown[:13] == [*first, *NOMINAL[:5]]
-    assert "FINAL" not in flown[8:]
+    simulated = [s.phase for s in stays(full)]
+    assert simulated[:13] == [*first, *NOMINAL[:5]]
+    assert "FINAL" not in simulated[8:]
     assert [s.phase for s in stays(unloaded)] == [*first, *NOMINAL]
     assert outcome(unloaded) == "captured"
     resumed = full.time > 4500
@@ -175,8 +175,8 @@ def test_a_second_approach_needs_wheels_that_were_unloaded():
 
 
 @pytest.mark.long
-def test_unloading_leaves_room_in_the_wheels_of_the_nominal_flight(nominal):
-    result = fly("unloading")
+def test_unloading_leaves_a_momentum_margin_in_the_wheels_of_the_nominal_run(nominal):
+    result = simulate("unloading")
     assert [s.phase for s in stays(result)] == NOMINAL
     assert np.abs(nominal["servicer.wheel_speed"]).max() == pytest.approx(0.3)
     assert np.abs(result["servicer.wheel_speed"]).max() < 0.26
@@ -187,6 +187,6 @@ def test_unloading_leaves_room_in_the_wheels_of_the_nominal_flight(nominal):
 def test_bounce_with_unloaded_wheels_uses_up_its_attempts_as_on_truth():
     result = run(SYSTEM, params="bounce", set={"selector.k_unload": 0.02}, every=50)
     before, reason = ENDS["bounce"]
-    flown = stays(result)
-    assert [s.phase for s in flown] == [*before, "RETREAT", "SAFE"]
-    assert flown[-2].reason == reason
+    simulated = stays(result)
+    assert [s.phase for s in simulated] == [*before, "RETREAT", "SAFE"]
+    assert simulated[-2].reason == reason

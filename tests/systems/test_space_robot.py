@@ -16,13 +16,13 @@ from ssp.space_robot.pitch import rotation_number
 from tests.each import some
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants, same_sign
-from ..reference.space_robot import Orbit, fly
+from ..reference.space_robot import Orbit, simulate
 
 SETS = ("default", "circular", "tumbling", "free", "joint_motion")
 
 
 @cache
-def flight(params, stop=None):
+def recording(params, stop=None):
     return run("space_robot", params=params, stop=stop)
 
 
@@ -47,7 +47,7 @@ def pitch(e, theta, times):
 @pytest.mark.parametrize(("params", "e"), [("default", 0.05), ("circular", 0.0)])
 def test_a_day_of_locked_planar_motion_is_the_pitch_equation(params, e):
     """15 orbits at 1 s; the tumbling set is chaotic and agrees for some orbits only, see below."""
-    result = flight(params)
+    result = recording(params)
     rows = slice(0, None, 600)
     assert result["robot.pitch"][rows] == pytest.approx(
         pitch(e, result["robot.pitch"][0], result.time[rows]), abs=2e-8
@@ -55,7 +55,7 @@ def test_a_day_of_locked_planar_motion_is_the_pitch_equation(params, e):
 
 
 def test_tumbling_motion_is_the_pitch_equation_as_long_as_chaos_allows():
-    result = flight("tumbling")
+    result = recording("tumbling")
     rows = slice(0, 20001, 500)
     expected = pitch(0.1, result["robot.pitch"][0], result.time[rows])
     assert result["robot.pitch"][rows] == pytest.approx(expected, abs=1e-6)
@@ -66,14 +66,14 @@ def test_the_equilibrium_lies_at_the_angle_of_the_paper():
     kappa, theta_hat = pitch_constants(PAPER, Q)
     assert np.degrees(theta_hat) == pytest.approx(-25.6, abs=0.01)
     assert kappa == pytest.approx(0.6915, abs=1e-4)
-    assert flight("default")["robot.pitch"][0] == pytest.approx(theta_hat, abs=1e-12)
+    assert recording("default")["robot.pitch"][0] == pytest.approx(theta_hat, abs=1e-12)
 
 
 def test_eccentricity_005_librates_and_01_tumbles():
     """More than half a turn from the equilibrium is tumbling; 36 deg at most in a day with 0.05."""
     _, theta_hat = pitch_constants(PAPER, Q)
     swing = {
-        params: np.abs(flight(params)["robot.pitch"] - theta_hat).max()
+        params: np.abs(recording(params)["robot.pitch"] - theta_hat).max()
         for params in ("default", "tumbling")
     }
     assert np.degrees(swing["default"]) < 40
@@ -131,10 +131,10 @@ def test_the_rotation_number_starts_at_the_frequency_of_libration_and_passes_fou
 
 
 def test_free_joints_drift_under_the_gravity_gradient_as_the_point_masses_do():
-    result = flight("free", 3000.0)
+    result = recording("free", 3000.0)
     names = ("robot.q_SN", "robot.omega_SN_S", "robot.joint_angle", "robot.joint_rate")
     rows = np.hstack([result[name] for name in names])[::500]
-    expected = fly(PAPER, Orbit(), rows[0], result.time[::500])
+    expected = simulate(PAPER, Orbit(), rows[0], result.time[::500])
     assert rows[:, 4:] == pytest.approx(expected[:, 4:], abs=1e-8)
     assert same_sign(rows[:, :4], expected[:, :4]) == pytest.approx(expected[:, :4], abs=1e-8)
     assert np.abs(rows[-1, 7:9] - rows[0, 7:9]).max() > 0.01
@@ -143,14 +143,14 @@ def test_free_joints_drift_under_the_gravity_gradient_as_the_point_masses_do():
 def test_driven_joints_reach_their_angles_and_the_base_reacts():
     """60 and -40 deg within half an hour; without gravity gradient the angular momentum would be
     constant, with it the base gives way by the momentum of the arm."""
-    result = flight("joint_motion")
+    result = recording("joint_motion")
     assert np.degrees(result["robot.joint_angle"][-1]) == pytest.approx([60, -40], abs=0.1)
     assert np.degrees(np.ptp(result["robot.pitch"])) > 0.5
 
 
-def test_sampled_control_of_the_joints_is_that_of_the_point_masses():
+def test_sampled_control_of_the_joints_matches_the_point_masses():
     """The torque of t_k acts from t_k to t_k + 0.1 s."""
-    result = flight("joint_motion", 5.0)
+    result = recording("joint_motion", 5.0)
     state = np.hstack(
         [
             result[n][0]
@@ -162,16 +162,16 @@ def test_sampled_control_of_the_joints_is_that_of_the_point_masses():
         tau = Kp * (reference - state[7:9]) - Kd * state[9:11]
         begin = 0.1 * k
         orbit = Orbit(nu=Orbit().anomaly(begin))
-        state = fly(PAPER, orbit, state, np.array([0.0, 0.1]), tau=lambda t, q, dq, tau=tau: tau)[
-            -1
-        ]
+        state = simulate(
+            PAPER, orbit, state, np.array([0.0, 0.1]), tau=lambda t, q, dq, tau=tau: tau
+        )[-1]
         assert result["joints.joint_torque"][k + 1] == pytest.approx(tau, abs=1e-9)
     assert result["robot.joint_angle"][-1] == pytest.approx(state[7:9], abs=1e-9)
     assert result["robot.omega_SN_S"][-1] == pytest.approx(state[4:7], abs=1e-11)
 
 
 @pytest.mark.parametrize("params", SETS)
-def test_every_set_flies_and_both_executors_agree_to_the_bit(params):
+def test_every_set_runs_and_both_executors_agree_to_the_bit(params):
     a, b = (
         run("space_robot", params=params, stop=200.0, executor=executor)
         for executor in ("c", "python")

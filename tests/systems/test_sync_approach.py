@@ -18,9 +18,9 @@ from .sync_case import (
     PAPER,
     THRUSTERS,
     deviation,
-    flight,
     identical,
-    reference_flight,
+    recording,
+    reference_run,
     system,
 )
 
@@ -46,9 +46,7 @@ ORBIT = {
     "beta_t": 3e-7,  # rad: rho over 4 m
     "beta_p": 3e-7,
 }
-"""Tolerances of what is a difference of two orbits: about 30 times what rounding 7e6 m and 7e3 m/s
-leaves of it.
-"""
+"""Tolerances of a difference of two orbits: about 30 times the rounding of 7e6 m and 7e3 m/s."""
 
 ATTITUDE = {PAPER: 1e-11, GYROSCOPIC: 1e-8, THRUSTERS: 1e-8}
 """Tolerance of everything else relative to its largest value: about 30 times the difference between
@@ -64,34 +62,34 @@ ONLY_IN_THE_REFERENCE = {"time", "guidance.normal_distance"}
     + [pytest.param(case, case.stop, marks=pytest.mark.long) for case in EVERY],
     ids=str,
 )
-def test_every_output_at_every_step_is_that_of_the_independent_program(case, stop):
+def test_every_output_at_every_step_matches_the_independent_program(case, stop):
     """The attitude is released after a minute, in the paper's case after 1200 s."""
     whole = case if stop == case.stop else replace(case, stop=stop)
-    result, expected = flight(whole), reference_flight(whole)
-    flown = {name for name in result.vectors if not name.startswith("monitor.")}
-    assert flown == set(expected) - ONLY_IN_THE_REFERENCE
+    result, expected = recording(whole), reference_run(whole)
+    simulated = {name for name in result.vectors if not name.startswith("monitor.")}
+    assert simulated == set(expected) - ONLY_IN_THE_REFERENCE
     assert not (result.time - expected["time"]).any()
-    for name in flown:
+    for name in simulated:
         scale = np.abs(expected[name]).max()
         tolerance = ORBIT.get(name.partition(".")[2], ATTITUDE[case] * scale)
         worst = deviation(name, result[name], expected[name])
         assert worst.max() <= tolerance, f"{name} at {result.time[worst.argmax()]} s"
 
 
-def test_cases_exercise_what_they_are_for():
+def test_cases_exercise_their_purpose():
     """Gyroscopic torque, limits of the estimates, guard of the attitude; agreement would otherwise
     say little.
     """
     wheels, rate = (
-        flight(GYROSCOPIC)["servicer.wheel_speed"][601:],
-        flight(GYROSCOPIC)["servicer.omega_SN_S"][601:],
+        recording(GYROSCOPIC)["servicer.wheel_speed"][601:],
+        recording(GYROSCOPIC)["servicer.omega_SN_S"][601:],
     )
     momentum = wheels * [12, 15, 10] + rate * [200, 250, 150]
     assert np.linalg.norm(np.cross(rate, momentum), axis=1).max() > 1  # N.m
     assert (
         np.linalg.norm(momentum, axis=1).min() > 10
     )  # N.m.s: in the paper's case it is almost zero
-    limited = flight(THRUSTERS)
+    limited = recording(THRUSTERS)
     m_hat, eta_hat = limited["controller.m_hat"], limited["controller.eta_hat"]
     assert np.isclose(m_hat, 95 * (1 + 1e-4), rtol=1e-12).any()
     assert (np.abs(eta_hat[:, [1, 2, 4]]) == 0.2).any()  # J off the diagonal
@@ -107,11 +105,11 @@ def test_rodrigues_parameters_are_published_inside_the_unit_sphere(case):
     |sigma| = 3 if let.
     """
     for name in ("target.sigma_TN", "servicer.sigma_SN", "controller.epsilon"):
-        assert np.linalg.norm(flight(case)[name], axis=1).max() <= 1 + 1e-15
+        assert np.linalg.norm(recording(case)[name], axis=1).max() <= 1 + 1e-15
 
 
 def test_propulsion_passes_the_command_of_the_same_step_on():
-    result = flight(PAPER)
+    result = recording(PAPER)
     assert result["propulsion.F_S"].tobytes() == result["controller.F_cmd_S"].tobytes()
 
 
@@ -121,7 +119,7 @@ def test_propulsion_passes_the_command_of_the_same_step_on():
 @SPINNING
 def test_master_and_monolithic_program_agree_to_the_bit(case):
     """The same model files without FMI in one C program; compared once per second."""
-    result = flight(case)
+    result = recording(case)
     with system(case) as changed:
         program = Monolith(changed)
         for row in range(0, len(result.time), 10):
@@ -134,12 +132,12 @@ def test_master_and_monolithic_program_agree_to_the_bit(case):
 @CASES
 def test_both_executors_agree_to_the_bit(case):
     case = replace(case, stop=min(case.stop, 75.0))
-    assert identical(flight(case, executor="python"), flight(case))
+    assert identical(recording(case, executor="python"), recording(case))
 
 
 @pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
 def test_both_executors_agree_to_the_bit_with_periods_and_latencies(algorithm):
-    """Software every fourth and second step, published one step late; the result is not that of all
+    """Software every fourth and second step, published one step late; the result differs from all
     at once.
     """
     rates = {"guidance": {"every": 4, "latency": 1}, "controller": {"every": 2, "latency": 1}}
@@ -150,16 +148,16 @@ def test_both_executors_agree_to_the_bit_with_periods_and_latencies(algorithm):
         )
         result = simulate(slow)
         assert identical(simulate(slow, executor="python"), result)
-    assert not identical(result, flight(GYROSCOPIC, algorithm=algorithm))
+    assert not identical(result, recording(GYROSCOPIC, algorithm=algorithm))
 
 
-def test_a_flight_repeats_to_the_bit():
-    assert identical(flight.__wrapped__(PAPER), flight(PAPER))
+def test_a_run_repeats_to_the_bit():
+    assert identical(recording.__wrapped__(PAPER), recording(PAPER))
 
 
 @pytest.mark.parametrize("every", [7, 10])
 def test_recording_fewer_steps_changes_nothing_but_the_rows(every):
-    thin, full = flight(PAPER, every=every), flight(PAPER)
+    thin, full = recording(PAPER, every=every), recording(PAPER)
     rows = sorted({*range(0, len(full.time), every), len(full.time) - 1})  # the last one always
     assert thin.values.tobytes() == full.values[rows].tobytes()
     assert thin.time.tobytes() == full.time[rows].tobytes()
@@ -178,15 +176,15 @@ def test_order_of_the_components_does_not_matter_to_jacobi(order):
     ids=str,
 )
 def test_a_restored_system_has_the_same_future_to_the_bit(case, saved_at, executor):
-    """Saved half way; flown on, restored, flown on again; in between the first future has moved
-    every state.
+    """Saved half way; simulated on, restored, simulated on again; in between the first future has
+    moved every state.
     """
     with system(case) as changed, Simulation(changed, executor=executor) as simulation:
         simulation.advance(to=saved_at)
         snapshot = simulation.save()
         for _ in range(2):
             simulation.advance()
-            assert identical(simulation.result(), flight(case))
+            assert identical(simulation.result(), recording(case))
             simulation.restore(snapshot)
             simulation.recorder.table[saved_at + 1 :] = np.nan
         simulation.free(snapshot)

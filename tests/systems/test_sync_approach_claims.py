@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims of Zhu & Yang 2009: verdict, our figure, and the same figure from the independent
+"""Claims of Zhu & Yang 2009: verdict, our value, and the same value from the independent
 program.
 """
 
@@ -15,7 +15,7 @@ from harness.results.result import Result
 from harness.system.values import expand
 from ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
 
-from .sync_case import PAPER, flight, reference_flight
+from .sync_case import PAPER, recording, reference_run
 
 REPRODUCED, PARTLY, NOT = Verdict.REPRODUCED, Verdict.PARTLY, Verdict.NOT_REPRODUCED
 
@@ -34,8 +34,8 @@ VERDICTS = {
     "mass settles": (REPRODUCED, 1e-4, 5e-5),
     # "... but not the true one": kg
     "mass is not the truth": (REPRODUCED, 5.018, 0.001),
-    # "(12) guarantees uniform asymptotic stability": error of the last 10 min over that of the 10
-    # min before
+    # "(12) guarantees uniform asymptotic stability": error of the last 10 min over the error of the
+    # 10 min before
     "position law is asymptotically stable": (NOT, 1.01, 0.01),
     # "effective tracking can be realised": deg in the last 100 s
     "attitude tracking": (PARTLY, 6.17, 0.02),
@@ -45,8 +45,8 @@ VERDICTS = {
     "inertias settle": (NOT, 5.67, 0.05),
     # "... (not the true one)": %
     "inertias are not the truth": (REPRODUCED, 31.7, 0.2),
-    # "(19) guarantees uniform asymptotic stability": error of the last 100 s over that of the 100 s
-    # before
+    # "(19) guarantees uniform asymptotic stability": error of the last 100 s over the error of the
+    # 100 s before
     "attitude law is asymptotically stable": (NOT, 1.43, 0.02),
     # "after the attitude error has converged to the permitted range, grasping is possible at any
     # time": % of 200 s
@@ -58,13 +58,13 @@ CLAIMS = {claim.name: claim for claim in ZHU_YANG_2009.claims}
 @cache
 def reference_result() -> Result:
     """The history of the independent program in the form of a result."""
-    history = {name: values for name, values in reference_flight(PAPER).items() if name != "time"}
+    history = {name: values for name, values in reference_run(PAPER).items() if name != "time"}
     columns = [
         column for name, values in history.items() for column in expand(name, values[0].tolist())
     ]
     table = np.hstack([values.reshape(len(values), -1) for values in history.values()])
     return Result(
-        "reference", reference_flight(PAPER)["time"], tuple(columns), ("",) * len(columns), table
+        "reference", reference_run(PAPER)["time"], tuple(columns), ("",) * len(columns), table
     )
 
 
@@ -74,27 +74,29 @@ def test_every_claim_is_tested():
 
 @pytest.mark.parametrize("name", VERDICTS)
 def test_claim(name):
-    """Verdict, and our figure within a band around what it is known to be."""
+    """Verdict, and our value within a band around the known value."""
     verdict, expected, band = VERDICTS[name]
     claim = CLAIMS[name]
-    figure = claim.numbers(flight(PAPER))[0]
-    assert claim.evaluate(flight(PAPER)).verdict is verdict, f"{claim.text}: {figure} {claim.unit}"
-    assert figure == pytest.approx(expected, abs=band)
+    value = claim.numbers(recording(PAPER))[0]
+    assert claim.evaluate(recording(PAPER)).verdict is verdict, (
+        f"{claim.text}: {value} {claim.unit}"
+    )
+    assert value == pytest.approx(expected, abs=band)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", VERDICTS)
-def test_the_independent_program_comes_to_the_same_figures(name):
+def test_the_independent_program_computes_the_same_values(name):
     """1e-5: positions agree within 1e-7 m, of which centimetres and the 9e-5 kg of the mass
-    estimate are judged.
+    estimate are evaluated.
     """
     claim = CLAIMS[name]
-    ours, theirs = claim.numbers(flight(PAPER)), claim.numbers(reference_result())
+    ours, theirs = claim.numbers(recording(PAPER)), claim.numbers(reference_result())
     assert ours == pytest.approx(theirs, rel=1e-5)
     assert claim.verdict(ours[0]) is claim.verdict(theirs[0])
 
 
-# ---- figures along the way, computed once by a program that shares nothing with this repository
+# ---- values along the way, computed once by a program that shares nothing with this repository
 
 RANGE = {0: 20.0, 600: 4.1181, 1200: 4.0169, 1800: 4.0206}
 POSITION_ERROR = {300: 0.0219, 600: 0.0135, 900: 0.0188, 1200: 0.0280, 1800: 0.0320}
@@ -107,12 +109,12 @@ def row(time: float) -> int:
 
 @pytest.mark.parametrize("time", RANGE)
 def test_range(time):
-    assert flight(PAPER)["guidance.range"][row(time)] == pytest.approx(RANGE[time], abs=1e-4)
+    assert recording(PAPER)["guidance.range"][row(time)] == pytest.approx(RANGE[time], abs=1e-4)
 
 
 @pytest.mark.parametrize("time", POSITION_ERROR)
 def test_position_error(time):
-    error = np.linalg.norm(flight(PAPER)["controller.e1_H"][row(time)])
+    error = np.linalg.norm(recording(PAPER)["controller.e1_H"][row(time)])
     assert error == pytest.approx(POSITION_ERROR[time], abs=1e-4)
 
 
@@ -120,12 +122,12 @@ def test_position_error(time):
 def test_attitude_error(time):
     """The row at 1200 s was computed at 1199.9 s, hence one digit less."""
     error = np.degrees(
-        4 * np.arctan(np.linalg.norm(flight(PAPER)["controller.epsilon"][row(time)]))
+        4 * np.arctan(np.linalg.norm(recording(PAPER)["controller.epsilon"][row(time)]))
     )
     assert error == pytest.approx(ATTITUDE_ERROR[time], abs=0.1)
 
 
 def test_force_and_mass_estimate():
-    result = flight(PAPER)
+    result = recording(PAPER)
     assert np.linalg.norm(result["controller.F_cmd_S"][0]) == pytest.approx(1.0046, abs=1e-4)
     assert result["controller.m_hat"][-1] == pytest.approx(94.98236, abs=1e-5)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the macro step, the order of execution and latencies do to sync_approach, against theory.
+"""Effects of the macro step, the order of execution and latencies on sync_approach, against theory.
 
 The case is the gyroscopic one with attitude control from the start: every wire carries something
 that changes.
@@ -16,7 +16,7 @@ import pytest
 from harness.master.simulation import simulate
 
 from ..reference import adaptive, closed_loop, guidance, integrate, servicer, target
-from .sync_case import GYROSCOPIC, STEP, Case, deviation, flight, reference_system, system
+from .sync_case import GYROSCOPIC, STEP, Case, deviation, recording, reference_system, system
 
 RELEASED = {"servicer.t_att": 0, "servicer.M_dist_S.start": 0, "controller.t_att": 0}
 CASE = Case("released", 60.0, GYROSCOPIC.changes | RELEASED)
@@ -47,7 +47,7 @@ def at_step(h: float) -> Case:
 
 @cache
 def final_state(h: float, algorithm: str) -> dict[str, np.ndarray]:
-    result = flight(at_step(h), step=h, algorithm=algorithm)
+    result = recording(at_step(h), step=h, algorithm=algorithm)
     return {name: np.atleast_1d(result[name][-1]) for name in STATES}
 
 
@@ -154,7 +154,7 @@ def test_smaller_macro_steps_leave_sampled_software_and_plants_as_they_are():
     fine_grid = Case(
         "fine", CASE.stop, CASE.changes | {f"{name}.max_step": 0.05 for name in PLANTS}
     )
-    coarse, fine = flight(fine_grid), flight(fine_grid, step=0.05)
+    coarse, fine = recording(fine_grid), recording(fine_grid, step=0.05)
     assert set(coarse.columns) == set(fine.columns)
     for name in coarse.vectors:
         if not name.startswith("propulsion"):  # sums of half steps round differently
@@ -168,7 +168,7 @@ def test_software_sampled_every_other_step_may_as_well_be_called_every_other_ste
     """With a period of its own: same bits. With none it takes the time of the call, a sum t + h
     that is rounded.
     """
-    sampled = flight(with_period(0.2))
+    sampled = recording(with_period(0.2))
     with system(with_period(period)) as changed:
         components = [
             replace(c, every=2) if c.name in SOFTWARE[:2] else c for c in changed.components
@@ -188,7 +188,7 @@ def with_period(period: float) -> Case:
 
 def test_jacobi_is_the_system_with_one_step_of_delay_in_every_wire():
     """Tolerances as for Gauss-Seidel in test_sync_approach."""
-    result, expected = flight(CASE, algorithm="jacobi"), delayed_program()
+    result, expected = recording(CASE, algorithm="jacobi"), delayed_program()
     tolerance = {"servicer.r_SN_N": 3e-6, "servicer.v_SN_N": 2e-8, "controller.m_hat": 1e-8}
     for name in expected.keys() & result.vectors.keys():
         ours = result[name][1:]
@@ -201,7 +201,7 @@ def test_jacobi_is_gauss_seidel_with_a_latency_of_one_step_in_all_software_and_a
     with system(CASE) as changed:
         components = [replace(c, latency=int(c.name in SOFTWARE)) for c in changed.components]
         late = simulate(replace(changed, components=tuple(components)))
-    jacobi = flight(CASE, algorithm="jacobi")
+    jacobi = recording(CASE, algorithm="jacobi")
     for name in jacobi.vectors:
         ours, expected = late[name], jacobi[name]
         if name.startswith(SOFTWARE):

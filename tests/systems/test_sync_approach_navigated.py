@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""sync_approach on estimates: what sensors and filters reach, set by set, against the figures of
-docs/models.md F.7; consistency as flown; what a sample costs.
+"""sync_approach on estimates: the accuracy of sensors and filters, per parameter set, against the
+values of docs/models.md F.7; consistency of the simulated filters; the cost of a sample.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tests.each import some
 from ..fmu.driver import Kind, Unit
 from ..fmu.estimates import estimate, named
 from ..fmu.test_relative_filter import difference
-from .navigated_case import SYSTEM, TRUTH_FED, Errors, flight, impulse, rms, tracking, turns
+from .navigated_case import SYSTEM, TRUTH_FED, Errors, impulse, recording, rms, tracking, turns
 
 NAVIGATED = (
     "sync_approach_navigated",
@@ -43,19 +43,16 @@ FIGURES = {
 rms from 600 to 1800 s with seed 1."""
 
 
-FLOWN_ANYWAY = ("nominal", "dropout", "sun_blinding")
+ALWAYS_RUN = ("nominal", "dropout", "sun_blinding")
 
 
 @pytest.mark.parametrize(
     "params",
-    [
-        pytest.param(name, marks=() if name in FLOWN_ANYWAY else pytest.mark.long)
-        for name in FIGURES
-    ],
+    [pytest.param(name, marks=() if name in ALWAYS_RUN else pytest.mark.long) for name in FIGURES],
 )
 def test_estimates_and_tracking_are_as_good_as_stated(params):
     """Seed 1: to the digits of the figures, 4 %; the impulse to 0.5 %."""
-    result = flight(params)
+    result = recording(params)
     e = Errors(result)
     ours = (1e3 * rms(e.rho()), 1e3 * rms(e.drho()), rms(e.target_attitude()), rms(e.target_rate()))
     assert (*ours, 1e3 * rms(e.tracking())) == pytest.approx(FIGURES[params][:5], rel=0.04)
@@ -69,11 +66,11 @@ def test_noise_costs_a_centimetre_and_five_percent_of_impulse():
     late = (truth.time >= 600) & (truth.time <= 1800)
     assert 1e3 * rms(tracking(truth)[late]) == pytest.approx(20.8, rel=0.01)
     assert impulse(truth) == pytest.approx(159.5, rel=0.002)
-    assert truth["servicer.q_SN"][0] == pytest.approx(flight()["servicer.q_SN"][0])
+    assert truth["servicer.q_SN"][0] == pytest.approx(recording()["servicer.q_SN"][0])
 
 
-def test_common_parameters_are_those_of_the_approach_on_truth():
-    """But for the limits of the roll reference, which the set `robust` has."""
+def test_common_parameters_match_the_approach_on_truth():
+    """Except for the limits of the roll reference, which the parameter set `robust` has."""
     with load("sync_approach") as truth, load(SYSTEM) as ours:
         truth = apply(truth, params="robust", set=TRUTH_FED)
         for name in ("guidance", "controller", "propulsion", "servicer", "target"):
@@ -85,14 +82,14 @@ def test_common_parameters_are_those_of_the_approach_on_truth():
 def test_largest_errors_in_a_gap_of_poses():
     """The model carries 60 s to 40 mm and 0.9 deg, 84 s to 69 mm and 1.3 deg."""
     for params, rho, attitude in (("dropout", 40, 0.88), ("sun_blinding", 69, 1.34)):
-        e = Errors(flight(params))
+        e = Errors(recording(params))
         assert 1e3 * np.linalg.norm(e.rho(), axis=1).max() == pytest.approx(rho, rel=0.03)
         assert e.target_attitude().max() == pytest.approx(attitude, rel=0.03)
 
 
 def test_sun_blinds_the_camera_once():
     """No pose taken from 556 to 639.5 s; each comes 0.3 s late."""
-    result = flight("sun_blinding")
+    result = recording("sun_blinding")
     blind = result["pose_sensor.pose_valid"] == 0
     stamps = np.unique(result["pose_sensor.pose_time"][blind & (result.time > 1)])
     assert (stamps[0], stamps[-1]) == (556, 639.5)
@@ -101,7 +98,7 @@ def test_sun_blinds_the_camera_once():
 
 def test_a_hundred_times_the_gyro_bias_changes_nothing():
     """Known to 1e-5 rad/s after 19 s."""
-    biased, nominal = flight("gyro_bias"), flight()
+    biased, nominal = recording("gyro_bias"), recording()
     error = biased["attitude_filter.bias_hat_S"][1:] - biased["gyro.bias_S"][1:]
     assert np.abs(error[biased.time[1:] > 19]).max() < 1e-5
     for name in ("rho", "drho", "target_rate"):
@@ -113,7 +110,7 @@ def test_cold_start_ends_with_the_first_poses():
     """Position and attitude by the pose of 0 s, which arrives at 0.3 s; the rate within 1e-3 rad/s
     after 25 s. The tracked point stays within 10 deg of the boresight.
     """
-    result = flight()
+    result = recording()
     acquired = result["relative_filter.relative_valid"]
     assert not acquired[:4].any()
     assert acquired[4:].all()
@@ -125,7 +122,7 @@ def test_cold_start_ends_with_the_first_poses():
 
 def test_jacobi_delays_every_wire_by_a_step_and_little_else():
     """Own attitude 36 arcsec, rho 5.9 mm, the same tracking."""
-    result = flight(algorithm="jacobi")
+    result = recording(algorithm="jacobi")
     rho = result["relative_filter.r_SN_N"] - result["relative_filter.r_TN_N"]
     true = result["servicer.r_SN_N"] - result["target.r_TN_N"]
     late = np.flatnonzero(result.time >= 600)[:-2]
@@ -137,7 +134,7 @@ def test_jacobi_delays_every_wire_by_a_step_and_little_else():
 
 def test_latency_of_the_camera_output_is_taken_out():
     """A macro step more: stamps stay true; on the filter's output the same is dead time."""
-    plain, camera = (flight(stop=900.0, latency=latency) for latency in ((), ("pose_sensor=1",)))
+    plain, camera = (recording(stop=900.0, latency=latency) for latency in ((), ("pose_sensor=1",)))
     errors = [rms(Errors(r, 600, 899).tracking()) for r in (plain, camera)]
     assert errors[1] == pytest.approx(errors[0], rel=0.02)
     oldest = [r["relative_filter.pose_age"][r.time > 10].max() for r in (plain, camera)]
@@ -152,8 +149,8 @@ def test_both_executors_give_the_same_bits():
 @pytest.mark.parametrize(
     "controller", some(["ppc_controller", "pid_controller", "theta_d_controller"], 3)
 )
-def test_every_controller_flies_on_estimates(controller, caplog):
-    """Ten times the bandwidth passes on more noise: within half a metre, whatever it costs."""
+def test_every_controller_runs_on_estimates(controller, caplog):
+    """Ten times the bandwidth passes on more noise: within half a metre, at any cost."""
     result = run(SYSTEM, swap={"controller": controller})
     assert caplog.messages == []
     assert result["relative_filter.relative_valid"][10:].all()
@@ -177,7 +174,7 @@ def stream_of(component):
     return own.value if own else start[component.name]
 
 
-# ---- consistency as flown
+# ---- consistency as simulated
 
 PORTS = {
     "pose_sensor": ("r_GK_K", "q_TK", "pose_time", "pose_valid"),
@@ -188,7 +185,7 @@ PORTS = {
 
 def replay(kind: Kind, result, parameters):
     """The relative filter once more with the inputs of a run: NEES of (rho, v, theta, w) after each
-    pose, NIS, and that it says the same again.
+    pose, NIS, and that it computes the same again.
     """
     columns = {}
     for component, names in PORTS.items():
@@ -243,7 +240,7 @@ def consistency(folder, seeds, stop):
     return np.array(nees), np.array(nis), np.mean(stars), np.mean(fixes)
 
 
-def test_filter_as_flown_is_not_too_sure_of_itself(tmp_path):
+def test_filter_as_simulated_is_not_too_sure_of_itself(tmp_path):
     """Three seeds of 120 s: process noise for what it does not model makes it conservative."""
     nees, nis, _, _ = consistency(tmp_path, (1, 2, 3), 120.0)
     assert nees.mean() < chi2.ppf(0.975, 3 * 12) / 3
@@ -252,7 +249,7 @@ def test_filter_as_flown_is_not_too_sure_of_itself(tmp_path):
 
 
 @pytest.mark.long
-def test_filter_as_flown_is_not_too_sure_of_itself_over_many_seeds(tmp_path):
+def test_filter_as_simulated_is_not_too_sure_of_itself_over_many_seeds(tmp_path):
     """50 seeds of 600 s: mean NEES 7.8 of 12, at most 11.4 at any instant (bound 13.4), NIS 5.89,
     stars 3.01, fixes 6.03.
     """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""harness report: the table for sync_approach, its verdicts, and results with which not everything
-can be judged.
+"""harness report: the table for sync_approach, its verdicts, and results for which some claims are
+not judged.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from harness.results.result import Result
 from ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
 from tests.each import each
 
-from .sync_case import PAPER, flight
+from .sync_case import PAPER, recording
 
 CLAIMS = {claim.name: claim for claim in ZHU_YANG_2009.claims}
 
 
 @pytest.fixture(scope="module")
 def result() -> Result:
-    return flight(PAPER)
+    return recording(PAPER)
 
 
 def rows(result: Result, chosen) -> Result:
     return replace(result, time=result.time[chosen], values=result.values[chosen])
 
 
-def columns(result: Result, wanted) -> Result:
-    chosen = [i for i, name in enumerate(result.columns) if wanted(name)]
+def columns(result: Result, required) -> Result:
+    chosen = [i for i, name in enumerate(result.columns) if required(name)]
     names, units = (tuple(part[i] for i in chosen) for part in (result.columns, result.units))
     return Result(result.system, result.time, names, units, result.values[:, chosen])
 
@@ -59,7 +59,7 @@ def erring(change):
     """A reference position from which the servicer is off by another error."""
 
     def reference(x):
-        actual = flight(PAPER)["guidance.rho_H"]
+        actual = recording(PAPER)["guidance.rho_H"]
         return actual - change(actual - x)
 
     return reference
@@ -67,11 +67,11 @@ def erring(change):
 
 def nearer(weight):
     """A reference attitude on the way from the servicer's own to what it was; the sample of a row
-    is that of the state one row before.
+    belongs to the state one row before.
     """
 
     def reference(x):
-        own = np.concatenate((x[:1], flight(PAPER)["servicer.q_SN"][:-1]))
+        own = np.concatenate((x[:1], recording(PAPER)["servicer.q_SN"][:-1]))
         own *= np.sign(np.sum(own * x, axis=1, keepdims=True))
         between = own + weight(x) * (x - own)
         between[0] = between[1]  # as after initialization
@@ -107,16 +107,14 @@ def test_the_table_is_the_same_from_a_file(result, tmp_path):
 
 
 def test_the_command_prints_the_table(result, tmp_path, capsys):
-    file = ResultFile(tmp_path / "flight.nc")
+    file = ResultFile(tmp_path / "run.nc")
     file.write(rows(result, slice(None, None, 10)))
     assert main(["report", str(file.path)]) == 0
     assert "claims: 8 reproduced" in capsys.readouterr().out
 
 
-def test_the_command_says_by_its_status_that_something_could_not_be_judged(
-    result, tmp_path, capsys
-):
-    file = ResultFile(tmp_path / "flight.nc")
+def test_the_command_fails_if_a_claim_is_not_judged(result, tmp_path, capsys):
+    file = ResultFile(tmp_path / "run.nc")
     file.write(rows(result, slice(0, 9001, 10)))
     assert main(["report", str(file.path)]) == 1
     assert "13 not exercised" in capsys.readouterr().out
@@ -169,11 +167,11 @@ def test_another_history_gets_another_verdict(result, name, variable, change, ex
     assert verdict(changed(result, variable, change), name) is expected
 
 
-# ---- what cannot be judged
+# ---- what is not judged
 
 
 @pytest.mark.parametrize("stop", [0, 1, 100, 5999, 6000, 11999, 12000, 12001, 13000, 17999])
-def test_a_run_that_ends_early_is_judged_as_far_as_it_goes(result, stop):
+def test_a_run_that_ends_early_is_evaluated_as_far_as_it_goes(result, stop):
     text, passed = report(rows(result, slice(0, stop + 1)))
     assert not passed
     assert "the run ends at" in text
@@ -206,7 +204,7 @@ def test_values_that_are_not_finite_are_not_judged(result):
 
 @pytest.mark.parametrize("every", [11, 200, 6000])
 def test_a_run_recorded_too_seldom_is_not_judged(every):
-    _, passed = report(flight(PAPER, every=every))
+    _, passed = report(recording(PAPER, every=every))
     assert not passed
 
 
@@ -215,8 +213,8 @@ def test_an_attitude_that_is_never_released_is_not_judged(result):
     assert verdict(resting, "attitude tracking") is Verdict.NOT_JUDGED
 
 
-def test_a_result_of_no_known_system_is_refused(result):
-    with pytest.raises(ResultsError, match="there are no claims of a paper"):
+def test_a_result_of_no_known_system_is_rejected(result):
+    with pytest.raises(ResultsError, match="no claims of a paper apply"):
         report(columns(result, lambda name: name.startswith("target")))
 
 
@@ -224,8 +222,8 @@ def test_a_result_of_no_known_system_is_refused(result):
 
 
 @pytest.mark.parametrize("name", ["robust", "informed", "undisturbed"])
-def test_other_parameter_sets_are_judged_too(name):
-    text, passed = report(flight(PAPER, params=name))
+def test_other_parameter_sets_are_evaluated_too(name):
+    text, passed = report(recording(PAPER, params=name))
     assert passed
     words = " ".join(text.split())
     assert "Not the case of the paper" in words

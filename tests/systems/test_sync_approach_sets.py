@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameter sets and variants of sync_approach: they fly and do what they say."""
+"""Parameter sets and variants of sync_approach: they run and do what their names state."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from .sync_case import PAPER, STEP, Case, flight
+from .sync_case import PAPER, STEP, Case, recording
 
 TRUE_MASS, START_MASS = 100, 95
 J_S = np.diag([200, 250, 150])
@@ -41,7 +41,7 @@ def dissipation(V: np.ndarray, rate: np.ndarray) -> tuple[float, float]:
 
 
 def at_samples(result, *names: str) -> list[np.ndarray]:
-    """Errors computed at a sample stand in the row after it, with the estimates that follow from
+    """Errors computed at a sample are in the row after it, with the estimates that follow from
     them.
     """
     return [result[name][:-1] if name.endswith("_hat") else result[name][1:] for name in names]
@@ -52,7 +52,7 @@ def test_lyapunov_function_of_the_position_falls_as_proved():
     (measured: 0.3 %).
     """
     names = (f"controller.{x}" for x in ("e1_H", "e2_H", "m_hat"))
-    e1, e2, m_hat = at_samples(flight(PAPER, params="undisturbed"), *names)
+    e1, e2, m_hat = at_samples(recording(PAPER, params="undisturbed"), *names)
     V = TRUE_MASS / 2 * (K_RHO * square(e1) + square(e2)) + (TRUE_MASS - m_hat) ** 2 / (2 * GAMMA_M)
     increase, imbalance = dissipation(V, m_hat * P_RHO * square(e2))
     assert increase < 0
@@ -65,7 +65,7 @@ def test_lyapunov_function_of_the_attitude_falls_as_proved():
     """
     names = (f"controller.{x}" for x in ("epsilon", "domega_S", "eta_hat"))
     epsilon, dw, eta_hat = (
-        x[12000:] for x in at_samples(flight(PAPER, params="undisturbed"), *names)
+        x[12000:] for x in at_samples(recording(PAPER, params="undisturbed"), *names)
     )
     kinetic = np.einsum("ki,ij,kj->k", dw, J_S, dw)
     V = (
@@ -76,10 +76,10 @@ def test_lyapunov_function_of_the_attitude_falls_as_proved():
     assert imbalance < 0.01
 
 
-def test_without_disturbances_the_safe_distance_is_kept_but_the_error_stays():
+def test_without_disturbances_the_safe_distance_is_retained_but_the_error_stays():
     """It is the disturbance that brings the servicer 2.6 mm too close; the offset by the mass error
     remains without it: m_hat K e1 = (m - m_hat) Psi in the limit set (docs/models.md A.5.1)."""
-    result = flight(PAPER, params="undisturbed")
+    result = recording(PAPER, params="undisturbed")
     assert result["guidance.range"].min() > 4
     late = position_error(result)[-1]
     assert late == pytest.approx(0.011, abs=5e-4)
@@ -95,13 +95,13 @@ def test_without_disturbances_the_safe_distance_is_kept_but_the_error_stays():
 
 
 def test_informed_set_does_not_adapt():
-    result = flight(PAPER, params="informed")
+    result = recording(PAPER, params="informed")
     assert (result["controller.m_hat"] == TRUE_MASS).all()
     assert (result["controller.eta_hat"] == TRUE_ETA).all()
 
 
 def test_knowledge_of_mass_and_inertia_makes_every_error_smaller():
-    default, informed = flight(PAPER), flight(PAPER, params="informed")
+    default, informed = recording(PAPER), recording(PAPER, params="informed")
     assert position_error(informed)[6000:].max() < 0.5 * position_error(default)[6000:].max()
     assert attitude_error(informed)[-1000:].max() < 0.1 * attitude_error(default)[-1000:].max()
 
@@ -115,7 +115,7 @@ UNKNOWNS = {
 
 
 def final_position_error(name: str, changes) -> float:
-    return position_error(flight(Case(name, PAPER.stop, changes), params="informed"))[-1]
+    return position_error(recording(Case(name, PAPER.stop, changes), params="informed"))[-1]
 
 
 def test_with_nothing_unknown_the_position_error_vanishes():
@@ -134,21 +134,23 @@ def test_everything_unknown_costs_its_centimetre(name):
 # ---- robust: estimates in known ranges, slower adaptation
 
 
-def test_robust_set_keeps_its_estimates_in_their_ranges():
-    result = flight(PAPER, params="robust")
-    room = np.where(START_ETA > 0, 0.3 * START_ETA, [20] * 6 + [2] * 6)
+def test_robust_set_retains_its_estimates_in_their_ranges():
+    result = recording(PAPER, params="robust")
+    space = np.where(START_ETA > 0, 0.3 * START_ETA, [20] * 6 + [2] * 6)
     rounding = 1 + 1e-12
     assert (np.abs(result["controller.m_hat"] - START_MASS) <= 0.3 * START_MASS * rounding).all()
-    assert (np.abs(result["controller.eta_hat"] - START_ETA) <= room * rounding).all()
+    assert (np.abs(result["controller.eta_hat"] - START_ETA) <= space * rounding).all()
 
 
 def test_default_set_leaves_the_ranges_of_the_robust_one():
     """A13 and A23 wander to -3.9 and -4.7 kg m2: the projection has something to do."""
-    assert (flight(PAPER)["controller.eta_hat"][-1, [8, 10]] < -2).all()
+    assert (recording(PAPER)["controller.eta_hat"][-1, [8, 10]] < -2).all()
 
 
 def test_robust_set_tracks_better_than_the_default():
-    default, robust = (attitude_error(flight(PAPER, params=name)) for name in ("default", "robust"))
+    default, robust = (
+        attitude_error(recording(PAPER, params=name)) for name in ("default", "robust")
+    )
     assert robust[-1000:].max() < 0.6 * default[-1000:].max()
 
 
@@ -157,7 +159,7 @@ def test_robust_set_tracks_better_than_the_default():
 VARIANTS = {
     "paper": ({}, 6.10),
     "no adaptation": ({"controller.Gamma_scale": 0}, 2.38),
-    "a tenth of it": ({"controller.Gamma_scale": 0.1}, 2.28),
+    "a tenth of Gamma": ({"controller.Gamma_scale": 0.1}, 2.28),
     "projection": ({"controller.projection": 1}, 2.81),
     "true inertias": (
         {"controller.Gamma_scale": 0, "controller.eta_hat_0": TRUE_ETA.tolist()},
@@ -167,10 +169,10 @@ VARIANTS = {
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-def test_attitude_error_at_the_end_is_that_of_an_independent_program(name):
+def test_attitude_error_at_the_end_matches_an_independent_program(name):
     """Computed once by a program in Python that shares nothing with this repository; to its printed
     digits [deg].
     """
     changes, expected = VARIANTS[name]
-    result = flight(Case(name, PAPER.stop, changes))
+    result = recording(Case(name, PAPER.stop, changes))
     assert attitude_error(result)[-1] == pytest.approx(expected, abs=0.006)

@@ -17,7 +17,9 @@ IDEAL, REAL = "sync_approach", "sync_approach_thrusters"
 
 
 @cache
-def flight(system: str = REAL, params: str | None = None, changes: tuple[str, ...] = ()) -> Result:
+def recording(
+    system: str = REAL, params: str | None = None, changes: tuple[str, ...] = ()
+) -> Result:
     return run(system, params=params, set=changes, every=10)
 
 
@@ -38,7 +40,7 @@ def impulse(result: Result) -> float:
     return float(result["propulsion.impulse"][-1].sum())
 
 
-def test_parameters_of_the_common_components_are_those_of_the_ideal_system():
+def test_parameters_of_the_common_components_match_the_ideal_system():
     with load(IDEAL) as ideal, load(REAL) as real:
         for name in ("guidance", "controller", "servicer", "target"):
             assert real.component(name).parameters == ideal.component(name).parameters
@@ -49,7 +51,7 @@ def test_continuous_throttles_cost_half_a_percent():
     """Delay, lag and allocation together take less than a second: error 2.16 -> 2.17 cm, impulse
     178.1 -> 178.5 N s.
     """
-    ideal, real = flight(IDEAL), flight()
+    ideal, real = recording(IDEAL), recording()
     assert tracking_error(ideal) == pytest.approx(0.02162, rel=0.01)
     assert tracking_error(real) == pytest.approx(1.004 * tracking_error(ideal), rel=0.01)
     assert impulse(real) == pytest.approx(1.002 * impulse(ideal), rel=0.01)
@@ -57,7 +59,7 @@ def test_continuous_throttles_cost_half_a_percent():
 
 
 def test_all_commands_are_in_reach_and_allocated():
-    result = flight()
+    result = recording()
     assert not result["allocation.infeasible"].any()
     allocated, commanded = result["allocation.F_alloc_S"][1:], result["controller.F_cmd_S"][1:]
     assert allocated == pytest.approx(commanded, abs=1e-6)
@@ -68,11 +70,14 @@ def test_pulses_cost_five_times_the_error_because_thrust_falls_more_slowly_than_
     """Every pulse gives up to (T2dn - T2up) P too much: 10.5 cm, 12 % more impulse; with equal
     constants 2.6 cm.
     """
-    pulsed, symmetric = flight(REAL, "pulsed"), flight(REAL, "pulsed", ("propulsion.T2dn=0.3",))
+    pulsed, symmetric = (
+        recording(REAL, "pulsed"),
+        recording(REAL, "pulsed", ("propulsion.T2dn=0.3",)),
+    )
     assert tracking_error(pulsed) == pytest.approx(0.105, rel=0.03)
-    assert impulse(pulsed) == pytest.approx(1.116 * impulse(flight(IDEAL)), rel=0.02)
+    assert impulse(pulsed) == pytest.approx(1.116 * impulse(recording(IDEAL)), rel=0.02)
     assert tracking_error(symmetric) == pytest.approx(0.0258, rel=0.05)
-    assert impulse(symmetric) == pytest.approx(1.019 * impulse(flight(IDEAL)), rel=0.02)
+    assert impulse(symmetric) == pytest.approx(1.019 * impulse(recording(IDEAL)), rel=0.02)
     assert set(np.unique(pulsed["allocation.throttle"])) == {0, 1}
 
 
@@ -81,10 +86,10 @@ def test_thrusters_can_also_turn_the_vehicle():
     third.
     """
     result, ideal = (
-        flight(REAL, "torque_by_thrusters"),
-        flight(IDEAL, None, ("controller.use_wheels=0",)),
+        recording(REAL, "torque_by_thrusters"),
+        recording(IDEAL, None, ("controller.use_wheels=0",)),
     )
-    assert tracking_error(result) == pytest.approx(tracking_error(flight()), rel=1e-3)
+    assert tracking_error(result) == pytest.approx(tracking_error(recording()), rel=1e-3)
     assert attitude_error(result) == pytest.approx(attitude_error(ideal), rel=0.05)
     assert impulse(result) == pytest.approx(237, rel=0.02)
     assert not result["servicer.wheel_speed"].any()

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 
 from harness import run
 from harness.figures.plots import overlay, paint, plot
-from ssp.transposition.tracking import attitude_error as tracking_error
+from ssp.transposition.metrics import attitude_error as tracking_error
 from tests.missions import FIGURES
 
 from ..reference.assembly import turned
@@ -23,50 +23,52 @@ Q_OH = np.array((1.0, -1, -1, 1)) / 2
 
 
 @cache
-def flight(params="cluster"):
+def recording(params="cluster"):
     return run("transposition", params=params)
 
 
 def figure(name):
-    (found,) = (f for f in FIGURES if f.name == name and f.fits(flight()))
-    return paint(found, flight())
+    (found,) = (f for f in FIGURES if f.name == name and f.fits(recording()))
+    return paint(found, recording())
 
 
 def test_every_figure_is_drawn(tmp_path, sketches):
-    assert {path.stem for path in plot(flight(), tmp_path)} == NAMES
+    assert {path.stem for path in plot(recording(), tmp_path)} == NAMES
 
 
 @pytest.mark.long
 def test_the_files_are_pictures(tmp_path):
-    for path in plot(flight(), tmp_path):
+    for path in plot(recording(), tmp_path):
         ink = imread(path)[..., :3].min(axis=2) < 0.9
         assert 0.003 < ink.mean() < 0.6, path.name
 
 
 def test_runs_are_drawn_into_one_figure(tmp_path, sketches):
-    runs = {params: flight(params) for params in ("cluster", "earth_pointing")}
+    runs = {params: recording(params) for params in ("cluster", "earth_pointing")}
     assert {path.stem for path in overlay(runs, tmp_path)} == {
         "planned_momentum",
         "compared_momentum",
     }
 
 
-def test_tracking_error_is_that_of_the_controller():
-    """What the controller computed at a sample stands in the next row."""
-    result = flight()
+def test_tracking_error_matches_the_controller():
+    """Values of the controller at a sample are in the next row."""
+    result = recording()
     expected = result["controller.attitude_error"][1:]
     assert tracking_error(result)[:-1] == pytest.approx(expected, abs=1e-12)
 
 
 def test_bars_of_the_plan_are_its_peaks():
     bars = [bar.get_height() for bar in figure("plan").axes[0].patches]
-    count = int(flight()["guidance.iterations"][0]) + 1
-    assert bars == list(flight()["guidance.peak"][0, :count])
+    count = int(recording()["guidance.iterations"][0]) + 1
+    assert bars == list(recording()["guidance.peak"][0, :count])
 
 
-def test_bodies_stand_where_attitude_and_arm_put_them():
-    """Mean of the edges of either box: its centre in axes of flight, which the base turns about."""
-    result = flight()
+def test_bodies_are_where_attitude_and_arm_put_them():
+    """Mean of the edges of either box: its centre in the axes of flight attitude, which the base
+    turns about.
+    """
+    result = recording()
     rows = np.linspace(0, 5400, 6).round().astype(int)
     for axes, row in zip(figure("bodies").axes, rows, strict=True):
         q_SO = multiply(conjugate(Q_OH), result["assembly.q_SH"][row])

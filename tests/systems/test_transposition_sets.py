@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The system transposition: what its sets do, and how exactly the law keeps the predicted
-momentum.
+"""The system transposition: what its parameter sets do, and how exactly the law conserves the
+predicted momentum.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def test_wrong_inertia_and_density_cost_less_than_a_tenth_of_a_degree(inertia, d
     assert result["assembly.h_cmg"].max() < 0.9 * H_SAT
 
 
-def test_cluster_flies_the_plan_far_from_singularities():
+def test_cluster_runs_the_plan_far_from_singularities():
     result = run("transposition", params="cluster")
     assert error_deg(result) < 0.05
     assert result["assembly.singularity"].min() > 1
@@ -84,7 +84,7 @@ def test_cluster_flies_the_plan_far_from_singularities():
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_flight_attitude_saturates_well_before_the_end_and_is_lost():
+def test_run_attitude_saturates_well_before_the_end_and_is_lost():
     result = run("transposition", params="earth_pointing")
     first = result.time[result["assembly.saturated"] > 0][0]
     assert first < 2000

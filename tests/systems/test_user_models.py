@@ -63,7 +63,7 @@ def glb(corners=CORNERS, faces=FACES):
 
 @pytest.fixture(autouse=True)
 def no_mission_stays(monkeypatch):
-    """What one test names, another one does not see."""
+    """Forget the missions that other tests have named."""
     monkeypatch.setattr(library, "_named", {})
 
 
@@ -81,18 +81,18 @@ def page_of(result, path):
     return Page(write(result, path).read_text(encoding="utf-8"))
 
 
-def test_a_model_stands_where_the_body_was(mine, tmp_path):
-    """Triangles in body axes and metres, turned and shifted as its node says, in its colour."""
+def test_a_model_is_where_the_body_was(mine, tmp_path):
+    """Triangles in body axes and metres, turned and shifted as its node states, in its colour."""
     page = page_of(run(mine, stop=1.0), tmp_path / "x.html")
     scene = page.data["scene"]
     (target,) = (body for body in scene["bodies"] if body["name"] == "target")
     (part,) = target["parts"]
-    wanted = CORNERS[FACES.ravel()] * [-1, -1, 1] + SHIFT
-    assert np.allclose(page.array(part["corners"]), wanted, atol=1e-6)
+    required = CORNERS[FACES.ravel()] * [-1, -1, 1] + SHIFT
+    assert np.allclose(page.array(part["corners"]), required, atol=1e-6)
     linear = np.array([0.5, 0.25, 0.0])
     srgb = np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, 12.92 * linear)
     assert part["tint"] == pytest.approx(srgb, abs=0.005)
-    assert target["radius"] == pytest.approx(np.linalg.norm(wanted, axis=1).max())
+    assert target["radius"] == pytest.approx(np.linalg.norm(required, axis=1).max())
     (servicer,) = (body for body in scene["bodies"] if body["name"] == "servicer")
     assert not any(part["kind"] == "mesh" for part in servicer["parts"])
 
@@ -115,7 +115,7 @@ def test_the_page_needs_no_file_any_more(mine, tmp_path):
         ("target = 3", "scene.models.target: must be a text, not 3"),
     ],
 )
-def test_what_is_wrong_is_a_line_of_check(mine, capsys, models_, problem):
+def test_an_invalid_model_is_reported_in_one_line_by_check(mine, capsys, models_, problem):
     text = f'extends = "sync_approach"\n[scene.models]\n{models_}\n'
     (mine / "system.toml").write_text(text)
     assert main(["check", str(mine)]) == 1
@@ -127,12 +127,12 @@ def test_what_is_wrong_is_a_line_of_check(mine, capsys, models_, problem):
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
-        (b"nonsense", "is no glTF file"),
-        (glb()[:200], "is no glTF file"),
-        (glb(np.full((4, 3), np.nan, dtype="<f4")), "holds a corner that is no number"),
+        (b"nonsense", "is not a glTF file"),
+        (glb()[:200], "is not a glTF file"),
+        (glb(np.full((4, 3), np.nan, dtype="<f4")), "contains a corner that is not finite"),
     ],
 )
-def test_a_file_that_is_no_model_is_one_line_of_the_report(
+def test_a_file_that_is_no_model_is_reported_in_one_line_of_the_report(
     mine, tmp_path, capsys, content, problem
 ):
     result = run(mine, stop=1.0)
@@ -146,7 +146,7 @@ def test_a_file_that_is_no_model_is_one_line_of_the_report(
     assert not (tmp_path / "x.html").exists()
 
 
-def test_a_model_too_large_for_a_page_is_refused_with_its_number(mine, tmp_path):
+def test_a_model_too_large_for_a_page_is_rejected_with_its_number(mine, tmp_path):
     count = models.MOST + 1
     many = np.tile(FACES[:1], (count, 1))
     (mine / "sat.glb").write_bytes(glb(faces=many))
@@ -155,8 +155,10 @@ def test_a_model_too_large_for_a_page_is_refused_with_its_number(mine, tmp_path)
         write(result, tmp_path / "x.html")
 
 
-def test_a_model_of_what_the_replay_does_not_show_is_refused(mine, tmp_path):
+def test_a_model_of_what_the_replay_does_not_show_is_rejected(mine, tmp_path):
     text = 'extends = "sync_approach"\n[scene.models]\nguidance = "sat.glb"\n'
     (mine / "system.toml").write_text(text)
-    with pytest.raises(UsageError, match="guidance: the replay has no such body, only servicer"):
+    with pytest.raises(
+        UsageError, match="guidance: the replay has no such body; its bodies are servicer"
+    ):
         write(run(mine, stop=1.0), tmp_path / "x.html")

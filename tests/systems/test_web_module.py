@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems as WebAssembly modules in node: the bits of a run here, refusals in the words of the
+"""Systems as WebAssembly modules in node: the bits of a run here, rejections in the words of the
 models. Run by make test-wasm.
 """
 
@@ -13,7 +13,7 @@ import pytest
 
 from harness import run
 from harness.files import paths
-from tests.systems.flights import flown, module
+from tests.systems.recordings import module, simulated
 
 pytestmark = pytest.mark.wasm
 
@@ -30,11 +30,11 @@ def differing(rows, result):
 @pytest.mark.parametrize("system", sorted(paths.systems()))
 def test_the_default_run_has_the_bits_of_the_fmus(tmp_path, system):
     made, about = module(system)
-    told, rows = flown(tmp_path, made, about)
+    stated, rows = simulated(tmp_path, made, about)
     result = run(system)
-    assert told["complete"] and told["message"] == ""
+    assert stated["complete"] and stated["message"] == ""
     assert differing(rows, result) == 0
-    assert told["sha256"] == hashlib.sha256(result.values.tobytes()).hexdigest()
+    assert stated["sha256"] == hashlib.sha256(result.values.tobytes()).hexdigest()
     assert len(gzip.compress(made.code)) <= LARGEST
 
 
@@ -42,18 +42,18 @@ def test_thinned_rows_and_other_values_have_the_bits_of_such_a_run(tmp_path):
     made, about = module("sync_approach", stop=30.05, step=0.05)
     about["values"][made.names.index("servicer.mass_0")] = 130.0
     about["every"] = 7
-    _, rows = flown(tmp_path, made, about)
+    _, rows = simulated(tmp_path, made, about)
     changes = {"set": {"servicer.mass_0": 130.0}, "stop": 30.05, "step": 0.05}
     assert differing(rows, run("sync_approach", every=7, **changes)) == 0
 
 
-def test_a_refused_value_is_told_and_the_next_flight_knows_nothing_of_it(tmp_path):
+def test_a_rejected_value_is_reported_and_the_next_run_knows_nothing(tmp_path):
     made, about = module("sync_approach", stop=1.0)
     place = made.names.index("servicer.mass_0")
     good, about["values"][place] = about["values"][place], -1.0
-    told, rows = flown(tmp_path, made, about)
-    assert not told["complete"] and len(rows) == 0
-    assert "servicer.mass_0 = -1" in told["message"] and "must be > 0" in told["message"]
+    stated, rows = simulated(tmp_path, made, about)
+    assert not stated["complete"] and len(rows) == 0
+    assert "servicer.mass_0 = -1" in stated["message"] and "must be > 0" in stated["message"]
     about["values"][place] = good
-    told, _ = flown(tmp_path, made, about)
-    assert told["complete"]
+    stated, _ = simulated(tmp_path, made, about)
+    assert stated["complete"]

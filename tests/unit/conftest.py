@@ -71,10 +71,10 @@ class Core:
             self.library.call_all_finite(x.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(x.size))
         )
 
-    def keep_rule(self, rule, x):
+    def satisfy_rule(self, rule, x):
         x = np.ascontiguousarray(x, float)
         values = x.ctypes.data_as(ctypes.c_void_p)
-        return bool(self.library.call_keep_rule(rule, values, ctypes.c_size_t(x.size)))
+        return bool(self.library.call_satisfy_rule(rule, values, ctypes.c_size_t(x.size)))
 
     def mass_matrix(self, arm, m_0, J_S, q):
         """(13, 13), from the numbers of an Arm."""
@@ -92,9 +92,9 @@ class Core:
         found = self.library.call_solve_upper(rows, n, (ctypes.c_double * n)(*b), x)
         return np.array(x[:n]) if found else None
 
-    def refusals_of_inertia(self, J):
+    def problems_of_inertia(self, J):
         text = ctypes.create_string_buffer(8000)
-        self.library.refusals_of_inertia(to_c("mat3", J), text)
+        self.library.problems_of_inertia(to_c("mat3", J), text)
         return text.value.decode()
 
     def substeps(self, t, h, grid):
@@ -107,11 +107,11 @@ class Core:
 
     @staticmethod
     def _listed(function, *times):
-        room = 1000
-        first, second = (ctypes.c_double * room)(), (ctypes.c_double * room)()
+        capacity = 1000
+        first, second = (ctypes.c_double * capacity)(), (ctypes.c_double * capacity)()
         function.restype = ctypes.c_size_t
-        n = function(*map(ctypes.c_double, times), ctypes.c_size_t(room), first, second)
-        assert n <= room
+        n = function(*map(ctypes.c_double, times), ctypes.c_size_t(capacity), first, second)
+        assert n <= capacity
         return list(zip(first[:n], second[:n], strict=True))
 
 

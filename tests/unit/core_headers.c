@@ -1,4 +1,4 @@
-/* core_headers.c - the functions of the core headers as a library for the unit tests.
+/* core_headers.c - functions of the core headers as a library for the unit tests.
  *
  * The tests read the signatures from the lines CALL(result, function, (parameters), (arguments)).
  * */
@@ -24,7 +24,7 @@
 /* arc.h */
 CALL(Square, square_along, (vec3 a, vec3 b, vec3 c, vec3 d), ((vec3[4]){a, b, c, d}))
 
-/* arm.h: numbers of an Arm one after the other, and H by its columns */
+/* arm.h: mass matrix H, by columns, of the numbers of an Arm */
 enum { SPEEDS = 6 + ARM_JOINTS };
 
 void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const double q[7],
@@ -41,8 +41,8 @@ void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const 
     Tree tree;
     Composite base = body_at_S(m_0, J);
     set_chain(&chain, &a);
-    place(&tree, &links, &chain, q);
-    weigh(&links, &chain);
+    place_links(&tree, &links, &chain, q);
+    set_link_inertias(&links, &chain);
     set_mass_matrix(&tree, &links, &base);
     memset(H, 0, SPEEDS * SPEEDS * sizeof *H);
     for (int j = 0; j < 6 + chain.joints; j++) {
@@ -57,7 +57,7 @@ void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const 
     }
 }
 
-/* cholesky.h: what is not given is not a number */
+/* cholesky.h: elements that are not given are NaN */
 int call_solve_upper(const double *A, int n, const double *b, double *x);
 int call_solve_upper(const double *A, int n, const double *b, double *x)
 {
@@ -132,13 +132,13 @@ CALL(mat3, pseudo_inverse, (mat3 m, double share), (m, share))
 CALL(quat, rotation, (vec3 a), (a))
 CALL(vec3, rotation_error, (quat q), (q))
 CALL(vec3, rotation_vector, (quat q), (q))
-CALL(quat, turn, (vec3 phi), (phi))
+CALL(quat, quat_of_rotation_vector, (vec3 phi), (phi))
 
 /* motion.h */
 CALL(Motion, neg_motion, (Motion a), (a))
 CALL(Motion, cross_motion, (Motion a, Motion b), (a, b))
 CALL(Motion, normalised, (Motion u), (u))
-CALL(Motion, normal_part, (vec3 fixed, Motion i), (fixed, i))
+CALL(Motion, perpendicular_part, (vec3 fixed, Motion i), (fixed, i))
 CALL(vec3, frame_rate, (Motion i, Motion j, Motion k), (i, j, k))
 CALL(vec3, frame_acceleration, (Motion i, Motion j, Motion k), (i, j, k))
 
@@ -160,37 +160,37 @@ mat6 call_lyapunov(mat6 A, mat6 C)
 
 /* rigid_body.h */
 CALL(vec3, gravity_gradient, (double mu, vec3 r_B, mat3 J), (mu, r_B, J))
-CALL(int, keeps_triangle_rule, (mat3 J), (J))
+CALL(int, satisfies_triangle_inequality, (mat3 J), (J))
 
-void refusals_of_inertia(mat3 J, char text[8000]);
-void refusals_of_inertia(mat3 J, char text[8000])
+void problems_of_inertia(mat3 J, char text[8000]);
+void problems_of_inertia(mat3 J, char text[8000])
 {
     Problems problems = {.part = ""};
     check_inertia(&problems, "J", J);
     memcpy(text, problems.text, sizeof problems.text);
 }
 
-/* time_grid.h: how many, and the first `room` of them */
+/* time_grid.h: the number of steps, of which the first `capacity` are stored */
 CALL(double, time_tolerance, (double x, double most), (x, most))
 CALL(double, grid_number, (double t, double grid), (t, grid))
 CALL(double, sample_index, (double t, double period), (t, period))
 CALL(int, reached, (double t, double begin), (t, begin))
 
-size_t substeps(double t, double h, double grid, size_t room, double at[], double length[]);
-size_t substeps(double t, double h, double grid, size_t room, double at[], double length[])
+size_t substeps(double t, double h, double grid, size_t capacity, double at[], double length[]);
+size_t substeps(double t, double h, double grid, size_t capacity, double at[], double length[])
 {
     size_t n = 0;
     for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s), n++)
-        if (n < room) at[n] = s.t, length[n] = s.h;
+        if (n < capacity) at[n] = s.t, length[n] = s.h;
     return n;
 }
 
-size_t samples(double t, double h, double period, size_t room, double at[], double spacing[]);
-size_t samples(double t, double h, double period, size_t room, double at[], double spacing[])
+size_t samples(double t, double h, double period, size_t capacity, double at[], double spacing[]);
+size_t samples(double t, double h, double period, size_t capacity, double at[], double spacing[])
 {
     size_t n = 0;
     for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s), n++)
-        if (n < room) at[n] = s.t, spacing[n] = s.period;
+        if (n < capacity) at[n] = s.t, spacing[n] = s.period;
     return n;
 }
 
@@ -199,10 +199,10 @@ int call_all_finite(const double x[], size_t count);
 int call_all_finite(const double x[], size_t count) { return all_finite(x, count); }
 
 /* interface.h */
-int call_keep_rule(int rule, const double x[], size_t count);
-int call_keep_rule(int rule, const double x[], size_t count)
+int call_satisfy_rule(int rule, const double x[], size_t count);
+int call_satisfy_rule(int rule, const double x[], size_t count)
 {
-    return keep_rule((Rule)rule, x, count);
+    return satisfy_rule((Rule)rule, x, count);
 }
 
 uint64_t call_fold_text(uint64_t hash, const char *text);

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""arm.h: the mass matrix against numbers by others and against point masses."""
+"""arm.h: the mass matrix against published reference values and against point masses."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tests.fmu.arm_cases import SHIFT, Others, iiwa, random_arm
+from tests.fmu.arm_cases import SHIFT, Published, iiwa, random_arm
 from tests.reference import arm as reference
 
 
@@ -23,17 +23,17 @@ def mass_matrix(core, arm, q):
     return core.mass_matrix(numbers(arm), arm.mass_0, arm.J_S, rows)
 
 
-def test_mass_matrix_is_that_of_others(core):
+def test_mass_matrix_matches_published_values(core):
     """Pinocchio 4.1 and MuJoCo 4.0, speeds of the frame of the root link."""
     T = np.eye(13)
     T[:6, :6] = SHIFT
-    H = mass_matrix(core, iiwa(), Others.q)
-    assert pytest.approx(Others.H(), abs=1e-11) == T.T @ H @ T
+    H = mass_matrix(core, iiwa(), Published.q)
+    assert pytest.approx(Published.H(), abs=1e-11) == T.T @ H @ T
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 5, 7])
-def test_mass_matrix_is_that_of_point_masses(core, rng, n):
-    """Rows of joints that do not exist are 0, whatever their parameters."""
+def test_mass_matrix_matches_point_masses(core, rng, n):
+    """Rows of joints that do not exist are 0, for any parameters."""
     arm, q = random_arm(rng, n), rng.uniform(-3, 3, n)
     H = mass_matrix(core, arm, q)
     exist = 6 + n

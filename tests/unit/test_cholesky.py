@@ -6,7 +6,7 @@ import pytest
 
 
 @pytest.mark.parametrize("n", range(1, 8))
-def test_solution_is_that_of_numpy_whatever_the_lower_half_holds(core, rng, n):
+def test_solution_equals_numpys_for_any_lower_half(core, rng, n):
     for _ in range(10):
         root, b = rng.normal(size=(n, n)), rng.normal(size=n)
         A = root @ root.T + 0.1 * np.eye(n)

@@ -297,7 +297,7 @@ def test_sine_is_odd_and_cosine_even(functions, rng):
 
 
 # ---- exact.h ----
-def test_roundings_are_those_of_the_library(functions, rng):
+def test_roundings_equal_the_roundings_of_the_library(functions, rng):
     x = np.concatenate(
         [
             rng.uniform(-10, 10, 1000), np.arange(-9, 10) / 2, 2.0**52 + np.arange(-5, 5),

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """line_of_sight.h: rates and accelerations of range, elevation and azimuth as differences of the
-angles themselves, and the divisors that are kept away from zero.
+angles themselves, and the divisors that are bounded away from zero.
 """
 
 import numpy as np

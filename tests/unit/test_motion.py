@@ -48,8 +48,8 @@ def test_part_normal_to_a_turning_direction(core, rng, w_alpha):
     i = turning(e, *w_alpha)
     along = scaled([fixed @ i[0], fixed @ i[1], fixed @ i[2]], i)
     expected = np.array([fixed, np.zeros(3), np.zeros(3)]) - along
-    assert same(core.normal_part(fixed, i), expected)
-    assert abs(core.normal_part(fixed, i)[0] @ e) < CLOSE
+    assert same(core.perpendicular_part(fixed, i), expected)
+    assert abs(core.perpendicular_part(fixed, i)[0] @ e) < CLOSE
 
 
 def test_turning_of_a_frame_in_its_own_components(core, rng, w_alpha):

@@ -27,7 +27,7 @@ def tolerance(n):
 
 
 def place(t, grid):
-    """Number of the grid point that t stands for, or None and the number of the one before."""
+    """Number of the grid point that t represents, or None and the number of the one before."""
     q = Fraction(t) / Fraction(grid)
     n = round(q)
     distance, rounding = abs(q - n), abs(q) * Fraction(1, 2**50)

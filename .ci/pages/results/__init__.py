@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tables of runs in the pages of the missions, one module per page.
 
-A row is a run as `harness run` is typed, a column a measure of `harness compare`, an expression
-over the results or a function of a result. FIGURES of a module are its tables by name.
+A row is a run, given by the text behind `harness run`. A column is a metric of `harness compare`,
+an expression over the results or a function of a result. VALUES of a module are its tables by name.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ for one, kind in (("params", str), ("algorithm", str), ("stop", float), ("step",
     OPTIONS.add_argument(f"--{one}", type=kind)
 OPTIONS.add_argument("--every", type=int)
 HELD = 4
-"""Results in memory, for the tables that share them; one of a mission takes 250 MB."""
+"""Results in memory, for the tables that share them; the result of a mission takes 250 MB."""
 
 
 class Column(NamedTuple):
-    """Title, what is taken out of a result (one number, several, or a text), and how it is shown;
-    no number is shown as a dash.
+    """Column of a table: title, value of a result (one number, several, or a text) and its format;
+    a value that is not finite is shown as a dash.
     """
 
     title: str
@@ -46,19 +46,21 @@ class Column(NamedTuple):
 def of_runs(
     head: str, runs: Mapping[str, str], columns: Sequence[Column], across: bool = False
 ) -> str:
-    """A table with a row per run; across: with a column per run.
+    """Return a table with a row per run; across: with a column per run.
 
     head: title of the first column; runs: first cell of a row and command behind `harness run`.
     """
-    lines = [[name, *(cell(c, flown(command)) for c in columns)] for name, command in runs.items()]
+    lines = [
+        [name, *(cell(c, result_of(command)) for c in columns)] for name, command in runs.items()
+    ]
     lines.insert(0, [head, *(c.title for c in columns)])
     titles, *rest = zip(*lines, strict=True) if across else lines
     return f"\n{table(titles, rest)}"
 
 
 @lru_cache(maxsize=HELD)
-def flown(command: str) -> Any:
-    """The result of `harness run COMMAND`; of a run that ends early the rows up to its end."""
+def result_of(command: str) -> Any:
+    """Return the result of `harness run COMMAND`; if the run ends early, the rows up to its end."""
     from harness import run
     from harness.errors import RunError
 
@@ -71,19 +73,19 @@ def flown(command: str) -> Any:
 
 
 def options(command: str) -> dict[str, Any]:
-    """Arguments of harness.run() by the text behind `harness run`."""
+    """Return the arguments of harness.run() for the text behind `harness run`."""
     return {k: v for k, v in vars(OPTIONS.parse_args(shlex.split(command))).items() if v}
 
 
 def value(what: str | Callable[[Any], Any], result: Any) -> Any:
-    """What a column takes out of a result."""
+    """Return the value of a result: of an expression, a metric or a function."""
     from harness.studies.campaign.metrics import metric
 
     return what(result) if callable(what) else metric(what, ROOT)(result)
 
 
 def cell(column: Column, result: Any) -> str:
-    """The text of a column for a run."""
+    """Return the text of a column for a result."""
     import numpy as np
 
     found = value(column.value, result)
@@ -93,13 +95,13 @@ def cell(column: Column, result: Any) -> str:
     return column.show.format(*numbers) if np.isfinite(numbers).all() else "-"
 
 
-def figure(command: str, what: str | Callable[[Any], Any], show: str) -> Callable[[], str]:
-    """A single figure of a run, for a sentence."""
-    return lambda: cell(Column("", what, show), flown(command))
+def value_of(command: str, what: str | Callable[[Any], Any], show: str) -> Callable[[], str]:
+    """Return a function that gives a single value of a run as text, for a sentence."""
+    return lambda: cell(Column("", what, show), result_of(command))
 
 
 def of_the_tests(name: str) -> Any:
-    """The module tests.systems.NAME."""
+    """Return the module tests.systems.NAME."""
     sys.path.append(str(ROOT))
     try:
         return importlib.import_module(f"tests.systems.{name}")

@@ -17,19 +17,19 @@ INSTANCES = {
 
 
 def box(result: Any) -> tuple[float, ...]:
-    """Distance kept to the box [m], end of thrust [min]."""
-    from ssp.arch_rendezvous.claims import box as measure
+    """Return the least distance to the box [m] and the end of thrust [min]."""
+    from ssp.arch_rendezvous import claims
 
-    return measure(result)
+    return claims.box(result)
 
 
 def verdict(result: Any) -> str:
-    """Verdict of this run."""
+    """Return "safe" or "unsafe" for a run."""
     return "unsafe" if box(result)[0] < 0 else "safe"
 
 
 def instances() -> str:
-    """Every set of the system."""
+    """Return a table of all parameter sets of the system."""
     runs = {f"{name}, {abort}, {word}": f"arch_rendezvous --params {name} --every 50"
             for name, (abort, word) in INSTANCES.items()}  # fmt: skip
     return of_runs("instance, abort [min], published", runs, [
@@ -38,4 +38,4 @@ def instances() -> str:
     ])  # fmt: skip
 
 
-FIGURES = {"arch_instances": instances}
+VALUES = {"arch_instances": instances}

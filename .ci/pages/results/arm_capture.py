@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Capture by the arm: its sets, on truth and on estimates, what compensation does, its reach."""
+"""Capture by the arm: parameter sets on truth and on estimates, compensation, reach."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ CAPTURE = [
 
 
 def by_set(system: str) -> str:
-    """The sets of a system side by side."""
+    """Return a table of the parameter sets of a system."""
     return of_runs("set", {f"`{s}`": f"{system} --params {s}" for s in SETS}, CAPTURE)
 
 
 def deployment() -> str:
-    """The base while the arm deploys, from its reference on."""
+    """Return a table of the errors of the base from its reference while the arm deploys."""
     runs = {
         "torque compensated, as the system has it": CLEAN,
         "nothing compensated": f"{CLEAN} --set arm_controller.compensate_torque=0",
@@ -38,20 +38,20 @@ def deployment() -> str:
 
 
 def approach(name: str) -> Any:
-    """Figure and verdict of a claim of the paper of the synchronised approach."""
+    """Return a function for value and verdict of a claim about the synchronised approach."""
 
-    def measure(result: Any) -> str:
+    def evaluate(result: Any) -> str:
         from harness.results.verdict import Kind
         from ssp.arm_capture.claims import APPROACH
 
         found = next(c for c in APPROACH.claims if c.name == name).evaluate(result)
-        return f"{found.figure}: {Kind.CLAIM.word(found.verdict)}"
+        return f"{found.value}: {Kind.CLAIM.word(found.verdict)}"
 
-    return measure
+    return evaluate
 
 
 def reach() -> str:
-    """What the approach leaves to the arm."""
+    """Return a table of the claims about what is in reach of the arm after the approach."""
     runs = {"nominal": "arm_capture", "`fast`": "arm_capture --params fast"}
     return of_runs("claim", runs, [
         Column('"within reach of the arm, and then remains"', approach("within reach")),
@@ -59,7 +59,7 @@ def reach() -> str:
     ], across=True)  # fmt: skip
 
 
-FIGURES = {
+VALUES = {
     "arm_deployment": deployment,
     "arm_sets": lambda: by_set("arm_capture"),
     "arm_estimates": lambda: by_set("arm_capture_navigated"),

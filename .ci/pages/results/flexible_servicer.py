@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Panels and slosh: what comes of them in the systems, pulses of thrusters, notches."""
+"""Panels and slosh: their effect in the systems, pulses of thrusters, notches."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ ERROR = Column("attitude error [deg]", "attitude error", "{:.3g}")
 
 
 def alarmed(result: Any) -> str:
-    """Whether the propellant has left the model's range."""
+    """Return "yes" if the propellant has left the range of the model."""
     return "yes" if result["servicer.slosh_beyond_travel"].any() else "no"
 
 
 def in_systems() -> str:
-    """What comes of panels and slosh, system by system."""
+    """Return a table of the effect of panels and slosh, system by system."""
     shift = Column("C from S, largest [m]", "max(norm(servicer.r_CS_S))", "{:.2g}")
     return of_runs("system", SYSTEMS, [*VIBRATION, Column("slosh alarm", alarmed), shift])
 
 
 def on_thrusters() -> str:
-    """The rigid and the flexible servicer on thrusters."""
+    """Return a table of the rigid and the flexible servicer on thrusters."""
     runs: dict[str, str] = {}
     for name, command in THRUSTERS.items():
         runs |= {f"{name}: rigid": command, f"{name}: flexible": f"{command} {SWAP}"}
@@ -60,7 +60,7 @@ def on_thrusters() -> str:
 
 
 def notched(hertz: float, torque: bool, force: bool) -> str:
-    """A run with wings of this frequency and notches at their free modes."""
+    """Return the command of a run with wings of this frequency and notches at their free modes."""
     wing = 2 * np.pi * hertz
     at = {"servicer.panel_frequency": f"[{','.join([f'{wing:.5g}'] * 4)}]",
           "filter.frequency": f"[{TURNING * wing * torque:.5g},0]",
@@ -69,14 +69,14 @@ def notched(hertz: float, torque: bool, force: bool) -> str:
 
 
 def modes(result: Any) -> tuple[float, float]:
-    """Antisymmetric and symmetric amplitude of two wings in the last quarter [mrad]."""
+    """Return the antisymmetric and symmetric amplitude of two wings in the last quarter [mrad]."""
     late = result["servicer.panel_angle"][result.time >= 0.75 * result.time[-1]]
     half = np.abs(late[:, 0] + late[:, 1]).max() / 2, np.abs(late[:, 0] - late[:, 1]).max() / 2
     return 1e3 * half[0], 1e3 * half[1]
 
 
 def last_quarter(result: Any) -> float:
-    """Largest attitude error in the last quarter [deg]."""
+    """Return the largest attitude error in the last quarter [deg]."""
     from ssp.shared.relative_motion import attitude_error
 
     error = attitude_error(result)
@@ -84,7 +84,7 @@ def last_quarter(result: Any) -> float:
 
 
 def notches() -> str:
-    """Wings of three frequencies with notches in torque and force."""
+    """Return a table of wings of three frequencies with notches in torque and force."""
     words = {"none": (False, False), "torque": (True, False), "force": (False, True),
              "both": (True, True)}  # fmt: skip
     runs = {f"{hertz:g} Hz: {word}": notched(hertz, *chosen)
@@ -96,7 +96,7 @@ def notches() -> str:
     ])  # fmt: skip
 
 
-FIGURES = {
+VALUES = {
     "flexible_systems": in_systems,
     "flexible_thrusters": on_thrusters,
     "flexible_notches": notches,

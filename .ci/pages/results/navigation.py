@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Sensors and navigation: the sets of the synchronised approach on estimates."""
+"""Sensors and navigation: parameter sets of the synchronised approach on estimates."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ SCALES = (1e3, 1e3, 1.0, 1.0, 1.0)
 
 
 def errors(result: Any) -> tuple[float, ...]:
-    """Errors of the estimate from 600 s on, rms: of rho [mm], its rate [mm/s], the attitude of the
-    target [deg], its rate [rad/s], the own attitude [arcsec].
+    """Return the rms errors of the estimate from 600 s on: rho [mm], its rate [mm/s], attitude of
+    the target [deg], its rate [rad/s], attitude of the servicer [arcsec].
     """
     case = of_the_tests("navigated_case")
     if "relative_filter.q_TN" not in result:
@@ -31,14 +31,14 @@ def errors(result: Any) -> tuple[float, ...]:
 
 
 def tracking(result: Any) -> float:
-    """True position against the reference that truth would give, rms [mm]."""
+    """Return the rms distance of the true position from the true reference [mm]."""
     case = of_the_tests("navigated_case")
     late = (result.time >= 600.0) & (result.time <= 1800.0)
     return float(1e3 * case.rms(case.tracking(result)[late]))
 
 
 def sets() -> str:
-    """The sets of the synchronised approach on estimates."""
+    """Return a table of the parameter sets of the synchronised approach on estimates."""
     given = " ".join(f"--set {value}" for value in of_the_tests("navigated_case").TRUTH_FED)
     runs = {"on truth": f"sync_approach --params robust {given}"}
     runs |= {f"`{s}`{what}": f"sync_approach_navigated --params {s}" for s, what in SETS.items()}
@@ -50,4 +50,4 @@ def sets() -> str:
     ])  # fmt: skip
 
 
-FIGURES = {"navigation_sets": sets}
+VALUES = {"navigation_sets": sets}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from text import table
 
-from results import Column, flown, of_runs, value
+from results import Column, of_runs, result_of, value
 
 LAWS = {"ppc": "", "theta-D": " --swap controller=theta_d_controller",
         "PID": " --swap controller=pid_controller"}  # fmt: skip
@@ -24,34 +24,34 @@ TASKS = {
 
 
 def converged(result: Any) -> float:
-    """When the range has come into 2 % of its first error for good [s]."""
+    """Return the time from which the range error stays within 2 % of its first value [s]."""
     from ssp.ppc_tracking.evaluations import convergence
 
     return convergence(result)[0]
 
 
 def after_a_minute(error: str) -> Any:
-    """Largest error of range [m] or attitude [deg] after 60 s."""
+    """Return a function for the largest error of range [m] or attitude [deg] after 60 s."""
     from ssp.ppc_tracking import evaluations
     from ssp.shared.relative_motion import attitude_error
 
-    def measure(result: Any) -> float:
+    def evaluate(result: Any) -> float:
         late = result.time >= evaluations.SETTLED
         if error == "range":
             return float(np.abs(evaluations.range_error(result)[late]).max())
         return float(np.degrees(attitude_error(result)[late]).max())
 
-    return measure
+    return evaluate
 
 
 def effort(result: Any) -> float:
-    """Integral of the commanded acceleration over its axes [m/s]."""
+    """Return the integral of the commanded acceleration, summed over its axes [m/s]."""
     command = np.abs(result["controller.a_cmd_L"]).sum(axis=1)
     return float(np.sum(command[1:] * np.diff(result.time)))
 
 
 def by_law() -> str:
-    """The controllers of the paper in both scenarios."""
+    """Return a table of the controllers of the paper in both scenarios."""
     runs = {f"{law}, {params}": f"ppc_tracking --params {params}{swap}"
             for params in ("nominal", "manoeuvre") for law, swap in LAWS.items()}  # fmt: skip
     return of_runs("controller, set", runs, [
@@ -64,12 +64,12 @@ def by_law() -> str:
 
 
 def by_bound() -> str:
-    """Largest range error over the bound at the end, at 100 Hz and at 20 Hz."""
+    """Return a table of the largest range error by final bound, at 100 Hz and at 20 Hz."""
     error = after_a_minute("range")
 
     def line(title: str, rate: str) -> list[str]:
         system = f"ppc_tracking --params manoeuvre{rate} --set controller.range.alpha_inf="
-        return [title, *(f"{value(error, flown(system + bound)):.3f}" for bound in BOUNDS)]
+        return [title, *(f"{value(error, result_of(system + bound)):.3f}" for bound in BOUNDS)]
 
     rows = [
         line("largest range error after 60 s at 100 Hz [m]", FAST),
@@ -79,21 +79,23 @@ def by_bound() -> str:
 
 
 def settles(error: str) -> Any:
-    """Time after which the error of position or attitude stays within 2 % of its largest [s]."""
+    """Return a function for the time [s] from which the error of position or attitude stays within
+    2 % of its largest value.
+    """
     from harness.results.expressions import settling_time
     from ssp.shared import relative_motion as motion
 
-    def measure(result: Any) -> float:
+    def evaluate(result: Any) -> float:
         found = motion.position_error if error == "position" else motion.attitude_error
         begun = result.time >= (0.0 if error == "position" else motion.release_time(result))
         size = found(result)[begun]
         return settling_time(result.time[begun], size, 0.02 * size.max())
 
-    return measure
+    return evaluate
 
 
 def by_task() -> str:
-    """Four laws, two tasks, two scenarios."""
+    """Return a table of four laws in two tasks and two scenarios."""
     runs = {f"{task}: {law.replace('pid', 'PID').replace('theta_d', 'theta-D')}":
             f"{command} --swap controller={law}_controller"
             for task, command in TASKS.items() for law in FOUR}  # fmt: skip
@@ -108,4 +110,4 @@ def by_task() -> str:
     ])  # fmt: skip
 
 
-FIGURES = {"ppc_laws": by_law, "ppc_bounds": by_bound, "ppc_tasks": by_task}
+VALUES = {"ppc_laws": by_law, "ppc_bounds": by_bound, "ppc_tasks": by_task}

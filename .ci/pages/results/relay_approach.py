@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Relay approach: its sets, a tick of latency, real thrusters in the synchronised approach."""
+"""Relay approach: parameter sets, a tick of latency, thrusters in the synchronised approach."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from text import table
 
-from results import Column, cell, flown, of_runs
+from results import Column, cell, of_runs, result_of
 
 SETS = ("paper", "paper_small_thrust", "newton", "geo")
 THRUSTERS = {
@@ -22,25 +22,27 @@ THRUSTERS = {
 
 
 def runs(latency: int = 0) -> dict[str, str]:
-    """A run of every set."""
+    """Return the command of a run by parameter set."""
     late = f" --latency controller={latency}" if latency else ""
     return {name: f"relay_approach --params {name} --every 10{late}" for name in SETS}
 
 
 def arrived(result: Any) -> float:
-    """When 50 m are reached [s]."""
+    """Return the time when 50 m are reached [s]."""
     there = result.time[result["guidance.range"] <= 50.0]
     return float(there[0]) if len(there) else float("nan")
 
 
 def held(result: Any) -> tuple[float, ...]:
-    """Least and largest range from 1000 s after that [m]."""
+    """Return the least and largest range [m] from 1000 s after the arrival at 50 m."""
     late = result["guidance.range"][result.time >= arrived(result) + 1000.0]
     return (float(late.min()), float(late.max())) if len(late) else (float("nan"),)
 
 
 def leg_speed(result: Any) -> float:
-    """Mean speed of the servicer on the first leg, on an orbit relative to the target [m/s]."""
+    """Return the mean speed of the servicer on the first leg; on an orbit, relative to the target
+    [m/s].
+    """
     from ssp.shared.relative_motion import relative_speed
 
     leg = (result.time >= 2000.0) & (result.time <= arrived(result) - 2000.0)
@@ -50,7 +52,7 @@ def leg_speed(result: Any) -> float:
 
 
 def pointed(result: Any) -> float:
-    """When X of the servicer first points within 2 deg at the target [s]."""
+    """Return the time when X of the servicer first points within 2 deg at the target [s]."""
     from harness.results.histories import turned
 
     axis = turned(result["servicer.q_SN"], np.tile([1.0, 0.0, 0.0], (len(result.time), 1)))
@@ -60,13 +62,13 @@ def pointed(result: Any) -> float:
 
 
 def impulses(result: Any) -> tuple[float, float]:
-    """Impulse of main engine and of the brakes [N s]."""
+    """Return the impulse of the main engine and of the brakes [N s]."""
     last = result["propulsion.impulse"][-1]
     return float(last[12]), float(last[8:12].sum())
 
 
 def by_set() -> str:
-    """The sets side by side."""
+    """Return a table with a column per parameter set."""
     return of_runs("set", runs(), [
         Column("50 m reached [s]", arrived, "{:.0f}"),
         Column("range from 1000 s after that [m]", held, "{:.2f} to {:.2f}"),
@@ -77,15 +79,15 @@ def by_set() -> str:
 
 
 def by_latency() -> str:
-    """Velocity increments on time and a tick late."""
+    """Return a table of the velocity increments without latency and with a latency of a tick."""
     shown = Column("", "delta-v", "{:.4g}")
-    cells = [[cell(shown, flown(c)) for c in runs(late).values()] for late in (0, 1)]
+    cells = [[cell(shown, result_of(c)) for c in runs(late).values()] for late in (0, 1)]
     rows = zip(SETS, *cells, strict=True)
     return f"\n{table(('set', 'delta-v on time [m/s]', 'one tick late [m/s]'), rows)}"
 
 
 def tracking(result: Any) -> float:
-    """Position error from 600 to 1200 s, rms [cm]."""
+    """Return the rms position error from 600 to 1200 s [cm]."""
     from ssp.shared.relative_motion import position_error
 
     error, time = position_error(result), result.time[: len(position_error(result))]
@@ -94,11 +96,11 @@ def tracking(result: Any) -> float:
 
 
 def thrusters() -> str:
-    """Real thrusters in the synchronised approach."""
+    """Return a table of real thrusters in the synchronised approach."""
     return of_runs("`sync_approach_thrusters`", THRUSTERS, [
         Column("position error, rms from 600 to 1200 s [cm]", tracking),
         Column("impulse [N s]", "total(last(propulsion.impulse))", "{:.1f}"),
     ])  # fmt: skip
 
 
-FIGURES = {"relay_sets": by_set, "relay_latency": by_latency, "relay_thrusters": thrusters}
+VALUES = {"relay_sets": by_set, "relay_latency": by_latency, "relay_thrusters": thrusters}

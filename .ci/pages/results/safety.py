@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Safety monitor: what it finds in the approach systems, and what it prevents where it acts."""
+"""Safety monitor: its findings in the approach systems, and what it prevents if it may abort."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ GUARDED = {
 
 
 def finding(rule: str) -> Any:
-    """Least margin of a rule, and when it was first violated."""
+    """Return a function for the least margin of a rule and the time of the first violation."""
 
-    def measure(result: Any) -> str:
+    def evaluate(result: Any) -> str:
         from ssp.shared.safety import findings
 
         found = next((f for f in findings(result) if f.name == rule), None)
@@ -46,28 +46,28 @@ def finding(rule: str) -> Any:
         late = f" from {found.violated:.4g} s" if np.isfinite(found.violated) else ""
         return f"{found.margin:.2g} {found.unit}{late}"
 
-    return measure
+    return evaluate
 
 
 def watched() -> str:
-    """Least margins by system and rule."""
+    """Return a table of the least margins by system and rule."""
     from ssp.shared.safety import RULES
 
     return of_runs("run", WATCHED, [Column(r.name, finding(r.name)) for r in RULES])
 
 
 def aborted(result: Any) -> str:
-    """When the monitor has aborted."""
+    """Return the time when the monitor aborts, as text."""
     rows = np.flatnonzero(result["monitor.abort"])
     return f"{result.time[rows[0]]:.4g} s" if len(rows) else "never"
 
 
 def guarded() -> str:
-    """The same runs without and with the monitor in the path of the force."""
+    """Return a table of the same runs without and with the monitor in the path of the force."""
     return of_runs("run", GUARDED, [
         Column("abort", aborted),
         Column("minimum range [m]", "minimum range", "{:.3g}"),
     ])  # fmt: skip
 
 
-FIGURES = {"safety_watched": watched, "safety_guarded": guarded}
+VALUES = {"safety_watched": watched, "safety_guarded": guarded}

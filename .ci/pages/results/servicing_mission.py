@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Servicing mission: its events on estimates and by the arm; those on truth are in its claims."""
+"""Servicing mission: events on estimates and by the arm; the claims contain the events on truth."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from results import Column, cell, flown, of_runs
+from results import Column, cell, of_runs, result_of
 
 ESTIMATES = "servicing_mission_navigated --every 10"
 RUNS = {"on estimates": ESTIMATES, "by arm": "servicing_mission_by_arm --every 10"}
-"""A row per sample of the software."""
+"""Commands; every 10: a row per sample of the software."""
 LISTED = 6
-"""Phases of an ending that are shown."""
+"""Largest number of phases that are shown of the end of a run."""
 PHASES = {
     "100 to 20 m": "CLOSING",
     "fly-around": "FLYAROUND",
@@ -25,29 +25,29 @@ PHASES = {
 
 
 def event(name: str) -> Column:
-    """What the table of events has of an event, in this run."""
+    """Return the column of an event, with its value in the table of events."""
 
-    def measure(result: Any) -> str:
+    def evaluate(result: Any) -> str:
         from ssp.servicing_mission.claims import CLAIMS
 
-        return str(next(c for c in CLAIMS if c.name == name).evaluate(result).figure)
+        return str(next(c for c in CLAIMS if c.name == name).evaluate(result).value)
 
-    return Column(name, measure)
+    return Column(name, evaluate)
 
 
 def events() -> str:
-    """The events of the two runs side by side."""
+    """Return a table of the events with a column per run."""
     from ssp.servicing_mission.claims import CLAIMS
 
     return of_runs("event", RUNS, [event(c.name) for c in CLAIMS], across=True)
 
 
 def estimates() -> str:
-    """Error of the relative position by phase, rms."""
-    from ssp.servicing_mission.flight import stays
+    """Return the rms error of the relative position by phase."""
+    from ssp.servicing_mission.events import stays
     from ssp.shared.estimates import errors, rows
 
-    result = flown(ESTIMATES)
+    result = result_of(ESTIMATES)
     true, _ = rows(result)
     time, error = result.time[true], np.linalg.norm(errors(result)[0].error, axis=1)
     first = {s.phase: s for s in reversed(stays(result))}
@@ -61,8 +61,8 @@ def estimates() -> str:
 
 
 def ending(result: Any) -> str:
-    """What follows the last approach: phases with time, reason and range."""
-    from ssp.servicing_mission.flight import outcome, stays
+    """Return the phases after the last approach, with time, reason and range, as text."""
+    from ssp.servicing_mission.events import outcome, stays
     from ssp.shared.relative_motion import range_
 
     far, found = range_(result), stays(result)
@@ -73,14 +73,14 @@ def ending(result: Any) -> str:
 
 
 def used(result: Any) -> float:
-    """Velocity increments of the whole mission [m/s]."""
-    from ssp.servicing_mission.flight import increments
+    """Return the velocity increments of the whole mission [m/s]."""
+    from ssp.servicing_mission.events import increments
 
     return float(increments(result)[-1])
 
 
 def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
-    """How the sets of a system end."""
+    """Return a function for the table of how the runs of parameter sets end."""
     runs = {f"`{name}`": f"{system} --params {name} --every 10" for name in names}
     columns = [
         Column("ends", ending),
@@ -91,12 +91,12 @@ def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
 
 
 def of_arm(expression: str, show: str) -> Any:
-    """A figure of the run by the arm."""
-    return lambda: cell(Column("", expression, show), flown(RUNS["by arm"]))
+    """Return a function for a value of the run by the arm, as text."""
+    return lambda: cell(Column("", expression, show), result_of(RUNS["by arm"]))
 
 
 TRUTH = ("no_go", "dropout", "bounce", "thruster_stuck", "manoeuvre", "ground_retreat", "limited")
-STORIES = (
+REENACTED = (
     *("dart", "dart_blind", "elsa_d", "elsa_d_blind", "adras_j", "adras_j_blind"),
     *("orbital_express", "orbital_express_unloaded", "orbital_express_blind"),
 )
@@ -104,9 +104,9 @@ ARM = (
     *("no_go", "thruster_stuck", "manoeuvre", "ground_retreat", "momentum", "dropout", "bounce"),
     "limited",
 )
-FIGURES = {
+VALUES = {
     "mission_sets": sets("servicing_mission", TRUTH),
-    "mission_stories": sets("servicing_mission_navigated", STORIES),
+    "mission_reenacted": sets("servicing_mission_navigated", REENACTED),
     "mission_arm_sets": sets("servicing_mission_by_arm", ARM),
     "mission_events": events,
     "mission_estimates": estimates,

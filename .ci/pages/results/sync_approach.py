@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Synchronised approach: what adaptation costs, how far the estimates move."""
+"""Synchronised approach: attitude error with and without adaptation, changes of the estimates."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from results import Column, figure, of_runs
+from results import Column, of_runs, value_of
 
 ETA = "controller.eta_hat_0=[200,0,0,250,0,150,12,0,0,15,0,10]"
 ADAPTATION = {
@@ -24,31 +24,33 @@ LONG = "sync_approach --stop 14400 --every 10"
 
 
 def adaptation() -> str:
-    """Attitude error with adaptation as printed, less of it, and none."""
+    """Return a table of the attitude error with adaptation as printed, with less and without."""
     return of_runs("`harness run sync_approach` with", ADAPTATION,
                    [Column("attitude error at 1800 s", POINTING, "{:.2g} deg")])  # fmt: skip
 
 
 def span(begin: float) -> Any:
-    """Largest change of an element of the estimated inertias after a time [kg m2]."""
+    """Return a function for the largest change of an element of the estimated inertias after a time
+    [kg m2].
+    """
 
-    def measure(result: Any) -> float:
+    def evaluate(result: Any) -> float:
         late = result.time >= begin
         return float(np.ptp(result["controller.eta_hat"][late], axis=0).max())
 
-    return measure
+    return evaluate
 
 
 def mass_moves(result: Any) -> float:
-    """Largest distance of the estimated mass from its start value [g]."""
+    """Return the largest distance of the estimated mass from its start value [g]."""
     mass = result["controller.m_hat"]
     return float(1e3 * np.abs(mass - mass[0]).max())
 
 
-FIGURES = {
+VALUES = {
     "sync_adaptation": adaptation,
-    "sync_mass": figure("sync_approach", mass_moves, "{:.0f} g"),
-    "sync_inertia": figure("sync_approach", span(1500.0), "{:.1f} kg m2"),
-    "sync_inertia_hour": figure(LONG, span(3600.0), "{:.1f} kg m2"),
-    "sync_inertia_late": figure(LONG, span(5400.0), "{:.1f} kg m2"),
+    "sync_mass": value_of("sync_approach", mass_moves, "{:.0f} g"),
+    "sync_inertia": value_of("sync_approach", span(1500.0), "{:.1f} kg m2"),
+    "sync_inertia_hour": value_of(LONG, span(3600.0), "{:.1f} kg m2"),
+    "sync_inertia_late": value_of(LONG, span(5400.0), "{:.1f} kg m2"),
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Transposition: its sets, the differences of the patent, the steps of the plan."""
+"""Transposition: parameter sets, finite differences of the patent, steps of the plan."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from results import Column, flown, of_runs
+from results import Column, of_runs, result_of
 
 SETS = ("ideal", "cluster", "earth_pointing", "printed_law")
 SCHEMES = {
-    "those of E.4": "transposition",
+    "as in E.4": "transposition",
     "as printed": "transposition --set guidance.scheme=2",
     "second difference corrected": "transposition --set guidance.scheme=1",
 }
@@ -20,13 +20,13 @@ ROTATION = "degrees(max(assembly.rotation))"
 
 
 def saturated(result: Any) -> str:
-    """When the gyros first have less momentum left than is asked for."""
+    """Return the time when the gyros are first saturated, as text."""
     rows = np.flatnonzero(result["assembly.saturated"])
     return f"{result.time[rows[0]]:.0f} s" if len(rows) else "never"
 
 
 def by_set() -> str:
-    """The sets side by side."""
+    """Return a table with a row per parameter set."""
     return of_runs("set", {s: f"transposition --params {s}" for s in SETS}, [
         Column("largest momentum [N m s]", MOMENTUM, "{:.1f}"),
         Column("largest rotation [deg]", ROTATION, "{:.1f}"),
@@ -36,13 +36,13 @@ def by_set() -> str:
 
 
 def planned(result: Any) -> tuple[float, float]:
-    """Peak of the momentum as planned [N m s], rotation of the plan [deg]."""
+    """Return the planned peak of the momentum [N m s] and the rotation of the plan [deg]."""
     last = int(result["guidance.iterations"][-1])
     return result["guidance.peak"][-1][last], np.degrees(result["guidance.rotation"][-1][last])
 
 
 def by_scheme() -> str:
-    """The plan with the differences of the patent."""
+    """Return a table of the plan by finite differences: ours, the patent's, and a correction."""
     return of_runs("differences", SCHEMES, [
         Column("peak as planned [N m s], at a rotation of [deg]", planned, "{:.0f}, {:.1f}"),
         Column("largest momentum [N m s]", MOMENTUM, "{:.0f}"),
@@ -51,13 +51,13 @@ def by_scheme() -> str:
 
 
 def steps() -> str:
-    """Peaks and rotations of the plan from step to step."""
-    result = flown("transposition --params ideal")
+    """Return peaks and rotations of the plan from step to step, as text."""
+    result = result_of("transposition --params ideal")
     n = int(result["guidance.iterations"][-1]) + 1
     peaks = ", ".join(f"{peak:.0f}" for peak in result["guidance.peak"][-1][:n])
     turns = ", ".join(f"{turn:.3g}" for turn in np.degrees(result["guidance.rotation"][-1][:n]))
     return f"{peaks} N m s at rotations of {turns} deg"
 
 
-FIGURES = {"transposition_sets": by_set, "transposition_plan": steps,
+VALUES = {"transposition_sets": by_set, "transposition_plan": steps,
            "transposition_schemes": by_scheme}  # fmt: skip

@@ -1,8 +1,8 @@
 /* fmi2.c - the FMI 2.0 co-simulation interface over a model table: life cycle, values, step.
  *
- * Every function checks the call state first (FMI 2.0, section 4.2.4) and answers a refused call
- * with fmi2Error and a message; the instance stays as it was and usable. Only a step that fails
- * ends in the error state. */
+ * Every function checks the call state first (FMI 2.0, section 4.2.4) and returns fmi2Error with a
+ * message for a rejected call; the instance does not change and stays usable. Only a failed step
+ * leads to the error state. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi2_layer.h"
 #include "life.h"
@@ -12,8 +12,10 @@ const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
 /* ---- life cycle ---- */
-/* The callback reads its last argument as a printf format, so a percent sign must not reach it. */
-static void hand_over(const Instance *instance, Status status, const char *category, char *line)
+/* The logger reads its last argument as a printf format, so percent signs are replaced by
+ * blanks. */
+static void call_fmi2_logger(const Instance *instance, Status status, const char *category,
+                             char *line)
 {
     for (char *c = line; *c; c++)
         if (*c == '%') *c = ' ';
@@ -24,7 +26,7 @@ static void hand_over(const Instance *instance, Status status, const char *categ
 
 static Callbacks callbacks_of(const fmi2CallbackFunctions *functions)
 {
-    return (Callbacks){hand_over, (void (*)(void))functions->logger,
+    return (Callbacks){call_fmi2_logger, (void (*)(void))functions->logger,
                        functions->componentEnvironment, functions->allocateMemory,
                        functions->freeMemory};
 }
@@ -32,8 +34,8 @@ static Callbacks callbacks_of(const fmi2CallbackFunctions *functions)
 static bool can_instantiate(const Instance *caller, fmi2Type type, fmi2String guid)
 {
     if (type != fmi2CoSimulation)
-        return refuse_call(caller, "fmi2Instantiate", "this FMU is for co-simulation only");
-    return is_named_and_meant(caller, "fmi2Instantiate", "guid", guid);
+        return reject_call(caller, "fmi2Instantiate", "this FMU supports co-simulation only");
+    return has_name_and_guid(caller, "fmi2Instantiate", "guid", guid);
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
@@ -46,11 +48,11 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     union {
         fmi2String read;
         char *own;
-    } text = {name}; /* the copy in new_instance is the one that stays */
+    } text = {name}; /* new_instance() makes a copy */
     caller.name = text.own;
     if (!can_instantiate(&caller, type, guid)) return NULL;
     Instance *instance = new_instance(&caller);
-    if (!instance) refuse_call(&caller, "fmi2Instantiate", "out of memory");
+    if (!instance) reject_call(&caller, "fmi2Instantiate", "out of memory");
     else log_message(instance, STATUS_OK, LOG_EVENTS, "instantiated");
     return instance;
 }
@@ -105,7 +107,7 @@ fmi2Status fmi2Reset(fmi2Component c)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2Reset", ANY_PHASE)) return fmi2Error;
-    make_new(instance);
+    reset_model(instance);
     return fmi2OK;
 }
 

@@ -1,4 +1,5 @@
-/* fmi2_layer.h - what the files of FMI 2.0 share: its functions, and a refused call in its terms. */
+/* fmi2_layer.h - declarations shared by the files of FMI 2.0, and its status for a rejected
+ * call. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMI2_LAYER_H
 #define FMI2_LAYER_H
@@ -8,7 +9,7 @@
 
 static inline fmi2Status failure(const Instance *instance, const char *function, const char *text)
 {
-    refuse_call(instance, function, text);
+    reject_call(instance, function, text);
     return fmi2Error;
 }
 

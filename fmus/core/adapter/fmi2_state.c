@@ -1,4 +1,4 @@
-/* fmi2_state.c - the calls of FMI 2.0 for FMU states and directional derivatives. */
+/* fmi2_state.c - functions of FMI 2.0 for FMU states and directional derivatives. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi2_layer.h"
 #include "state.h"
@@ -7,7 +7,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2GetFMUstate", ANY_PHASE)) return fmi2Error;
-    if (!state) return failure(instance, "fmi2GetFMUstate", "missing pointer");
+    if (!state) return failure(instance, "fmi2GetFMUstate", "a pointer argument is NULL");
     return take_snapshot(instance, state) ? fmi2OK
                                           : failure(instance, "fmi2GetFMUstate", "out of memory");
 }
@@ -16,7 +16,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2SetFMUstate", ANY_PHASE)) return fmi2Error;
-    if (!state) return failure(instance, "fmi2SetFMUstate", "missing state");
+    if (!state) return failure(instance, "fmi2SetFMUstate", "the state is NULL");
     restore_snapshot(instance, state);
     return fmi2OK;
 }
@@ -36,7 +36,8 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
     Instance *instance = c;
     if (!allowed(instance, "fmi2SerializedFMUstateSize", ANY_PHASE)) return fmi2Error;
     if (!state || !size)
-        return failure(instance, "fmi2SerializedFMUstateSize", "missing state or pointer");
+        return failure(instance, "fmi2SerializedFMUstateSize",
+                       "the state or a pointer argument is NULL");
     *size = snapshot_size();
     return fmi2OK;
 }
@@ -46,7 +47,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
     Instance *instance = c;
     if (!allowed(instance, "fmi2SerializeFMUstate", ANY_PHASE)) return fmi2Error;
     if (!state || !bytes)
-        return failure(instance, "fmi2SerializeFMUstate", "missing state or array");
+        return failure(instance, "fmi2SerializeFMUstate", "the state or an array argument is NULL");
     if (size < snapshot_size())
         return failure(instance, "fmi2SerializeFMUstate", "the array is too small");
     write_snapshot(state, bytes);
@@ -59,7 +60,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     Instance *instance = c;
     if (!allowed(instance, "fmi2DeSerializeFMUstate", ANY_PHASE)) return fmi2Error;
     if (!bytes || !state)
-        return failure(instance, "fmi2DeSerializeFMUstate", "missing array or pointer");
+        return failure(instance, "fmi2DeSerializeFMUstate", "an array or pointer argument is NULL");
     const char *rule = read_snapshot(instance, bytes, size, state);
     return rule ? failure(instance, "fmi2DeSerializeFMUstate", rule) : fmi2OK;
 }

@@ -1,8 +1,8 @@
 /* fmi3.c - the FMI 3.0 co-simulation interface over a model table: life cycle, values, step.
  *
- * As in fmi2.c every function checks the call state first and answers a refused call with fmi3Error
- * and a message; the instance stays as it was and usable. A value reference is that of the first
- * element in FMI 2.0 and stands for the whole row. */
+ * As in fmi2.c every function checks the call state first and returns fmi3Error with a message for
+ * a rejected call; the instance does not change and stays usable. The value reference of a row is
+ * the value reference of its first element in FMI 2.0. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi3_layer.h"
 #include "life.h"
@@ -28,17 +28,17 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     static const char function[] = "fmi3InstantiateCoSimulation";
     Instance caller = {.categories = logging ? LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS : 0};
     (void)resources, (void)visible, (void)early_return_allowed, (void)intermediate, (void)update;
-    caller.call = (Callbacks){hand_over, (void (*)(void))logger, environment, NULL, NULL};
+    caller.call = (Callbacks){call_fmi3_logger, (void (*)(void))logger, environment, NULL, NULL};
     union {
         fmi3String read;
         char *own;
-    } text = {name}; /* the copy in new_instance is the one that stays */
+    } text = {name}; /* new_instance() makes a copy */
     caller.name = text.own;
-    if (!is_named_and_meant(&caller, function, "instantiation token", token)) return NULL;
+    if (!has_name_and_guid(&caller, function, "instantiation token", token)) return NULL;
     const char *rule = why_no_instance(event_mode, intermediates);
-    if (rule) return refuse_call(&caller, function, rule), NULL;
+    if (rule) return reject_call(&caller, function, rule), NULL;
     Instance *instance = new_instance(&caller);
-    if (!instance) refuse_call(&caller, function, "out of memory");
+    if (!instance) reject_call(&caller, function, "out of memory");
     else log_message(instance, STATUS_OK, LOG_EVENTS, "instantiated");
     return instance;
 }
@@ -87,7 +87,7 @@ fmi3Status fmi3Reset(fmi3Instance c)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi3Reset", ANY_PHASE)) return fmi3Error;
-    make_new(instance);
+    reset_model(instance);
     return fmi3OK;
 }
 
@@ -115,9 +115,9 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, fmi3Boolean 
     (void)no_set_state_prior;
     if (!allowed(instance, "fmi3DoStep", STEPPING)) return fmi3Error;
     if (!event_needed || !terminate || !early_return || !last_time)
-        return failure(instance, "fmi3DoStep", "missing pointer");
-    const bool good = advance(instance, "fmi3DoStep", t, h);
+        return failure(instance, "fmi3DoStep", "a pointer argument is NULL");
+    const bool last_good = advance(instance, "fmi3DoStep", t, h);
     *event_needed = *terminate = *early_return = fmi3False;
     *last_time = instance->now.time;
-    return good ? fmi3OK : fmi3Error;
+    return last_good ? fmi3OK : fmi3Error;
 }

@@ -1,4 +1,5 @@
-/* fmi3_layer.h - what the files of FMI 3.0 share: its functions, and a refused call in its terms. */
+/* fmi3_layer.h - declarations shared by the files of FMI 3.0, its logger, and its status for a
+ * rejected call. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMI3_LAYER_H
 #define FMI3_LAYER_H
@@ -6,8 +7,8 @@
 #include "fmi3Functions.h"
 #include "instance.h"
 
-static inline void hand_over(const Instance *instance, Status status, const char *category,
-                             char *line)
+static inline void call_fmi3_logger(const Instance *instance, Status status, const char *category,
+                                    char *line)
 {
     ((fmi3LogMessageCallback)instance->call.logger)(instance->call.environment, (fmi3Status)status,
                                                     category, line);
@@ -15,7 +16,7 @@ static inline void hand_over(const Instance *instance, Status status, const char
 
 static inline fmi3Status failure(const Instance *instance, const char *function, const char *text)
 {
-    refuse_call(instance, function, text);
+    reject_call(instance, function, text);
     return fmi3Error;
 }
 

@@ -1,4 +1,4 @@
-/* fmi3_state.c - the calls of FMI 3.0 for FMU states and directional derivatives. */
+/* fmi3_state.c - functions of FMI 3.0 for FMU states and directional derivatives. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi3_layer.h"
 #include "state.h"
@@ -7,7 +7,7 @@ fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi3GetFMUState", ANY_PHASE)) return fmi3Error;
-    if (!state) return failure(instance, "fmi3GetFMUState", "missing pointer");
+    if (!state) return failure(instance, "fmi3GetFMUState", "a pointer argument is NULL");
     return take_snapshot(instance, state) ? fmi3OK
                                           : failure(instance, "fmi3GetFMUState", "out of memory");
 }
@@ -16,7 +16,7 @@ fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi3SetFMUState", ANY_PHASE)) return fmi3Error;
-    if (!state) return failure(instance, "fmi3SetFMUState", "missing state");
+    if (!state) return failure(instance, "fmi3SetFMUState", "the state is NULL");
     restore_snapshot(instance, state);
     return fmi3OK;
 }
@@ -36,7 +36,8 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t
     Instance *instance = c;
     if (!allowed(instance, "fmi3SerializedFMUStateSize", ANY_PHASE)) return fmi3Error;
     if (!state || !size)
-        return failure(instance, "fmi3SerializedFMUStateSize", "missing state or pointer");
+        return failure(instance, "fmi3SerializedFMUStateSize",
+                       "the state or a pointer argument is NULL");
     *size = snapshot_size();
     return fmi3OK;
 }
@@ -46,7 +47,7 @@ fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte by
     Instance *instance = c;
     if (!allowed(instance, "fmi3SerializeFMUState", ANY_PHASE)) return fmi3Error;
     if (!state || !bytes)
-        return failure(instance, "fmi3SerializeFMUState", "missing state or array");
+        return failure(instance, "fmi3SerializeFMUState", "the state or an array argument is NULL");
     if (size < snapshot_size())
         return failure(instance, "fmi3SerializeFMUState", "the array is too small");
     write_snapshot(state, bytes);
@@ -59,14 +60,14 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
     Instance *instance = c;
     if (!allowed(instance, "fmi3DeserializeFMUState", ANY_PHASE)) return fmi3Error;
     if (!bytes || !state)
-        return failure(instance, "fmi3DeserializeFMUState", "missing array or pointer");
+        return failure(instance, "fmi3DeserializeFMUState", "an array or pointer argument is NULL");
     const char *rule = read_snapshot(instance, bytes, size, state);
     return rule ? failure(instance, "fmi3DeserializeFMUState", rule) : fmi3OK;
 }
 
-/* ---- directional derivatives: rows, whose elements lie one after the other in seed and
- * sensitivity ---- */
-enum { NO_ELEMENT = VR_STRIDE - 1 + 1000000 * VR_STRIDE }; /* a reference that no model has */
+/* ---- directional derivatives by rows, whose elements follow one another in seed and sensitivity
+ * ---- */
+enum { NO_ELEMENT = VR_STRIDE - 1 + 1000000 * VR_STRIDE }; /* a value reference that no model has */
 
 static size_t elements_of(const fmi3ValueReference row[], size_t rows)
 {
@@ -97,7 +98,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
     if (!allowed(instance, function, INITIALIZING | STEPPING | TERMINATED | FAILED))
         return fmi3Error;
     if ((unknowns && !unknown) || (knowns && !known))
-        return failure(instance, function, "missing array");
+        return failure(instance, function, "an array argument is NULL");
     if (elements_of(unknown, unknowns) != sensitivities || elements_of(known, knowns) != seeds)
         return failure(instance, function, "wrong number of elements in seed or sensitivity");
     unsigned *element = allocate(instance, (sensitivities + seeds + 1) * sizeof *element);
@@ -105,7 +106,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
     list_elements(unknown, unknowns, element);
     list_elements(known, knowns, element + sensitivities);
     const Direction d = {function, element, element + sensitivities, sensitivities, seeds, seed};
-    const bool good = derive(instance, &d, sensitivity);
+    const bool last_good = derive(instance, &d, sensitivity);
     release(instance, element);
-    return good ? fmi3OK : fmi3Error;
+    return last_good ? fmi3OK : fmi3Error;
 }

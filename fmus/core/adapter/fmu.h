@@ -1,14 +1,14 @@
-/* fmu.h - what the C file of a subsystem includes: the rows of its interface table and the contract
- * with the adapter.
+/* fmu.h - header of the C file of a subsystem: rows of its interface table, and the contract with
+ * the adapter.
  *
  * A model is plain data. It defines four structs made of doubles only (Parameters, Input, State,
  * Output), gathers them in a Model by the line
  *     MODEL_STRUCT;
  * and provides the start values, the table of variables, and
- *     check(p, problems)         refuse parameter values, all problems at once
+ *     check(p, problems) reject parameter values, all problems at once
  *     initialize(p, u, x, y, t)  states and first outputs at start time t
  *     step(p, u, x, y, t, h)     from t to t + h with the inputs held, outputs latched at the end
- * The last line of the file, FMU_MODEL(...), hands them to the adapter. */
+ * The last line of the file, FMU_MODEL(...), passes them to the adapter. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMU_H
 #define FMU_H
@@ -33,8 +33,8 @@ typedef enum {
 
 typedef enum {
     PLAIN_ROW,
-    OPTIONAL_ROW, /* an input that keeps its start value where nobody drives it */
-    GRID_ROW      /* an internal step or sample period: the model does nothing at finer times */
+    OPTIONAL_ROW, /* an input that has its start value when unconnected */
+    GRID_ROW      /* an internal step or sample period */
 } Kind;
 
 typedef struct {
@@ -85,7 +85,7 @@ typedef struct {
 #define SWITCH(member, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, "1", text, SWITCH_VALUE)
 #define MATRIX(member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, #member, member, 3, unit, text, ANY_VALUE)
-/* times at which a model works: its adapter knows by them how fine a step is */
+/* an internal step or sample period, by which the adapter limits the number of internal steps */
 #define GRID_OF(name, member, text, rule) \
     ROW(PARAMETER_ROW, p, name, member, 1, "s", text, rule, GRID_ROW)
 #define GRID_AS(name, member, text) GRID_OF(name, member, text, POSITIVE_VALUE)
@@ -97,8 +97,7 @@ typedef struct {
 #define SWITCH_INPUT(member, text) ROW_AS(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE)
 #define NONNEGATIVE_INPUT(member, unit, text) \
     ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
-/* inputs that a system need not know: the model description says so, the build of a system asks for
- * no driver */
+/* inputs that may stay unconnected, which the model description states */
 #define OPTIONAL_INPUT_AS(name, member, unit, text) \
     ROW(INPUT_ROW, u, name, member, 1, unit, text, ANY_VALUE, OPTIONAL_ROW)
 #define OPTIONAL_INPUT(member, unit, text) OPTIONAL_INPUT_AS(#member, member, unit, text)
@@ -108,22 +107,23 @@ typedef struct {
 #define NONNEGATIVE_OUTPUT(member, unit, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
 #define FLAG(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, SWITCH_VALUE)
-/* a flag whose rise from 0 to 1 is logged as a warning */
+/* flag; its change from 0 to 1 is logged as a warning */
 #define ALARM(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, ALARM_VALUE)
 #define ANGLE_OUTPUT(member, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, "rad", text, ANGLE_VALUE)
 
-/* a number for a message: no zero and no NaN has a sign (the payload of a NaN is the compiler's) */
+/* a number for a message: zero and NaN without a sign (the sign of a NaN depends on the
+ * compiler) */
 static inline double readable(double value) { return isnan(value) ? NAN : value + 0.0; }
 
-/* ---- refusing parameter values: one line each, all of them ---- */
+/* ---- list of rejected parameter values ---- */
 typedef struct {
-    char text[4000]; /* of some fifty problems; more are counted */
+    char text[4000]; /* space for about fifty problems; more are only counted */
     size_t count;
     const char *part; /* "component." of a model that is part of a system, else "" */
 } Problems;
 
-static inline void refuse(Problems *all, const char *name, double value, const char *rule)
+static inline void reject(Problems *all, const char *name, double value, const char *rule)
 {
     size_t used = strlen(all->text);
     snprintf(all->text + used, sizeof all->text - used, "%s%s%s = %.9g: %s", all->count ? "; " : "",
@@ -131,22 +131,22 @@ static inline void refuse(Problems *all, const char *name, double value, const c
     all->count++;
 }
 
-/* ---- what the adapter and the tools see of a model ---- */
+/* ---- interface of a model to adapter and tools ---- */
 typedef struct {
     const char *name, *text;
     size_t size, state_offset, state_count; /* bytes, bytes, doubles */
-    size_t scratch; /* bytes after the model that initialize works in; no part of the state */
+    size_t scratch; /* bytes of workspace for initialize after the model; not part of the state */
     const void *start;
     const Variable *variables;
     size_t variable_count;
-    void (*check)(void *model, Problems *problems); /* may work after the model too */
+    void (*check)(void *model, Problems *problems); /* may use the workspace too */
     void (*initialize)(void *model, double t);
     void (*step)(void *model, double t, double h);
-    /* of a system as one model (fused.h), else NULL and 0: */
-    double (*macro_step)(const void *model); /* s; communication steps are whole multiples of it */
-    const char *structure;  /* digest of how the parts are connected, for guid and states */
-    const Variable *judged; /* rows beyond the outputs whose rules every result must keep */
-    size_t judged_count;
+    /* for a system as one model (fused.h), else NULL and 0: */
+    double (*macro_step)(const void *model); /* s; every communication step is a whole multiple */
+    const char *structure;   /* digest of the connections of the parts, for guid and states */
+    const Variable *checked; /* further rows whose rules every result must satisfy */
+    size_t checked_count;
 } ModelInterface;
 
 #ifndef FMU_MODEL_SYMBOL /* several models in one program: -DFMU_MODEL_SYMBOL=target_model */
@@ -189,7 +189,7 @@ extern const ModelInterface FMU_MODEL_SYMBOL;
 
 #define FMU_MODEL(identifier, description) \
     FMU_MODEL_OF(identifier, description, initialize(&m->p, &m->u, &m->x, &m->y, t), 0)
-/* initialize(p, u, x, y, t, w) works in a Scratch, a struct of doubles, whose values nobody keeps */
+/* initialize(p, u, x, y, t, w) gets a workspace of type Scratch, a struct of doubles */
 #define FMU_MODEL_WITH(Scratch, identifier, description)                                \
     FMU_MODEL_OF(identifier, description,                                               \
                  initialize(&m->p, &m->u, &m->x, &m->y, t, (Scratch *)(void *)(m + 1)), \

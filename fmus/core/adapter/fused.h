@@ -1,10 +1,11 @@
-/* fused.h - a system of models as one model: what the system.c that core/build/fuse.py writes is made
- * of.
+/* fused.h - a system of models as one model: types and functions for the system.c written by
+ * core/build/fuse.py.
  *
- * Memory, in doubles: the macro step and the heads of all parts (parameters, inputs); then what the
- * adapter takes for states and outputs: the start time, the macro steps done, whether the initial
- * values have not settled, a time per slow part, outputs that are published late, and the tails of all parts (states, outputs). After it is room for
- * one part in one piece. */
+ * The memory, in doubles, holds the macro step and the heads of all parts (parameters, inputs).
+ * Then follow the states and outputs: start time, number of completed macro steps, 1 if the initial
+ * values have not converged, a time per slow part, outputs that are published late, and the tails
+ * of all parts (states, outputs). The workspace behind them holds one part with head and tail
+ * together. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FUSED_H
 #define FUSED_H
@@ -16,8 +17,8 @@ enum { MACRO_STEP = 0, MOST_ROUNDS = 200 };
 
 typedef struct {
     size_t from, to, count; /* doubles */
-    double factor, offset;  /* of a signal that is changed on the way: to = factor from + offset */
-    bool plain;             /* it is not */
+    double factor, offset;  /* of a converted signal: to = factor from + offset */
+    bool plain;             /* no conversion */
 } Copy;
 
 typedef struct {
@@ -28,9 +29,9 @@ typedef struct {
 typedef struct {
     const char *prefix; /* "component." */
     const ModelInterface *model;
-    size_t head, tail; /* where they begin */
-    Copies driven;     /* inputs, from outputs as they are published */
-    Copies late;       /* outputs to where they are published, if not where they are */
+    size_t head, tail; /* first doubles of head and tail */
+    Copies driven;     /* inputs from published outputs */
+    Copies late;       /* outputs to their published places, if these differ */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)
@@ -48,28 +49,28 @@ static inline void copy_all(Copies all, double m[])
         memcpy(m + c->to, m + c->from, c->count * sizeof *m);
 }
 
-/* whether a bit has changed */
-static inline bool replaced(double *to, const double *from, size_t count)
+/* true if a bit has changed */
+static inline bool copy_if_different(double *to, const double *from, size_t count)
 {
     if (memcmp(to, from, count * sizeof *to) == 0) return false;
     memcpy(to, from, count * sizeof *to);
     return true;
 }
 
-static inline bool drive(const Part *part, double m[])
+static inline bool set_driven_inputs(const Part *part, double m[])
 {
     bool changed = false;
     const Copies all = part->driven;
     for (const Copy *c = all.copy; c < all.copy + all.count; c++)
         for (size_t i = 0; i < c->count; i++) {
             const double x = m[c->from + i], y = c->plain ? x : c->factor * x + c->offset;
-            changed |= replaced(m + c->to + i, &y, 1);
+            changed |= copy_if_different(m + c->to + i, &y, 1);
         }
     return changed;
 }
 
-/* the part in one piece, with states and outputs as at the start */
-static inline void assemble(const Part *part, const double m[], double work[])
+/* head of the part followed by states and outputs with their start values */
+static inline void assemble_part(const Part *part, const double m[], double work[])
 {
     memcpy(work, part->model->start, part->model->size);
     memcpy(work, m + part->head, part->model->state_offset);
@@ -77,18 +78,18 @@ static inline void assemble(const Part *part, const double m[], double work[])
 
 static inline void check_part(const Part *part, const double m[], double work[], Problems *problems)
 {
-    assemble(part, m, work);
+    assemble_part(part, m, work);
     problems->part = part->prefix;
     part->model->check(work, problems);
     problems->part = "";
 }
 
 /* ---- initialization ----
- * Outputs of all parts, then inputs of all parts, until no output changes: the rounds of
- * harness/master/simulation.py. A part is evaluated again if one of its inputs has changed,
- * from its start values as the adapter does it. */
+ * Each round evaluates the outputs of all parts and then sets the inputs of all parts, until no
+ * output changes, as harness/master/simulation.py does. A part is evaluated again, from its start
+ * values, if one of its inputs has changed. */
 
-/* whether an output of a part differs from what it was */
+/* true if an output of a part differs from its previous value */
 static inline bool outputs_differ(const ModelInterface *model, const double whole[],
                                   const double tail[])
 {
@@ -101,10 +102,10 @@ static inline bool outputs_differ(const ModelInterface *model, const double whol
     return false;
 }
 
-/* whether an output has changed */
-static inline bool evaluate(const Part *part, double m[], double work[], double t)
+/* true if an output has changed */
+static inline bool evaluate_outputs(const Part *part, double m[], double work[], double t)
 {
-    assemble(part, m, work);
+    assemble_part(part, m, work);
     part->model->initialize(work, t);
     const bool changed = outputs_differ(part->model, work, m + part->tail);
     memcpy(m + part->tail, work + head_count(part->model), tail_count(part->model) * sizeof *m);
@@ -112,8 +113,8 @@ static inline bool evaluate(const Part *part, double m[], double work[], double 
     return changed;
 }
 
-/* what the adapter of the part alone would let pass */
-static inline bool keeps_rules(const Part *part, const double m[])
+/* true if the adapter of the part would accept its values */
+static inline bool satisfies_rules(const Part *part, const double m[])
 {
     const ModelInterface *model = part->model;
     if (!all_finite(m + part->tail, tail_count(model))) return false;
@@ -122,13 +123,13 @@ static inline bool keeps_rules(const Part *part, const double m[])
         const double *value = v->causality == OUTPUT_ROW
                                   ? m + part->tail + (first - head_count(model))
                                   : m + part->head + first;
-        if (v->causality != PARAMETER_ROW && !keep_rule(v->rule, value, v->size)) return false;
+        if (v->causality != PARAMETER_ROW && !satisfy_rule(v->rule, value, v->size)) return false;
     }
     return true;
 }
 
-/* driven inputs as at the start, a bus of zeros */
-static inline void begin_part(const Part *part, double m[])
+/* start values for driven inputs, zeros for states and outputs */
+static inline void reset_part(const Part *part, double m[])
 {
     const double *start = part->model->start;
     const Copies all = part->driven;
@@ -137,14 +138,14 @@ static inline void begin_part(const Part *part, double m[])
     memset(m + part->tail, 0, tail_count(part->model) * sizeof *m);
 }
 
-/* whether the outputs have settled; work: room for the largest part with its scratch; stale: one per
- * part */
+/* true if the outputs have converged; work: space for the largest part and its workspace; stale:
+ * one element per part */
 static inline bool initialize_parts(const Part *parts, size_t count, bool stale[], double m[],
                                     double work[], double t)
 {
     const Part *const end = parts + count;
     for (const Part *p = parts; p < end; p++) {
-        begin_part(p, m);
+        reset_part(p, m);
         stale[p - parts] = true;
     }
     bool changed = true;
@@ -152,13 +153,13 @@ static inline bool initialize_parts(const Part *parts, size_t count, bool stale[
         changed = false;
         for (const Part *p = parts; p < end; p++) {
             if (!stale[p - parts]) continue;
-            changed |= evaluate(p, m, work, t);
-            if (!keeps_rules(p, m)) return true; /* the adapter refuses what stands there */
+            changed |= evaluate_outputs(p, m, work, t);
+            if (!satisfies_rules(p, m)) return true; /* the adapter rejects these values */
         }
-        for (const Part *p = parts; p < end; p++) stale[p - parts] = drive(p, m);
+        for (const Part *p = parts; p < end; p++) stale[p - parts] = set_driven_inputs(p, m);
     }
     for (const Part *p = parts; p < end; p++)
-        if (stale[p - parts]) evaluate(p, m, work, t);
+        if (stale[p - parts]) evaluate_outputs(p, m, work, t);
     return !changed;
 }
 

@@ -12,9 +12,9 @@ static const char *category_name(unsigned category)
     return log_categories[category == LOG_ERRORS ? 0 : category == LOG_WARNINGS ? 1 : 2];
 }
 
-static void hand_over(const Instance *instance, Status status, unsigned category, char *line)
+static void write_log_line(const Instance *instance, Status status, unsigned category, char *line)
 {
-    instance->call.hand_over(instance, status, category_name(category), line);
+    instance->call.write_line(instance, status, category_name(category), line);
 }
 
 RARE void log_message(const Instance *instance, Status status, unsigned category, const char *text)
@@ -23,15 +23,15 @@ RARE void log_message(const Instance *instance, Status status, unsigned category
     if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category)))
         return;
     snprintf(line, sizeof line, "%s", text);
-    hand_over(instance, status, category, line);
+    write_log_line(instance, status, category, line);
 }
 
-RARE bool refuse_call(const Instance *instance, const char *function, const char *text)
+RARE bool reject_call(const Instance *instance, const char *function, const char *text)
 {
     char line[LINE_SIZE];
     if (!instance || !instance->call.logger) return false;
     snprintf(line, sizeof line, "%s: %s", function, text);
-    hand_over(instance, STATUS_ERROR, LOG_ERRORS, line);
+    write_log_line(instance, STATUS_ERROR, LOG_ERRORS, line);
     return false;
 }
 
@@ -46,12 +46,12 @@ static const char *phase_name(Phase phase)
     }
 }
 
-bool refuse_phase(const Instance *instance, const char *function)
+bool reject_phase(const Instance *instance, const char *function)
 {
     char text[120];
     if (!instance) return false;
     snprintf(text, sizeof text, "not allowed in the state '%s'", phase_name(instance->now.phase));
-    return refuse_call(instance, function, text);
+    return reject_call(instance, function, text);
 }
 
 void *allocate(const Instance *instance, size_t bytes)
@@ -68,7 +68,7 @@ void release(const Instance *instance, void *memory)
     else instance->call.release(memory);
 }
 
-/* every parameter against the rule of its row, then the rules of the model itself */
+/* checks every parameter against the rule of its row, then the rules of the model */
 static void check_parameters(void *model, Problems *problems)
 {
     char name[NAME_SIZE];
@@ -77,31 +77,31 @@ static void check_parameters(void *model, Problems *problems)
             Scalar s = {&fmu_model.variables[i], k};
             double value = value_of(model, s);
             const char *rule =
-                s.row->causality == PARAMETER_ROW ? broken_rule(s.row->rule, value) : NULL;
-            if (rule) refuse(problems, element_name(name, s), value, rule);
+                s.row->causality == PARAMETER_ROW ? violated_rule(s.row->rule, value) : NULL;
+            if (rule) reject(problems, element_name(name, s), value, rule);
         }
     fmu_model.check(model, problems);
 }
 
 enum { FINDING_SIZE = NAME_SIZE + 400 }; /* a name, a value, a rule and the text of the row */
 
-/* outputs, and what is judged beside them */
-static const Variable *judged_row(size_t i) /* NULL: i is past the last one */
+/* outputs, then further rows that are checked */
+static const Variable *checked_row(size_t i) /* NULL: i is beyond the last row */
 {
     const size_t beyond = i - fmu_model.variable_count;
     if (i < fmu_model.variable_count) return &fmu_model.variables[i];
-    return beyond < fmu_model.judged_count ? &fmu_model.judged[beyond] : NULL;
+    return beyond < fmu_model.checked_count ? &fmu_model.checked[beyond] : NULL;
 }
 
-static const char *first_broken_output(const void *model, char text[FINDING_SIZE])
+static const char *first_invalid_output(const void *model, char text[FINDING_SIZE])
 {
     char name[NAME_SIZE];
     const Variable *row;
-    for (size_t i = 0; (row = judged_row(i)); i++)
+    for (size_t i = 0; (row = checked_row(i)); i++)
         for (size_t k = 0; k < row->size && row->causality == OUTPUT_ROW; k++) {
             Scalar s = {row, k};
             double value = value_of(model, s);
-            const char *rule = broken_rule(row->rule, value);
+            const char *rule = violated_rule(row->rule, value);
             if (!rule) continue;
             snprintf(text, FINDING_SIZE, "%s = %.9g: %s (%s)", element_name(name, s),
                      readable(value), rule, row->text);
@@ -113,61 +113,124 @@ static const char *first_broken_output(const void *model, char text[FINDING_SIZE
 static void list_outputs(Instance *instance, bool alarms)
 {
     const Variable *v;
-    for (size_t i = 0; (v = judged_row(i)); i++) {
+    for (size_t i = 0; (v = checked_row(i)); i++) {
         if (v->causality != OUTPUT_ROW || v->rule == ANY_VALUE) continue;
         for (size_t k = 0; k < v->size && (v->rule == ALARM_VALUE) == alarms; k++)
-            add_to_runs(instance->guarded, &instance->guarded_count, (Part){{v, k}, 1}, v->rule);
+            add_to_runs(instance->ruled, &instance->ruled_count, (Part){{v, k}, 1}, v->rule);
     }
 }
 
-void list_guarded(Instance *instance)
+void list_ruled_outputs(Instance *instance)
 {
-    instance->guarded_count = 0;
+    instance->ruled_count = 0;
     list_outputs(instance, true);
-    instance->alarm_count = instance->guarded_count;
+    instance->alarm_count = instance->ruled_count;
     list_outputs(instance, false);
 }
 
 static bool outputs_in_bounds(const Instance *instance, const double model[])
 {
-    const Run *end = instance->guarded + instance->guarded_count;
-    for (const Run *r = instance->guarded; r < end; r++)
-        if (!keep_rule(r->rule, model + r->first, r->count)) return false;
+    const Run *end = instance->ruled + instance->ruled_count;
+    for (const Run *r = instance->ruled; r < end; r++)
+        if (!satisfy_rule(r->rule, model + r->first, r->count)) return false;
     return true;
 }
 
-RARE static bool refuse_result(const Instance *instance, const char *function, const void *model,
+static bool is_zero(const double value[], size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (value[i] != 0) return false;
+    return true;
+}
+
+/* an input that is zero while its start value is not, such as an attitude, a position or a mass that
+ * the master has not passed on yet */
+static bool lacks_value(const Variable *v, const void *model)
+{
+    const Scalar first = {v, 0};
+    return v->causality == INPUT_ROW && is_zero(values_from(model, first), v->size) &&
+           !is_zero(values_from(fmu_model.start, first), v->size);
+}
+
+/* the first vector that lacks a value, or else the first scalar; NULL: all inputs have values */
+static const Variable *first_lacking_input(const void *model)
+{
+    const Variable *end = fmu_model.variables + fmu_model.variable_count, *scalar = NULL;
+    for (const Variable *v = fmu_model.variables; v < end; v++) {
+        if (!lacks_value(v, model)) continue;
+        if (v->size > 1) return v;
+        if (!scalar) scalar = v;
+    }
+    return scalar;
+}
+
+RARE static bool reject_result(const Instance *instance, const char *function, const void *model,
                                double t)
 {
-    char broken[FINDING_SIZE], text[FINDING_SIZE + 80];
-    const char *what = first_broken_output(model, broken);
-    snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t,
-             what ? what : "an internal state is not finite");
-    return refuse_call(instance, function, text);
+    char invalid[FINDING_SIZE], text[FINDING_SIZE + NAME_SIZE + 120];
+    const char *what = first_invalid_output(model, invalid);
+    const Variable *lacking = first_lacking_input(model);
+    snprintf(text, sizeof text, "result at t = %.9g s rejected: %s%s%s%s", t,
+             what ? what : "an internal state is not finite", lacking ? "; the input " : "",
+             lacking ? lacking->name : "", lacking ? " is zero" : "");
+    return reject_call(instance, function, text);
+}
+
+static bool result_is_valid(const Instance *instance, const void *model)
+{
+    return all_finite(tail_const(model), tail_size() / sizeof(double)) &&
+           outputs_in_bounds(instance, model);
 }
 
 static bool result_is_good(const Instance *instance, const char *function, const void *model,
                            double t)
 {
-    if (all_finite(tail_const(model), tail_size() / sizeof(double)) &&
-        outputs_in_bounds(instance, model))
-        return true;
-    return refuse_result(instance, function, model, t);
+    return result_is_valid(instance, model) || reject_result(instance, function, model, t);
 }
 
 RARE static bool parameters_are_good(const Instance *instance, const char *function, void *model)
 {
     Problems problems = {{0}, 0, ""};
     check_parameters(model, &problems);
-    return problems.count == 0 || refuse_call(instance, function, problems.text);
+    return problems.count == 0 || reject_call(instance, function, problems.text);
+}
+
+static void evaluate_first_outputs(const Instance *instance, void *model)
+{
+    memcpy(tail(model), tail_const(fmu_model.start), tail_size());
+    fmu_model.initialize(model, instance->now.start);
+}
+
+/* Some masters begin with zeros for all inputs. Where these give no valid outputs, the first
+ * outputs follow from the start values of the inputs that are zero; the first step needs the
+ * values. False: no input lacks a value, or the outputs are not valid either. */
+RARE static bool initialize_without_inputs(const Instance *instance, void *model)
+{
+    char text[NAME_SIZE + 120];
+    const Variable *lacking = first_lacking_input(model);
+    double *inputs = lacking ? allocate(instance, fmu_model.state_offset) : NULL;
+    if (!inputs) return false;
+    memcpy(inputs, model, fmu_model.state_offset);
+    for (const Variable *v = fmu_model.variables;
+         v < fmu_model.variables + fmu_model.variable_count; v++)
+        if (lacks_value(v, model))
+            memcpy(pointer_to(model, (Scalar){v, 0}), values_from(fmu_model.start, (Scalar){v, 0}),
+                   v->size * sizeof(double));
+    evaluate_first_outputs(instance, model);
+    memcpy(model, inputs, fmu_model.state_offset);
+    release(instance, inputs);
+    snprintf(text, sizeof text,
+             "the input %s is zero: the first outputs follow from its start value", lacking->name);
+    log_message(instance, STATUS_WARNING, LOG_WARNINGS, text);
+    return result_is_valid(instance, model);
 }
 
 bool initialize_checked(const Instance *instance, const char *function, void *model)
 {
     if (!parameters_are_good(instance, function, model)) return false;
-    memcpy(tail(model), tail_const(fmu_model.start), tail_size());
-    fmu_model.initialize(model, instance->now.start);
-    return result_is_good(instance, function, model, instance->now.start);
+    evaluate_first_outputs(instance, model);
+    return result_is_valid(instance, model) || initialize_without_inputs(instance, model) ||
+           reject_result(instance, function, model, instance->now.start);
 }
 
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h)
@@ -176,14 +239,14 @@ bool step_checked(const Instance *instance, const char *function, void *model, d
     return result_is_good(instance, function, model, t + h);
 }
 
-static Scalar output_at(size_t place) /* in doubles of the model */
+static Scalar output_at(size_t double_index) /* index of a double of the model */
 {
     size_t i = 0, first = 0;
     for (; i < fmu_model.variable_count; i++) {
         first = fmu_model.variables[i].offset / sizeof(double);
-        if (place >= first && place < first + fmu_model.variables[i].size) break;
+        if (double_index >= first && double_index < first + fmu_model.variables[i].size) break;
     }
-    return (Scalar){&fmu_model.variables[i], place - first};
+    return (Scalar){&fmu_model.variables[i], double_index - first};
 }
 
 RARE static void report_alarm(const Instance *instance, Scalar s, double t)
@@ -195,10 +258,10 @@ RARE static void report_alarm(const Instance *instance, Scalar s, double t)
 
 void report_alarms(const Instance *instance, double t)
 {
-    const double *now = instance->model, *before = instance->good;
+    const double *now = instance->model, *before = instance->last_good;
     const size_t tail_begins = fmu_model.state_offset / sizeof(double);
-    const Run *end = instance->guarded + instance->alarm_count;
-    for (const Run *r = instance->guarded; r < end; r++)
+    const Run *end = instance->ruled + instance->alarm_count;
+    for (const Run *r = instance->ruled; r < end; r++)
         for (size_t k = r->first; k < r->first + r->count; k++)
             if (before[k - tail_begins] == 0 && now[k] != 0)
                 report_alarm(instance, output_at(k), t);

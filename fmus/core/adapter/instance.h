@@ -1,11 +1,11 @@
-/* instance.h - one instance of an FMU: the model, its last good state, progress, callbacks, log.
+/* instance.h - instance of an FMU: model, last valid state, progress, callbacks, log.
  *
- * It knows no version of FMI: each has its files (fmi2*.c, fmi3*.c) over this one, life.h,
- * values.h and state.h.
+ * It is independent of the version of FMI: each version has files of its own (fmi2*.c, fmi3*.c),
+ * which use this one, life.h, values.h and state.h.
  *
- * States and outputs are kept before a step and put back if one of its results is refused, so an
- * error leaves the last good state in place; parameters and inputs are constant in a step. There
- * are no globals: instances do not know of each other. */
+ * States and outputs are stored before a step and restored if one of its results is rejected, so
+ * that after an error the instance has its last valid state; parameters and inputs are constant in
+ * a step. There are no global variables, so that instances are independent. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef INSTANCE_H
 #define INSTANCE_H
@@ -28,21 +28,21 @@ typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR } Status;
 
 typedef struct {
     Phase phase;
-    int stale; /* outputs not yet evaluated for the values set in initialization mode */
+    int stale; /* 1: outputs are not yet evaluated for the values set in initialization mode */
     double start, time, stop,
-        step;    /* s; stop: infinite if undefined; step: the last one, 0 before the first */
-    double grid; /* s; internal steps and samples are no closer than this, 0 if there are none */
+        step; /* s; stop: infinite if undefined; step: size of the last step, 0 before the first */
+    double grid; /* s; shortest internal step or sample period, 0 if there is none */
 } Progress;
 
 typedef struct Instance Instance;
 
-/* what the environment offers; hand_over: how a version of FMI brings a finished line to its logger */
+/* callbacks of the environment; write_line: calls the logger as a version of FMI defines it */
 typedef struct {
-    void (*hand_over)(const Instance *instance, Status status, const char *category, char *line);
-    void (*logger)(void); /* in the type of that version; NULL: nobody listens */
+    void (*write_line)(const Instance *instance, Status status, const char *category, char *line);
+    void (*logger)(void); /* NULL: no logger */
     void *environment;
     void *(*allocate)(size_t count, size_t size);
-    void (*release)(void *memory); /* both or none: calloc and free then */
+    void (*release)(void *memory); /* if one of allocate and release is NULL: calloc and free */
 } Callbacks;
 
 struct Instance {
@@ -50,14 +50,15 @@ struct Instance {
     char *name;
     unsigned categories; /* log categories switched on */
     Progress now;
-    void *model;                       /* memory_of(&fmu_model) bytes */
-    void *good;                        /* states and outputs before the step: tail_size() bytes */
-    Run *guarded;                      /* outputs with a rule beyond being finite */
-    size_t guarded_count, alarm_count; /* alarms are the first of them */
+    void *model;                     /* memory_of(&fmu_model) bytes */
+    void *last_good;                 /* states and outputs before the step: tail_size() bytes */
+    Run *ruled;                      /* outputs with a rule besides being finite */
+    size_t ruled_count, alarm_count; /* alarms come first among these outputs */
     KnownCalls written, read;
 };
 
-/* with text buffers that are to be no part of the stack of a step that goes well */
+/* functions with text buffers, not inlined, so that a successful step needs no stack for the
+ * buffers */
 #if defined __GNUC__
 #define RARE __attribute__((noinline))
 #else
@@ -67,27 +68,27 @@ struct Instance {
 extern const char *const log_categories[3];
 
 void log_message(const Instance *instance, Status status, unsigned category, const char *text);
-bool refuse_call(const Instance *instance, const char *function,
-                 const char *text);                                /* logs, returns false */
-bool refuse_phase(const Instance *instance, const char *function); /* logs, returns false */
+bool reject_call(const Instance *instance, const char *function,
+                 const char *text);                                /* logs and returns false */
+bool reject_phase(const Instance *instance, const char *function); /* logs and returns false */
 void *allocate(const Instance *instance, size_t bytes);
 void release(const Instance *instance, void *memory);
 
-/* check and initialize a model, or step it; false and a message if it or its result is refused:
- * states and outputs are then of no use */
+/* check and initialize a model, or step it; false with a message if the model or its result is
+ * rejected, which leaves invalid states and outputs */
 bool initialize_checked(const Instance *instance, const char *function, void *model);
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
-/* fill in the outputs with a rule, at most variable_count + judged_count runs of fmu_model */
-void list_guarded(Instance *instance);
+/* sets `ruled`: at most variable_count + checked_count runs of outputs */
+void list_ruled_outputs(Instance *instance);
 
-/* warn of every alarm that has risen since the last good state */
+/* logs a warning for every alarm that has changed to 1 since the last valid state */
 void report_alarms(const Instance *instance, double t);
 
 static inline bool allowed(const Instance *instance, const char *function, unsigned phases)
 {
     if (instance && (unsigned)instance->now.phase & phases) return true;
-    return refuse_phase(instance, function);
+    return reject_phase(instance, function);
 }
 
 /* states and outputs: from state_offset to the end of the model */
@@ -97,16 +98,16 @@ static inline const void *tail_const(const void *model)
 {
     return (const char *)model + fmu_model.state_offset;
 }
-static inline void keep_good(Instance *instance)
+static inline void store_good_state(Instance *instance)
 {
-    memcpy(instance->good, tail(instance->model), tail_size());
+    memcpy(instance->last_good, tail(instance->model), tail_size());
 }
-static inline void put_back(Instance *instance)
+static inline void restore_good_state(Instance *instance)
 {
-    memcpy(tail(instance->model), instance->good, tail_size());
+    memcpy(tail(instance->model), instance->last_good, tail_size());
 }
 
-/* a step of so many internal ones is taken for a mistake in a parameter, not for patience */
+/* such a number of internal steps in a step is considered a mistake in a parameter */
 static inline bool too_many_substeps(const Progress *now, double h)
 {
     return now->grid > 0 && h / now->grid > 1e7;

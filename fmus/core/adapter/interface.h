@@ -1,5 +1,5 @@
-/* interface.h - reading the interface table of a model: scalars by value reference, names of
- * elements, guid. */
+/* interface.h - access to the interface table of a model: scalars by value reference, names of
+ * elements, rules, guid. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef INTERFACE_H
 #define INTERFACE_H
@@ -15,7 +15,7 @@ enum { VR_STRIDE = 1000, NAME_SIZE = 128, GUID_SIZE = 40 };
 typedef struct {
     const Variable *row;
     size_t element;
-} Scalar; /* row NULL: there is no such variable */
+} Scalar; /* row NULL: the variable does not exist */
 
 static inline Scalar scalar_of(const ModelInterface *m, unsigned vr) /* vr = 1000 * row + element */
 {
@@ -34,7 +34,7 @@ static inline const double *values_from(const void *model, Scalar s)
 }
 static inline double value_of(const void *model, Scalar s) { return *values_from(model, s); }
 
-/* what to allocate for a model: its data, and what its initialize works in */
+/* bytes of a model and its workspace */
 static inline size_t memory_of(const ModelInterface *m) { return m->size + m->scratch; }
 
 /* v, v[3] or v[2,3]: one-based, row major */
@@ -49,28 +49,28 @@ static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
     return buffer;
 }
 
-/* what a rule allows: inclusive bounds (the adapter refuses 0 for POSITIVE_VALUE and all but 0 and
- * 1 for a switch) */
+/* inclusive bounds of a rule (the adapter also rejects 0 for POSITIVE_VALUE, and all values but 0
+ * and 1 for a switch) */
 static inline double lowest(Rule rule) { return rule == ANY_VALUE ? -DBL_MAX : 0; }
 static inline int is_flag(Rule rule) { return rule == SWITCH_VALUE || rule == ALARM_VALUE; }
 static inline double highest(Rule rule)
 {
     return is_flag(rule) ? 1 : rule == ANGLE_VALUE ? PI : DBL_MAX;
 }
-static inline const char *broken_rule(Rule rule, double value) /* NULL: the value is fine */
+static inline const char *violated_rule(Rule rule, double value) /* NULL: the value is valid */
 {
     if (!isfinite(value)) return "must be finite";
     if (rule == POSITIVE_VALUE && value <= 0) return "must be > 0";
     if (is_flag(rule) && value != 0 && value != 1) return "must be 0 or 1";
     if (value < lowest(rule)) return "must be >= 0";
-    return value > highest(rule) ? "is above its upper bound" : NULL;
+    return value > highest(rule) ? "must be <= pi" : NULL;
 }
-/* when it is set: the rule of a parameter is judged at the end of initialization */
+/* rule for setting a value; parameters are checked at the end of initialization */
 static inline Rule rule_when_set(Scalar s)
 {
     return s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE;
 }
-/* the same for finite values of one rule, without a reason */
+/* whether several finite values satisfy a rule; returns no reason */
 static inline bool all_flags(const double value[], size_t count)
 {
     for (size_t i = 0; i < count; i++)
@@ -89,7 +89,7 @@ static inline bool all_within(const double value[], size_t count, double low, do
         if (value[i] < low || value[i] > high) return false;
     return true;
 }
-static inline bool keep_rule(Rule rule, const double value[], size_t count)
+static inline bool satisfy_rule(Rule rule, const double value[], size_t count)
 {
     if (rule == ANY_VALUE) return true;
     if (is_flag(rule)) return all_flags(value, count);
@@ -97,8 +97,8 @@ static inline bool keep_rule(Rule rule, const double value[], size_t count)
     return all_within(value, count, lowest(rule), highest(rule));
 }
 
-/* 64-bit FNV-1a over names, units, shapes and start values: the same interface has the same guid
- * everywhere */
+/* 64-bit FNV-1a over names, units, shapes and start values, so that the guid depends on the
+ * interface only */
 static inline uint64_t fold(uint64_t hash, const void *bytes, size_t count)
 {
     for (const unsigned char *b = bytes; count-- > 0; b++)

@@ -1,16 +1,17 @@
-/* known_calls.h - what the value references of a call stand for, resolved once per distinct call.
+/* known_calls.h - cache of calls: the value references of a call are resolved once per distinct
+ * call.
  *
  * A master reads and writes the same variables at every step. The references of its last calls are
- * kept with the runs of neighbouring doubles that they name; a call is known if count and
- * references are equal, wherever the array lies. An unknown call is resolved reference by
- * reference. */
+ * stored with the runs of consecutive doubles that they name. A call is known if number and values
+ * of the references are equal; the address of the array does not matter. An unknown call is
+ * resolved reference by reference. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef KNOWN_CALLS_H
 #define KNOWN_CALLS_H
 
 #include "interface.h"
 
-#ifndef LONGEST_CALL /* references; a processor with little memory says less */
+#ifndef LONGEST_CALL /* references; smaller on a processor with little memory */
 #define LONGEST_CALL 1024
 #endif
 enum { KNOWN_CALLS = 2, MOST_RUNS = LONGEST_CALL < 256 ? 16 : 64 };
@@ -21,7 +22,7 @@ typedef struct {
 } Run;
 
 typedef struct {
-    size_t count, values, runs; /* count 0: nothing known; values: elements of all references */
+    size_t count, values, runs; /* count 0: empty; values: number of elements of all references */
     unsigned reference[LONGEST_CALL];
     Run run[MOST_RUNS];
 } KnownCall;
@@ -31,8 +32,8 @@ typedef struct {
     size_t oldest;
 } KnownCalls;
 
-static inline const KnownCall *known_call(const KnownCalls *known, const unsigned vr[],
-                                          size_t count)
+static inline const KnownCall *find_known_call(const KnownCalls *known, const unsigned vr[],
+                                               size_t count)
 {
     for (const KnownCall *c = known->call; c < known->call + KNOWN_CALLS; c++)
         if (count && c->count == count && memcmp(c->reference, vr, count * sizeof *vr) == 0)
@@ -40,9 +41,9 @@ static inline const KnownCall *known_call(const KnownCalls *known, const unsigne
     return NULL;
 }
 
-/* the elements that a value reference stands for: one in FMI 2.0, a whole row in FMI 3.0 */
+/* the elements of a value reference: one in FMI 2.0, a whole row in FMI 3.0 */
 typedef struct {
-    Scalar first; /* row NULL: there is no such variable */
+    Scalar first; /* row NULL: the variable does not exist */
     size_t size;
 } Part;
 
@@ -53,8 +54,8 @@ static inline Part part_of(const ModelInterface *m, unsigned vr, bool rows)
     return (Part){s, rows ? s.row->size : 1};
 }
 
-/* at the end of run[0 .. *runs-1]: into the last one if it is its neighbour and has its rule; there
- * must be room for one more */
+/* appends a part to run[0 .. *runs-1], or extends the last run if that is its neighbour and has the
+ * same rule; the array must have space for one more run */
 static inline void add_to_runs(Run run[], size_t *runs, Part p, Rule rule)
 {
     size_t at = p.first.row->offset / sizeof(double) + p.first.element;
@@ -63,9 +64,9 @@ static inline void add_to_runs(Run run[], size_t *runs, Part p, Rule rule)
     else run[(*runs)++] = (Run){at, p.size, rule};
 }
 
-/* in place of the oldest; a call that is too long or too scattered stays unknown */
-static inline void remember_call(KnownCalls *known, const ModelInterface *m, const unsigned vr[],
-                                 size_t count, bool rows)
+/* replaces the oldest call; a call with too many references or runs is not stored */
+static inline void store_known_call(KnownCalls *known, const ModelInterface *m, const unsigned vr[],
+                                    size_t count, bool rows)
 {
     KnownCall *c = &known->call[known->oldest];
     if (count == 0 || count > LONGEST_CALL) return;
@@ -81,10 +82,11 @@ static inline void remember_call(KnownCalls *known, const ModelInterface *m, con
     known->oldest = (known->oldest + 1) % KNOWN_CALLS;
 }
 
-static inline bool keep_rules(const KnownCall *c, const double value[]) /* of finite values */
+static inline bool satisfy_rules(const KnownCall *c,
+                                 const double value[]) /* value: finite numbers */
 {
     for (const Run *r = c->run, *end = r + c->runs; r < end; value += r++->count)
-        if (!keep_rule(r->rule, value, r->count)) return false;
+        if (!satisfy_rule(r->rule, value, r->count)) return false;
     return true;
 }
 

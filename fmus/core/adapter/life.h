@@ -1,4 +1,5 @@
-/* life.h - the life of an instance, whatever the version of FMI: made, initialised, stepped, freed. */
+/* life.h - life cycle of an instance for all versions of FMI: creation, initialization, steps,
+ * release. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LIFE_H
 #define LIFE_H
@@ -7,10 +8,10 @@
 #include "instance.h"
 #include "time_grid.h"
 
-/* s; a longer communication step is taken for a mistake of the master */
+/* s; a longer communication step is considered a mistake of the master */
 enum { LONGEST_STEP = 100000 };
 
-static inline void make_new(Instance *instance)
+static inline void reset_model(Instance *instance)
 {
     memcpy(instance->model, fmu_model.start, fmu_model.size);
     instance->now = (Progress){.phase = INSTANTIATED, .stale = true, .stop = INFINITY};
@@ -21,65 +22,67 @@ static inline void free_instance(Instance *instance)
     if (!instance) return;
     release(instance, instance->name);
     release(instance, instance->model);
-    release(instance, instance->good);
-    release(instance, instance->guarded);
+    release(instance, instance->last_good);
+    release(instance, instance->ruled);
     release(instance, instance);
 }
 
-/* has the caller a name, and the guid of this FMU, which this version of FMI calls `what`? */
-static inline bool is_named_and_meant(const Instance *caller, const char *function,
-                                      const char *what, const char *guid)
+/* true if the caller gives a name and the guid of this FMU; what: term for the guid in this version
+ * of FMI */
+static inline bool has_name_and_guid(const Instance *caller, const char *function, const char *what,
+                                     const char *guid)
 {
     char buffer[GUID_SIZE], text[200];
     const char *expected = guid_of(&fmu_model, buffer);
     if (!caller->name || !*caller->name)
-        return refuse_call(caller, function, "the instance name is empty");
+        return reject_call(caller, function, "the instance name is empty");
     if (guid && strcmp(guid, expected) == 0) return true;
     snprintf(text, sizeof text, "wrong %s '%.60s', expected '%s'", what, guid ? guid : "",
              expected);
-    return refuse_call(caller, function, text);
+    return reject_call(caller, function, text);
 }
 
-/* with the name, callbacks and log categories of the caller; NULL: out of memory */
+/* a new instance with name, callbacks and log categories of the caller; NULL: out of memory */
 static inline Instance *new_instance(const Instance *caller)
 {
     size_t name_size = strlen(caller->name) + 1;
-    size_t rows = fmu_model.variable_count + fmu_model.judged_count;
+    size_t rows = fmu_model.variable_count + fmu_model.checked_count;
     Instance *instance = allocate(caller, sizeof *instance);
     if (!instance) return NULL;
     *instance = *caller;
     instance->name = allocate(caller, name_size);
     instance->model = allocate(caller, memory_of(&fmu_model));
-    instance->good = allocate(caller, tail_size());
-    instance->guarded = allocate(caller, rows * sizeof *instance->guarded);
-    if (!instance->name || !instance->model || !instance->good || !instance->guarded) {
+    instance->last_good = allocate(caller, tail_size());
+    instance->ruled = allocate(caller, rows * sizeof *instance->ruled);
+    if (!instance->name || !instance->model || !instance->last_good || !instance->ruled) {
         free_instance(instance);
         return NULL;
     }
-    list_guarded(instance);
+    list_ruled_outputs(instance);
     memcpy(instance->name, caller->name, name_size);
-    make_new(instance);
+    reset_model(instance);
     return instance;
 }
 
-static inline unsigned category_named(const char *name) /* 0: there is none */
+static inline unsigned category_of(const char *name) /* 0: unknown */
 {
     for (unsigned k = 0; k < COUNT(log_categories); k++)
         if (name && strcmp(name, log_categories[k]) == 0) return 1u << k;
     return 0;
 }
 
-/* only the categories named, all if none is named, or none at all; false: one is unknown */
+/* on: log the given categories, or all if none is given; off: log none; false: a category is
+ * unknown */
 static inline bool choose_categories(Instance *instance, bool on, size_t count,
                                      const char *const categories[])
 {
-    unsigned wanted = count ? 0 : LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS;
+    unsigned mask = count ? 0 : LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS;
     for (size_t i = 0; i < count; i++) {
-        unsigned bit = category_named(categories ? categories[i] : NULL);
+        unsigned bit = category_of(categories ? categories[i] : NULL);
         if (!bit) return false;
-        wanted |= bit;
+        mask |= bit;
     }
-    instance->categories = on ? wanted : 0;
+    instance->categories = on ? mask : 0;
     return true;
 }
 
@@ -95,18 +98,19 @@ static inline void set_span(Instance *instance, double start, bool stop_defined,
     instance->now.stop = stop_defined ? stop : INFINITY;
 }
 
-/* outputs for the values set so far; evaluated when they are read, so that masters can propagate
- * start values */
-static inline bool refresh(Instance *instance, const char *function)
+/* evaluates the outputs for the values set so far; called when outputs are read, so that masters
+ * can propagate start values */
+static inline bool update_outputs(Instance *instance, const char *function)
 {
     if (!instance->now.stale) return true;
-    keep_good(instance);
-    if (!initialize_checked(instance, function, instance->model)) return put_back(instance), false;
+    store_good_state(instance);
+    if (!initialize_checked(instance, function, instance->model))
+        return restore_good_state(instance), false;
     instance->now.stale = false;
     return true;
 }
 
-/* the shortest internal step or sample period; 0: there is none */
+/* the shortest internal step or sample period, 0 if there is none */
 static inline double finest_grid(const void *model)
 {
     double finest = INFINITY;
@@ -118,13 +122,14 @@ static inline double finest_grid(const void *model)
     return isfinite(finest) ? finest : 0;
 }
 
-/* false: the parameters or the first outputs are refused */
+/* false: the parameters or the first outputs are rejected */
 static inline bool leave_initialization(Instance *instance, const char *function)
 {
-    if (!refresh(instance, function)) return false;
+    if (!update_outputs(instance, function)) return false;
     instance->now.grid = finest_grid(instance->model);
     instance->now.phase = STEPPING;
-    memcpy(instance->good, tail_const(fmu_model.start), tail_size()); /* no alarm stood before */
+    memcpy(instance->last_good, tail_const(fmu_model.start),
+           tail_size()); /* all alarms were 0 before */
     report_alarms(instance, instance->now.start);
     log_message(instance, STATUS_OK, LOG_EVENTS, "initialized");
     return true;
@@ -143,7 +148,7 @@ static inline const char *why_no_step(const Progress *now, double t, double h)
     if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
     if (too_many_substeps(now, h))
         return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
-    if (t + h == t) return "the step is lost in the rounding of the time";
+    if (t + h == t) return "the step size is below the rounding error of the time";
     if (too_late(now, t + h))
         return "the time is beyond 2^53 internal steps or samples (max_step, sample_period, T0), "
                "which cannot be counted";
@@ -154,12 +159,12 @@ static inline const char *why_no_step(const Progress *now, double t, double h)
     return NULL;
 }
 
-/* one step of the model; false: it has failed, which ends the run */
+/* one step of the model; false: the step has failed, which ends the run */
 static inline bool take_step(Instance *instance, const char *function, double t, double h)
 {
-    keep_good(instance);
+    store_good_state(instance);
     if (!step_checked(instance, function, instance->model, instance->now.time, h)) {
-        put_back(instance);
+        restore_good_state(instance);
         instance->now.phase = FAILED;
         return false;
     }
@@ -169,7 +174,7 @@ static inline bool take_step(Instance *instance, const char *function, double t,
     return true;
 }
 
-/* the same in whole macro steps */
+/* the step as several macro steps */
 static inline bool take_macro_steps(Instance *instance, const char *function, double t, double h)
 {
     const double macro = fmu_model.macro_step(instance->model), steps = nearest_whole(h / macro);
@@ -186,7 +191,8 @@ static inline const char *why_not_whole(const void *model, double h)
     return whole ? NULL : "the step size must be a whole multiple of macro_step";
 }
 
-/* from the present time to t + h; false: the step is refused, or has failed, which ends the run */
+/* advances from the present time to t + h; false: the step is rejected, or has failed, which ends
+ * the run */
 static inline bool advance(Instance *instance, const char *function, double t, double h)
 {
     char text[240];
@@ -195,7 +201,7 @@ static inline bool advance(Instance *instance, const char *function, double t, d
     if (rule) {
         snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s",
                  readable(t), readable(h), readable(instance->now.time), rule);
-        return refuse_call(instance, function, text);
+        return reject_call(instance, function, text);
     }
     if (fmu_model.macro_step) return take_macro_steps(instance, function, t, h);
     return take_step(instance, function, t, h);

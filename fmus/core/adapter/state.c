@@ -3,8 +3,8 @@
 #include "state.h"
 
 typedef struct {
-    uint64_t model; /* fingerprint: a state belongs to this FMU and no other */
-    uint64_t sum;   /* over progress and data: damaged bytes are refused */
+    uint64_t model; /* fingerprint: a state can be restored only in the same FMU */
+    uint64_t sum;   /* over progress and data, to detect damaged bytes */
     Progress now;
     double data[]; /* fmu_model.size bytes */
 } Snapshot;
@@ -19,7 +19,9 @@ bool take_snapshot(const Instance *instance, void **state)
 {
     Snapshot *s = *state ? *state : allocate(instance, snapshot_size());
     if (!s) return false;
-    memset(s, 0, offsetof(Snapshot, data)); /* padding too: equal states have equal bytes */
+    memset(
+        s, 0,
+        offsetof(Snapshot, data)); /* clears padding too, so that equal states have equal bytes */
     s->model = fingerprint(&fmu_model, 0);
     memcpy(&s->now, &instance->now, sizeof s->now);
     memcpy(s->data, instance->model, fmu_model.size);
@@ -58,17 +60,21 @@ const char *read_snapshot(const Instance *instance, const void *bytes, size_t si
 }
 
 /* ---- directional derivatives ----
- * After initialization: of the outputs at the end of the next step (of the size of the last one,
- * 0.1 s before the first) with respect to the inputs held over it. In initialization mode: of the
- * first outputs with respect to parameters and inputs. Central differences at d and d/2 with
- * Richardson extrapolation, so the error is of fourth order in d. */
+ * After initialization: derivatives of the outputs at the end of the next step (of the size of the
+ * last one, 0.1 s before the first) with respect to the inputs, which are constant over the step.
+ * In initialization mode: derivatives of the first outputs with respect to parameters and inputs.
+ * Central differences at d and d/2 with Richardson extrapolation, so that the error is of fourth
+ * order in d. The first d is 1 % of the scale of the first known; d is halved until two estimates
+ * agree, so that a contact or a limit beside the operating point has no effect. Where the slopes on
+ * both sides differ however small d is, the derivative is the slope of the side to which the seed
+ * points. */
 static double next_step(const Instance *instance)
 {
     if (fmu_model.macro_step) return fmu_model.macro_step(instance->model);
     return instance->now.step > 0 ? instance->now.step : 0.1;
 }
 
-/* a copy of the model at the operating point moved by `distance` along the seed, evaluated */
+/* evaluates a copy of the model at the operating point moved by `distance` along the seed */
 static bool evaluate_at(const Instance *instance, const Direction *d, double distance, void *copy)
 {
     memcpy(copy, instance->model, fmu_model.size);
@@ -78,20 +84,126 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
     return step_checked(instance, d->function, copy, instance->now.time, next_step(instance));
 }
 
-static bool central_difference(const Instance *instance, const Direction *d, double distance,
-                               void *work, double *result)
+enum { MOST_HALVINGS = 16 };
+static const double agreement = 1e-6;  /* of two estimates, relative to the largest of the row */
+static const double clear_bend = 1e-3; /* of the slopes of both sides, likewise relative */
+
+/* differences of an unknown over a distance along the seed */
+typedef struct {
+    double central, ahead; /* slopes over both sides, over the side ahead of the seed */
+    double bend;           /* slope ahead less slope behind */
+    double largest;        /* largest central slope in the row of the unknown */
+    double rounding;       /* rounding error to expect in a slope: 64 units in the last place */
+} Slope;
+
+/* what is known of the derivative of an unknown; best: the estimate that a halving of the distance
+ * has changed least */
+typedef struct {
+    double value, first_bend, estimate, best, least_change;
+    Slope slope, wider; /* at the shortest distance and at twice this distance */
+    bool settled;
+} Derivative;
+
+static double largest_slope(Scalar s, const void *plus, const void *minus, double distance)
+{
+    double largest = 0;
+    for (s.element = 0; s.element < s.row->size; s.element++)
+        largest = larger(largest, fabs(value_of(plus, s) - value_of(minus, s)) / (2 * distance));
+    return largest;
+}
+
+/* slopes at a distance; magnitude: of the largest known; false: an evaluation is rejected */
+static bool measure_slopes(const Instance *instance, const Direction *d, double distance,
+                           double magnitude, void *work, Derivative found[])
 {
     char *plus = work, *minus = plus + memory_of(&fmu_model);
     if (!evaluate_at(instance, d, distance, plus) || !evaluate_at(instance, d, -distance, minus))
         return false;
     for (size_t i = 0; i < d->unknowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->unknown[i]);
-        result[i] = (value_of(plus, s) - value_of(minus, s)) / (2 * distance);
+        double ahead = value_of(plus, s), here = found[i].value, behind = value_of(minus, s);
+        double largest = largest_slope(s, plus, minus, distance);
+        double unit = 64 * DBL_EPSILON * (fabs(here) + largest * magnitude);
+        found[i].wider = found[i].slope;
+        found[i].slope = (Slope){.central = (ahead - behind) / (2 * distance),
+                                 .ahead = (ahead - here) / distance,
+                                 .bend = (ahead - 2 * here + behind) / distance,
+                                 .largest = largest,
+                                 .rounding = unit / distance};
     }
     return true;
 }
 
-/* how far a variable may be moved: one unit, more for a position in N; a parameter by a part of its
+/* true if the slopes of both sides differ by the same at all distances; the bend of a curvature
+ * shrinks with the distance, a bend of rounding errors grows */
+static bool has_kink(const Derivative *f)
+{
+    const double bend = fabs(f->slope.bend);
+    return bend > clear_bend * f->slope.largest && bend > 8 * f->slope.rounding &&
+           fabs(f->slope.bend - f->wider.bend) < 0.25 * bend && bend < 2 * fabs(f->first_bend);
+}
+
+/* a derivative has settled if its change by a halving of the distance is within the tolerance */
+static void settle(Derivative *f, int halvings)
+{
+    const double before = f->estimate;
+    if (halvings == 0) f->first_bend = f->slope.bend;
+    if (halvings > 0) f->estimate = (4 * f->slope.central - f->wider.central) / 3;
+    if (halvings < 2) return;
+    const double change = fabs(f->estimate - before);
+    if (halvings == 2 || change < f->least_change) {
+        f->least_change = change;
+        f->best = f->estimate;
+    }
+    f->settled = change <= larger(agreement * f->slope.largest, f->slope.rounding) && !has_kink(f);
+    if (f->settled) f->best = before; /* of the longer distance: less rounding */
+}
+
+RARE static void report_one_side(const Instance *instance, const Direction *d, size_t i)
+{
+    char name[NAME_SIZE], text[NAME_SIZE + 160];
+    snprintf(text, sizeof text,
+             "%s: %s has unequal one-sided slopes; the derivative is the slope along the seed",
+             d->function, element_name(name, scalar_of(&fmu_model, d->unknown[i])));
+    log_message(instance, STATUS_WARNING, LOG_WARNINGS, text);
+}
+
+static double largest_known(const Instance *instance, const Direction *d)
+{
+    double largest = 0;
+    for (size_t i = 0; i < d->knowns; i++)
+        if (d->seed[i] != 0)
+            largest = larger(largest,
+                             fabs(value_of(instance->model, scalar_of(&fmu_model, d->known[i]))));
+    return largest;
+}
+
+/* derivatives of all unknowns; work: space for two models; false: an evaluation is rejected */
+static bool find_derivatives(const Instance *instance, const Direction *d, double distance,
+                             void *work, Derivative found[])
+{
+    const double magnitude = largest_known(instance, d);
+    size_t settled = 0;
+    if (!evaluate_at(instance, d, 0, work)) return false;
+    for (size_t i = 0; i < d->unknowns; i++)
+        found[i] = (Derivative){.value = value_of(work, scalar_of(&fmu_model, d->unknown[i]))};
+    for (int k = 0; k <= MOST_HALVINGS && settled < d->unknowns; k++, distance /= 2) {
+        if (!measure_slopes(instance, d, distance, magnitude, work, found)) return false;
+        for (size_t i = 0; i < d->unknowns; i++) {
+            if (!found[i].settled) settle(&found[i], k);
+            settled += found[i].settled;
+        }
+        if (settled < d->unknowns) settled = 0;
+    }
+    for (size_t i = 0; i < d->unknowns; i++) {
+        if (found[i].settled || !has_kink(&found[i])) continue;
+        found[i].best = 2 * found[i].slope.ahead - found[i].wider.ahead;
+        report_one_side(instance, d, i);
+    }
+    return true;
+}
+
+/* scale of the difference of a variable: one unit, more for a position in N; for a parameter its
  * value */
 static double scale_of(Scalar s, double value)
 {
@@ -99,7 +211,7 @@ static double scale_of(Scalar s, double value)
     return larger(1, 1e-6 * fabs(value));
 }
 
-/* until the first known has moved by 1 % of its scale; 0 for a zero seed */
+/* distance at which the first known has moved by 1 % of its scale; 0 for a zero seed */
 static double difference_distance(const Instance *instance, const Direction *d)
 {
     double distance = INFINITY;
@@ -114,7 +226,7 @@ static double difference_distance(const Instance *instance, const Direction *d)
 static const char *why_no_derivative(const Instance *instance, const Direction *d)
 {
     if ((d->unknowns && !d->unknown) || (d->knowns && (!d->known || !d->seed)))
-        return "missing array";
+        return "an array argument is NULL";
     for (size_t i = 0; i < d->unknowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->unknown[i]);
         if (!s.row || s.row->causality != OUTPUT_ROW)
@@ -138,18 +250,16 @@ bool derive(const Instance *instance, const Direction *d, double sensitivity[])
     if (too_many_substeps(&instance->now, next_step(instance)))
         rule = "the next step would take more than 1e7 internal steps";
     if (rule || (d->unknowns && !sensitivity))
-        return refuse_call(instance, d->function, rule ? rule : "missing array");
+        return reject_call(instance, d->function, rule ? rule : "an array argument is NULL");
 
     double distance = difference_distance(instance, d);
     for (size_t i = 0; i < d->unknowns; i++) sensitivity[i] = 0;
     if (distance == 0 || d->unknowns == 0) return true;
 
-    double *half = allocate(instance, d->unknowns * sizeof(double) + 2 * memory_of(&fmu_model));
-    if (!half) return refuse_call(instance, d->function, "out of memory");
-    bool good = central_difference(instance, d, distance, half + d->unknowns, sensitivity) &&
-                central_difference(instance, d, distance / 2, half + d->unknowns, half);
-    for (size_t i = 0; i < d->unknowns && good; i++)
-        sensitivity[i] = (4 * half[i] - sensitivity[i]) / 3;
-    release(instance, half);
+    Derivative *found = allocate(instance, d->unknowns * sizeof *found + 2 * memory_of(&fmu_model));
+    if (!found) return reject_call(instance, d->function, "out of memory");
+    bool good = find_derivatives(instance, d, distance, found + d->unknowns, found);
+    for (size_t i = 0; i < d->unknowns && good; i++) sensitivity[i] = found[i].best;
+    release(instance, found);
     return good;
 }

@@ -1,5 +1,5 @@
-/* state.h - states of an instance (plain copies of the model) and directional derivatives (differences
- * on copies), whatever the version of FMI. */
+/* state.h - states of an instance (plain copies of the model) and directional derivatives
+ * (differences of copies) for all versions of FMI. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef STATE_H
 #define STATE_H
@@ -8,13 +8,14 @@
 
 size_t snapshot_size(void); /* bytes, in memory and serialized */
 
-/* into *state, which is made if it is NULL; false: out of memory */
+/* copies the state to *state, which is allocated if it is NULL; false: out of memory */
 bool take_snapshot(const Instance *instance, void **state);
 void restore_snapshot(Instance *instance, const void *state);
 
 void write_snapshot(const void *state, void *bytes);
 
-/* a new state of bytes that have been written before, in place of *state; NULL, or why not */
+/* replaces *state by the state in bytes from write_snapshot(); returns NULL or the reason for an
+ * error */
 const char *read_snapshot(const Instance *instance, const void *bytes, size_t size, void **state);
 
 typedef struct {
@@ -24,8 +25,8 @@ typedef struct {
     const double *seed;
 } Direction;
 
-/* sensitivity of the unknowns to the knowns along the seed; false, with a message, if there is
- * none */
+/* sensitivity of the unknowns to the knowns along the seed; false with a message if it cannot be
+ * computed */
 bool derive(const Instance *instance, const Direction *d, double sensitivity[]);
 
 #endif

@@ -1,4 +1,4 @@
-/* values.h - variables set and read, whatever the version of FMI. */
+/* values.h - setting and reading variables for all versions of FMI. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef VALUES_H
 #define VALUES_H
@@ -7,10 +7,10 @@
 
 typedef struct {
     const char *set, *get; /* functions of FMI, for messages */
-    bool rows;             /* a value reference stands for a whole row, not for one element */
+    bool rows;             /* a value reference names a whole row, not one element */
 } Access;
 
-/* the independent variable, which FMI 3.0 wants among the variables and no model has */
+/* the independent variable, which FMI 3.0 requires as a variable and no model has */
 static inline unsigned time_reference(void)
 {
     return (unsigned)(VR_STRIDE * fmu_model.variable_count);
@@ -20,35 +20,36 @@ static inline bool is_time(const Access *a, unsigned vr)
     return a->rows && vr == time_reference();
 }
 
-RARE static bool refuse_reference(const Instance *instance, const char *function, unsigned vr)
+RARE static bool reject_reference(const Instance *instance, const char *function, unsigned vr)
 {
     char text[80];
     snprintf(text, sizeof text, "there is no variable with value reference %u", vr);
-    return refuse_call(instance, function, text);
+    return reject_call(instance, function, text);
 }
 
-RARE static bool refuse_named(const Instance *instance, const char *function, const char *name,
+RARE static bool reject_named(const Instance *instance, const char *function, const char *name,
                               const char *rule)
 {
     char text[NAME_SIZE + 120];
     snprintf(text, sizeof text, "%s: %s", name, rule);
-    return refuse_call(instance, function, text);
+    return reject_call(instance, function, text);
 }
 
-/* the references are those of variables, and there are as many values as these have elements */
-static inline bool fits(const Instance *instance, const Access *a, const char *function,
-                        const unsigned vr[], size_t count, size_t values)
+/* true if all references name variables and the number of values equals the number of their
+ * elements */
+static inline bool match_references(const Instance *instance, const Access *a, const char *function,
+                                    const unsigned vr[], size_t count, size_t values)
 {
     char text[80];
     size_t elements = 0;
     for (size_t i = 0; i < count; i++) {
         Part p = part_of(&fmu_model, vr[i], a->rows);
-        if (!p.first.row && !is_time(a, vr[i])) return refuse_reference(instance, function, vr[i]);
+        if (!p.first.row && !is_time(a, vr[i])) return reject_reference(instance, function, vr[i]);
         elements += p.first.row ? p.size : 1;
     }
     if (elements == values) return true;
     snprintf(text, sizeof text, "expected %zu values, got %zu", elements, values);
-    return refuse_call(instance, function, text);
+    return reject_call(instance, function, text);
 }
 
 /* ---- setting ---- */
@@ -61,7 +62,7 @@ static inline const char *why_not_settable(const Instance *instance, const Varia
     return NULL;
 }
 
-/* may a part have these values? */
+/* true if a part may be set to these values */
 static inline bool acceptable_part(const Instance *instance, const Access *a, Part p,
                                    const double value[])
 {
@@ -70,36 +71,37 @@ static inline bool acceptable_part(const Instance *instance, const Access *a, Pa
     const char *rule = why_not_settable(instance, s.row);
     if (rule) {
         const char *row = s.row ? s.row->name : "time";
-        return refuse_named(instance, a->set, a->rows ? row : element_name(name, s), rule);
+        return reject_named(instance, a->set, a->rows ? row : element_name(name, s), rule);
     }
     for (size_t k = 0; k < p.size; k++, s.element++) {
-        rule = broken_rule(rule_when_set(s), value[k]);
-        if (rule) return refuse_named(instance, a->set, element_name(name, s), rule);
+        rule = violated_rule(rule_when_set(s), value[k]);
+        if (rule) return reject_named(instance, a->set, element_name(name, s), rule);
     }
     return true;
 }
 
-/* all values are judged before the first is set */
+/* all values are checked before the first is set */
 static inline bool acceptable(const Instance *instance, const Access *a, const unsigned vr[],
                               size_t count, const double value[])
 {
     for (size_t i = 0; i < count; i++) {
         Part p = part_of(&fmu_model, vr[i], a->rows);
-        if (!p.first.row && !is_time(a, vr[i])) return refuse_reference(instance, a->set, vr[i]);
+        if (!p.first.row && !is_time(a, vr[i])) return reject_reference(instance, a->set, vr[i]);
         if (!acceptable_part(instance, a, p, value)) return false;
         value += p.size;
     }
     return true;
 }
 
-/* while stepping only inputs can be set; a call that has been accepted before and keeps the rules
- * again needs no further look */
+/* while stepping only inputs can be set; a known call whose values satisfy the rules needs no
+ * further checks */
 static inline bool set_known(Instance *instance, const unsigned vr[], size_t count,
                              const double value[], size_t values)
 {
     if (instance->now.phase != STEPPING) return false;
-    const KnownCall *call = known_call(&instance->written, vr, count);
-    if (!call || call->values != values || !all_finite(value, values) || !keep_rules(call, value))
+    const KnownCall *call = find_known_call(&instance->written, vr, count);
+    if (!call || call->values != values || !all_finite(value, values) ||
+        !satisfy_rules(call, value))
         return false;
     write_runs(call, instance->model, value);
     return true;
@@ -109,9 +111,10 @@ static inline bool set_values(Instance *instance, const Access *a, const unsigne
                               size_t count, const double value[], size_t values)
 {
     if (!allowed(instance, a->set, INSTANTIATED | INITIALIZING | STEPPING)) return false;
-    if ((count && !vr) || (values && !value)) return refuse_call(instance, a->set, "missing array");
+    if ((count && !vr) || (values && !value))
+        return reject_call(instance, a->set, "an array argument is NULL");
     if (set_known(instance, vr, count, value, values)) return true;
-    if (a->rows && !fits(instance, a, a->set, vr, count, values)) return false;
+    if (a->rows && !match_references(instance, a, a->set, vr, count, values)) return false;
     if (!acceptable(instance, a, vr, count, value)) return false;
     for (size_t i = 0; i < count; i++) {
         Part p = part_of(&fmu_model, vr[i], a->rows);
@@ -119,7 +122,7 @@ static inline bool set_values(Instance *instance, const Access *a, const unsigne
         value += p.size;
     }
     if (instance->now.phase == STEPPING)
-        remember_call(&instance->written, &fmu_model, vr, count, a->rows);
+        store_known_call(&instance->written, &fmu_model, vr, count, a->rows);
     else instance->now.stale = true;
     return true;
 }
@@ -129,7 +132,8 @@ static inline bool set_values(Instance *instance, const Access *a, const unsigne
 static inline bool get_part(Instance *instance, const Access *a, Part p, double value[])
 {
     bool output = p.first.row->causality == OUTPUT_ROW;
-    if (output && instance->now.phase == INITIALIZING && !refresh(instance, a->get)) return false;
+    if (output && instance->now.phase == INITIALIZING && !update_outputs(instance, a->get))
+        return false;
     memcpy(value, values_from(instance->model, p.first), p.size * sizeof *value);
     return true;
 }
@@ -138,11 +142,12 @@ static inline bool get_values(Instance *instance, const Access *a, const unsigne
                               size_t count, double value[], size_t values)
 {
     if (!allowed(instance, a->get, INITIALIZING | STEPPING | TERMINATED | FAILED)) return false;
-    if ((count && !vr) || (values && !value)) return refuse_call(instance, a->get, "missing array");
+    if ((count && !vr) || (values && !value))
+        return reject_call(instance, a->get, "an array argument is NULL");
     const KnownCall *call =
-        instance->now.phase == INITIALIZING ? NULL : known_call(&instance->read, vr, count);
+        instance->now.phase == INITIALIZING ? NULL : find_known_call(&instance->read, vr, count);
     if (call && call->values == values) return read_runs(call, instance->model, value), true;
-    if (a->rows && !fits(instance, a, a->get, vr, count, values)) return false;
+    if (a->rows && !match_references(instance, a, a->get, vr, count, values)) return false;
     bool timed = false;
     for (size_t i = 0; i < count; i++) {
         Part p = part_of(&fmu_model, vr[i], a->rows);
@@ -151,11 +156,11 @@ static inline bool get_values(Instance *instance, const Access *a, const unsigne
             timed = true;
             continue;
         }
-        if (!p.first.row) return refuse_reference(instance, a->get, vr[i]);
+        if (!p.first.row) return reject_reference(instance, a->get, vr[i]);
         if (!get_part(instance, a, p, value)) return false;
         value += p.size;
     }
-    if (!timed) remember_call(&instance->read, &fmu_model, vr, count, a->rows);
+    if (!timed) store_known_call(&instance->read, &fmu_model, vr, count, a->rows);
     return true;
 }
 

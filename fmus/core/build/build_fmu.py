@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Build one FMU from one C file outside the build of the tree: your own controller, for example.
+"""Build one FMU from one C file outside the build of the tree, for example your own controller.
 
 Usage: build_fmu.py FILE.c [-o FILE.fmu] [--fmi 2|3] [--cc COMMAND]
 
-Does for this platform what add_fmu() of fmus/CMakeLists.txt does: the library from the file and the
-adapter, the model description that the model itself writes, and the archive.
+The steps are the same as in add_fmu() of fmus/CMakeLists.txt, for this platform: compile the
+library from the file and the adapter, print the description of the compiled model, and pack both.
 """
 
 import argparse
@@ -22,21 +22,21 @@ PARTS = ("fmi{}", "fmi{}_state", "fmi{}_unused", "instance", "state")
 ADAPTER = {
     fmi: [CORE / "adapter" / f"{part.format(fmi)}.c" for part in PARTS] for fmi in ("2", "3")
 }
-"""The files of the adapter by version of FMI."""
-HEADERS = [CORE / room for room in ("adapter", "maths", "models", "ports", "physics")]
+"""Files of the adapter by version of FMI."""
+HEADERS = [CORE / name for name in ("adapter", "maths", "models", "ports", "physics")]
 SAME_BITS = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno")
-"""The same bits everywhere: gcc 12 forms vfmaddsub in vectors of straight code in spite of the
-second flag where -march has it, unless the third is there.
+"""Flags for the same bits on every processor: where -march has vfmaddsub, gcc 12 forms it in
+vectorized code without loops in spite of the second flag, unless the third flag is present.
 """
 FLAGS = (*SAME_BITS, "-O2", "-fPIC", "-fvisibility=hidden")
 RUN_ONCE = ("-O0",)
-"""Of a program that says what a model is: it takes longer to optimize than to run."""
+"""Flags of the programs that print descriptions: optimizing them would take longer than running."""
 DATE = "1980-01-01T00:00:00Z"
 
 
 def build(source: Path, output: Path, compiler: list[str], fmi: str) -> None:
     """Write the FMU of a version of FMI; subprocess.CalledProcessError if the compiler or the
-    description fails, which then has said why.
+    description fails, which has then printed the reason.
     """
     include = [f"-I{folder}" for folder in (*HEADERS, Path(fmpy.__file__).parent / "c-code")]
     with tempfile.TemporaryDirectory() as folder:
@@ -57,12 +57,14 @@ def build(source: Path, output: Path, compiler: list[str], fmi: str) -> None:
 
 
 def main() -> None:
-    """Command line, see the docstring of the module."""
+    """Run the command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
     parser.add_argument("source", type=Path)
     parser.add_argument("-o", "--output", type=Path, help="default: beside the C file")
     parser.add_argument("--fmi", choices=tuple(ADAPTER), default="2", help="version of FMI")
-    parser.add_argument("--cc", type=shlex.split, default=["cc"], help="with its arguments")
+    parser.add_argument(
+        "--cc", type=shlex.split, default=["cc"], help="compiler with its arguments"
+    )
     a = parser.parse_args()
     output = a.output or a.source.with_suffix(".fmu")
     try:

@@ -4,8 +4,8 @@ cross compiler, as many models at a time as there are processors.
 
 Usage: cross_compile.py --fmus DIR... -o DIR [--jobs N] [--cc COMMAND]
 
-Archives of one name in several folders, those of FMI 2.0 and FMI 3.0, get the same library, which
-speaks all their versions. What comes from DIR goes to a folder of its name in the output.
+Archives with the same name in several folders (FMI 2.0 and FMI 3.0) get the same library, which
+supports both versions. The archives of DIR are written to a folder of its name in the output.
 """
 
 import argparse
@@ -14,16 +14,17 @@ import struct
 import subprocess
 import sys
 import tempfile
-import zipfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from xml.etree import ElementTree
 
 import fmpy
-from package_fmi3 import PLATFORMS, listed_sources
+from package_fmi3 import PLATFORMS
 from package_fmu import write_zip
+
+from harness.files.archive import read_all
+from harness.system.interface import unpacked_sources
 
 TARGETS = {
     "linux64": ("x86_64-linux-gnu.2.17", ".so", ("-fPIC", "-lm")),
@@ -31,7 +32,7 @@ TARGETS = {
     "darwin64": ("x86_64-macos.10.15", ".dylib", ()),
     "aarch64-darwin": ("aarch64-macos.11.0", ".dylib", ()),
 }
-"""FMI platform: target of the compiler, ending of a shared library, flags of its own."""
+"""Target of the compiler, ending of a shared library and extra flags, by FMI platform."""
 
 FLAGS = (
     "-std=c99",
@@ -50,7 +51,7 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 def compile_for(
     platform: str, folder: Path, sources: list[str], name: str, compiler: list[str]
 ) -> bytes:
-    """The shared library of one platform; subprocess.CalledProcessError if the compiler fails."""
+    """Return the shared library of a platform; subprocess.CalledProcessError from the compiler."""
     target, ending, flags = TARGETS[platform]
     library = f"{name}{ending}"
     command = [
@@ -65,51 +66,45 @@ def compile_for(
         library,
         *flags,
     ]
-    # in the folder and with relative names, so that no path gets into the binary
+    # run in the folder with relative names, so that the binary contains no path
     subprocess.run(command, check=True, cwd=folder / "sources")
     binary = (folder / "sources" / library).read_bytes()
     return without_link_time(binary) if platform == "win64" else binary
 
 
 def without_link_time(dll: bytes) -> bytes:
-    """A Windows library with the time of linking in its PE header set to zero: same sources, same
-    bytes.
+    """Return a Windows library with the link time in its PE header set to zero: the same sources
+    then give the same bytes.
     """
     (header,) = struct.unpack_from("<I", dll, 0x3C)
     return dll[: header + 8] + bytes(4) + dll[header + 12 :]
 
 
 def all_platforms(fmus: Sequence[Path], compiler: list[str]) -> list[dict[str, bytes]]:
-    """Files of every archive of a model, with the binaries of every platform in TARGETS in place of
-    its own.
+    """Return the files of every archive of a model, in which the binaries of all platforms in
+    TARGETS replace the binaries of the archive.
     """
     with tempfile.TemporaryDirectory() as folder:
-        archives = [_without_binaries(fmu, Path(folder)) for fmu in fmus]
-        builds = [files.get("sources/buildDescription.xml") for files in archives]
-        sources = dict.fromkeys(
-            name
-            for files, build in zip(archives, builds, strict=True)
-            for name in listed_sources(ElementTree.fromstring(files["modelDescription.xml"]), build)
-        )
+        archives = [_without_binaries(fmu) for fmu in fmus]
+        unpacked = (path for fmu in fmus for path in unpacked_sources(fmu, Path(folder)))
+        sources = dict.fromkeys(path.name for path in unpacked)
         name = fmus[0].stem
         for platform, (_, ending, _) in TARGETS.items():
             binary = compile_for(platform, Path(folder), list(sources), name, compiler)
-            for files, build in zip(archives, builds, strict=True):
-                place = platform if build is None else PLATFORMS[platform]
+            for files in archives:
+                has_build = "sources/buildDescription.xml" in files
+                place = PLATFORMS[platform] if has_build else platform
                 files[f"binaries/{place}/{name}{ending}"] = binary
     return archives
 
 
-def _without_binaries(fmu: Path, folder: Path) -> dict[str, bytes]:
-    """The files of an archive but for its binaries; its sources are unpacked into the folder."""
-    with zipfile.ZipFile(fmu) as archive:
-        names = [name for name in archive.namelist() if not name.startswith("binaries/")]
-        archive.extractall(folder, [name for name in names if name.startswith("sources/")])
-        return {name: archive.read(name) for name in names}
+def _without_binaries(fmu: Path) -> dict[str, bytes]:
+    files = read_all(fmu)
+    return {name: data for name, data in files.items() if not name.startswith("binaries/")}
 
 
 def main() -> None:
-    """Command line, see the docstring of the module."""
+    """Run the command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--fmus", type=Path, nargs="+", required=True)
     parser.add_argument("-o", "--output", type=Path, required=True)
@@ -119,7 +114,7 @@ def main() -> None:
     models: dict[str, list[Path]] = {}
     for fmu in sorted(fmu for folder in a.fmus for fmu in folder.glob("*.fmu")):
         models.setdefault(fmu.name, []).append(fmu)
-    with ThreadPoolExecutor(a.jobs) as pool:  # the work is done by processes of the compiler
+    with ThreadPoolExecutor(a.jobs) as pool:  # threads suffice: they wait for compiler processes
         found = pool.map(partial(all_platforms, compiler=a.cc), models.values())
         for fmus, archives in zip(models.values(), found, strict=True):
             for fmu, files in zip(fmus, archives, strict=True):

@@ -4,31 +4,34 @@
  *                 FMI: 2 or 3; DATE as 2026-01-31T00:00:00Z; SOURCE: the .c files in sources/
  *     describe trace
  *                 the outputs over the default experiment as CSV, with start values of all inputs;
- *                 nothing if a result breaks a rule
+ *                  nothing if a result violates a rule
  *
- * It refuses an interface that is not fit to ship: missing texts, doubled names, unknown units,
- * start values that break their rules, outputs that are not finite for the start values. */
+ * It rejects an interface with missing texts, duplicate names, unknown units, start values that
+ * violate their rules, or outputs that are not finite for the start values. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "describe_fmi2.h"
 #include "describe_fmi3.h"
 #include "trace.h"
 
-/* ---- fit to ship? ---- */
+/* ---- checks of the interface ---- */
 static void check_row(size_t row)
 {
     const Variable *v = &fmu_model.variables[row];
-    if (!*v->text) fault(v->name, "no description");
+    if (!*v->text) report_fault(v->name, "the description is missing");
     if (row > 0 && v->causality < fmu_model.variables[row - 1].causality)
-        fault(v->name, "rows must be in the order parameters, inputs, outputs");
-    if (strcmp(v->name, "time") == 0) fault(v->name, "is the independent variable of FMI 3.0");
+        report_fault(v->name, "rows must be in the order parameters, inputs, outputs");
+    if (strcmp(v->name, "time") == 0)
+        report_fault(v->name, "this name is reserved for the independent variable of FMI 3.0");
     if (v->kind == OPTIONAL_ROW && v->causality != INPUT_ROW)
-        fault(v->name, "only an input can be optional");
+        report_fault(v->name, "only an input can be optional");
     if (v->kind == GRID_ROW && (v->causality != PARAMETER_ROW || v->size != 1))
-        fault(v->name, "only a parameter of one element can be a grid of times");
+        report_fault(v->name,
+                     "only a parameter of one element can be an internal step or a sample period");
     if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns)
-        fault(v->name, "impossible shape");
+        report_fault(v->name, "number of elements or columns is invalid");
     for (size_t i = 0; i < row; i++)
-        if (strcmp(fmu_model.variables[i].name, v->name) == 0) fault(v->name, "name used twice");
+        if (strcmp(fmu_model.variables[i].name, v->name) == 0)
+            report_fault(v->name, "the name is used twice");
 }
 
 static void check_values(const void *model)
@@ -37,8 +40,8 @@ static void check_values(const void *model)
     for (size_t i = 0; i < fmu_model.variable_count; i++)
         for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
             Scalar s = {&fmu_model.variables[i], k};
-            const char *rule = broken_rule(s.row->rule, value_of(model, s));
-            if (rule) fault(element_name(name, s), rule);
+            const char *rule = violated_rule(s.row->rule, value_of(model, s));
+            if (rule) report_fault(element_name(name, s), rule);
         }
 }
 
@@ -49,7 +52,7 @@ static void *initialized_model(void)
     if (!model) exit(1);
     memcpy(model, fmu_model.start, fmu_model.size);
     fmu_model.check(model, &problems);
-    if (problems.count) fault("start values", problems.text);
+    if (problems.count) report_fault("start values", problems.text);
     fmu_model.initialize(model, 0);
     return model;
 }

@@ -5,7 +5,7 @@
 
 #include "describe_text.h"
 
-/* what tells a tool that the input may stay undriven (harness/system/interface.py reads it) */
+/* annotation of an input that may stay unconnected (harness/system/interface.py reads it) */
 #define OPTIONAL_MARK \
     "<Annotations><Tool name=\"servicing-fmus\"><OptionalInput/></Tool></Annotations>"
 

@@ -1,5 +1,5 @@
-/* describe_fmi3.h - modelDescription.xml of FMI 3.0: every row is a variable, of several elements if
- * it is an array, with the value reference that its first element has in FMI 2.0. */
+/* describe_fmi3.h - modelDescription.xml of FMI 3.0: every row is a variable, an array if it has
+ * several elements, with the value reference of its first element in FMI 2.0. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DESCRIBE_FMI3_H
 #define DESCRIBE_FMI3_H
@@ -11,7 +11,8 @@
 
 static unsigned row_reference(size_t row) { return (unsigned)(VR_STRIDE * row); }
 
-/* a flag stays a number (0 or 1), so that an FMU of either version of FMI fits into its place */
+/* a flag is a number (0 or 1) as in FMI 2.0, so that FMUs of both versions can replace each
+ * other */
 static void print_types(void)
 {
     for (size_t i = 0; i < fmu_model.variable_count; i++)

@@ -1,4 +1,5 @@
-/* describe_text.h - what the descriptions of both versions of FMI are made of: units, numbers, texts. */
+/* describe_text.h - parts of the model descriptions of both versions of FMI: units, numbers,
+ * texts. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DESCRIBE_TEXT_H
 #define DESCRIBE_TEXT_H
@@ -7,15 +8,15 @@
 
 #include <stdlib.h>
 
-#ifndef EXPERIMENT /* of a whole system */
+#ifndef EXPERIMENT /* defined for a whole system */
 #define EXPERIMENT "startTime=\"0\" stopTime=\"100\" stepSize=\"0.1\""
 #endif
 
 static int faults = 0;
 
-static void fault(const char *name, const char *what)
+static void report_fault(const char *name, const char *problem)
 {
-    fprintf(stderr, "%s: %s: %s\n", fmu_model.name, name, what);
+    fprintf(stderr, "%s: %s: %s\n", fmu_model.name, name, problem);
     faults++;
 }
 
@@ -56,7 +57,7 @@ static int parse_unit(const char *text, Dimension *d)
         if (*text == ')' && sign < 0) text++;
         if (!*text) return 1;
         if (*text++ == '/')
-            sign = -1; /* all that follows is a divisor, in brackets if it is several factors */
+            sign = -1; /* all factors that follow are divisors, in brackets if there are several */
         if (*text == '(' && sign < 0) text++;
     }
     return 0;
@@ -74,7 +75,7 @@ static void print_text(const char *text) /* XML attribute value */
 }
 
 static const char *number(char buffer[32],
-                          double value) /* shortest text that reads back the same */
+                          double value) /* shortest text that reads back as the same double */
 {
     for (int digits = 1; digits <= 17; digits++) {
         snprintf(buffer, 32, "%.*g", digits, value);
@@ -109,7 +110,7 @@ static const char *display_unit(const char *unit)
 static void print_unit(const char *unit)
 {
     Dimension d;
-    if (!parse_unit(unit, &d)) fault(unit, "unknown unit");
+    if (!parse_unit(unit, &d)) report_fault(unit, "unknown unit");
     printf("    <Unit name=\"%s\">\n      <BaseUnit", unit);
     print_exponent("kg", d.kg);
     print_exponent("m", d.m);
@@ -122,7 +123,7 @@ static void print_unit(const char *unit)
     printf("    </Unit>\n");
 }
 
-static void print_units(bool seconds) /* seconds: also where no row has them */
+static void print_units(bool seconds) /* seconds: print the unit s even if no row has it */
 {
     printf("  <UnitDefinitions>\n");
     for (size_t i = 0; i < fmu_model.variable_count; i++) {
@@ -135,7 +136,7 @@ static void print_units(bool seconds) /* seconds: also where no row has them */
 
 #define ROOT_10 3.1622776601683795
 
-/* the power of ten nearest to the largest start value of a row, where that is far from 1 */
+/* the power of ten nearest to the largest start value of a row if it is far from 1, else 1 */
 static double nominal(const Variable *v, const double *values)
 {
     double largest = 0;
@@ -152,10 +153,10 @@ static void print_bounds(Rule rule)
     if (highest(rule) < DBL_MAX) print_attribute("max", highest(rule));
 }
 
-/* the program, as both versions of FMI want it */
+/* data of the build for the root element and the list of sources */
 typedef struct {
     const char *version, *date;
-    const char *licenses; /* where licenses/ lies in the archive */
+    const char *licenses; /* folder of licenses/ in the archive */
     int sources;
     char **source;
 } Build;
@@ -164,7 +165,7 @@ static void print_log_categories(void)
 {
     printf(
         "  <LogCategories>\n"
-        "    <Category name=\"logStatusError\" description=\"refused calls and failed steps\"/>\n"
+        "    <Category name=\"logStatusError\" description=\"rejected calls and failed steps\"/>\n"
         "    <Category name=\"logStatusWarning\" description=\"questionable calls\"/>\n"
         "    <Category name=\"logEvents\" description=\"life cycle of the instance\"/>\n  "
         "</LogCategories>\n");
@@ -184,7 +185,7 @@ static void print_origin(const Build *b)
            b->version, b->licenses, b->version, b->date);
 }
 
-/* unit and bounds, start value apart */
+/* unit, bounds and nominal value; the start value is printed separately */
 static void print_real_attributes(const Variable *v, const double *values)
 {
     printf(" unit=\"%s\"", v->unit);

@@ -16,9 +16,9 @@ import mpmath as mp
 
 mp.mp.prec = 200
 STEPS = 128
-"""Intervals of an octave in the tables of exp and log."""
+"""Number of intervals per octave in the tables of exp and log."""
 TANGENTS = 64
-"""The table of atan has steps of 1/64 in the tangent."""
+"""Number of steps in the table of atan: 1/64 in the tangent."""
 HEAD = """\
 /* elementary_numbers.h - tables and coefficients of portable_math.h.
  *
@@ -42,8 +42,8 @@ Function = Callable[[mp.mpf], mp.mpf]
 
 # ---- minimax polynomials ----
 def remez(f: Function, weight: Function, low: float, high: float, degree: int) -> list[mp.mpf]:
-    """Coefficients c of the polynomial with the least largest |weight(x) (f(x) - p(x))| on
-    [low, high], lowest power first.
+    """Return the coefficients, lowest power first, of the polynomial p that minimizes the maximum
+    of |weight(x) (f(x) - p(x))| on [low, high].
     """
     count = degree + 2
     middle, half = mp.mpf(low + high) / 2, mp.mpf(high - low) / 2
@@ -57,7 +57,7 @@ def remez(f: Function, weight: Function, low: float, high: float, degree: int) -
 
 
 def _levelled(f: Function, weight: Function, points: list[mp.mpf], degree: int) -> list[mp.mpf]:
-    """P with f(x_i) - p(x_i) = +-e/weight(x_i), signs alternating over the points."""
+    """Return p with f(x_i) - p(x_i) = +-e/weight(x_i), signs alternating over the points."""
     rows = [
         [*(x**k for k in range(degree + 1)), (-1) ** i / weight(x)] for i, x in enumerate(points)
     ]
@@ -66,7 +66,9 @@ def _levelled(f: Function, weight: Function, points: list[mp.mpf], degree: int) 
 
 
 def _extremes(grid: list[mp.mpf], errors: list[mp.mpf], count: int) -> list[mp.mpf]:
-    """The largest error of every run of equal signs; the smallest of too many ends fall away."""
+    """Return the point of the largest error in every run of equal signs. While there are more than
+    `count` runs, the first or the last run is dropped, whichever has the smaller error.
+    """
     runs: list[tuple[mp.mpf, mp.mpf]] = []
     for x, e in zip(grid, errors, strict=True):
         if runs and runs[-1][1] * e > 0:
@@ -80,12 +82,12 @@ def _extremes(grid: list[mp.mpf], errors: list[mp.mpf], count: int) -> list[mp.m
 
 # ---- parts of a number ----
 def cut(x: mp.mpf, lowest: int) -> mp.mpf:
-    """X to the nearest multiple of 2^lowest."""
+    """Return x rounded to the nearest multiple of 2^lowest."""
     return mp.nint(mp.ldexp(x, -lowest)) * mp.mpf(2) ** lowest
 
 
 def parts(x: mp.mpf, *lowest: int) -> list[float]:
-    """Doubles whose sum is x: multiples of 2^lowest, then the nearest double of the rest."""
+    """Return doubles whose sum is x: multiples of 2^lowest, then the nearest double of the rest."""
     found = []
     for bits in lowest:
         found.append(float(cut(x, bits)))
@@ -95,12 +97,12 @@ def parts(x: mp.mpf, *lowest: int) -> list[float]:
 
 # ---- C ----
 def constant(name: str, x: float, text: str) -> str:
-    """One number with its meaning."""
+    """Return the C line that defines one number, with its meaning."""
     return f"#define {name} {x.hex()} /* {text} */"
 
 
 def array(name: str, rows: list[list[float]], text: str) -> str:
-    """A row or a table of doubles, exact to the bit."""
+    """Return the C array of a row or a table of doubles, exact to the bit."""
     columns = len(rows[0])
     size = f"[{len(rows)}]" + (f"[{columns}]" if columns > 1 else "")
     lines = (", ".join(x.hex() for x in row) for row in rows)
@@ -109,18 +111,22 @@ def array(name: str, rows: list[list[float]], text: str) -> str:
 
 
 def polynomial(name: str, coefficients: list[mp.mpf], text: str) -> str:
-    """Coefficients, lowest power first."""
+    """Return the C array of coefficients, lowest power first."""
     return array(name, [[float(c)] for c in coefficients], text)
 
 
-# ---- what the functions need ----
+# ---- tables and coefficients of the functions ----
 def root(z: mp.mpf) -> mp.mpf:
-    """The argument of a function whose series runs in z = r^2; not 0, where quotients would be."""
+    """Return the argument r of a function whose series is in z = r^2; never 0, where quotients are
+    undefined.
+    """
     return mp.sqrt(max(z, NEAR_0))
 
 
 def angles() -> list[str]:
-    """Argument reduction by pi/2 (Cody & Waite 1980; Payne & Hanek 1983), sin, cos."""
+    """Return the numbers of sin and cos, and of the argument reduction by pi/2 (Cody & Waite 1980;
+    Payne & Hanek 1983).
+    """
     first, second, third = parts(mp.pi / 2, -32, -65)
     with mp.workprec(1400):
         digits = int(mp.floor(2 / mp.pi * mp.mpf(2) ** (32 * 40)))
@@ -135,7 +141,7 @@ def angles() -> list[str]:
         constant("HALF_PI_2", second, "33 bits"),
         constant("HALF_PI_3", third, "the rest"),
         f"#define HALF_PI_BITS UINT64_C(0x{int(mp.nint(mp.pi / 2 * 2**63)):016x}) /* pi/2 2^63 */",
-        "/* 2/pi in words of 32 bits, three words of nothing before the point */\n"
+        "/* 2/pi in words of 32 bits, three zero words before the point */\n"
         f"static const uint32_t two_over_pi[{len(words)}] = {{\n{lines}}};",
         polynomial(
             "sine_terms",
@@ -159,7 +165,9 @@ def angles() -> list[str]:
 
 
 def arcs() -> list[str]:
-    """atan: a table over steps of 1/64, a polynomial between, another one below 1/8."""
+    """Return the numbers of atan: a table with steps of 1/64, a polynomial between them, and a
+    polynomial below 1/8.
+    """
     rest: Function = lambda z: (mp.atan(root(z)) / root(z) - 1) / root(z) ** 2  # noqa: E731
     weight: Function = lambda z: root(z) ** 3 / mp.atan(root(z))  # noqa: E731
     low, high = parts(mp.pi, -51)
@@ -185,12 +193,12 @@ def arcs() -> list[str]:
 
 
 def rest_of_exp(r: mp.mpf, n: int) -> mp.mpf:
-    """(exp(r) less its first n terms)/r^n, without cancellation."""
+    """Return (exp(r) - its first n terms)/r^n, without cancellation."""
     return mp.fsum(r**k / mp.factorial(k + n) for k in range(25))
 
 
 def powers() -> list[str]:
-    """Exp (Tang 1989) and expm1."""
+    """Return the numbers of exp (Tang 1989) and expm1."""
     step = mp.log(2) / STEPS
     high, low = parts(step, -43)
     bound = float(step / 2) * 1.001
@@ -217,7 +225,7 @@ def powers() -> list[str]:
 
 
 def logarithms() -> list[str]:
-    """Log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c)."""
+    """Return the numbers of log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c)."""
     high, low = parts(mp.log(2), -42)
     rows = []
     for i in range(STEPS):
@@ -245,16 +253,16 @@ def logarithms() -> list[str]:
 
 
 LEAST_Z = 0x3FE6000000000000 - (1 << 44)
-"""Bits of the least z: half an interval off, so that 1 is amid one of them."""
+"""Bits of the least z: shifted by half an interval, so that 1 is in the middle of an interval."""
 
 
 def _double(bits: int) -> float:
-    """The double of these bits, positive and normal."""
+    """Return the double of these bits, positive and normal."""
     return math.ldexp((bits & ((1 << 52) - 1)) + (1 << 52), (bits >> 52) - 1075)
 
 
 def text() -> str:
-    """The header."""
+    """Return the text of the header."""
     return "\n".join([HEAD, *angles(), *arcs(), *powers(), *logarithms(), TAIL, ""])
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the rules of flight code look at: calls, stack, loops and sizes of fmus/flight.
+"""Calls, stack, loops and sizes of fmus/flight, for the rules of flight code.
 
     python fmus/core/build/flight_rules.py > docs/flight_code.md        (make flight-rules)
 
-Calls and stack come from gcc (-fcallgraph-info=su), once without optimisation, where every function
-is still there, and once as it is flown; the tests judge them.
+Calls and stack come from gcc (-fcallgraph-info=su): without optimisation, where no function is
+inlined, and with the optimisation of the FMUs. tests/compliance/test_flight_code.py checks them.
 """
 
 import argparse
@@ -26,7 +26,7 @@ FLAGS = ["-std=c99", "-ffp-contract=off", "-fno-math-errno"]
 ALLOCATION = {"malloc", "calloc", "realloc", "free", "aligned_alloc", "alloca"}
 STEP, START = "step_model", "initialize_model"
 CALL = 8
-"""Bytes of a return address."""
+"""Size of a return address [bytes]."""
 
 LOOPS = (
     (r"< joints;|= joints; \w+-- > 0", "joints of the arm, at most 7"),
@@ -48,41 +48,41 @@ LOOPS = (
     (r"int cut = 0;;", "CUTS: left at cut == CUTS - 1"),
     (r"parts = 0; x\.s < 1", "MOST_PARTS, then the rest of the arc is one part"),
     (r"while \(s < 1 && floor_of", "52: w is a power of two below 1"),
-    (r"beyond && i < DIGIT_WORDS|left > 0 && i < DIGIT_WORDS", "7 words"),
+    (r"above_half && i < DIGIT_WORDS|shift > 0 && i < DIGIT_WORDS", "7 words"),
     (r"while \(at < 100", "98 bits"),
     (r"for \(;; r\.iterations\+\+\)|i <= r\.iterations", "iterations_max, at most 30"),
     (r"int i = 0; i < count;", "16 steps from node to node"),
     (r"i < \(int\)task->weight", "weight, a whole number up to 8"),
 )  # fmt: skip
-"""Pattern of the head of a loop, and what bounds it: the first that fits."""
+"""Pattern of the head of a loop and its bound; the first pattern that matches counts."""
 
 
 # ---- sources ----
 def sources() -> list[Path]:
-    """The C files of the flight software."""
+    """Return the C files of the flight software."""
     return sorted((FMUS / "flight").glob("*.c"))
 
 
 @cache
 def included() -> list[Path]:
-    """All files of the flight software: sources, headers beside them, headers of the core."""
+    """Return all files of the flight software: sources and all headers that they include."""
     command = [*compiler(), *FLAGS, *INCLUDE, "-MM", *map(str, sources())]
     listed = run(command).replace("\\\n", " ").split()
     return sorted({Path(name).resolve() for name in listed if not name.endswith(":")})
 
 
 def run(command: list[str], folder: Path | None = None) -> str:
-    """What a program prints."""
+    """Run a program and return its output."""
     return subprocess.run(command, check=True, capture_output=True, text=True, cwd=folder).stdout
 
 
 def compiler() -> list[str]:
-    """The gcc that tells calls and stack."""
+    """Return the command of the gcc that lists calls and stack."""
     return os.environ.get("CC", "gcc").split()
 
 
 def has_call_graphs() -> bool:
-    """Whether the compiler is a gcc from 10 on."""
+    """Return whether the compiler is a gcc of version 10 or later."""
     if shutil.which(compiler()[0]) is None:
         return False
     with tempfile.TemporaryDirectory() as folder:
@@ -93,22 +93,22 @@ def has_call_graphs() -> bool:
 
 
 def version() -> str:
-    """Of the compiler."""
+    """Return the version of the compiler."""
     return run([*compiler(), "--version"]).splitlines()[0]
 
 
 # ---- calls and stack ----
 @dataclass
 class Calls:
-    """Who calls whom in one FMU, and bytes on the stack by function."""
+    """Call graph of one FMU, with the bytes on the stack by function."""
 
     stack: dict[str, int]
     callees: dict[str, set[str]]
     unbounded: list[str]
 
     def called(self, name: str) -> set[str]:
-        """Direct callees; a call through a pointer reaches every function that nobody calls by
-        name.
+        """Return the direct callees. A call through a pointer may reach every function that is not
+        called by name.
         """
         direct = self.callees.get(name, set())
         if "__indirect_call" not in direct:
@@ -116,12 +116,12 @@ class Calls:
         return (direct - {"__indirect_call"}) | self.pointed()
 
     def pointed(self) -> set[str]:
-        """Functions that are called by pointers only."""
+        """Return the functions that are called only through pointers."""
         named = {callee for callees in self.callees.values() for callee in callees}
         return {f for f in self.stack if f not in named and not f.endswith("_model")}
 
     def reached(self, name: str) -> set[str]:
-        """Everything below a function."""
+        """Return all functions that a function calls, directly or not."""
         found: set[str] = set()
         waiting = [name]
         while waiting:
@@ -131,19 +131,18 @@ class Calls:
         return found
 
     def recursive(self) -> set[str]:
-        """Functions that reach themselves."""
+        """Return the functions that call themselves, directly or not."""
         return {name for name in self.stack if name in self.reached(name)}
 
     def depth(self, name: str) -> int:
-        """Bytes of the deepest chain of calls; of the C library's functions nothing."""
+        """Return the bytes of the deepest chain of calls, without functions of the C library."""
         below = (self.depth(callee) for callee in self.called(name) if callee in self.stack)
         return CALL + self.stack[name] + max(below, default=0)
 
 
 @cache
-@cache
 def calls(source: Path, optimisation: str) -> Calls:
-    """Of the object file of a source."""
+    """Return the call graph of the object file of a source."""
     with tempfile.TemporaryDirectory() as folder:
         options = [optimisation, "-fcallgraph-info=su", "-c", str(source), "-o", "model.o"]
         run([*compiler(), *FLAGS, *INCLUDE, *options], Path(folder))
@@ -161,13 +160,13 @@ def calls(source: Path, optimisation: str) -> Calls:
 
 
 def short(title: str) -> str:
-    """The name of a function without its file."""
+    """Return the name of a function without its file."""
     return title.rpartition(":")[2]
 
 
 def writable(source: Path) -> list[str]:
-    """Symbols of an object file that can be written: .data and .bss. Without -fno-pie a table of
-    constant pointers would be among them.
+    """Return the writable symbols of an object file: .data and .bss. Without -fno-pie they would
+    include tables of constant pointers.
     """
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "model.o"
@@ -178,13 +177,13 @@ def writable(source: Path) -> list[str]:
 
 # ---- text ----
 def code(path: Path) -> str:
-    """A source without comments and texts, line by line as it was."""
+    """Return a source with blanks for comments and texts; line numbers stay the same."""
     blank = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
     return blank.sub(lambda m: re.sub(r"[^\n]", " ", m[0]), path.read_text())
 
 
 def loops(path: Path) -> Iterator[tuple[int, str]]:
-    """(line, head) of every loop."""
+    """Yield (line, head) of every loop."""
     text = code(path)
     for found in re.finditer(r"\b(for|while|do)\b\s*(?=[({])", text):
         end = found.end()
@@ -202,12 +201,12 @@ def loops(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def bound(head: str) -> str | None:
-    """What bounds a loop; None if no rule knows it."""
+    """Return the bound of a loop; None if no pattern matches its head."""
     return next((text for pattern, text in LOOPS if re.search(pattern, head)), None)
 
 
 def longest_function(path: Path) -> int:
-    """Lines of the longest function."""
+    """Return the number of lines of the longest function."""
     text = code(path)
     bodies = re.finditer(r"^\{\n.*?^\}", text, re.DOTALL | re.MULTILINE)
     return max((body[0].count("\n") + 2 for body in bodies), default=0)
@@ -215,21 +214,21 @@ def longest_function(path: Path) -> int:
 
 # ---- the page ----
 def stack_rows() -> Iterator[str]:
-    """Bytes of stack of every FMU."""
+    """Yield a row per FMU with its bytes of stack."""
     for source in sources():
         graph = calls(source, "-O2")
         yield f"| `{source.stem}` | {graph.depth(START)} | {graph.depth(STEP)} |"
 
 
 def loop_rows() -> Iterator[str]:
-    """Loops by what bounds them."""
+    """Yield a row per bound with its number of loops."""
     heads = [bound(head) or "?" for path in included() for _, head in loops(path)]
     for text in sorted(set(heads), key=lambda t: (-heads.count(t), t)):
         yield f"| {heads.count(text)} | {text} |"
 
 
 def page() -> str:
-    """docs/flight_code.md."""
+    """Return the text of docs/flight_code.md."""
     text = (Path(__file__).parent / "flight_code.md").read_text()
     longest = max(longest_function(path) for path in included())
     values = {

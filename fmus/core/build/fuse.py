@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Build one FMU of a whole system from the sources in its FMUs.
+"""Build one FMU of a whole system from the unpacked sources of its FMUs.
 
 Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND]
 
-SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "values":
-{element: start value}, "driven": {input element: [part, output element, factor, offset]}, "late":
-whether its outputs are published later than they are computed}, ...], "plan": [[verb, part, every,
-phase], ...]}; parts are counted from 0. It writes system.c, which is the interface of the whole as
-fused.h explains it, and packs it as build_fmu.py packs a model.
+SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "sources":
+[C files of the unpacked archive, the file of the model first], "values": {element: start value},
+"driven": {input element: [part, output element, factor, offset]}, "late": whether its outputs are
+published later than they are computed}, ...], "plan": [[verb, part, every, phase], ...]}; parts are
+counted from 0. Optional: "version" and "date" of the FMU, and "provenance", which goes into its
+folder extra/. The program writes system.c, the model interface of the whole system (fused.h
+explains it), and packs it as build_fmu.py packs a model.
 """
 
 import argparse
@@ -15,23 +17,21 @@ import hashlib
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
-import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import build_fmu
 import fmpy
-from fused_layout import Part, Whole, lay_out, read_layout
+from fused_layout import Model, Part, Whole, lay_out, read_layout
 from fused_source import system_c
-from package_fmi3 import listed_sources
 
-PART = """/* part_{copy} - the model of {file} under a name of its own, in two pieces. */
+PART = """/* part_{copy} - the model of {file} with its own symbol, and its step. */
 #define FMU_MODEL_SYMBOL {symbol}
 #include "{copy}"
 
@@ -47,48 +47,55 @@ void {symbol}_step(const void *p, const void *u, void *x, void *y, double t, dou
 
 
 class NotFusibleError(Exception):
-    """An FMU has no sources that can be one of the parts; str() says which and why."""
+    """Error: the sources of an FMU cannot be part of a system; str() names the FMU with the reason,
+    or with every line of the compiler.
+    """
+
+
+def output_of(command: list[Any], fmu: str) -> str:
+    """Return what a command prints; NotFusibleError, with the name of the FMU, if it fails."""
+    streams: dict[str, Any] = {"capture_output": True, "encoding": "utf-8", "errors": "replace"}
+    done = subprocess.run(command, check=False, **streams)
+    if done.returncode:
+        ended = f"{Path(command[0]).name} ended with status {done.returncode}"
+        lines = done.stderr.splitlines() or [ended]
+        raise NotFusibleError("\n".join(f"{fmu}: {line}" for line in lines))
+    return done.stdout
 
 
 # ---- sources ----
-def unpack(parts: list[dict[str, Any]], folder: Path) -> list[str]:
-    """The sources of all FMUs in one folder, each model under a symbol of its own; the symbols of
-    the parts. NotFusibleError.
+def gather(parts: list[dict[str, Any]], folder: Path) -> list[str]:
+    """Copy the sources of all FMUs into one folder, each model under its own symbol, and return the
+    symbols of the parts; NotFusibleError.
     """
     symbols: dict[str, str] = {}
     for part in parts:
         if part["fmu"] not in symbols:
-            symbols[part["fmu"]] = _unpack(Path(part["fmu"]), folder, set(symbols.values()))
+            sources = [Path(source) for source in part["sources"]]
+            fmu = Path(part["fmu"]).name
+            symbols[part["fmu"]] = _gathered(fmu, sources, folder, set(symbols.values()))
     return [symbols[part["fmu"]] for part in parts]
 
 
-def _unpack(fmu: Path, folder: Path, taken: set[str]) -> str:
-    with zipfile.ZipFile(fmu) as archive:
-        files = {
-            name.removeprefix("sources/"): archive.read(name)
-            for name in archive.namelist()
-            if name.startswith("sources/") and not name.endswith("/")
-        }
-        build = files.pop("buildDescription.xml", None)
-        model = ElementTree.fromstring(archive.read("modelDescription.xml"))
-        listed = listed_sources(model, build)
-    if not listed or not {*listed, "fmu.h"} <= files.keys():
-        raise NotFusibleError(f"{fmu.name} holds no sources of a model in C of this project")
-    ours = {path.name: path for room in build_fmu.HEADERS for path in room.iterdir()}
-    for name in files.keys() - {listed[0]}:
+def _gathered(fmu: str, sources: list[Path], folder: Path, taken: set[str]) -> str:
+    inside = sources[0].parent.iterdir() if sources else ()
+    files = {path.name: path for path in inside if path.is_file()}
+    if not {"fmu.h", *(source.name for source in sources)} <= files.keys():
+        raise NotFusibleError(f"{fmu} does not contain the C sources of a model of this project")
+    model = files.pop(sources[0].name)
+    files.pop("buildDescription.xml", None)
+    ours = {path.name: path for headers in build_fmu.HEADERS for path in headers.iterdir()}
+    for name, path in files.items():
         known = ours.get(name) or folder / name
-        if known.exists() and known.read_bytes() != files[name]:
-            raise NotFusibleError(
-                f"{fmu.name} has another {name} than the other parts: build it anew"
-            )
+        if known.exists() and known.read_bytes() != path.read_bytes():
+            raise NotFusibleError(f"{fmu} has another {name} than the other parts: build it anew")
         if name not in ours:
-            (folder / name).write_bytes(files[name])
-    stem = Path(listed[0]).stem
-    symbol = next(s for s in _names(f"{stem}_model") if s not in taken)
+            shutil.copyfile(path, folder / name)
+    symbol = next(s for s in _names(f"{model.stem}_model") if s not in taken)
     copy = symbol.removesuffix("_model") + ".c"
-    (folder / copy).write_bytes(files[listed[0]])
+    shutil.copyfile(model, folder / copy)
     (folder / f"part_{copy}").write_text(
-        PART.format(file=listed[0], copy=copy, symbol=symbol),
+        PART.format(file=model.name, copy=copy, symbol=symbol),
         encoding="utf-8",
     )
     return symbol
@@ -107,47 +114,65 @@ class Build:
     """One build in a folder: models, layout, system.c, library, description, archive."""
 
     def __init__(self, spec: dict[str, Any], folder: Path, compiler: list[str], fmi: str) -> None:
-        self.spec, self.folder, self.fmi = spec, folder, fmi
+        self.spec, self.folder, self.fmi, self.name = spec, folder, fmi, spec["name"]
         include = [f"-I{f}" for f in (folder, *build_fmu.HEADERS)]
         include += ["-isystem", str(Path(fmpy.__file__).parent / "c-code")]
         self.compile = [*compiler, *build_fmu.FLAGS, *include]
 
     def run(self, output: Path) -> None:
-        """Write the FMU; NotFusibleError, or CalledProcessError if the compiler fails."""
-        symbols = unpack(self.spec["parts"], self.folder)
-        stems = [symbol.removesuffix("_model") for symbol in dict.fromkeys(symbols)]
+        """Write the FMU; NotFusibleError."""
+        parts = self.spec["parts"]
+        symbols = gather(parts, self.folder)
+        fmus = {s: Path(p["fmu"]).name for s, p in zip(symbols, parts, strict=True)}
+        stems = [symbol.removesuffix("_model") for symbol in fmus]
         models = [self.folder / f"part_{stem}.c" for stem in stems]
-        parts = self._objects(models)
-        whole = self._laid_out(symbols, parts)
+        objects = self._objects(models, list(fmus.values()))
+        whole = self._laid_out(symbols, self._models(fmus, objects))
         system = self.folder / "system.c"
         digest = hashlib.sha256(json.dumps(self._structure()).encode()).hexdigest()
         system.write_text(system_c(self.spec, whole, digest), encoding="utf-8")
         shared = build_fmu.ADAPTER[self.fmi]
-        own, *adapter = self._objects([system, *shared])
-        library = self.folder / f"{self.spec['name']}{fmpy.sharedLibraryExtension}"
-        self._link("-shared", own, *parts, *adapter, output=library)
-        self._pack([system, *models, *shared], [own, *parts], library, output)
+        own, *adapter = self._objects([system, *shared], [self.name] * (1 + len(shared)))
+        library = self.folder / f"{self.name}{fmpy.sharedLibraryExtension}"
+        self._link("-shared", own, *objects, *adapter, output=library)
+        self._pack([system, *models, *shared], [own, *objects], library, output)
 
-    def _objects(self, sources: list[Path]) -> list[Path]:
+    def _objects(self, sources: list[Path], fmus: list[str]) -> list[Path]:
         with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-            return list(pool.map(self._object, sources))
+            return list(pool.map(self._object, sources, fmus))
 
-    def _object(self, source: Path) -> Path:
+    def _object(self, source: Path, fmu: str) -> Path:
         made = self.folder / f"{source.stem}.o"
-        subprocess.run([*self.compile, "-c", source, "-o", made], check=True)
+        output_of([*self.compile, "-c", source, "-o", made], fmu)
         return made
 
-    def _link(self, *what: str | Path, output: Path) -> Path:
-        subprocess.run([*self.compile, *what, "-o", output, "-lm"], check=True)
+    def _link(self, *what: str | Path, output: Path, fmu: str = "") -> Path:
+        output_of([*self.compile, *what, "-o", output, "-lm"], fmu or self.name)
         return output
 
-    def _laid_out(self, symbols: list[str], objects: list[Path]) -> Whole:
-        lines = [f"MODEL({symbol})" for symbol in dict.fromkeys(symbols)]
+    def _models(self, fmus: dict[str, str], objects: list[Path]) -> dict[str, Model]:
+        """Return the models by symbol. If the program that prints all layouts fails, the program of
+        the first model that fails alone gives the reason.
+        """
+        try:
+            return self._described(list(fmus), objects, self.name)
+        except NotFusibleError:
+            for (symbol, fmu), made in zip(fmus.items(), objects, strict=True):
+                self._described([symbol], [made], fmu)
+            raise
+
+    def _described(self, symbols: list[str], objects: list[Path], fmu: str) -> dict[str, Model]:
+        lines = [f"MODEL({symbol})" for symbol in symbols]
         (self.folder / "parts.inc").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        source = build_fmu.CORE / "build/layout.c"
-        tool = self._link(*build_fmu.RUN_ONCE, source, *objects, output=self.folder / "layout")
-        text = subprocess.run([tool], check=True, capture_output=True, encoding="utf-8").stdout
-        models = read_layout(text)
+        source, tool = build_fmu.CORE / "build/layout.c", self.folder / "layout"
+        self._link(*build_fmu.RUN_ONCE, source, *objects, output=tool, fmu=fmu)
+        try:
+            models = read_layout(output_of([tool], fmu))
+            return {symbol: models[symbol] for symbol in symbols}
+        except (ValueError, TypeError, NameError, LookupError, ArithmeticError) as error:
+            raise NotFusibleError(f"{fmu}: its sources do not print a layout alone") from error
+
+    def _laid_out(self, symbols: list[str], models: dict[str, Model]) -> Whole:
         parts = [
             Part(part["name"], models[symbol], part["values"], part["driven"], part["late"])
             for part, symbol in zip(self.spec["parts"], symbols, strict=True)
@@ -156,7 +181,7 @@ class Build:
         return lay_out(parts, self.spec["step"], sorted(i for i, every in steps if every > 1))
 
     def _structure(self) -> list[Any]:
-        """What tells systems with equal rows apart."""
+        """Return what distinguishes systems with equal rows: connections and schedule."""
         parts = self.spec["parts"]
         wires = [[part["name"], sorted(part["driven"].items()), part["late"]] for part in parts]
         return [wires, self.spec["plan"]]
@@ -168,41 +193,50 @@ class Build:
         options = (*build_fmu.RUN_ONCE, f'-DEXPERIMENT="{span}"')
         describe = self._link(*options, tool, *own, output=self.folder / "describe")
         xml = self.folder / "modelDescription.xml"
-        with xml.open("wb") as file:
-            listed = [path.name for path in sources]
-            subprocess.run(
-                [describe, self.fmi, "0", build_fmu.DATE, *listed], check=True, stdout=file
-            )
+        listed = [path.name for path in sources]
+        about = (self.spec.get("version", "0"), self.spec.get("date", build_fmu.DATE))
+        text = output_of([describe, self.fmi, *about, *listed], self.name)
+        xml.write_text(text, encoding="utf-8")
         package = [sys.executable, build_fmu.CORE / "build/package_fmu.py"]
         files = [f"--fmi{self.fmi}", output, xml, "--license", build_fmu.LICENSE]
         binary = ["--binary", f"{fmpy.platform}={library}"]
         texts = ["--source", *sources, "--include", self.folder, *build_fmu.HEADERS]
-        subprocess.run([*package, *files, *binary, *texts], check=True)
+        output_of([*package, *files, *binary, *texts, *self._provenance()], self.name)
+
+    def _provenance(self) -> list[str | Path]:
+        """Write the provenance of the system, if there is one, and return the option for it."""
+        if "provenance" not in self.spec:
+            return []
+        file = self.folder / "provenance.json"
+        file.write_text(json.dumps(self.spec["provenance"], indent=1) + "\n", encoding="utf-8")
+        return ["--provenance", file]
 
 
 def build(spec: dict[str, Any], output: Path, compiler: list[str], fmi: str) -> None:
-    """Write the FMU of a system in a version of FMI; raises what Build.run() raises."""
+    """Write the FMU of a system in a version of FMI; NotFusibleError."""
     with tempfile.TemporaryDirectory() as folder:
         Build(spec, Path(folder), compiler, fmi).run(output)
 
 
 def main() -> None:
-    """Command line, see the docstring of the module; status 3: an FMU has no sources of ours."""
+    """Run the command line, see the docstring of the module; exit status 3: NotFusibleError."""
     parser = argparse.ArgumentParser()
     parser.add_argument("system", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument(
         "--fmi", choices=tuple(build_fmu.ADAPTER), default="2", help="version of FMI"
     )
-    parser.add_argument("--cc", type=shlex.split, default=["cc"], help="with its arguments")
+    parser.add_argument(
+        "--cc", type=shlex.split, default=["cc"], help="compiler with its arguments"
+    )
     a = parser.parse_args()
     try:
         build(json.loads(a.system.read_text(encoding="utf-8")), a.output, a.cc, a.fmi)
     except NotFusibleError as reason:
         print(reason)
         sys.exit(3)
-    except (subprocess.CalledProcessError, OSError) as error:
-        sys.exit(f"fuse.py: {error}" if isinstance(error, OSError) else 1)
+    except OSError as error:
+        sys.exit(f"fuse.py: {error}")
 
 
 if __name__ == "__main__":

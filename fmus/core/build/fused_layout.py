@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where everything stands in the memory of a fused system: fused.h names the order.
+"""Memory layout of a fused system, in the order that fused.h defines.
 
-layout.c prints what is known of the models; places are doubles from the beginning of the memory.
+layout.c prints the layouts of the models. A place is an index of doubles from the beginning of the
+memory.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ RULES = (
     "ANY_VALUE", "POSITIVE_VALUE", "NONNEGATIVE_VALUE", "SWITCH_VALUE", "ANGLE_VALUE", "ALARM_VALUE"
 )  # fmt: skip
 KINDS = ("PLAIN_ROW", "OPTIONAL_ROW", "GRID_ROW")
-MACRO_STEP_TEXT = "macro step: communication steps are whole multiples of it"
+MACRO_STEP_TEXT = "macro step: every communication step is a whole multiple"
 UNSETTLED = "initial values did not settle (an algebraic loop)"
 CLOCK = 3
 """Doubles before the times of slow parts: start time, macro steps done, UNSETTLED."""
@@ -24,7 +25,7 @@ CLOCK = 3
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the table of a model (struct Variable), `first` in doubles of the model."""
+    """Row of the table of a model (struct Variable); `first`: index of doubles in the model."""
 
     causality: int
     first: int
@@ -37,7 +38,7 @@ class Row:
     text: str
 
     def elements(self) -> Iterator[str]:
-        """Names of the elements, as element_name() of interface.h makes them."""
+        """Yield the names of the elements, as element_name() of interface.h forms them."""
         for i in range(self.size):
             place = (
                 f"{i + 1}"
@@ -49,8 +50,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Model:
-    """What layout.c says of a model: doubles of it, of its scratch, before its inputs, states and
-    outputs; start: values of parameters and inputs.
+    """Layout of a model as layout.c prints it.
+
+    size, scratch: doubles of the model and of its scratch memory; inputs, states, outputs: doubles
+    before each of them; start: values of parameters and inputs.
     """
 
     symbol: str
@@ -65,8 +68,10 @@ class Model:
 
 @dataclass
 class Part:
-    """A component in the memory of the whole: where its head (parameters, inputs) and its tail
-    (states, outputs) begin, and where each output is published.
+    """Component in the memory of the system.
+
+    head: place of its parameters and inputs; tail: place of its states and outputs; published:
+    place where other components read an output.
     """
 
     name: str
@@ -79,14 +84,14 @@ class Part:
     published: dict[str, int] = field(default_factory=dict)
 
     def place(self, row: Row, element: int) -> int:
-        """Double of an element in the memory of the whole."""
+        """Return the place of an element in the memory of the system."""
         first = row.first + element
         inside = first < self.model.states
         return self.head + first if inside else self.tail + first - self.model.states
 
 
 def read_layout(text: str) -> dict[str, Model]:
-    """Models by symbol from what layout.c prints."""
+    """Return the models by symbol from the output of layout.c."""
     models: dict[str, Model] = {}
     for line in text.splitlines():
         kind, *columns = line.split("\t")
@@ -102,18 +107,18 @@ def read_layout(text: str) -> dict[str, Model]:
 
 @dataclass
 class Whole:
-    """The memory and the rows of the whole system."""
+    """Memory and rows of the whole system."""
 
     parts: list[Part]
     rows: list[Row] = field(default_factory=list)
-    judged: list[Row] = field(default_factory=list)
+    checked: list[Row] = field(default_factory=list)
     front: list[float] = field(default_factory=list)
     times: dict[int, int] = field(default_factory=dict)
     size: int = 0
 
 
 def lay_out(parts: list[Part], step: float, slow: Iterable[int]) -> Whole:
-    """Places of everything: the front with its values, then clock, late outputs and tails."""
+    """Assign all places: the front with its values, then clock, late outputs and tails."""
     whole = Whole(parts, front=[step])
     whole.rows.append(Row(PARAMETER, 0, 1, 1, 1, 0, "s", "macro_step", MACRO_STEP_TEXT))
     for part in parts:
@@ -138,7 +143,7 @@ def _outputs(part: Part) -> list[Row]:
 
 
 def _head(part: Part) -> list[float]:
-    """Start values of parameters and inputs; a driven input begins as its model says."""
+    """Return the start values of parameters and inputs; driven inputs as in the model."""
     values = list(part.model.start)
     for row in part.model.rows:
         for k, name in enumerate(row.elements()):
@@ -148,7 +153,7 @@ def _head(part: Part) -> list[float]:
 
 
 def _publish(part: Part, buffer: int | None) -> None:
-    """Where its outputs are read: in its tail, or one row after the other in a buffer."""
+    """Set where the outputs of a part are read: in its tail, or row after row in a buffer."""
     for row in _outputs(part):
         first = part.place(row, 0) if buffer is None else buffer
         part.published |= {name: first + k for k, name in enumerate(row.elements())}
@@ -156,7 +161,7 @@ def _publish(part: Part, buffer: int | None) -> None:
 
 
 def _list_rows(whole: Whole) -> None:
-    """The rows of the whole: parameters, open inputs, outputs; and driven inputs with a rule."""
+    """List the rows of the system: parameters, open inputs, outputs, driven inputs with a rule."""
     free = [(part, row) for part in whole.parts for row in _free(part)]
     for causality in (PARAMETER, INPUT):
         chosen = [(part, row) for part, row in free if row.causality == causality]
@@ -170,19 +175,19 @@ def _list_rows(whole: Whole) -> None:
             if row.causality == OUTPUT:
                 whole.rows.append(_named(part, row, part.published[next(row.elements())]))
             elif row.causality == INPUT and row.rule and row.name not in names:
-                whole.judged.append(_named(part, row, part.place(row, 0), OUTPUT))
+                whole.checked.append(_named(part, row, part.place(row, 0), OUTPUT))
 
 
 def _named(part: Part, row: Row, first: int, causality: int | None = None) -> Row:
-    """The row as one of the whole."""
-    kept = row.causality if causality is None else causality
+    """Return the row of a part as a row of the system."""
+    own = row.causality if causality is None else causality
     name = f"{part.name}.{row.name}"
-    return Row(kept, first, row.size, row.columns, row.rule, row.kind, row.unit, name, row.text)
+    return Row(own, first, row.size, row.columns, row.rule, row.kind, row.unit, name, row.text)
 
 
 def _free(part: Part) -> Iterator[Row]:
-    """Parameters, and inputs that nobody drives; a row that is driven in part gives a row per
-    element that is not.
+    """Yield parameters and unconnected inputs; a row of which some elements are driven gives a row
+    per unconnected element.
     """
     for row in part.model.rows:
         names = list(row.elements())

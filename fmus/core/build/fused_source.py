@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The text of system.c: tables of a fused system, and its macro step as straight code."""
+"""Text of system.c: tables of a fused system, and its macro step as code without loops."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from fused_layout import CAUSALITY, INPUT, KINDS, OUTPUT, RULES, Part, Row, Whol
 
 
 def number(value: float) -> str:
-    """A literal that gives the same double everywhere."""
+    """Return a literal that gives the same double on every platform."""
     return float(value).hex()
 
 
 def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
-    """Copies (from, to) as runs of neighbours (from, to, count)."""
+    """Yield copies (from, to) as copies of consecutive doubles (from, to, count)."""
     last: list[int] = []
     for start, to in sorted(pairs, key=lambda pair: pair[1]):
         if last and (start, to) == (last[0] + last[2], last[1] + last[2]):
@@ -29,11 +29,11 @@ def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
 
 
 Transfer = tuple[int, int, int, float, float]
-"""A copy of neighbours: from, to, count, factor, offset."""
+"""Copy of consecutive doubles: from, to, count, factor, offset."""
 
 
 def driven(whole: Whole, part: Part) -> list[Transfer]:
-    """The copies that drive the inputs of a part."""
+    """Return the copies that drive the inputs of a part."""
     places = {
         name: part.place(row, k)
         for row in part.model.rows
@@ -51,7 +51,7 @@ def driven(whole: Whole, part: Part) -> list[Transfer]:
 
 
 def late(part: Part) -> list[Transfer]:
-    """The copies that publish the outputs of a part later than it computes them."""
+    """Return the copies that publish the outputs of a part later than it computes them."""
     if not part.late:
         return []
     pairs = [
@@ -64,7 +64,7 @@ def late(part: Part) -> list[Transfer]:
 
 
 def system_c(spec: dict[str, Any], whole: Whole, digest: str) -> str:
-    """The C file of the whole."""
+    """Return the C file of the system."""
     symbols = dict.fromkeys(part.model.symbol for part in whole.parts)
     work = max(part.model.size + part.model.scratch for part in whole.parts)
     lines = [
@@ -92,7 +92,7 @@ def system_c(spec: dict[str, Any], whole: Whole, digest: str) -> str:
         "};",
         "",
         *_table("variables", whole.rows),
-        *_table("judged", whole.judged),
+        *_table("checked", whole.checked),
     ]
     for i, part in enumerate(whole.parts):
         lines += _copies(f"driven_{i}", driven(whole, part))
@@ -145,7 +145,7 @@ def system_c(spec: dict[str, Any], whole: Whole, digest: str) -> str:
         "    step_system,",
         "    macro_step,",
         f'    "{digest}",',
-        *(("    judged,", "    COUNT(judged)};") if whole.judged else ("    NULL,", "    0};")),
+        *(("    checked,", "    COUNT(checked)};") if whole.checked else ("    NULL,", "    0};")),
         "",
     ]
     return "\n".join(lines)
@@ -185,7 +185,7 @@ def _copies(name: str, copies: list[Transfer]) -> Iterator[str]:
 
 
 def _step(plan: list[Any], whole: Whole) -> Iterator[str]:
-    """One macro step: the actions of the schedule in their order."""
+    """Yield the lines of a macro step: the actions of the schedule in their order."""
     slow = [action for action in plan if action[2] > 1]
     if slow:
         yield "    const long long k = (long long)m[CLOCK + 1];"
@@ -218,7 +218,7 @@ def _action(verb: str, i: int, every: int, whole: Whole) -> Iterator[str]:
 
 
 def _pieces(part: Part) -> str:
-    """Places of parameters, inputs, states, outputs, as arguments."""
+    """Return the places of parameters, inputs, states and outputs, as arguments of a step."""
     model = part.model
     outputs = part.tail + model.outputs - model.states
     places = (part.head, part.head + model.inputs, part.tail, outputs)

@@ -1,9 +1,10 @@
-/* layout.c - host tool: prints what fuse.py needs to know of the models that it is linked with.
+/* layout.c - host tool: prints the memory layout and interface of the models that it is linked
+ * with, for fuse.py.
  *
- * parts.inc lists them as MODEL(symbol). One line per model: symbol, doubles of the model, of its
- * scratch, first double of inputs, states, outputs; then one line with the start values of its
- * parameters and inputs, and one per row: causality, first double, size, columns,
- * rule, kind, unit, name, text; columns are separated by tabs. */
+ * parts.inc lists them as MODEL(symbol). There is one line per model: symbol, number of doubles of
+ * the model and of its workspace, first double of inputs, states, outputs; then one line with the
+ * start values of its parameters and inputs, and one line per row: causality, first double, size,
+ * columns, rule, kind, unit, name, text. Columns are separated by tabs. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What an archive of FMI 3.0 holds beyond one of FMI 2.0: the build description and terminals."""
+"""Files that only an archive of FMI 3.0 contains: build description and terminals."""
 
 import html
 import re
 from collections import defaultdict
 from collections.abc import Iterable
-from xml.etree import ElementTree
 
 COMPILER_OPTIONS = "-std=c99 -O2 -ffp-contract=off -fno-tree-slp-vectorize -fno-math-errno"
-"""With them the sources give the bits of the binary (build_fmu.py says why)."""
+"""Options with which the sources give the bits of the binary, see SAME_BITS of build_fmu.py."""
 
 PLATFORMS = {
     "linux64": "x86_64-linux",
@@ -21,11 +20,11 @@ PLATFORMS = {
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 BODY = re.compile(r"(?:r|v|omega|sigma)_([A-Z])[A-Z]?(?:_[A-Z])?")
-"""Names of the motion of a body against another: its letter, that of the other, the axes."""
+"""Names of the motion of a body relative to another: letter of each, letter of the axes."""
 
 
 def build_description(identifier: str, sources: Iterable[str]) -> str:
-    """sources/buildDescription.xml: how the C files make the library."""
+    """Return sources/buildDescription.xml: how to compile the library from the C files."""
     files = "".join(f'      <SourceFile name="{html.escape(name)}"/>\n' for name in sources)
     return (
         f'{HEAD}<fmiBuildDescription fmiVersion="3.0">\n'
@@ -37,18 +36,9 @@ def build_description(identifier: str, sources: Iterable[str]) -> str:
     )
 
 
-def listed_sources(description: ElementTree.Element, build: bytes | None) -> list[str]:
-    """The C files in sources/ that make the library, that of the model first; build: the build
-    description of FMI 3.0, if there is one.
-    """
-    if build is not None:
-        return [e.attrib["name"] for e in ElementTree.fromstring(build).iter("SourceFile")]
-    return [e.attrib["name"] for e in description.iter("File")]
-
-
 def terminals(rows: Iterable[dict[str, str]]) -> str:
-    """terminalsAndIcons.xml: a plug per body and direction, of at least two of its position,
-    velocity, angular velocity and attitude; empty if there is none.
+    """Return terminalsAndIcons.xml, with a terminal per body and direction that has at least two of
+    position, velocity, angular velocity and attitude; "" without a terminal.
     """
     plugs: dict[str, list[str]] = defaultdict(list)
     for row in rows:

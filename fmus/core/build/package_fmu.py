@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Zip one FMU for FMI 2.0, FMI 3.0 or both: model description, binaries, sources, documentation,
-licence, picture. Same inputs, same bytes.
+licence, picture. The same inputs give the same bytes.
 
 Usage: package_fmu.py [--fmi2 OUTPUT XML] [--fmi3 OUTPUT XML] --license FILE --binary
-PLATFORM=FILE... --source FILE... --include DIR... [--trace FILE] The first source is the file of
-the model; its opening comment (equations, source) becomes the documentation. The headers that the
-sources include, directly or not, are found in the folders given and go into sources/ beside them.
-An archive has the sources of its version of FMI only.
+PLATFORM=FILE... --source FILE... --include DIR... [--trace FILE] [--provenance FILE]. The first
+source is the file of the model; its opening comment (equations, source) becomes the documentation.
+The headers that the sources include, directly or not, are searched in the given folders and go into
+sources/, too. An archive has the sources of its version of FMI only.
 """
 
 import argparse
@@ -30,12 +30,13 @@ STYLE = (
     ".equations{margin:.6em 1.5em;overflow-x:auto}.equations div{margin:.35em 0;white-space:nowrap}"
     ".number{float:right}"
 )
+PROVENANCE = "extra/io.github.servicing-fmus/provenance.json"
 SECTIONS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
 
 
 def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
-    """One row per variable; the elements of a vector or matrix are gathered: name, shape, unit,
-    start, limits, text. The independent variable of FMI 3.0 is no row.
+    """Return one row per variable: name, shape, unit, start, limits, text. The elements of a vector
+    or matrix are in one row; the independent variable of FMI 3.0 is omitted.
     """
     rows: dict[str, dict[str, str]] = {}
     for variable in description.iter("Float64"):
@@ -55,13 +56,13 @@ def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
 
 
 def limits(row: dict[str, str]) -> str:
-    """The declared range of a variable, empty if it has none."""
+    """Return the declared range of a variable, empty if it has none."""
     low, high = row.get("min"), row.get("max")
     return "" if low is None else f"{low} .. {high}" if high else f">= {low}"
 
 
 def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
-    """The headers in `folders` that the sources include, directly or through each other."""
+    """Return the headers in `folders` that the sources include, directly or through each other."""
     found: dict[str, Path] = {}
     waiting = list(sources)
     while waiting:
@@ -74,7 +75,7 @@ def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
 
 
 def table(rows: list[dict[str, str]]) -> str:
-    """HTML table of variables."""
+    """Return an HTML table of variables."""
     titles = ("name", "size", "unit", "limits", "start", "description")
     head = "<tr>" + "".join(f"<th>{title}</th>" for title in titles) + "</tr>"
     cells = (
@@ -88,7 +89,7 @@ def table(rows: list[dict[str, str]]) -> str:
 
 
 def text_of(source: Path) -> str:
-    """Of a C file; ends the program if it is not UTF-8."""
+    """Return the text of a C file; exit if it is not UTF-8."""
     try:
         return source.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -96,7 +97,7 @@ def text_of(source: Path) -> str:
 
 
 def opening_comment(source: str) -> str:
-    """Text of the first comment of a C file without its stars; ValueError without one."""
+    """Return the text of the opening comment of a C file without stars; ValueError if missing."""
     match = re.match(r"/\*(.*?)\*/", source, re.DOTALL)
     if match is None:
         raise ValueError("must begin with a comment /* ... */: equations and their source")
@@ -104,8 +105,8 @@ def opening_comment(source: str) -> str:
 
 
 def equations(comment: str) -> str:
-    """HTML of an opening comment: lines indented by three blanks are equations; as it is where they
-    are in another notation.
+    """Return the HTML of an opening comment. Lines indented by three blanks are equations; if they
+    are in another notation, the text is left as it is.
     """
     try:
         return page(comment, indent=3)
@@ -114,7 +115,7 @@ def equations(comment: str) -> str:
 
 
 def timing(rows: list[dict[str, str]]) -> str:
-    """When a model computes, by the parameters that say so."""
+    """Return a sentence on when a model computes, from the names of its parameters."""
     named = {row["name"] for row in rows if row["causality"] == "parameter"}
     if "sample_period" in named:
         return (
@@ -130,8 +131,8 @@ def timing(rows: list[dict[str, str]]) -> str:
 
 
 def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, str]]:
-    """Titles and HTML of the documentation of a model, from its interface and its C file: the page
-    in the .fmu and that of the site.
+    """Return titles and HTML of the chapters about a model, from its interface and its C file, for
+    the page in the .fmu and the page of the site.
     """
     rows = read_rows(description)
     alarms = set(re.findall(r"\bALARM\((\w+)", source))
@@ -152,7 +153,7 @@ def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, s
 
 
 def documentation(description: ElementTree.Element, source: str) -> str:
-    """documentation/index.html: one page of all chapters."""
+    """Return documentation/index.html: one page of all chapters."""
     name = html.escape(description.attrib["modelName"])
     text = html.escape(description.attrib["description"])
     parts = [
@@ -167,7 +168,7 @@ def documentation(description: ElementTree.Element, source: str) -> str:
 
 
 def picture(description: ElementTree.Element) -> bytes:
-    """PNG of the block with its inputs on the left and its outputs on the right."""
+    """Return a PNG of the block with its inputs on the left and its outputs on the right."""
     rows = read_rows(description)
     left = [r["name"] for r in rows if r["causality"] == "input"]
     right = [r["name"] for r in rows if r["causality"] == "output"]
@@ -199,16 +200,17 @@ def write_zip(output: Path, files: dict[str, bytes]) -> None:
 
 
 class Files:
-    """What goes into an archive, whatever the version of FMI."""
+    """Files of the archives of a model, for both versions of FMI."""
 
     def __init__(self, a: argparse.Namespace) -> None:
         self.sources = list(dict.fromkeys(a.source))
         self.include, self.license, self.binaries = a.include, a.license.read_bytes(), a.binary
         self.model = text_of(self.sources[0])
         self.trace = a.trace.read_bytes() if a.trace else b""
+        self.provenance = {PROVENANCE: a.provenance.read_bytes()} if a.provenance else {}
 
     def archive(self, xml: Path, fmi: str) -> dict[str, bytes]:
-        """Contents by name for one version of FMI; ValueError without an opening comment."""
+        """Return the contents by name for a version of FMI; ValueError: no opening comment."""
         description = ElementTree.parse(xml).getroot()
         identifier = description.attrib["modelName"]  # and modelIdentifier, see describe.c
         others = tuple(f"fmi{number}" for number in "23" if number != fmi)
@@ -221,6 +223,7 @@ class Files:
             "documentation/model.png": png,
             **{f"sources/{path.name}": path.read_bytes() for path in [*sources, *headers]},
             **reference_files(self.trace),
+            **self.provenance,
         }
         for binary in self.binaries:
             platform, _, file = binary.partition("=")
@@ -237,7 +240,7 @@ class Files:
 
 
 def main() -> None:
-    """Command line, see the docstring of the module."""
+    """Run the command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
     for fmi in "23":
         parser.add_argument(f"--fmi{fmi}", type=Path, nargs=2, metavar=("OUTPUT", "XML"))
@@ -245,13 +248,14 @@ def main() -> None:
     parser.add_argument("--binary", action="append", required=True, metavar="PLATFORM=FILE")
     parser.add_argument("--source", type=Path, nargs="+", required=True)
     parser.add_argument("--include", type=Path, nargs="+", required=True)
+    parser.add_argument("--provenance", type=Path, help="JSON: what a system was made of")
     parser.add_argument("--trace", type=Path, help="reference.csv of FMI-LS-REF")
     a = parser.parse_args()
     files = Files(a)
     try:
-        for fmi, wanted in (("2", a.fmi2), ("3", a.fmi3)):
-            if wanted:
-                write_zip(wanted[0], files.archive(wanted[1], fmi))
+        for fmi, output in (("2", a.fmi2), ("3", a.fmi3)):
+            if output:
+                write_zip(output[0], files.archive(output[1], fmi))
     except ValueError as error:
         sys.exit(f"{a.source[0].name}: {error}")
 

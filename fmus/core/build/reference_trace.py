@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files of the layered standard FMI-LS-REF 1.0.0-beta.1: what the FMU does that nobody drives, for
-whoever imports it.
+"""Files of the layered standard FMI-LS-REF 1.0.0-beta.1: outputs of the FMU with its inputs
+unconnected, with which an importer can compare.
 """
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
@@ -16,7 +16,9 @@ MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def reference_files(trace: bytes) -> dict[str, bytes]:
-    """Contents by name; none where there is no trace, as a result would break a rule."""
+    """Return the contents by name; none without a trace, which exists only if no output of the
+    unconnected FMU violates its declared range.
+    """
     if not trace:
         return {}
     return {f"{FOLDER}/fmi-ls-manifest.xml": MANIFEST.encode(), f"{FOLDER}/reference.csv": trace}

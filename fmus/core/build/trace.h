@@ -1,4 +1,5 @@
-/* trace.h - what a model does that nobody drives, as CSV: a reference for whoever imports the FMU. */
+/* trace.h - outputs of a model with unconnected inputs as CSV: a reference for users who import the
+ * FMU. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRACE_H
 #define TRACE_H
@@ -7,17 +8,17 @@
 
 #include <stdlib.h>
 
-#define TRACE_STEP 0.1                         /* s; of the default experiment */
-enum { TRACE_STEPS = 1000, TRACE_EVERY = 50 }; /* steps in all, steps from one row to the next */
+#define TRACE_STEP 0.1                         /* s; step of the default experiment */
+enum { TRACE_STEPS = 1000, TRACE_EVERY = 50 }; /* number of steps, steps from row to row */
 
 static bool is_output(size_t row) { return fmu_model.variables[row].causality == OUTPUT_ROW; }
 
-static bool is_by_the_rules(const void *model)
+static bool satisfies_rules(const void *model)
 {
     for (size_t i = 0; i < fmu_model.variable_count; i++)
         for (size_t k = 0; is_output(i) && k < fmu_model.variables[i].size; k++) {
             const Scalar s = {&fmu_model.variables[i], k};
-            if (broken_rule(s.row->rule, value_of(model, s))) return false;
+            if (violated_rule(s.row->rule, value_of(model, s))) return false;
         }
     return true;
 }
@@ -41,30 +42,30 @@ static void print_outputs(const void *model, double t)
     printf("\n");
 }
 
-/* Step k goes from k h to k h + h, as those of a master that counts its steps. False: it breaks a
- * rule. */
-static bool fly(void *model, bool print)
+/* Step k is from k h to k h + h, as for a master that counts its steps. Returns false if a result
+ * violates a rule. */
+static bool run(void *model, bool print)
 {
     if (print) print_outputs(model, 0);
     double t = 0;
     for (int k = 0; k < TRACE_STEPS; k++) {
         fmu_model.step(model, t, TRACE_STEP);
         t = k * TRACE_STEP + TRACE_STEP;
-        if (!is_by_the_rules(model)) return false;
+        if (!satisfies_rules(model)) return false;
         if (print && (k + 1) % TRACE_EVERY == 0) print_outputs(model, (k + 1) * TRACE_STEP);
     }
     return true;
 }
 
-/* frees the model, which is initialized */
+/* prints the trace of an initialized model and frees the model */
 static void print_trace(void *model)
 {
     void *first = malloc(memory_of(&fmu_model));
     if (!first) exit(1);
     memcpy(first, model, memory_of(&fmu_model));
-    if (is_by_the_rules(first) && fly(first, false)) {
+    if (satisfies_rules(first) && run(first, false)) {
         print_names();
-        fly(model, true);
+        run(model, true);
     }
     free(first);
     free(model);

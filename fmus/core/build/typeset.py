@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Equations in plain notation, as comments of C files and pages of missions have them, as MathML.
+"""Typesetting in MathML of the plain equations in comments of C files and pages of missions.
 
     dv/dt = -mu r/r^3 + C_TN^T F_T / mass,    M_gg = 3 mu/r^3 rb x (J_T rb)
 
@@ -7,8 +7,8 @@ alpha .. Omega are Greek; `_` begins subscripts, `^` a superscript; `_hat` a hat
 a star, `h'` a prime. `a/b` without blanks is a fraction, ` / ` stays in the line; ` x ` between two
 operands is the vector product, `.` the scalar one, `[R]x` the matrix of a vector product, ` (x) `
 and ` (o) ` are the products of Kronecker (or quaternions) and of elements; ` * ` is a product.
-`|a|`, `sqrt(...)`, `sum_k`, `integral`. Names of three letters and more are upright: functions,
-parameters, words. Two blanks and more stay a gap, and a line stays a line.
+`|a|`, `sqrt(...)`, `sum_k`, `integral` become symbols. Names of three letters and more are upright:
+functions, parameters, words. Two or more blanks remain a gap, and a line remains a line.
 """
 
 import html
@@ -43,12 +43,12 @@ NUMBERED = re.compile(r" {2,}(\(\d+\)(?:, \(\d+\))*)$")
 
 
 class NotationError(ValueError):
-    """A line that is not in the notation."""
+    """Error: a line is not in the notation."""
 
 
 @dataclass
 class Node:
-    """A piece of a line: its MathML, and what its neighbours must know of it.
+    """Piece of a line: its MathML, and the properties that its neighbours use.
 
     kind: operand, word, operator, space, gap; inside: the MathML between the brackets of a group.
     """
@@ -59,12 +59,14 @@ class Node:
 
 
 def block(lines: Iterable[str]) -> str:
-    """HTML of consecutive lines of equations. NotationError names a line that is none."""
+    """Return the HTML of consecutive lines of equations; NotationError names a line that is not in
+    the notation.
+    """
     return f'<div class="equations">{"".join(map(_row, lines))}</div>'
 
 
 def page(text: str, indent: int) -> str:
-    """HTML of a comment: lines indented by `indent` blanks or more are equations, others prose."""
+    """Return the HTML of a comment: lines with at least `indent` leading blanks are equations."""
     parts = []
     for paragraph in re.split(r"\n\s*\n", text.strip("\n")):
         for equations, lines in _runs(paragraph.splitlines(), indent):
@@ -92,7 +94,7 @@ def _row(line: str) -> str:
 
 
 def math(line: str) -> str:
-    """MathML of one line."""
+    """Return the MathML of one line."""
     nodes, end = Reader(line).sequence("")
     if end != len(line):
         raise NotationError(f"{line.strip()!r}: {line[end]!r} closes nothing")
@@ -101,7 +103,7 @@ def math(line: str) -> str:
 
 
 class Reader:
-    """Reads one line from left to right."""
+    """Reader of one line from left to right."""
 
     article = re.compile(r"[a-z] a [a-z]{3}")
 
@@ -110,7 +112,9 @@ class Reader:
         self.at = 0
 
     def sequence(self, closing: str) -> tuple[list[Node], int]:
-        """Nodes up to a closing bracket, which is not read, or to the end of the line."""
+        """Read the nodes up to a closing bracket, which is not read, or to the end of the line;
+        return them and the position.
+        """
         nodes: list[Node] = []
         while self.at < len(self.line):
             if closing and self.line[self.at] == closing and not self._opens(closing, nodes):
@@ -125,7 +129,7 @@ class Reader:
         return _fractions(nodes), self.at
 
     def _opens(self, bar: str, before: list[Node]) -> bool:
-        """Whether a bar begins a norm."""
+        """Return whether a bar begins a norm."""
         if bar != "|":
             return False
         last = before[-1].kind if before else "operator"
@@ -136,7 +140,7 @@ class Reader:
         return last in {"operator", "word"}
 
     def node(self, before: list[Node]) -> Node:
-        """The next node."""
+        """Read the next node."""
         rest = self.line[self.at :]
         if blanks := re.match(" +", rest):
             self.at += blanks.end()
@@ -219,7 +223,7 @@ class Reader:
         return self._applied(self._symbol(name, short), name)
 
     def _upright(self, name: str) -> Node:
-        """A word, or a name of several letters, with all but short subscripts as they are."""
+        """Read the rest of a word or of a long name; long subscripts stay in the line."""
         shown, rest = f"<mi>{name}</mi>", self.line[self.at :]
         subscript = re.match(r"(?:_[A-Za-z0-9]+)+", rest)
         if subscript and subscript[0] == "_hat":
@@ -233,7 +237,7 @@ class Reader:
         return self._applied(Node("operand", shown), name)
 
     def _symbol(self, name: str, short: re.Match[str] | None) -> Node:
-        """A letter or a Greek one with its subscripts, hat and tilde, derivatives before it."""
+        """Read the rest of a Latin or Greek letter: subscripts, hat, tilde; upright d before it."""
         if derivative := re.fullmatch(r"d(?:(\d)([A-Za-z])|([a-z])(\d))", name):  # d2L/dt2
             d, letter = "<mi mathvariant='normal'>d</mi>", derivative[2] or derivative[3]
             power = f"<mn>{derivative[1] or derivative[4]}</mn>"
@@ -258,7 +262,7 @@ class Reader:
         return Node("operand", f"<mrow>{d}{shown}</mrow>" if d else shown)
 
     def _applied(self, node: Node, name: str) -> Node:
-        """A name with its scripts and what it is applied to."""
+        """Read the scripts of a name and the arguments in parentheses after it."""
         node = self._scripts(node)
         if self.line[self.at : self.at + 1] != "(":
             return node
@@ -301,7 +305,7 @@ def _below(parts: list[str]) -> str:
 
 
 def _inner(text: str) -> str:
-    """A subscript: letters of frames, numbers, Greek names, `i-1`, `0..2`."""
+    """Return the MathML of a subscript: letters of frames, numbers, Greek names, `i-1`, `0..2`."""
     if text in GREEK or text.removeprefix("d") in GREEK:
         d = "" if text in GREEK else "<mi mathvariant='normal'>d</mi>"
         return f"{d}<mi>{GREEK[text.removeprefix('d') if d else text]}</mi>"
@@ -314,7 +318,7 @@ def _inner(text: str) -> str:
 
 
 def _above(text: str) -> str:
-    """A superscript."""
+    """Return the MathML of a superscript."""
     if text == "+":
         return "<mo>+</mo>"
     if text[0] == "-":
@@ -335,7 +339,7 @@ def _space(width: float) -> str:
 
 
 def _fractions(nodes: list[Node]) -> list[Node]:
-    """The nodes with `a/b` as fractions; a chain a/b/c stays in the line."""
+    """Return the nodes with `a/b` as fractions; a chain a/b/c remains in the line."""
     done: list[Node] = []
     while nodes:
         above, below = nodes[0], nodes[2] if len(nodes) > 2 else nodes[0]
@@ -352,7 +356,7 @@ def _fractions(nodes: list[Node]) -> list[Node]:
 
 
 def _written(nodes: list[Node]) -> str:
-    """MathML of nodes: words with blanks about them, operands with thin spaces between them."""
+    """Return the MathML of nodes, with blanks around words and thin spaces between operands."""
     parts = []
     for i, node in enumerate(nodes):
         if node.kind != "space":

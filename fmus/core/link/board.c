@@ -1,7 +1,8 @@
-/* board.c - answers requests, one at a time, by calls to the FMUs on the board.
+/* board.c - the board's end of the protocol: answers requests, one at a time, by calls to its FMUs.
  *
- * A request that comes twice is answered twice and carried out once; one that is older than the
- * last is dropped. A damaged frame is answered by DAMAGED, and the simulation sends it again. */
+ * A request that arrives twice is answered twice and processed once. A request older than the last
+ * one is ignored. The answer to a damaged frame is DAMAGED, after which the simulation repeats the
+ * request. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "board.h"
 
@@ -11,39 +12,39 @@
 
 enum { TEXT_SIZE = 2000 };
 
-/* one request at a time, so one of each */
+/* one buffer of each kind suffices, because there is one request at a time */
 static unsigned char incoming[FRAME_LIMIT], outgoing[FRAME_LIMIT];
 static union {
     fmi2Real real[PAYLOAD_LIMIT / 8];
     fmi2Integer integer[PAYLOAD_LIMIT / 4];
 } values;
 static fmi2ValueReference references[PAYLOAD_LIMIT / 8];
-static char said[TEXT_SIZE]; /* by the FMU that is being called */
-static size_t answer_size;   /* of the last answer, which stands in `outgoing` */
-static size_t answered;      /* slot */
+static char message[TEXT_SIZE]; /* last message of the FMU that is called */
+static size_t answer_size;      /* size of the last answer, which is in `outgoing` */
+static size_t answered;         /* slot of the last answer */
 
-/* ---- what an FMU needs of its master */
-static void keep_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
-                         fmi2String category, fmi2String format, ...)
+/* ---- callbacks for the FMUs */
+static void store_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
+                          fmi2String category, fmi2String format, ...)
 {
     va_list arguments;
     (void)environment, (void)name, (void)category;
     if (status == fmi2OK || !format) return;
     va_start(arguments, format);
-    vsnprintf(said, sizeof said, format, arguments);
+    vsnprintf(message, sizeof message, format, arguments);
     va_end(arguments);
 }
 
-static size_t taken; /* bytes that FMUs have asked for */
+static size_t allocated; /* bytes allocated by FMUs */
 static void *count_memory(size_t count, size_t size)
 {
-    taken += count * size;
+    allocated += count * size;
     return calloc(count, size);
 }
 
-static const fmi2CallbackFunctions callbacks = {keep_message, count_memory, free, NULL, NULL};
+static const fmi2CallbackFunctions callbacks = {store_message, count_memory, free, NULL, NULL};
 
-/* ---- requests: each returns fmi2Status or Trouble, and writes what it answers */
+/* ---- requests: each function returns fmi2Status or Trouble and writes the data of its answer */
 typedef unsigned Answer(const Board *board, size_t slot, Reader *in, Writer *out);
 
 static unsigned describe(const Board *board, size_t slot, Reader *in, Writer *out)
@@ -64,18 +65,18 @@ static unsigned describe(const Board *board, size_t slot, Reader *in, Writer *ou
 static unsigned reset(const Board *board, size_t slot, Reader *in, Writer *out)
 {
     const Software *s = &board->software[slot];
-    Slot *own = &board->slot[slot];
+    Slot *session = &board->slot[slot];
     (void)in, (void)out;
-    own->cost = (Cost){0, 0, 0, 0};
-    if (own->instance) return (unsigned)s->reset(own->instance);
-    size_t before = taken;
-    own->instance =
+    session->cost = (Cost){0, 0, 0, 0};
+    if (session->instance) return (unsigned)s->reset(session->instance);
+    size_t before = allocated;
+    session->instance =
         s->instantiate(s->name, fmi2CoSimulation, s->guid, "", &callbacks, fmi2False, fmi2True);
-    own->memory = (uint32_t)(taken - before);
-    return own->instance ? fmi2OK : fmi2Error;
+    session->memory = (uint32_t)(allocated - before);
+    return session->instance ? fmi2OK : fmi2Error;
 }
 
-static unsigned enter(const Board *board, size_t slot, Reader *in, Writer *out)
+static unsigned enter_initialization_mode(const Board *board, size_t slot, Reader *in, Writer *out)
 {
     const Software *s = &board->software[slot];
     fmi2Component c = board->slot[slot].instance;
@@ -83,7 +84,7 @@ static unsigned enter(const Board *board, size_t slot, Reader *in, Writer *out)
     fmi2Boolean bounded = take_number(in, 1) != 0;
     double stop = take_double(in);
     (void)out;
-    if (in->short_of) return MALFORMED;
+    if (in->truncated) return MALFORMED;
     fmi2Status status = s->setup_experiment(c, fmi2False, 0, start, bounded, stop);
     return (unsigned)(status > fmi2Warning ? status : s->enter_initialization(c));
 }
@@ -93,7 +94,8 @@ static unsigned initialize(const Board *board, size_t slot, Reader *in, Writer *
     (void)in, (void)out;
     unsigned status =
         (unsigned)board->software[slot].exit_initialization(board->slot[slot].instance);
-    if (board->paint_stack) board->paint_stack(); /* what counts is what the steps need */
+    if (board->paint_stack)
+        board->paint_stack(); /* initialization does not count as stack of the steps */
     return status;
 }
 
@@ -111,10 +113,10 @@ static void list_references(RunOf run)
 
 static fmi2Status set_run(const Software *s, fmi2Component c, RunOf run, Reader *in)
 {
-    for (size_t i = 0; i < run.count && !in->short_of; i++)
+    for (size_t i = 0; i < run.count && !in->truncated; i++)
         if (run.type == REAL_TYPE) values.real[i] = take_double(in);
         else values.integer[i] = (fmi2Integer)(int32_t)take_number(in, 4);
-    if (in->short_of) return fmi2OK; /* judged by the caller */
+    if (in->truncated) return fmi2OK; /* checked by the caller */
     list_references(run);
     if (run.type == REAL_TYPE) return s->set_real(c, references, run.count, values.real);
     if (run.type == INTEGER_TYPE) return s->set_integer(c, references, run.count, values.integer);
@@ -141,11 +143,11 @@ static unsigned set(const Board *board, size_t slot, Reader *in, Writer *out)
 {
     fmi2Status worst = fmi2OK;
     (void)out;
-    for (size_t left = take_number(in, 2); left > 0; left--) {
+    for (size_t remaining = take_number(in, 2); remaining > 0; remaining--) {
         RunOf run = take_run(in);
-        if (in->short_of || too_long(run)) return MALFORMED;
+        if (in->truncated || too_long(run)) return MALFORMED;
         fmi2Status status = set_run(&board->software[slot], board->slot[slot].instance, run, in);
-        if (in->short_of) return MALFORMED;
+        if (in->truncated) return MALFORMED;
         if (status > fmi2Warning) return (unsigned)status;
         if (status > worst) worst = status;
     }
@@ -155,9 +157,9 @@ static unsigned set(const Board *board, size_t slot, Reader *in, Writer *out)
 static unsigned get(const Board *board, size_t slot, Reader *in, Writer *out)
 {
     fmi2Status worst = fmi2OK;
-    for (size_t left = take_number(in, 2); left > 0; left--) {
+    for (size_t remaining = take_number(in, 2); remaining > 0; remaining--) {
         RunOf run = take_run(in);
-        if (in->short_of || too_long(run)) return MALFORMED;
+        if (in->truncated || too_long(run)) return MALFORMED;
         fmi2Status status = get_run(&board->software[slot], board->slot[slot].instance, run, out);
         if (status > fmi2Warning) return (unsigned)status;
         if (status > worst) worst = status;
@@ -175,19 +177,19 @@ static void count_cost(Cost *cost, uint64_t spent, double t)
 
 static unsigned step(const Board *board, size_t slot, Reader *in, Writer *out)
 {
-    Slot *own = &board->slot[slot];
+    Slot *session = &board->slot[slot];
     double t = take_double(in), h = take_double(in);
     bool final = take_number(in, 1) != 0;
     (void)out;
-    if (in->short_of) return MALFORMED;
+    if (in->truncated) return MALFORMED;
     uint64_t before = board->counter ? board->counter() : 0;
-    fmi2Status status = board->software[slot].do_step(own->instance, t, h, final);
-    if (board->counter) count_cost(&own->cost, board->counter() - before, t);
-    else own->cost.steps++;
+    fmi2Status status = board->software[slot].do_step(session->instance, t, h, final);
+    if (board->counter) count_cost(&session->cost, board->counter() - before, t);
+    else session->cost.steps++;
     return (unsigned)status;
 }
 
-static unsigned worse(unsigned a, unsigned b) { return a > b ? a : b; }
+static unsigned worse_status(unsigned a, unsigned b) { return a > b ? a : b; }
 
 static unsigned exchange(const Board *board, size_t slot, Reader *in, Writer *out)
 {
@@ -195,17 +197,17 @@ static unsigned exchange(const Board *board, size_t slot, Reader *in, Writer *ou
     if (first > fmi2Warning) return first;
     unsigned second = step(board, slot, in, out);
     if (second > fmi2Warning) return second;
-    return worse(worse(first, second), get(board, slot, in, out));
+    return worse_status(worse_status(first, second), get(board, slot, in, out));
 }
 
 /* ---- states */
-static unsigned serialized(const Software *s, fmi2Component c, fmi2FMUstate state, Writer *out)
+static unsigned put_state(const Software *s, fmi2Component c, fmi2FMUstate state, Writer *out)
 {
     size_t size = 0;
     fmi2Status status = s->state_size(c, state, &size);
     if (status > fmi2Warning) return (unsigned)status;
     if (size > out->size - out->used) {
-        snprintf(said, sizeof said, "its state of %u bytes does not fit into a frame",
+        snprintf(message, sizeof message, "the state of %u bytes does not fit into a frame",
                  (unsigned)size);
         return fmi2Error;
     }
@@ -223,7 +225,7 @@ static unsigned save(const Board *board, size_t slot, Reader *in, Writer *out)
     if (!s->get_state) return MALFORMED;
     fmi2Status status = s->get_state(c, &state);
     if (status > fmi2Warning) return (unsigned)status;
-    unsigned outcome = serialized(s, c, state, out);
+    unsigned outcome = put_state(s, c, state, out);
     s->free_state(c, &state);
     return outcome;
 }
@@ -257,89 +259,99 @@ static unsigned statistics(const Board *board, size_t slot, Reader *in, Writer *
 
 /* ---- frames */
 static Answer *const answers[] = {
-    [DESCRIBE] = describe, [RESET] = reset,           [SET] = set,
-    [ENTER] = enter,       [INITIALIZE] = initialize, [STEP] = step,
-    [GET] = get,           [EXCHANGE] = exchange,     [SAVE] = save,
-    [RESTORE] = restore,   [TERMINATE] = terminate,   [STATISTICS] = statistics,
+    [DESCRIBE] = describe,
+    [RESET] = reset,
+    [SET] = set,
+    [ENTER] = enter_initialization_mode,
+    [INITIALIZE] = initialize,
+    [STEP] = step,
+    [GET] = get,
+    [EXCHANGE] = exchange,
+    [SAVE] = save,
+    [RESTORE] = restore,
+    [TERMINATE] = terminate,
+    [STATISTICS] = statistics,
 };
 enum { ANSWERS = sizeof answers / sizeof answers[0] };
 
-/* an answer: size of its data, the data, what was said; a failed request has no data */
-static void answer(const Board *board, Frame f, unsigned status, size_t data)
+/* sends an answer: size of its data, data, message; a failed request has no data */
+static void send_answer(const Board *board, Frame f, unsigned status, size_t data)
 {
-    size_t length = strlen(said);
+    size_t length = strlen(message);
     unsigned char *payload = outgoing + HEADER_SIZE;
     store(payload, data, 4);
-    memcpy(payload + 4 + data, said, length);
+    memcpy(payload + 4 + data, message, length);
     f.code |= ANSWER;
     f.status = (uint8_t)status;
     answered = f.component;
-    answer_size = seal(outgoing, f, 4 + data + length);
+    answer_size = finish_frame(outgoing, f, 4 + data + length);
     board->write(board->port, outgoing, answer_size);
 }
 
-/* what was not carried out; the last answer stays */
-static void refuse(const Board *board, Frame f, Trouble trouble)
+/* reports a request that was not processed; the last answer stays in `outgoing` */
+static void send_rejection(const Board *board, Frame f, Trouble trouble)
 {
     unsigned char bytes[HEADER_SIZE + CRC_SIZE];
     f.code |= ANSWER;
     f.status = (uint8_t)trouble;
-    board->write(board->port, bytes, seal(bytes, f, 0));
+    board->write(board->port, bytes, finish_frame(bytes, f, 0));
 }
 
-static void carry_out(const Board *board, Frame f)
+static void process_request(const Board *board, Frame f)
 {
     Writer out = {outgoing + HEADER_SIZE + 4, PAYLOAD_LIMIT - 4 - TEXT_SIZE, 0, false};
     bool known = f.code < ANSWERS && answers[f.code];
     bool ready = board->slot[f.component].instance || f.code == DESCRIBE || f.code == RESET;
-    said[0] = 0;
+    message[0] = 0;
     unsigned status =
         known && ready ? answers[f.code](board, f.component, &f.payload, &out) : MALFORMED;
-    answer(board, f, status, status > fmi2Warning ? 0 : out.used);
+    send_answer(board, f, status, status > fmi2Warning ? 0 : out.used);
 }
 
-static bool begins_session(const Slot *own, const Frame *f)
+static bool begins_session(const Slot *session, const Frame *f)
 {
-    return f->code == DESCRIBE && !(own->described && f->sequence == own->first);
+    return f->code == DESCRIBE && !(session->described && f->sequence == session->first);
 }
 
 static bool acceptable(const Board *board, const Frame *f)
 {
-    if (f->version != PROTOCOL_VERSION) return refuse(board, *f, OTHER_VERSION), false;
-    if (f->component >= board->count) return refuse(board, *f, NO_COMPONENT), false;
+    if (f->version != PROTOCOL_VERSION) return send_rejection(board, *f, OTHER_VERSION), false;
+    if (f->component >= board->count) return send_rejection(board, *f, NO_COMPONENT), false;
     if (f->code == DESCRIBE || board->slot[f->component].described) return true;
-    return refuse(board, *f, NO_SESSION), false;
+    return send_rejection(board, *f, NO_SESSION), false;
 }
 
-/* new: carried out; the last once more: answered once more; any other: dropped */
+/* a new request is processed, the answer to a repeated one is sent again, any other one is
+ * ignored */
 static void receive(const Board *board, Frame f)
 {
     if (!acceptable(board, &f)) return;
-    Slot *own = &board->slot[f.component];
-    bool begins = begins_session(own, &f);
-    if (begins) own->first = f.sequence, own->described = true;
-    if (begins || f.sequence == own->last + 1) {
-        own->last = f.sequence;
-        carry_out(board, f);
-    } else if (f.sequence == own->last && answered == f.component)
+    Slot *session = &board->slot[f.component];
+    bool begins = begins_session(session, &f);
+    if (begins) session->first = f.sequence, session->described = true;
+    if (begins || f.sequence == session->last + 1) {
+        session->last = f.sequence;
+        process_request(board, f);
+    } else if (f.sequence == session->last && answered == f.component)
         board->write(board->port, outgoing, answer_size);
 }
 
 void serve(const Board *board)
 {
-    size_t held = 0, got;
+    size_t buffered = 0, got;
     bool damaged = false;
-    while ((got = board->read(board->port, incoming + held, sizeof incoming - held)) > 0) {
+    while ((got = board->read(board->port, incoming + buffered, sizeof incoming - buffered)) > 0) {
         unsigned char *front = incoming;
         size_t size;
         Frame f;
-        held += got;
-        for (Found found; held > 0 && (found = look(front, held, &f, &size)) != INCOMPLETE;) {
+        buffered += got;
+        for (Found found;
+             buffered > 0 && (found = find_frame(front, buffered, &f, &size)) != INCOMPLETE;) {
             if (found == COMPLETE) receive(board, f), damaged = false;
-            else if (!damaged) refuse(board, (Frame){.code = 0}, DAMAGED), damaged = true;
+            else if (!damaged) send_rejection(board, (Frame){.code = 0}, DAMAGED), damaged = true;
             front += size;
-            held -= size;
+            buffered -= size;
         }
-        memmove(incoming, front, held);
+        memmove(incoming, front, buffered);
     }
 }

@@ -1,7 +1,7 @@
-/* board.h - the board's end of the protocol: FMUs on one byte stream, one instance of each.
+/* board.h - the board's end of the protocol: FMUs on one byte stream, with one instance of each.
  *
- * What runs on the processor is the FMU as it is; the board calls it by FMI 2.0 as any master does.
- * A board needs a driver: two functions that read and write bytes. */
+ * The processor runs the unchanged FMU; the board calls it by FMI 2.0 as any master does. A board
+ * needs a driver: two functions that read and write bytes. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef BOARD_H
 #define BOARD_H
@@ -11,7 +11,7 @@
 
 typedef struct {
     const char *name, *guid;
-    uint32_t variables; /* scalar variables of its model description */
+    uint32_t variables; /* number of scalar variables of its model description */
     fmi2InstantiateTYPE *instantiate;
     fmi2FreeInstanceTYPE *free_instance;
     fmi2ResetTYPE *reset;
@@ -26,7 +26,7 @@ typedef struct {
     fmi2SetBooleanTYPE *set_boolean;
     fmi2GetBooleanTYPE *get_boolean;
     fmi2DoStepTYPE *do_step;
-    fmi2GetFMUstateTYPE *get_state; /* this and the rest: NULL if it cannot save its state */
+    fmi2GetFMUstateTYPE *get_state; /* from here on NULL if the FMU has no FMU states */
     fmi2SetFMUstateTYPE *set_state;
     fmi2FreeFMUstateTYPE *free_state;
     fmi2SerializedFMUstateSizeTYPE *state_size;
@@ -34,10 +34,10 @@ typedef struct {
     fmi2DeSerializeFMUstateTYPE *deserialize;
 } Software;
 
-/* what steps have cost, by the counter of the board */
+/* cost of the steps, by the counter of the board */
 typedef struct {
     uint64_t steps, total, largest;
-    double when; /* s; communication point of the largest */
+    double when; /* s; communication point of the most expensive step */
 } Cost;
 
 typedef struct {
@@ -51,17 +51,18 @@ typedef struct {
 typedef struct {
     const char *target; /* "cortex-m7" */
     const Software *software;
-    Slot *slot; /* as many */
+    Slot *slot; /* one per FMU */
     size_t count;
-    size_t (*read)(void *port, void *bytes, size_t most); /* at least one byte; 0: the end */
+    size_t (*read)(void *port, void *bytes,
+                   size_t most); /* returns at least one byte; 0: end of the stream */
     bool (*write)(void *port, const void *bytes, size_t count);
     void *port;
-    uint64_t (*counter)(void);       /* instructions; NULL: nobody counts */
-    void (*paint_stack)(void);       /* NULL: nobody measures it */
-    uint32_t (*measure_stack)(void); /* bytes used since it was painted */
+    uint64_t (*counter)(void);       /* instructions; NULL: not counted */
+    void (*paint_stack)(void);       /* NULL: not measured */
+    uint32_t (*measure_stack)(void); /* bytes used since paint_stack() */
 } Board;
 
-/* answers until the stream ends */
+/* answers requests until the stream ends */
 void serve(const Board *board);
 
 #endif

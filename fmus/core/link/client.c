@@ -1,7 +1,8 @@
-/* client.c - requests and their answers over a stream that may damage, lose, double or delay them.
+/* client.c - requests and answers over a stream that may damage, lose, duplicate or delay them.
  *
- * Every request has a number; the board carries out each number once and answers it as often as it
- * is asked, so asking again is safe. Answers with other numbers are late ones and dropped. */
+ * Every request has a number; the board processes each number once and answers it whenever the
+ * request is repeated, so that repeating a request is safe. Answers with other numbers are late and
+ * are discarded. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "client.h"
 
@@ -22,14 +23,14 @@ const char *peer_name(const Client *c, char *buffer, size_t size)
     return buffer;
 }
 
-static unsigned refused(Client *c, const char *format, ...)
+static unsigned fail_request(Client *c, const char *format, ...)
 {
-    char peer[200], text[SAID_SIZE - 220];
+    char peer[200], text[MESSAGE_SIZE - 220];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    snprintf(c->said, sizeof c->said, "%s: %s", peer_name(c, peer, sizeof peer), text);
+    snprintf(c->message, sizeof c->message, "%s: %s", peer_name(c, peer, sizeof peer), text);
     c->outstanding = false;
     return FAILED_REQUEST;
 }
@@ -40,10 +41,10 @@ Writer new_request(Client *c)
     return (Writer){c->request + HEADER_SIZE, PAYLOAD_LIMIT, 0, false};
 }
 
-static bool transmit(Client *c)
+static bool write_request(Client *c)
 {
     c->sent = now_s();
-    c->tries++;
+    c->attempts++;
     return write_stream(&c->stream, c->request, c->request_size, c->sent + c->config.timeout) !=
            STREAM_ENDED;
 }
@@ -51,31 +52,32 @@ static bool transmit(Client *c)
 bool send_request(Client *c, Code code, const Writer *payload)
 {
     if (payload->full || payload->used > c->limit)
-        return refused(c, "a request of %u bytes is too long for it", (unsigned)payload->used),
+        return fail_request(c, "a request of %u bytes is longer than the board accepts",
+                            (unsigned)payload->used),
                false;
     c->code = code;
-    c->tries = 0;
+    c->attempts = 0;
     c->outstanding = true;
-    c->request_size = seal(
+    c->request_size = finish_frame(
         c->request, (Frame){.code = (uint8_t)code, .component = c->slot, .sequence = ++c->sequence},
         payload->used);
-    if (transmit(c)) return true;
-    refused(c, "%s", c->stream.reason);
+    if (write_request(c)) return true;
+    fail_request(c, "%s", c->stream.reason);
     return false;
 }
 
 /* ---- receiving */
-static void drop(Client *c, size_t count)
+static void discard(Client *c, size_t count)
 {
-    memmove(c->incoming, c->incoming + count, c->held - count);
-    c->held -= count;
+    memmove(c->incoming, c->incoming + count, c->buffered - count);
+    c->buffered -= count;
 }
 
-/* a magic or a CRC that only the other byte order explains */
-static bool of_other_order(const unsigned char *bytes, size_t count)
+/* true if magic or CRC are valid in the other byte order only */
+static bool is_reversed(const unsigned char *bytes, size_t count)
 {
-    static const unsigned char turned[4] = {'K', 'N', 'L', 'S'};
-    if (count >= 4 && memcmp(bytes, turned, 4) == 0) return true;
+    static const unsigned char reversed_magic[4] = {'K', 'N', 'L', 'S'};
+    if (count >= 4 && memcmp(bytes, reversed_magic, 4) == 0) return true;
     if (count < HEADER_SIZE || memcmp(bytes, frame_magic, 4) != 0) return false;
     uint32_t crc = crc_of(0, bytes, HEADER_SIZE - CRC_SIZE), big = 0;
     for (int i = 0; i < 4; i++) big = big << 8 | bytes[16 + i];
@@ -86,25 +88,25 @@ static Found next_frame(Client *c, Frame *f, size_t *size)
 {
     size_t skipped = 0;
     Found found = INCOMPLETE;
-    while (skipped < c->held) {
-        found = look(c->incoming + skipped, c->held - skipped, f, size);
+    while (skipped < c->buffered) {
+        found = find_frame(c->incoming + skipped, c->buffered - skipped, f, size);
         if (found != NOISE) break;
-        c->reversed |= of_other_order(c->incoming + skipped, c->held - skipped);
+        c->reversed |= is_reversed(c->incoming + skipped, c->buffered - skipped);
         skipped++;
     }
-    drop(c, skipped);
-    if (found != COMPLETE || c->held == 0) return INCOMPLETE;
+    discard(c, skipped);
+    if (found != COMPLETE || c->buffered == 0) return INCOMPLETE;
     f->payload.bytes = c->incoming + HEADER_SIZE;
     return COMPLETE;
 }
 
-static const char *trouble_text(unsigned status)
+static const char *text_of_trouble(unsigned status)
 {
     switch (status) {
     case NO_COMPONENT: return "the board has no such component";
-    case NO_SESSION: return "the board has begun anew and lost the state of the component";
+    case NO_SESSION: return "the board has restarted and lost the state of the component";
     case MALFORMED: return "the board does not understand the request";
-    default: return "the board refuses the request";
+    default: return "the board has rejected the request";
     }
 }
 
@@ -113,22 +115,25 @@ static bool read_answer(Client *c, Frame f, unsigned *status)
     Reader r = f.payload;
     *status = f.status;
     c->outstanding = false;
-    if (f.status >= DAMAGED) return *status = refused(c, "%s", trouble_text(f.status)), true;
+    if (f.status >= DAMAGED)
+        return *status = fail_request(c, "%s", text_of_trouble(f.status)), true;
     size_t size = take_number(&r, 4);
     c->data = (Reader){take_bytes(&r, size), size, false};
-    if (r.short_of || f.status > 4) return *status = refused(c, "a malformed answer"), true;
-    size_t kept = r.left < sizeof c->said ? r.left : sizeof c->said - 1;
-    memcpy(c->said, r.bytes, kept);
-    c->said[kept] = 0;
+    if (r.truncated || f.status > 4)
+        return *status = fail_request(c, "the answer is malformed"), true;
+    size_t count = r.left < sizeof c->message ? r.left : sizeof c->message - 1;
+    memcpy(c->message, r.bytes, count);
+    c->message[count] = 0;
     return true;
 }
 
-/* whether this frame settles the request; a damaged one is to be asked again at once */
-static bool settles(Client *c, Frame f, unsigned *status, bool *damaged)
+/* true if this frame is the answer to the request; damaged: the request must be repeated at once */
+static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
 {
     if (f.version != PROTOCOL_VERSION || (f.code & ANSWER && f.status == OTHER_VERSION))
-        return *status = refused(c, "it speaks version %u of the protocol, this link version %u",
-                                 f.version, PROTOCOL_VERSION),
+        return *status = fail_request(
+                   c, "the board uses version %u of the protocol, this link version %u", f.version,
+                   PROTOCOL_VERSION),
                true;
     *damaged = f.code == ANSWER && f.status == DAMAGED;
     if (f.code != (c->code | ANSWER) || f.sequence != c->sequence || f.component != c->slot)
@@ -136,50 +141,51 @@ static bool settles(Client *c, Frame f, unsigned *status, bool *damaged)
     return read_answer(c, f, status);
 }
 
-/* what has come by then is read even if nobody has looked in time, but no more of it than a frame:
- * a board that never pauses is late as well */
-Outcome await(Client *c, double until, unsigned *status)
+/* bytes that have arrived by `until` are read even after that time, but at most one frame of later
+ * bytes, so that a board that sends without end is late as well */
+Outcome wait_until(Client *c, double until, unsigned *status)
 {
-    size_t size, got, overtime = 0;
+    size_t size, got, late_bytes = 0;
     Frame f;
-    drop(c, c->done);
+    discard(c, c->done);
     for (c->done = 0;;) {
         while (next_frame(c, &f, &size) == COMPLETE) {
             bool damaged = false;
-            if (settles(c, f, status, &damaged)) return c->done = size, ARRIVED;
-            drop(c, size);
+            if (is_answer(c, f, status, &damaged)) return c->done = size, ARRIVED;
+            discard(c, size);
             if (damaged) return TOO_LATE;
         }
-        StreamState state = read_stream(&c->stream, c->incoming + c->held,
-                                        sizeof c->incoming - c->held, &got, until);
+        StreamState state = read_stream(&c->stream, c->incoming + c->buffered,
+                                        sizeof c->incoming - c->buffered, &got, until);
         if (state == STREAM_LATE) return TOO_LATE;
-        if (state == STREAM_ENDED) return *status = refused(c, "%s", c->stream.reason), BROKEN;
-        c->held += got;
-        if (now_s() > until && (overtime += got) > FRAME_LIMIT) return TOO_LATE;
+        if (state == STREAM_ENDED) return *status = fail_request(c, "%s", c->stream.reason), BROKEN;
+        c->buffered += got;
+        if (now_s() > until && (late_bytes += got) > FRAME_LIMIT) return TOO_LATE;
     }
 }
 
-static unsigned no_answer(Client *c)
+static unsigned fail_unanswered(Client *c)
 {
-    if (c->reversed) return refused(c, "it sends numbers in the other byte order");
-    return refused(c, "no answer to '%s' within %g s, asked %ld times", code_names[c->code],
-                   c->config.timeout, c->tries);
+    if (c->reversed) return fail_request(c, "the board uses the other byte order");
+    return fail_request(c, "no answer to '%s' within %g s after %ld attempts", code_names[c->code],
+                        c->config.timeout, c->attempts);
 }
 
-unsigned conclude(Client *c)
+unsigned wait_for_answer(Client *c)
 {
     for (;;) {
         unsigned status = FAILED_REQUEST;
-        if (await(c, c->sent + c->config.timeout, &status) != TOO_LATE) return status;
-        if (c->tries > c->config.retries || (c->reversed && c->tries > 1)) return no_answer(c);
-        if (!transmit(c)) return refused(c, "%s", c->stream.reason);
+        if (wait_until(c, c->sent + c->config.timeout, &status) != TOO_LATE) return status;
+        if (c->attempts > c->config.retries || (c->reversed && c->attempts > 1))
+            return fail_unanswered(c);
+        if (!write_request(c)) return fail_request(c, "%s", c->stream.reason);
     }
 }
 
-unsigned ask(Client *c, Code code, const Writer *payload)
+unsigned request_and_wait(Client *c, Code code, const Writer *payload)
 {
     lock_stream(&c->stream);
-    unsigned status = send_request(c, code, payload) ? conclude(c) : FAILED_REQUEST;
+    unsigned status = send_request(c, code, payload) ? wait_for_answer(c) : FAILED_REQUEST;
     unlock_stream(&c->stream);
     return status;
 }
@@ -193,11 +199,11 @@ typedef struct {
 
 enum { MOST_COMPONENTS = 64 };
 
-static unsigned ask_who(Client *c, Description *d)
+static unsigned read_description(Client *c, Description *d)
 {
     Writer w = new_request(c);
     c->limit = PAYLOAD_LIMIT;
-    unsigned status = ask(c, DESCRIBE, &w);
+    unsigned status = request_and_wait(c, DESCRIBE, &w);
     if (status > 1) return status;
     Reader *r = &c->data;
     d->components = take_number(r, 2);
@@ -208,36 +214,38 @@ static unsigned ask_who(Client *c, Description *d)
     take_text(r, d->guid, sizeof d->guid);
     take_text(r, d->name, sizeof d->name);
     take_text(r, d->target, sizeof d->target);
-    if (r->short_of || d->components > MOST_COMPONENTS)
-        return refused(c, "a malformed description");
-    if (d->probe != probe_value) return refused(c, "its doubles are not those of IEEE 754");
+    if (r->truncated || d->components > MOST_COMPONENTS)
+        return fail_request(c, "the description is malformed");
+    if (d->probe != probe_value)
+        return fail_request(c, "the board does not use doubles of IEEE 754");
     return status;
 }
 
-/* by its slot, or the first of the right guid */
+/* finds the component by its slot, or the first one with the right guid */
 static bool find_component(Client *c)
 {
     Description d = {.components = 1};
     size_t first = c->config.slot >= 0 ? (size_t)c->config.slot : 0;
     for (size_t i = first; i < d.components || i == first; i++) {
         c->slot = (uint8_t)i;
-        c->sequence = (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28); /* unlike earlier ones */
-        if (ask_who(c, &d) > 1) return false;
+        c->sequence =
+            (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28); /* different from earlier sessions */
+        if (read_description(c, &d) > 1) return false;
         if (strcmp(d.guid, c->config.guid) == 0) return true;
         if (c->config.slot >= 0) break;
     }
-    refused(c, "another interface: it holds %s %s, this FMU stands for %s", d.name, d.guid,
-            c->config.guid);
+    fail_request(c, "wrong interface: the board has %s %s, this FMU requires %s", d.name, d.guid,
+                 c->config.guid);
     return false;
 }
 
 bool open_client(Client *c, const char *resources)
 {
     if (!read_config(&c->config, resources))
-        return snprintf(c->said, sizeof c->said, "%.800s/link.txt cannot be read", resources),
+        return snprintf(c->message, sizeof c->message, "%.800s/link.txt cannot be read", resources),
                false;
     if (open_stream(&c->stream, &c->config)) return find_component(c);
-    refused(c, "%s", c->stream.reason);
+    fail_request(c, "%s", c->stream.reason);
     return false;
 }
 

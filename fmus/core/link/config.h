@@ -1,5 +1,5 @@
-/* config.h - what a link FMU is told by resources/link.txt: lines `key=value`, arguments of the
- * emulator in their order. */
+/* config.h - configuration of a link FMU, resources/link.txt: lines `key=value`, and the arguments
+ * of the emulator in their order. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CONFIG_H
 #define CONFIG_H
@@ -14,18 +14,18 @@ enum { CONFIG_SIZE = 8192, MOST_ARGUMENTS = 40, PATH_SIZE = 1024 };
 typedef enum { LATE_WAIT, LATE_HOLD, LATE_STOP } Late;
 
 typedef struct {
-    char text[CONFIG_SIZE];    /* what the pointers below point into */
+    char text[CONFIG_SIZE];    /* text of the file; the pointers below point into it */
     char resources[PATH_SIZE]; /* folder */
     const char *via;           /* emulator, tcp, unix, serial */
-    const char *guid, *target; /* of the component; of the processor, "" if any */
+    const char *guid, *target; /* guid of the component; name of the processor, "" for any */
     const char *host, *port;   /* tcp */
-    const char *path;          /* unix: of the socket, serial: of the device */
-    const char *group;         /* emulator: shared with other links of this name, "" if not */
-    const char *argument[MOST_ARGUMENTS + 1]; /* of the emulator; @ stands for the resources */
+    const char *path;          /* unix: path of the socket; serial: path of the device */
+    const char *group; /* emulator: name of the group of links that share it, "" if not shared */
+    const char *argument[MOST_ARGUMENTS + 1]; /* of the emulator; @: folder of the resources */
     size_t arguments;
-    long slot, baud, retries; /* slot: of the component on the board, -1: found by guid */
-    double timeout;           /* s, for an answer */
-    double deadline;          /* s, after which an answer to a step is late; 0: it never is */
+    long slot, baud, retries; /* slot: index of the component on the board, -1: found by guid */
+    double timeout;           /* s; longest time to wait for an answer */
+    double deadline;          /* s; later answers to a step are late; 0: no deadline */
     Late late;
 } Config;
 

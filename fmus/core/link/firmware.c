@@ -1,8 +1,8 @@
-/* firmware.c - main of a board: FMUs, the board's end of the protocol, the driver.
+/* firmware.c - main program of a board: FMUs, the board's end of the protocol, and a driver.
  *
  * The driver of an emulated processor reads and writes two pipes of the host by semihosting (its
- * command line names them): whole frames, not bytes, cross the border. On hardware take a driver of
- * your own in its place: docs/protocol.md. */
+ * command line names them), whole frames at a time. On hardware use a driver of your own instead:
+ * docs/protocol.md. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "board.h"
 
@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-/* generated for each firmware: components.c */
+/* defined in components.c, which is generated for each firmware */
 extern const Software software[];
 extern Slot slot[];
 extern const size_t software_count;
@@ -36,9 +36,10 @@ static bool write_pipe(void *port, const void *bytes, size_t count)
     return true;
 }
 
-/* ---- instructions: the emulator gives each the same time */
+/* ---- instruction counter; in the emulator all instructions take the same time */
 #if defined __riscv
-static uint64_t read_counter(void) /* instret; two halves and a carry between them on rv32 */
+static uint64_t read_counter(
+    void) /* instret, read as two halves on rv32 until no carry occurs between the readings */
 {
 #if __riscv_xlen == 64
     uint64_t count;
@@ -64,7 +65,7 @@ static void start_counter(void)
     timer->reload = timer->value = UINT32_MAX;
     timer->control = 1;
 }
-static uint64_t read_counter(void) /* ticks of 40 ns since the last call, summed */
+static uint64_t read_counter(void) /* sum of ticks of 40 ns, as instructions */
 {
     static uint64_t ticks;
     static uint32_t last = UINT32_MAX;
@@ -75,8 +76,8 @@ static uint64_t read_counter(void) /* ticks of 40 ns since the last call, summed
 }
 #endif
 
-/* ---- stack: how far down the pattern has been overwritten */
-extern unsigned char __stack[]; /* its upper end, of picolibc's linker script */
+/* ---- stack: size of the part whose pattern has been overwritten */
+extern unsigned char __stack[]; /* upper end of the stack, from picolibc's linker script */
 enum { PATTERN = 0xa5, MARGIN = 256, STACK_SIZE = 0x40000 };
 
 static void paint_stack(void)

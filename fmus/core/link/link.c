@@ -1,18 +1,18 @@
-/* link.c - an FMU that stands for a component which runs elsewhere: FMI 2.0 calls become requests.
+/* link.c - FMU in place of a component that runs on a board: calls of FMI 2.0 become requests.
  *
- * In a step there is one exchange: what has been set since the last step, the step, and everything
- * that has ever been read. Inputs are judged by the component when they arrive there, with the
- * step; otherwise a call is answered as the component answers it. */
+ * A step needs one exchange: all values set since the last step, the step, and all variables that
+ * have ever been read. The component checks inputs when they arrive, with the step; all other calls
+ * return what the component returns. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
-static int hex(char c)
+static int hex_value(char c)
 {
     return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c - 'A' + 10;
 }
 
-/* file:///a%20b or file:/a -> /a b; a path stays as it is */
-static void path_of(const char *uri, char path[PATH_SIZE])
+/* file:///a%20b or file:/a -> /a b; a plain path is not changed */
+static void set_path(const char *uri, char path[PATH_SIZE])
 {
     char *at = path, *end = path + PATH_SIZE - 1;
     if (strncmp(uri, "file:", 5) == 0) uri += 5;
@@ -20,7 +20,7 @@ static void path_of(const char *uri, char path[PATH_SIZE])
     if (strncmp(uri, "localhost/", 10) == 0) uri += 9;
     while (*uri && at < end) {
         bool coded = uri[0] == '%' && uri[1] && uri[2];
-        *at++ = coded ? (char)(16 * hex(uri[1]) + hex(uri[2])) : *uri;
+        *at++ = coded ? (char)(16 * hex_value(uri[1]) + hex_value(uri[2])) : *uri;
         uri += coded ? 3 : 1;
     }
     while (at > path && at[-1] == '/') at--;
@@ -31,14 +31,14 @@ static bool connect_link(Link *l, fmi2String guid, fmi2String resources)
 {
     char folder[PATH_SIZE];
     Client *c = &l->client;
-    path_of(resources ? resources : "", folder);
+    set_path(resources ? resources : "", folder);
     if (!open_client(c, folder)) return false;
     if (guid && strcmp(guid, c->config.guid) == 0) {
         Writer w = new_request(c);
-        return ask(c, RESET, &w) <= fmi2Warning;
+        return request_and_wait(c, RESET, &w) <= fmi2Warning;
     }
-    snprintf(c->said, sizeof c->said, "wrong guid '%.60s', expected '%.60s'", guid ? guid : "",
-             c->config.guid);
+    snprintf(c->message, sizeof c->message, "wrong guid '%.60s', expected '%.60s'",
+             guid ? guid : "", c->config.guid);
     return false;
 }
 
@@ -52,13 +52,15 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     if (!l || !copy) return free(l), free(copy), NULL;
     l->name = strcpy(copy, name ? name : "");
     if (functions) l->call = *functions;
-    l->warns = l->counts = logging;
+    l->log_warnings = l->log_statistics = logging;
     l->client.stream = (Stream){.in = -1, .out = -1, .life = -1, .lock = -1};
-    bool fine = type == fmi2CoSimulation && *l->name;
-    if (!fine) failure(l, "fmi2Instantiate", "a name and co-simulation are needed");
-    else if (!(fine = connect_link(l, guid, resources)))
-        failure(l, "fmi2Instantiate", l->client.said);
-    if (fine) return l;
+    bool valid = type == fmi2CoSimulation && *l->name;
+    if (!valid)
+        failure(l, "fmi2Instantiate",
+                "the instance name must not be empty, and the type must be co-simulation");
+    else if (!(valid = connect_link(l, guid, resources)))
+        failure(l, "fmi2Instantiate", l->client.message);
+    if (valid) return l;
     fmi2FreeInstance(l);
     return NULL;
 }
@@ -77,10 +79,10 @@ fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t c
                                const fmi2String categories[])
 {
     Link *l = component;
-    l->warns = l->counts = on && count == 0;
+    l->log_warnings = l->log_statistics = on && count == 0;
     for (size_t i = 0; i < count && on; i++) {
-        l->warns |= strcmp(categories[i], "logStatusWarning") == 0;
-        l->counts |= strcmp(categories[i], "logStatistics") == 0;
+        l->log_warnings |= strcmp(categories[i], "logStatusWarning") == 0;
+        l->log_statistics |= strcmp(categories[i], "logStatistics") == 0;
     }
     return fmi2OK;
 }
@@ -104,15 +106,15 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component component)
     put_double(&w, l->start);
     put_number(&w, l->bounded != 0, 1);
     put_double(&w, l->stop);
-    forget(l, false);
-    return told(l, ask(&l->client, ENTER, &w));
+    invalidate(l, false);
+    return report_answer(l, request_and_wait(&l->client, ENTER, &w));
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component component)
 {
     Link *l = component;
-    fmi2Status status = plain(l, INITIALIZE);
-    forget(l, false);
+    fmi2Status status = send_simple_request(l, INITIALIZE);
+    invalidate(l, false);
     l->stepping = status <= fmi2Warning;
     l->time = l->start;
     return status;
@@ -123,43 +125,43 @@ fmi2Status fmi2Terminate(fmi2Component component)
     Link *l = component;
     LinkStatistics cost;
     char text[400], peer[200], line[640];
-    if (l->stepping && l->counts && slnk_statistics(l, &cost)) {
+    if (l->stepping && l->log_statistics && slnk_statistics(l, &cost)) {
         snprintf(line, sizeof line, "on %s: %s", peer_name(&l->client, peer, sizeof peer),
                  describe_cost(&cost, text, sizeof text));
-        say(l, fmi2OK, "logStatistics", line);
+        log_line(l, fmi2OK, "logStatistics", line);
     }
     l->stepping = false;
-    return plain(l, TERMINATE);
+    return send_simple_request(l, TERMINATE);
 }
 
 fmi2Status fmi2Reset(fmi2Component component)
 {
     Link *l = component;
-    l->client.outstanding = false; /* whatever it was, it is of no use any more */
+    l->client.outstanding = false; /* its answer is no longer needed */
     l->stepping = false;
     l->start = l->stop = 0;
     l->late = 0;
     l->behind = false;
     l->bounded = fmi2False;
-    forget(l, true);
-    return plain(l, RESET);
+    invalidate(l, true);
+    return send_simple_request(l, RESET);
 }
 
 /* ---- statistics */
-bool slnk_statistics(fmi2Component component, LinkStatistics *found)
+bool slnk_statistics(fmi2Component component, LinkStatistics *result)
 {
     Link *l = component;
     Client *c = &l->client;
-    if (settle(l) > fmi2Warning) return false;
+    if (finish_late_answer(l) > fmi2Warning) return false;
     Writer w = new_request(c);
-    if (ask(c, STATISTICS, &w) > fmi2Warning) return false;
+    if (request_and_wait(c, STATISTICS, &w) > fmi2Warning) return false;
     Reader *r = &c->data;
-    found->steps = take_number(r, 8);
-    found->total = take_number(r, 8);
-    found->largest = take_number(r, 8);
-    found->when = take_double(r);
-    found->stack = (uint32_t)take_number(r, 4);
-    found->memory = (uint32_t)take_number(r, 4);
-    found->late = l->late;
-    return !r->short_of;
+    result->steps = take_number(r, 8);
+    result->total = take_number(r, 8);
+    result->largest = take_number(r, 8);
+    result->when = take_double(r);
+    result->stack = (uint32_t)take_number(r, 4);
+    result->memory = (uint32_t)take_number(r, 4);
+    result->late = l->late;
+    return !r->truncated;
 }

@@ -1,4 +1,4 @@
-/* link_statistics.h - what the steps of a component have cost on its board. */
+/* link_statistics.h - cost of the steps of a component on its board. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LINK_STATISTICS_H
 #define LINK_STATISTICS_H
@@ -12,17 +12,17 @@
 
 typedef struct {
     uint64_t steps, total, largest; /* instructions; 0: the board does not count */
-    double when;                    /* s; communication point of the largest */
-    uint32_t stack;                 /* bytes used by the steps; 0: not known */
+    double when;                    /* s; communication point of the most expensive step */
+    uint32_t stack;                 /* bytes used by the steps; 0: unknown */
     uint32_t memory;                /* bytes that the instance has allocated */
-    uint64_t late;                  /* steps whose answer came after the deadline */
+    uint64_t late;                  /* number of answers after the deadline */
 } LinkStatistics;
 
-/* beside FMI, for the harness: false if the board does not answer */
+/* function for the harness, not part of FMI; false if the board does not answer */
 #if defined __GNUC__
 __attribute__((visibility("default")))
 #endif
-bool slnk_statistics(fmi2Component component, LinkStatistics *found);
+bool slnk_statistics(fmi2Component component, LinkStatistics *result);
 
 static inline const char *describe_cost(const LinkStatistics *s, char *text, size_t size)
 {

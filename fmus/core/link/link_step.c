@@ -1,8 +1,8 @@
-/* link_step.c - the step of a link FMU: one exchange, and what is done if the answer is late. */
+/* link_step.c - the step of a link FMU: one exchange, and the treatment of late answers. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
-/* from where the board is to t + h */
+/* requests a step from the time of the board to t + h */
 static bool send_exchange(Link *l, double t, double h, fmi2Boolean final)
 {
     Writer w = new_request(&l->client);
@@ -10,31 +10,33 @@ static bool send_exchange(Link *l, double t, double h, fmi2Boolean final)
     put_double(&w, l->behind ? l->time : t);
     put_double(&w, l->behind ? t + h - l->time : h);
     put_number(&w, final != 0, 1);
-    put_list(l, &w, is_read, false);
-    forget(l, true);
+    put_list(l, &w, was_read, false);
+    invalidate(l, true);
     l->time = t + h;
     l->behind = false;
     return send_request(&l->client, EXCHANGE, &w);
 }
 
-static unsigned hold(Link *l)
+static unsigned hold_outputs(Link *l)
 {
     for (Entry *e = l->entry; e < l->entry + l->entries; e++) e->valid = e->read;
     return fmi2OK;
 }
 
-/* within the deadline, or what is to be done without an answer: wait, keep the outputs, stop */
-static unsigned timely(Link *l)
+/* waits for the answer until the deadline, and then, as configured, longer, holds the outputs, or
+ * fails */
+static unsigned wait_for_step(Link *l)
 {
     Client *c = &l->client;
     unsigned status = FAILED_REQUEST;
-    if (c->config.deadline <= 0) return finish_exchange(l, conclude(c));
-    if (await(c, now_s() + c->config.deadline, &status) != TOO_LATE)
+    if (c->config.deadline <= 0) return finish_exchange(l, wait_for_answer(c));
+    if (wait_until(c, now_s() + c->config.deadline, &status) != TOO_LATE)
         return finish_exchange(l, status);
     l->late++;
-    if (c->config.late == LATE_WAIT) return finish_exchange(l, conclude(c));
-    if (c->config.late == LATE_HOLD && now_s() < c->sent + c->config.timeout) return hold(l);
-    snprintf(c->said, sizeof c->said, "fmi2DoStep: no answer within the deadline of %g s",
+    if (c->config.late == LATE_WAIT) return finish_exchange(l, wait_for_answer(c));
+    if (c->config.late == LATE_HOLD && now_s() < c->sent + c->config.timeout)
+        return hold_outputs(l);
+    snprintf(c->message, sizeof c->message, "fmi2DoStep: no answer within the deadline of %g s",
              c->config.late == LATE_HOLD ? c->config.timeout : c->config.deadline);
     return fmi2Error;
 }
@@ -44,12 +46,12 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     Link *l = component;
     unsigned status = fmi2OK;
     if (l->client.outstanding) {
-        status = timely(l); /* of an earlier step */
+        status = wait_for_step(l); /* the answer to an earlier step */
         l->behind |= l->client.outstanding;
     }
     lock_stream(&l->client.stream);
     if (status <= fmi2Warning && !l->client.outstanding)
-        status = send_exchange(l, t, h, final) ? timely(l) : FAILED_REQUEST;
+        status = send_exchange(l, t, h, final) ? wait_for_step(l) : FAILED_REQUEST;
     unlock_stream(&l->client.stream);
-    return told(l, status);
+    return report_answer(l, status);
 }

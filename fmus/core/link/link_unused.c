@@ -1,36 +1,36 @@
-/* link_unused.c - the parts of FMI 2.0 that a link does not have: texts, derivatives, steps that
- * take time. */
+/* link_unused.c - functions of FMI 2.0 that a link does not support: strings, derivatives,
+ * asynchronous steps. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi2Functions.h"
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
-static fmi2Status none(size_t count) { return count == 0 ? fmi2OK : fmi2Error; }
+static fmi2Status accept_if_empty(size_t count) { return count == 0 ? fmi2OK : fmi2Error; }
 
 fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t count,
                          fmi2String value[])
 {
     (void)c, (void)vr, (void)value;
-    return none(count);
+    return accept_if_empty(count);
 }
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t count,
                          const fmi2String value[])
 {
     (void)c, (void)vr, (void)value;
-    return none(count);
+    return accept_if_empty(count);
 }
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t count,
                                        const fmi2Integer order[], const fmi2Real value[])
 {
     (void)c, (void)vr, (void)order, (void)value;
-    return none(count);
+    return accept_if_empty(count);
 }
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[],
                                         size_t count, const fmi2Integer order[], fmi2Real value[])
 {
     (void)c, (void)vr, (void)order, (void)value;
-    return none(count);
+    return accept_if_empty(count);
 }
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[],
                                         size_t unknowns, const fmi2ValueReference known[],
@@ -38,7 +38,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         fmi2Real sensitivity[])
 {
     (void)c, (void)unknown, (void)known, (void)knowns, (void)seed, (void)sensitivity;
-    return none(unknowns);
+    return accept_if_empty(unknowns);
 }
 fmi2Status fmi2CancelStep(fmi2Component c) { return (void)c, fmi2Error; }
 

@@ -1,11 +1,12 @@
-/* link_values.c - setting and getting: what is set waits for the step, what has once been read comes
- * with every step. */
+/* link_values.c - setting and getting: set values are sent with the next step, variables that have
+ * been read once are part of every answer. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
-static Entry *wanted(Link *l, ValueType type, const fmi2ValueReference vr[], size_t i, size_t *at)
+static Entry *find_entry(Link *l, ValueType type, const fmi2ValueReference vr[], size_t i,
+                         size_t *at)
 {
-    Entry *e = entry_of(l, type, vr[i], *at);
+    Entry *e = find_or_add_entry(l, type, vr[i], *at);
     if (e) *at = (size_t)(e - l->entry) + 1;
     return e;
 }
@@ -15,13 +16,13 @@ static fmi2Status set_values(Link *l, ValueType type, const fmi2ValueReference v
 {
     size_t at = 0;
     for (size_t i = 0; i < count; i++) {
-        Entry *e = wanted(l, type, vr, i, &at);
+        Entry *e = find_entry(l, type, vr, i, &at);
         if (!e) return failure(l, "fmi2Set", "out of memory");
         if (real) e->real = real[i];
         else e->integer = integer[i];
         e->pending = true;
     }
-    return l->stepping ? fmi2OK : flush(l);
+    return l->stepping ? fmi2OK : send_pending(l);
 }
 
 static fmi2Status get_values(Link *l, ValueType type, const fmi2ValueReference vr[], size_t count,
@@ -29,13 +30,13 @@ static fmi2Status get_values(Link *l, ValueType type, const fmi2ValueReference v
 {
     size_t at = 0;
     for (size_t i = 0; i < count; i++) {
-        Entry *e = wanted(l, type, vr, i, &at);
+        Entry *e = find_entry(l, type, vr, i, &at);
         if (!e) return failure(l, "fmi2Get", "out of memory");
         e->read = true;
     }
-    fmi2Status status = fetch(l);
+    fmi2Status status = read_missing(l);
     for (size_t i = at = 0; i < count && status <= fmi2Warning; i++) {
-        const Entry *e = wanted(l, type, vr, i, &at);
+        const Entry *e = find_entry(l, type, vr, i, &at);
         if (real) real[i] = e->real;
         else integer[i] = e->integer;
     }

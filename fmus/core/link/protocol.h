@@ -3,7 +3,7 @@
  *   magic "SLNK" | version | code | component | status | sequence | length | CRC   header, 20 bytes
  *   payload, `length` bytes | CRC over header and payload
  *
- * All numbers are little-endian on the wire, whatever the machine. Freestanding C99. */
+ * All numbers are little-endian in frames on every machine. Freestanding C99. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PROTOCOL_H
 #define PROTOCOL_H
@@ -13,7 +13,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#ifndef PAYLOAD_LIMIT       /* bytes, a multiple of 8; a small board may say less */
+#ifndef PAYLOAD_LIMIT       /* bytes, a multiple of 8; smaller on a small board: */
 #define PAYLOAD_LIMIT 65536 /* -DPAYLOAD_LIMIT=8192 */
 #endif
 
@@ -26,8 +26,8 @@ enum {
 };
 
 typedef enum {
-    DESCRIBE = 1, /* who is there; begins a session */
-    RESET,        /* the state after instantiation */
+    DESCRIBE = 1, /* interface of the component; begins a session */
+    RESET,        /* return to the state after instantiation */
     SET,
     ENTER, /* initialization mode, with start and stop time */
     INITIALIZE,
@@ -40,22 +40,23 @@ typedef enum {
     STATISTICS
 } Code;
 
-/* beyond fmi2Status, which answers carry as it is */
+/* statuses of answers besides fmi2Status */
 typedef enum {
-    DAMAGED = 64, /* a frame came damaged; its sequence number is unknown */
+    DAMAGED = 64, /* a damaged frame has arrived; its sequence number is unknown */
     OTHER_VERSION,
     NO_COMPONENT,
-    NO_SESSION, /* the board has not been asked to describe itself since it began */
-    MALFORMED   /* an undamaged request that makes no sense */
+    NO_SESSION, /* no DESCRIBE since the start of the board */
+    MALFORMED   /* an undamaged frame that is not a valid request */
 } Trouble;
 
 typedef enum { REAL_TYPE, INTEGER_TYPE, BOOLEAN_TYPE } ValueType;
 enum { TYPE_COUNT = BOOLEAN_TYPE + 1 };
 
-static const double probe_value = -1.25e-3; /* part of a description: both ends read it as this */
+static const double probe_value =
+    -1.25e-3; /* sent in descriptions, to compare the formats of doubles */
 static const unsigned char frame_magic[4] = {'S', 'L', 'N', 'K'};
 
-/* ---- CRC-32 of IEEE 802.3 (reflected, polynomial 0x04C11DB7), four bits a step */
+/* ---- CRC-32 of IEEE 802.3 (reflected, polynomial 0x04C11DB7), four bits per step */
 static inline uint32_t crc_of(uint32_t crc, const void *bytes, size_t count)
 {
     static const uint32_t half_byte[16] = {0x00000000, 0x1db71064, 0x3b6e20c8, 0x26d930ac,
@@ -72,7 +73,7 @@ static inline uint32_t crc_of(uint32_t crc, const void *bytes, size_t count)
     return ~crc;
 }
 
-/* ---- numbers on the wire */
+/* ---- numbers in frames */
 static inline void store(unsigned char *to, uint64_t value, size_t bytes)
 {
     for (size_t i = 0; i < bytes; i++) to[i] = (unsigned char)(value >> 8 * i);
@@ -99,9 +100,9 @@ static inline void put_bytes(Writer *w, const void *bytes, size_t count)
 }
 static inline void put_number(Writer *w, uint64_t value, size_t bytes)
 {
-    unsigned char wire[8];
-    store(wire, value, bytes);
-    put_bytes(w, wire, bytes);
+    unsigned char buffer[8];
+    store(buffer, value, bytes);
+    put_bytes(w, buffer, bytes);
 }
 static inline void put_double(Writer *w, double value)
 {
@@ -119,14 +120,14 @@ static inline void put_text(Writer *w, const char *text)
 typedef struct {
     const unsigned char *bytes;
     size_t left;
-    bool short_of; /* more was asked for than there is */
+    bool truncated; /* more bytes were requested than available */
 } Reader;
 
 static inline const unsigned char *take_bytes(Reader *r, size_t count)
 {
     const unsigned char *at = r->bytes;
-    if (count > r->left) r->short_of = true;
-    if (r->short_of) return NULL;
+    if (count > r->left) r->truncated = true;
+    if (r->truncated) return NULL;
     r->bytes += count;
     r->left -= count;
     return at;
@@ -143,14 +144,14 @@ static inline double take_double(Reader *r)
     memcpy(&value, &bits, sizeof value);
     return value;
 }
-/* cut to the buffer; returns it */
+/* truncated to the size of the buffer; returns the buffer */
 static inline const char *take_text(Reader *r, char *buffer, size_t size)
 {
     size_t length = take_number(r, 4);
     const unsigned char *at = take_bytes(r, length);
-    size_t kept = !at ? 0 : length < size ? length : size - 1;
-    if (kept) memcpy(buffer, at, kept);
-    buffer[kept] = 0;
+    size_t copied = !at ? 0 : length < size ? length : size - 1;
+    if (copied) memcpy(buffer, at, copied);
+    buffer[copied] = 0;
     return buffer;
 }
 
@@ -175,7 +176,7 @@ static inline RunOf take_run(Reader *r)
     uint16_t count = (uint16_t)take_number(r, 2);
     RunOf run = {type < TYPE_COUNT ? (ValueType)type : REAL_TYPE, count,
                  (uint32_t)take_number(r, 4)};
-    if (type >= TYPE_COUNT) r->short_of = true;
+    if (type >= TYPE_COUNT) r->truncated = true;
     return run;
 }
 static inline size_t value_size(ValueType type) { return type == REAL_TYPE ? 8 : 4; }
@@ -187,8 +188,8 @@ typedef struct {
     Reader payload;
 } Frame;
 
-/* seals a frame whose payload stands at bytes + HEADER_SIZE; returns its size */
-static inline size_t seal(unsigned char *bytes, Frame f, size_t length)
+/* writes header and CRC of a frame whose payload is at bytes + HEADER_SIZE; returns its size */
+static inline size_t finish_frame(unsigned char *bytes, Frame f, size_t length)
 {
     const uint8_t numbers[4] = {PROTOCOL_VERSION, f.code, f.component, f.status};
     memcpy(bytes, frame_magic, 4);
@@ -204,14 +205,14 @@ static inline size_t seal(unsigned char *bytes, Frame f, size_t length)
 
 typedef enum { INCOMPLETE, COMPLETE, NOISE } Found;
 
-/* what stands at the front of `count` bytes: a frame and its size, its beginning, or noise of
- * `size` bytes that is to be skipped */
-static inline Found look(const unsigned char *bytes, size_t count, Frame *f, size_t *size)
+/* examines the beginning of `count` bytes: COMPLETE frame of `size` bytes, INCOMPLETE frame, or
+ * NOISE of `size` bytes to skip */
+static inline Found find_frame(const unsigned char *bytes, size_t count, Frame *f, size_t *size)
 {
-    size_t same = 0;
-    while (same < 4 && same < count && bytes[same] == frame_magic[same]) same++;
+    size_t matching = 0;
+    while (matching < 4 && matching < count && bytes[matching] == frame_magic[matching]) matching++;
     *size = 1;
-    if (same < 4 && same < count) return NOISE;
+    if (matching < 4 && matching < count) return NOISE;
     if (count < HEADER_SIZE) return INCOMPLETE;
     size_t length = load(bytes + 12, 4);
     if (load(bytes + 16, CRC_SIZE) != crc_of(0, bytes, HEADER_SIZE - CRC_SIZE)) return NOISE;

@@ -1,14 +1,15 @@
-/* soft_double.c - sums, quotients and square roots of doubles for processors of 32 bits without them,
- * correctly rounded.
+/* soft_double.c - correctly rounded sums, quotients and square roots of doubles for 32-bit
+ * processors without a double-precision unit.
  *
- * The linker puts these in the place of the functions of the libraries (--wrap). Sums, because the
- * libgcc of gcc 12 for Arm rounds some ties the wrong way: -0x1.f644e8p-5 + 0x1p28 ends in 9bb1 in
- * place of 9bb2. Quotients and roots, because there they come bit by bit, in 400 and 700
- * instructions; here 110 and 120. Its products are right and quick.
+ * The linker replaces functions of the libraries by these (--wrap). Sums: the libgcc of gcc 12 for
+ * Arm rounds some ties the wrong way (-0x1.f644e8p-5 + 0x1p28 ends in 9bb1 instead of 9bb2).
+ * Quotients and roots: the library computes them bit by bit, in 400 and 700 instructions; these
+ * functions need 110 and 120. The products of the library are correct and fast.
  *
- * A head is the upper word of a number without its fraction: sign and exponent e. With a significand
- * m in units of the last place the number is m 2^(e - 1075); the leading one of m, at bit 52, makes
- * the exponent that is written e, and without it (e = 1) the number is subnormal. */
+ * A head is the upper word of a number without its fraction: sign and exponent e. With a
+ * significand m in units of the last place the number is m 2^(e - 1075); the leading one of m, at
+ * bit 52, is added to the exponent field of head - ONE, and without it (e = 1) the number is
+ * subnormal. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stdbool.h>
 #include <stdint.h>
@@ -18,10 +19,11 @@
 #define QUIET    ((uint64_t)1 << 51)
 #define LEADING  ((uint64_t)1 << 52)
 #define HEAD     0xfff00000u
-#define ONE      0x00100000u /* one more in the exponent of a head */
+#define ONE      0x00100000u /* 1 in the exponent of a head */
 #define HALF     0x80000000u
 
-/* rest: below the last place of the whole, in units of 2^-32 of it; the last bit is sticky */
+/* rest: part below the last place of `whole`, in units of 2^-32 of that place; its last bit is
+ * sticky */
 typedef struct {
     uint64_t whole;
     uint32_t rest;
@@ -36,25 +38,25 @@ static inline uint64_t words(uint32_t high, uint32_t low) { return (uint64_t)hig
 static inline unsigned exponent(uint64_t a) { return upper(a) >> 20 & 0x7ff; }
 static inline uint64_t fraction(uint64_t a) { return a & (LEADING - 1); }
 
-/* what a shift to the right by so many places, below 32, pushes out, at the top of the next word */
-static inline uint32_t pushed_out(uint32_t word, unsigned places)
+/* bits that a right shift by `places` (below 32) removes, at the top of a word */
+static inline uint32_t removed_bits(uint32_t word, unsigned places)
 {
     return word << 1 << (31 - places);
 }
 
-/* to the right by so many places, below 64 */
+/* m shifted to the right by `places`, below 64 */
 static inline Significand shifted(uint64_t m, unsigned places)
 {
     uint32_t high = upper(m), low = (uint32_t)m;
     if (places < 32)
-        return (Significand){words(high >> places, low >> places | pushed_out(high, places)),
-                             pushed_out(low, places)};
+        return (Significand){words(high >> places, low >> places | removed_bits(high, places)),
+                             removed_bits(low, places)};
     places -= 32;
-    uint32_t rest = low >> places | pushed_out(high, places);
-    return (Significand){high >> places, rest | (pushed_out(low, places) != 0)};
+    uint32_t rest = low >> places | removed_bits(high, places);
+    return (Significand){high >> places, rest | (removed_bits(low, places) != 0)};
 }
 
-/* to the nearest, ties to even; what carries out of the fraction goes to the exponent */
+/* rounds to nearest, ties to even; a carry out of the fraction increases the exponent */
 static inline uint64_t rounded(uint32_t head, uint64_t m, uint32_t rest)
 {
     uint64_t bits = m + words(head - ONE, 0);
@@ -72,7 +74,7 @@ static inline uint64_t sum(uint32_t head, uint64_t m, Significand n)
     return rounded(head, m >> 1, (uint32_t)m << 31 | n.rest >> 1 | (n.rest & 1));
 }
 
-/* the leading one to bit 52, or e = 1 */
+/* shifts the leading one to bit 52, or until e = 1 */
 static uint64_t normalised(uint32_t head, uint64_t m)
 {
     if (m == 0) return 0;
@@ -81,7 +83,8 @@ static uint64_t normalised(uint32_t head, uint64_t m)
     return rounded(head - places * ONE, m << places, 0);
 }
 
-/* m >= n; two places apart or more, they lose one place at most; closer, the rest is one bit */
+/* m >= n; if their exponents differ by two or more, the difference loses at most one place;
+ * otherwise the rest has at most one bit */
 static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
 {
     m -= n.whole + (n.rest != 0);
@@ -93,7 +96,8 @@ static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
     return normalised(head - ONE, m);
 }
 
-/* not a number or infinite, or the smaller one is zero; apart, for all others pay for its registers */
+/* NaN, infinite, or the smaller number zero; not inlined, because its registers would cost time in
+ * all other cases */
 static __attribute__((noinline)) uint64_t special_sum(uint64_t a, uint64_t b)
 {
     uint64_t size_a = a & ~SIGN, size_b = b & ~SIGN;
@@ -102,8 +106,8 @@ static __attribute__((noinline)) uint64_t special_sum(uint64_t a, uint64_t b)
     return size_a ? a : a & b;
 }
 
-/* the larger one first */
-static uint64_t ordered(uint64_t a, uint64_t b)
+/* the sum with the larger number first */
+static uint64_t sum_ordered(uint64_t a, uint64_t b)
 {
     if (exponent(a) == 0x7ff || (b & ~SIGN) == 0) return special_sum(a, b);
     uint32_t head = upper(a) & HEAD;
@@ -121,15 +125,16 @@ static uint64_t ordered(uint64_t a, uint64_t b)
 
 uint64_t sum_of_bits(uint64_t a, uint64_t b)
 {
-    if ((a & ~SIGN) < (b & ~SIGN)) return ordered(b, a);
-    return ordered(a, b);
+    if ((a & ~SIGN) < (b & ~SIGN)) return sum_ordered(b, a);
+    return sum_ordered(a, b);
 }
 
 /* ---- quotients */
 static inline uint32_t upper_product(uint32_t a, uint32_t b) { return upper((uint64_t)a * b); }
 
-/* 2^63 / d, at most 2^-29 of it too small; d >= 2^31. From a line within 8 % by three steps of
- * Newton, r (2 - d r); neither they nor what is cut off makes it too large */
+/* 2^63 / d with a relative error between -2^-29 and 0; d >= 2^31. A linear approximation with an
+ * error below 8 % is improved by three Newton steps r (2 - d r); neither the steps nor truncation
+ * make the result too large */
 static inline uint32_t reciprocal(uint32_t d)
 {
     uint32_t r = 0x76cf5d0b - d;
@@ -137,10 +142,10 @@ static inline uint32_t reciprocal(uint32_t d)
     return r;
 }
 
-/* m / n to 54 bits and a sticky one, m at bit 53 and n at bit 52, in two digits of 27 bits */
+/* m / n to 54 bits and a sticky bit, m at bit 53 and n at bit 52, in two digits of 27 bits */
 static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
 {
-    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2; /* less than what n has in its lower bits */
+    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2; /* reduced by 2, for the lower bits of n */
     uint32_t first = upper_product((uint32_t)(m >> 22), r) >> 4;
     m = (m << 26) - n * first;
     uint32_t second = upper_product((uint32_t)(m >> 22), r) >> 3;
@@ -150,7 +155,7 @@ static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
     return ((uint64_t)first << 27) + second;
 }
 
-/* of significands with leading ones; e: of the quotient, as it is written */
+/* quotient of significands with leading ones; e: exponent field of the quotient */
 static inline uint64_t quotient(uint32_t sign, int e, uint64_t m, uint64_t n)
 {
     bool sticky;
@@ -162,7 +167,7 @@ static inline uint64_t quotient(uint32_t sign, int e, uint64_t m, uint64_t n)
     return rounded(sign | ONE, tiny.whole, tiny.rest);
 }
 
-/* a subnormal significand with its leading one at bit 52; e: of it then */
+/* significand with its leading one at bit 52, also of a subnormal number; e: its exponent */
 static uint64_t with_leading_one(uint64_t size, int *e)
 {
     int places = size < LEADING ? __builtin_clzll(size) - 11 : 0;
@@ -194,8 +199,9 @@ uint64_t quotient_of_bits(uint64_t a, uint64_t b)
 
 /* ---- square roots */
 
-/* 2^47 / sqrt(x), at most 2^-28 of it too small; x >= 2^30. From a line within 12 % by four steps of
- * Newton, y (3 - x y^2) / 2; neither they nor what is cut off makes it too large */
+/* 2^47 / sqrt(x) with a relative error between -2^-28 and 0; x >= 2^30. A linear approximation with
+ * an error below 12 % is improved by four Newton steps y (3 - x y^2) / 2; neither the steps nor
+ * truncation make the result too large */
 static inline uint32_t reciprocal_root(uint32_t x)
 {
     uint32_t y = 0x03886595 - (x >> 1);
@@ -204,8 +210,9 @@ static inline uint32_t reciprocal_root(uint32_t x)
     return y;
 }
 
-/* the square root of 2^44 x without its fraction, 54 bits; x >= 2^62. First half of its upper 32
- * bits, then a step of Newton, which is a last place too far at most; so one less, and then on */
+/* integer part of the square root of 2^44 x, 54 bits; x >= 2^62. The upper bits are followed by a
+ * Newton step, whose error is at most one unit of the last place; 1 is subtracted, and the result
+ * is increased to the exact value */
 static inline uint64_t whole_root(uint64_t x)
 {
     uint32_t y = reciprocal_root(upper(x)), first = upper_product(upper(x), y);
@@ -216,7 +223,7 @@ static inline uint64_t whole_root(uint64_t x)
     return s;
 }
 
-/* m: with its leading one, of the exponent e; there are no ties */
+/* square root of the significand m with leading one and exponent e; there are no ties */
 static inline uint64_t root(int e, uint64_t m)
 {
     uint64_t s = whole_root(m << (e & 1 ? 10 : 11));
@@ -234,7 +241,7 @@ uint64_t root_of_bits(uint64_t a)
     return root(e, m);
 }
 
-/* ---- the calls of the Arm EABI: doubles travel in core registers, as 64-bit numbers do */
+/* ---- functions of the Arm EABI: doubles are passed in core registers like 64-bit integers */
 uint64_t __wrap___aeabi_dadd(uint64_t a, uint64_t b);
 uint64_t __wrap___aeabi_dsub(uint64_t a, uint64_t b);
 uint64_t __wrap___aeabi_drsub(uint64_t a, uint64_t b);

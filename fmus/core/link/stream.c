@@ -25,13 +25,13 @@ double now_s(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static bool failed(Stream *s, const char *doing)
+static bool fail_open(Stream *s, const char *action)
 {
-    snprintf(s->reason, sizeof s->reason, "%s (%s)", doing, strerror(errno));
+    snprintf(s->reason, sizeof s->reason, "%s (%s)", action, strerror(errno));
     return false;
 }
 
-static bool not_blocking(int file)
+static bool set_nonblocking(int file)
 {
     int flags = fcntl(file, F_GETFL);
     return fcntl(file, F_SETFD, FD_CLOEXEC) == 0 && flags >= 0 &&
@@ -39,39 +39,39 @@ static bool not_blocking(int file)
 }
 
 /* ---- waiting */
-static bool ready(int file, short events, double until)
+static bool is_ready(int file, short events, double until)
 {
-    struct pollfd wanted = {file, events, 0};
+    struct pollfd watched = {file, events, 0};
     for (;;) {
         double left = until - now_s();
-        int count = poll(&wanted, 1, left > 0 ? (int)(1000 * left) + 1 : 0);
+        int count = poll(&watched, 1, left > 0 ? (int)(1000 * left) + 1 : 0);
         if (count >= 0 || errno != EINTR) return count > 0;
     }
 }
 
 /* ---- sockets */
-static bool connected(int file, const struct sockaddr *address, socklen_t size, double until)
+static bool connect_within(int file, const struct sockaddr *address, socklen_t size, double until)
 {
     int error = 0;
-    socklen_t room = sizeof error;
-    if (!not_blocking(file)) return false;
+    socklen_t size_of_error = sizeof error;
+    if (!set_nonblocking(file)) return false;
     if (connect(file, address, size) == 0) return true;
     if (errno != EINPROGRESS) return false;
-    if (!ready(file, POLLOUT, until)) return errno = ETIMEDOUT, false;
-    getsockopt(file, SOL_SOCKET, SO_ERROR, &error, &room);
+    if (!is_ready(file, POLLOUT, until)) return errno = ETIMEDOUT, false;
+    getsockopt(file, SOL_SOCKET, SO_ERROR, &error, &size_of_error);
     errno = error;
     return error == 0;
 }
 
-static int connection(const struct addrinfo *list, double until)
+static int connect_any(const struct addrinfo *list, double until)
 {
     for (const struct addrinfo *a = list; a; a = a->ai_next) {
         int file = socket(a->ai_family, a->ai_socktype, a->ai_protocol);
         if (file < 0) continue;
-        if (connected(file, a->ai_addr, a->ai_addrlen, until)) return file;
-        int reason = errno;
+        if (connect_within(file, a->ai_addr, a->ai_addrlen, until)) return file;
+        int saved_errno = errno;
         close(file);
-        errno = reason;
+        errno = saved_errno;
     }
     return -1;
 }
@@ -81,11 +81,11 @@ static bool open_tcp(Stream *s, const Config *c)
     struct addrinfo hints = {.ai_socktype = SOCK_STREAM}, *list = NULL;
     int on = 1, error = getaddrinfo(c->host, c->port, &hints, &list);
     if (error) return snprintf(s->reason, sizeof s->reason, "%s", gai_strerror(error)), false;
-    s->in = s->out = connection(list, now_s() + c->timeout);
-    int reason = errno;
+    s->in = s->out = connect_any(list, now_s() + c->timeout);
+    int saved_errno = errno;
     freeaddrinfo(list);
-    errno = reason;
-    if (s->in < 0) return failed(s, "nobody answers");
+    errno = saved_errno;
+    if (s->in < 0) return fail_open(s, "the connection failed");
     setsockopt(s->in, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     return true;
 }
@@ -94,16 +94,16 @@ static bool open_unix(Stream *s, const Config *c)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     if (strlen(c->path) >= sizeof address.sun_path)
-        return errno = ENAMETOOLONG, failed(s, "no such socket");
+        return errno = ENAMETOOLONG, fail_open(s, "the path of the socket is too long");
     strcpy(address.sun_path, c->path);
     s->in = s->out = socket(AF_UNIX, SOCK_STREAM, 0);
     if (s->in < 0 ||
-        !connected(s->in, (struct sockaddr *)&address, sizeof address, now_s() + c->timeout))
-        return failed(s, "nobody answers");
+        !connect_within(s->in, (struct sockaddr *)&address, sizeof address, now_s() + c->timeout))
+        return fail_open(s, "the connection failed");
     return true;
 }
 
-/* ---- serial line: 8N1, every byte as it is */
+/* ---- serial line: 8N1, raw bytes */
 static speed_t speed_of(long baud)
 {
     static const struct {
@@ -126,14 +126,14 @@ static bool open_serial(Stream *s, const Config *c)
     struct termios line;
     speed_t speed = speed_of(c->baud);
     s->in = s->out = open(c->path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    if (s->in < 0) return failed(s, "cannot be opened");
-    if (tcgetattr(s->in, &line) < 0) return failed(s, "is no serial line");
-    if (speed == B0) return errno = EINVAL, failed(s, "there is no such baud rate");
+    if (s->in < 0) return fail_open(s, "cannot be opened");
+    if (tcgetattr(s->in, &line) < 0) return fail_open(s, "is not a serial line");
+    if (speed == B0) return errno = EINVAL, fail_open(s, "the baud rate is not supported");
     line.c_iflag = line.c_oflag = line.c_lflag = 0;
     line.c_cflag = CS8 | CREAD | CLOCAL;
     line.c_cc[VMIN] = 1, line.c_cc[VTIME] = 0;
     cfsetispeed(&line, speed), cfsetospeed(&line, speed);
-    if (tcsetattr(s->in, TCSANOW, &line) < 0) return failed(s, "cannot be set up");
+    if (tcsetattr(s->in, TCSANOW, &line) < 0) return fail_open(s, "cannot be configured");
     tcflush(s->in, TCIOFLUSH);
     return true;
 }
@@ -146,7 +146,9 @@ bool open_stream(Stream *s, const Config *c)
     if (strcmp(c->via, "tcp") == 0) return open_tcp(s, c);
     if (strcmp(c->via, "unix") == 0) return open_unix(s, c);
     if (strcmp(c->via, "serial") == 0) return open_serial(s, c);
-    snprintf(s->reason, sizeof s->reason, "link.txt: there is no way '%.40s' to a board", c->via);
+    snprintf(s->reason, sizeof s->reason,
+             "link.txt: unknown connection type '%.40s', expected emulator, tcp, unix or serial",
+             c->via);
     return false;
 }
 
@@ -168,16 +170,16 @@ void unlock_stream(const Stream *s)
 }
 
 /* ---- bytes */
-static StreamState ended(Stream *s)
+static StreamState report_end(Stream *s)
 {
-    char words[REASON_SIZE / 2] = "";
-    last_words(s, words, sizeof words);
-    snprintf(s->reason, sizeof s->reason, "the connection has ended%s%s", *words ? ": " : "",
-             words);
+    char log_line[REASON_SIZE / 2] = "";
+    last_log_line(s, log_line, sizeof log_line);
+    snprintf(s->reason, sizeof s->reason, "the connection has ended%s%s", *log_line ? ": " : "",
+             log_line);
     return STREAM_ENDED;
 }
 
-/* a write to a reader that has gone is an error here, not a signal to the whole program */
+/* writing to a closed pipe returns an error; the signal SIGPIPE is suppressed */
 static ssize_t write_quietly(int file, const void *bytes, size_t count)
 {
     sigset_t pipe_only, before, waiting;
@@ -188,35 +190,36 @@ static ssize_t write_quietly(int file, const void *bytes, size_t count)
     if (sigismember(&waiting, SIGPIPE)) return write(file, bytes, count);
     pthread_sigmask(SIG_BLOCK, &pipe_only, &before);
     ssize_t done = write(file, bytes, count);
-    int reason = errno;
-    if (done < 0 && reason == EPIPE && sigpending(&waiting) == 0 && sigismember(&waiting, SIGPIPE))
+    int saved_errno = errno;
+    if (done < 0 && saved_errno == EPIPE && sigpending(&waiting) == 0 &&
+        sigismember(&waiting, SIGPIPE))
         sigwait(&pipe_only, &caught);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
-    errno = reason;
+    errno = saved_errno;
     return done;
 }
 
-static bool again(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
+static bool is_retryable(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
 
 StreamState write_stream(Stream *s, const void *bytes, size_t count, double until)
 {
     const char *from = bytes;
     while (count > 0) {
         ssize_t done = write_quietly(s->out, from, count);
-        if (done < 0 && !again()) return ended(s);
+        if (done < 0 && !is_retryable()) return report_end(s);
         if (done > 0) from += done, count -= (size_t)done;
-        if (count > 0 && (!ready(s->out, POLLOUT, until) || now_s() > until)) return STREAM_LATE;
+        if (count > 0 && (!is_ready(s->out, POLLOUT, until) || now_s() > until)) return STREAM_LATE;
     }
-    return STREAM_FINE;
+    return STREAM_OK;
 }
 
 StreamState read_stream(Stream *s, void *bytes, size_t most, size_t *got, double until)
 {
     *got = 0;
     for (;;) {
-        if (!ready(s->in, POLLIN, until)) return STREAM_LATE;
+        if (!is_ready(s->in, POLLIN, until)) return STREAM_LATE;
         ssize_t count = read(s->in, bytes, most);
-        if (count > 0) return *got = (size_t)count, STREAM_FINE;
-        if (count == 0 || !again()) return ended(s);
+        if (count > 0) return *got = (size_t)count, STREAM_OK;
+        if (count == 0 || !is_retryable()) return report_end(s);
     }
 }

@@ -1,5 +1,5 @@
-/* stream.h - bytes to and from a board with time limits: an emulator that is started here, TCP, a
- * Unix socket, a serial line. POSIX. */
+/* stream.h - byte stream to a board with time limits: an emulator as child process, TCP, a Unix
+ * socket, a serial line. POSIX. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef STREAM_H
 #define STREAM_H
@@ -11,11 +11,11 @@
 enum { REASON_SIZE = 1600 };
 
 typedef struct {
-    int in, out;              /* the same for sockets and serial lines */
-    int life, lock;           /* of an emulator: see processor.c; -1: none */
-    pid_t keeper;             /* that ends the emulator; 0: not ours */
-    char folder[PATH_SIZE];   /* of its pipes */
-    char reason[REASON_SIZE]; /* why something has failed */
+    int in, out;              /* equal for sockets and serial lines */
+    int life, lock;           /* files of an emulator, see processor.c; -1: none */
+    pid_t supervisor;         /* process that ends the emulator; 0: of another link */
+    char folder[PATH_SIZE];   /* folder of the pipes */
+    char reason[REASON_SIZE]; /* reason of the last failure */
 } Stream;
 
 double now_s(void); /* monotonic */
@@ -23,19 +23,21 @@ double now_s(void); /* monotonic */
 bool open_stream(Stream *s, const Config *c);
 void close_stream(Stream *s);
 
-typedef enum { STREAM_FINE, STREAM_LATE, STREAM_ENDED } StreamState;
+typedef enum { STREAM_OK, STREAM_LATE, STREAM_ENDED } StreamState;
 
-/* until everything is written, or at least a byte is read; `until`: now_s() at which to give up */
+/* return when everything is written, or when at least one byte is read; until: value of now_s() at
+ * which they return STREAM_LATE */
 StreamState write_stream(Stream *s, const void *bytes, size_t count, double until);
 StreamState read_stream(Stream *s, void *bytes, size_t most, size_t *got, double until);
 
-/* nobody else uses a shared emulator between these two */
+/* exclusive use of a shared emulator between these two calls */
 void lock_stream(const Stream *s);
 void unlock_stream(const Stream *s);
 
 /* processor.c */
 bool start_processor(Stream *s, const Config *c);
 void leave_processor(Stream *s);
-void last_words(const Stream *s, char *text, size_t size); /* of an emulator that has ended */
+void last_log_line(const Stream *s, char *text,
+                   size_t size); /* last line in the log of an emulator */
 
 #endif

@@ -1,21 +1,22 @@
-/* arc.h - motion between two instants as a cubic, and what a margin does along it.
+/* arc.h - motion between two instants as a cubic, and the least value of a margin along it.
  *
- * Positions and velocities of both ends give the cubic (Hermite), kept by its control points
+ * Positions and velocities of both ends define the cubic (Hermite), stored by its control points
  *   p_0,   p_0 + h v_0/3,   p_1 - h v_1/3,   p_1
- * A part of an arc lies in the convex hull of its own control points, and that hull closes in on it
- * with the square of its length. The velocity goes straight from v_0 to v_1.
+ * A part of an arc lies in the convex hull of its own control points, and the distance between part
+ * and hull decreases with the square of the length of the part. The velocity is interpolated
+ * linearly from v_0 to v_1.
  *
- * A margin has a value at a point and a bound for a part: a number that no value on the part is
- * below. Parts are halved until bound and value agree within the resolution, so nothing between the
- * ends is missed. A turn about a sphere needs some ten parts, a pass at a distance one. After
- * MOST_PARTS, which only numbers without meaning need, the bound of the rest stands for it. */
+ * A margin has a value at a point and a lower bound of its values on a part. Parts are halved until
+ * bound and value agree within the resolution, so that no minimum between the ends is missed. A
+ * path around a sphere needs about ten parts, a distant pass one. After MOST_PARTS, which only
+ * meaningless inputs reach, the bound of the remaining arc is used. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARC_H
 #define ARC_H
 
 #include "vec3.h"
 
-#define SHORTEST_PART 0x1p-40 /* of the arc: there the value decides */
+#define SHORTEST_PART 0x1p-40 /* of the arc; on shorter parts the value replaces the bound */
 #define NEVER         INFINITY
 
 enum { MOST_PARTS = 1 << 16 };
@@ -29,8 +30,8 @@ static inline Arc hermite(vec3 p0, vec3 v0, vec3 p1, vec3 v1, double h)
 
 static inline vec3 between(vec3 a, vec3 b, double s) { return add(a, scale(s, sub(b, a))); }
 
-/* the cubic's blossom: with three equal arguments the point, with mixed ones control points of a
- * part */
+/* polar form (blossom) of the cubic: three equal arguments give a point, mixed arguments the
+ * control points of a part */
 static inline vec3 blossom(const vec3 p[4], double a, double b, double c)
 {
     vec3 q0 = between(p[0], p[1], a), q1 = between(p[1], p[2], a), q2 = between(p[2], p[3], a);
@@ -59,9 +60,9 @@ static inline double least_along(const Arc *arc, vec3 u)
                    smaller(dot(u, arc->p[2]), dot(u, arc->p[3])));
 }
 
-/* |point|^2 along the arc, a polynomial of degree 6, by its Bernstein coefficients: it stays between
- * the least and the largest, which are exact where the distance rises or falls all the way, and
- * close where it hardly changes */
+/* Bernstein coefficients of |point|^2 along the arc, a polynomial of degree 6 that stays between
+ * the least and the largest coefficient; both bounds are exact for a monotonic distance and close
+ * for a nearly constant one */
 enum { SQUARE = 7 };
 typedef struct { double c[SQUARE], least, most; } Square;
 
@@ -95,7 +96,7 @@ static inline double value_at(const Margin *m, const Arc *arc, double s)
     return m->value(m->rule, arc_position(arc, s), arc_velocity(arc, s));
 }
 
-/* parts of 0..1 from left to right: s begins, w is the width, a power of two that divides s */
+/* a part of 0..1: start s and width w, a power of two that divides s */
 typedef struct { double s, w; } Part;
 
 static inline Part next_part(Part x)
@@ -106,33 +107,33 @@ static inline Part next_part(Part x)
 }
 static inline Part left_half(Part x) { return (Part){x.s, x.w / 2}; }
 
-/* of the least value: 1e-7 m or m/s, and not finer than the rounding of the arc */
+/* resolution of the least value: 1e-7 m or m/s, but not finer than the rounding of the arc */
 static inline double resolution(const Arc *arc)
 {
     double size = norm(arc->p[0]) + norm(arc->p[1]) + norm(arc->p[2]) + norm(arc->p[3]);
     return larger(1e-7, 1e-12 * size);
 }
 
-/* never above the least value on the arc, and below it by no more than the resolution */
+/* lower bound of the least value on the arc, below it by at most the resolution */
 static inline double least_on(const Margin *m, const Arc *arc)
 {
     double best = smaller(value_at(m, arc, 0), value_at(m, arc, 1)), lowest = best;
-    double fine = resolution(arc);
+    double tolerance = resolution(arc);
     Part x = {0, 1};
     for (int parts = 0; x.s < 1; parts++) {
-        int settled = parts == MOST_PARTS;
-        if (settled) x.w = 1 - x.s;
+        int decided = parts == MOST_PARTS;
+        if (decided) x.w = 1 - x.s;
         Arc part = arc_part(arc, x.s, x.s + x.w);
         double bound = m->bound(m->rule, &part);
-        settled = settled || bound >= best - fine || x.w < SHORTEST_PART;
-        if (settled) lowest = smaller(lowest, bound);
+        decided = decided || bound >= best - tolerance || x.w < SHORTEST_PART;
+        if (decided) lowest = smaller(lowest, bound);
         else best = smaller(best, value_at(m, arc, x.s + x.w / 2));
-        x = settled ? next_part(x) : left_half(x);
+        x = decided ? next_part(x) : left_half(x);
     }
     return smaller(best, lowest);
 }
 
-/* where the value first falls below zero, in 0..1, or NEVER */
+/* parameter in 0..1 at which the value first falls below zero, or NEVER */
 static inline double first_below_zero(const Margin *m, const Arc *arc)
 {
     Part x = {0, 1};

@@ -14,7 +14,7 @@ typedef struct { double w, x, y, z; } quat;
 static inline vec3 vector_part(quat q) { return vec(q.x, q.y, q.z); }
 static inline quat conjugate(quat q) { return (quat){q.w, -q.x, -q.y, -q.z}; }
 
-/* a then b as Hamilton product: q_BN = q_MN q_BM */
+/* Hamilton product a b: q_BN = q_MN q_BM */
 static inline quat product(quat a, quat b)
 {
     vec3 av = vector_part(a), bv = vector_part(b);
@@ -22,8 +22,8 @@ static inline quat product(quat a, quat b)
     return (quat){a.w * b.w - dot(av, bv), v.x, v.y, v.z};
 }
 
-/* the same attitude with unit norm and q_0 >= 0; half a turn, where q_0 = 0, with the first of the
- * others positive */
+/* the same attitude with unit norm and q_0 >= 0; for a rotation by pi, with q_0 = 0, the first
+ * nonzero component is positive */
 static inline quat canonical(quat q)
 {
     double n = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
@@ -88,7 +88,7 @@ static inline vec3 mrp_G_transposed(vec3 s, vec3 w)
 }
 static inline vec3 mrp_rate(vec3 s, vec3 w) { return scale(0.25, mrp_G(s, w)); }
 
-/* shadow set: of the two MRP of an attitude the one inside the unit sphere */
+/* the MRP of the attitude inside the unit sphere: s or its shadow */
 static inline vec3 mrp_inside(vec3 s)
 {
     double ss = dot(s, s);

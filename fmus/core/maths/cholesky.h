@@ -5,8 +5,8 @@
 
 #include <math.h>
 
-/* A = L L^T, L in the lower triangle of a, by rows; `stride` numbers from row to row. 0 if A is not
- * positive definite. */
+/* A = L L^T, L in the lower triangle of a, by rows; `stride`: distance of rows in doubles. Returns
+ * 0 if A is not positive definite. */
 static inline int cholesky(double *a, int n, int stride)
 {
     for (int j = 0; j < n; j++) {
@@ -38,9 +38,10 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
     }
 }
 
-/* x of A x = b by elimination, without roots: A by its upper half in the first n < 8 columns of a, b
- * in column n, both overwritten. A row goes from the half in which its diagonal lies, two numbers at
- * a time, whatever those hold that are not of A and b. 0 if A is not positive definite. */
+/* x of A x = b by elimination without square roots: the upper triangle of A is in the first n < 8
+ * columns of a, b in column n; both are overwritten. Loops over a row start at the half of the row
+ * that contains its diagonal, so that compilers process two numbers at a time; elements that belong
+ * neither to A nor to b may have any value. Returns 0 if A is not positive definite. */
 enum { UPPER = 8, HALF = UPPER / 2 };
 static inline int solve_upper(double a[][UPPER], int n, double *x)
 {
@@ -50,9 +51,9 @@ static inline int solve_upper(double a[][UPPER], int n, double *x)
         if (!(row[j] > 0)) return 0;
         double inverse = 1 / row[j];
         for (int i = j + 1; i < n; i++) {
-            double share = row[i] * inverse;
+            double ratio = row[i] * inverse;
             for (int half = i & HALF; half < UPPER; half += HALF)
-                for (int k = 0; k < HALF; k++) a[i][half + k] -= share * row[half + k];
+                for (int k = 0; k < HALF; k++) a[i][half + k] -= ratio * row[half + k];
         }
     }
     for (int i = n; i-- > 0;) {

@@ -1,7 +1,7 @@
 /* columns.h - eight vectors, matrices or symmetric matrices, each component an array.
  *
- * In a loop over all eight the numbers of two neighbours lie side by side: compilers work on both at
- * once, with the bits of one after the other. */
+ * In a loop over all eight, compilers process two elements at once, with the same bits as one after
+ * the other. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef COLUMNS_H
 #define COLUMNS_H
@@ -24,7 +24,7 @@ static inline void put_vec(vec3s *a, int i, vec3 b)
     a->z[i] = b.z;
 }
 
-/* sum_i = from + step_0 + ... + step_(i-1); the sum of all */
+/* sum_i = from + step_0 + ... + step_(i-1); returns the complete sum */
 static inline vec3 partial_sums(vec3s *restrict sum, vec3 from, const vec3s *restrict step)
 {
     for (int i = 0; i < COLUMNS; i++) {

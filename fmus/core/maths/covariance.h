@@ -1,8 +1,9 @@
-/* covariance.h - covariance of a Kalman filter: propagation, and update by three measured numbers.
+/* covariance.h - covariance of a Kalman filter: propagation, and update by a measured vector of
+ * three elements.
  *
- * P is n x n, row major, n <= MOST_STATES, symmetric. No allocation, inverses of 3x3 only. What is
- * zero is skipped: rows of the transition beyond those that move, zero elements of them, states
- * that a measurement does not see. Equations: docs/models.md F.3. */
+ * P is n x n, row major, n <= MOST_STATES, symmetric. There is no allocation; only 3x3 matrices are
+ * inverted. Zeros are skipped: rows of the transition matrix of constant states, zero elements of
+ * other rows, states without influence on a measurement. Equations: docs/models.md F.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef COVARIANCE_H
 #define COVARIANCE_H
@@ -13,7 +14,7 @@
 
 enum { MOST_STATES = 23, MOST_BLOCKS = 3 };
 
-/* the 3x3 block at (row, column) of a matrix of n columns */
+/* set or increase the 3x3 block at (row, column) of a matrix of n columns */
 static inline void put_block(double *M, size_t n, size_t row, size_t column, mat3 block)
 {
     for (size_t i = 0; i < 3; i++) {
@@ -30,7 +31,7 @@ static inline void add_block(double *M, size_t n, size_t row, size_t column, mat
 }
 static inline vec3 three(const double *x) { return vec(x[0], x[1], x[2]); }
 
-/* roots of the diagonal elements from i on */
+/* square roots of the diagonal elements i to i + 2 */
 static inline vec3 sigma_at(const double *P, size_t n, size_t i)
 {
     const double *at = P + i * (n + 1);
@@ -48,13 +49,13 @@ static inline void transpose_in_place(double *M, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < i; j++) {
-            double held = M[i * n + j];
+            double other = M[i * n + j];
             M[i * n + j] = M[j * n + i];
-            M[j * n + i] = held;
+            M[j * n + i] = other;
         }
 }
 
-/* to = (I + F) from, F of `moving` rows */
+/* to = (I + F) from; only the first `moving` rows of F are not zero */
 static inline void transition_times(const double *F, size_t moving, const double *from, double *to,
                                     size_t n)
 {
@@ -77,7 +78,7 @@ static inline void propagate_covariance(double *P, const double *F, size_t movin
     transition_times(F, moving, half, P, n);
 }
 
-/* noise of a rate that drives three states and their rates: q [T^3/3, T^2/2; T^2/2, T] */
+/* white noise of density q in the acceleration of three states: q [T^3/3, T^2/2; T^2/2, T] */
 static inline void add_white_acceleration(double *P, size_t n, size_t position, size_t rate,
                                           double q, double T)
 {
@@ -87,7 +88,7 @@ static inline void add_white_acceleration(double *P, size_t n, size_t position, 
     add_block(P, n, rate, rate, identity(q * T));
 }
 
-/* residual y = H x + noise of covariance R; H is zero but for some 3x3 blocks */
+/* residual y = H x + noise of covariance R; H is zero except for `count` 3x3 blocks */
 typedef struct {
     vec3 y;
     mat3 R;
@@ -99,7 +100,7 @@ typedef struct {
 } Residual;
 
 /* row i of M H^T */
-static inline vec3 seen(const Residual *m, const double *row)
+static inline vec3 row_times_H_transposed(const Residual *m, const double *row)
 {
     vec3 sum = vec(0, 0, 0);
     for (size_t b = 0; b < m->count; b++)
@@ -119,12 +120,13 @@ static inline mat3 innovation_covariance(const Residual *m, const vec3 *PHt)
 }
 
 /* Joseph form in place, K and P H^T by rows: M = (I - K H) P, then M (I - K H)^T + K R K^T */
-static inline void joseph(double *P, size_t n, const Residual *m, const vec3 *K, const vec3 *PHt)
+static inline void joseph_update(double *P, size_t n, const Residual *m, const vec3 *K,
+                                 const vec3 *PHt)
 {
     for (size_t i = 0; i < n; i++) {
         double *row = P + i * n;
         for (size_t j = 0; j < n; j++) row[j] -= dot(K[i], PHt[j]);
-        vec3 rest = sub(mul(m->R, K[i]), seen(m, row));
+        vec3 rest = sub(mul(m->R, K[i]), row_times_H_transposed(m, row));
         for (size_t j = 0; j < n; j++) row[j] += dot(rest, K[j]);
     }
     symmetrise(P, n);
@@ -134,13 +136,13 @@ static inline void joseph(double *P, size_t n, const Residual *m, const vec3 *K,
 static inline double update_covariance(double *P, size_t n, const Residual *m, double *dx)
 {
     vec3 PHt[MOST_STATES], K[MOST_STATES];
-    for (size_t i = 0; i < n; i++) PHt[i] = seen(m, P + i * n);
+    for (size_t i = 0; i < n; i++) PHt[i] = row_times_H_transposed(m, P + i * n);
     mat3 S = inverted(innovation_covariance(m, PHt));
     for (size_t i = 0; i < n; i++) {
         K[i] = mul(S, PHt[i]);
         dx[i] = dot(K[i], m->y);
     }
-    joseph(P, n, m, K, PHt);
+    joseph_update(P, n, m, K, PHt);
     return dot(m->y, mul(S, m->y));
 }
 

@@ -14,7 +14,7 @@
 #define HALF_PI_2 0x1.0b4611a600000p-34 /* 33 bits */
 #define HALF_PI_3 0x1.3198a2e037073p-69 /* the rest */
 #define HALF_PI_BITS UINT64_C(0xc90fdaa22168c235) /* pi/2 2^63 */
-/* 2/pi in words of 32 bits, three words of nothing before the point */
+/* 2/pi in words of 32 bits, three zero words before the point */
 static const uint32_t two_over_pi[43] = {
     0x00000000, 0x00000000, 0x00000000, 0xa2f9836e, 0x4e441529, 0xfc2757d1, 0xf534ddc0,
     0xdb629599, 0x3c439041, 0xfe5163ab, 0xdebbc561, 0xb7246e3a, 0x424dd2e0, 0x06492eea,

@@ -1,5 +1,5 @@
-/* exact.h - roundings, extremes and the bits of a double: exact operations, none of them a call of
- * a library. */
+/* exact.h - rounding, minimum, maximum and the bits of a double: exact operations without library
+ * calls. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef EXACT_H
 #define EXACT_H
@@ -8,15 +8,15 @@
 #include <stdint.h>
 #include <string.h>
 
-/* NaN only if both are: the other one if one of them is */
+/* the result is NaN only if both arguments are NaN; if one of them is, the other one is returned */
 static inline double smaller(double a, double b) { return a < b || isnan(b) ? a : b; }
 static inline double larger(double a, double b) { return a > b || isnan(b) ? a : b; }
 
 #define PI 3.14159265358979323846
 
-#define ALL_WHOLE 4503599627370496.0 /* 2^52: from here on every double is a whole number */
+#define ALL_WHOLE 4503599627370496.0 /* 2^52: this double and all larger ones are whole numbers */
 
-/* to the nearest whole number, halves to the even one; 2^52 pushes the fraction out */
+/* nearest whole number, ties to even; adding 2^52 rounds off the fraction */
 static inline double nearest_whole(double x)
 {
     double size = fabs(x);
@@ -47,6 +47,9 @@ static inline double power_of_2(int n) { return double_of((uint64_t)(n + 1023) <
 static inline double raised(double x, int n) { return double_of(bits_of(x) + ((uint64_t)n << 52)); }
 
 /* the upper 26 bits of x: a product with another such number is exact */
-static inline double head(double x) { return double_of(bits_of(x) & UINT64_C(0xFFFFFFFFF8000000)); }
+static inline double upper_bits(double x)
+{
+    return double_of(bits_of(x) & UINT64_C(0xFFFFFFFFF8000000));
+}
 
 #endif

@@ -1,4 +1,4 @@
-/* finite.h - is every number of a vector finite? */
+/* finite.h - test whether all numbers of a vector are finite. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FINITE_H
 #define FINITE_H
@@ -6,8 +6,8 @@
 #include <math.h>
 #include <stddef.h>
 
-/* A sum is finite only if every term is, so one test serves them all; where finite terms overflow
- * the sum they are looked at one by one. Two sums side by side: compilers add to both at once. */
+/* A sum is finite only if every term is finite, so that one test suffices; if the sum overflows,
+ * the terms are tested one by one. There are two sums, because compilers add to both at once. */
 static inline int all_finite(const double x[], size_t count)
 {
     double sum[2] = {0};

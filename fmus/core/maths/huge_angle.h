@@ -1,7 +1,7 @@
 /* huge_angle.h - x mod pi/2 for any double, to 2^-60 of the remainder.
  *
- * Payne & Hanek 1983: with x = m 2^e only the digits of 2/pi between the multiples of 4 and the
- * precision of the remainder matter, seven words of 32 bits. */
+ * Payne & Hanek 1983: with x = m 2^e the remainder depends only on the digits of 2/pi between the
+ * multiples of 4 and its own precision, seven words of 32 bits. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef HUGE_ANGLE_H
 #define HUGE_ANGLE_H
@@ -11,16 +11,16 @@
 
 typedef struct {
     double hi, lo; /* |hi + lo| <= pi/4, |lo| <= a unit in the last place of hi */
-    int quarter;   /* x = hi + lo + quarter pi/2, but for full turns */
+    int quarter;   /* x = hi + lo + quarter pi/2 plus a multiple of 2 pi */
 } Angle;
 
 #define DIGIT_WORDS 7
 typedef struct { uint32_t word[DIGIT_WORDS]; } Digits; /* the first word is the highest */
 
 /* m 2^e 2/pi mod 4, in units of 4/2^224 */
-static inline Digits turns(uint64_t m, int e)
+static inline Digits quarter_turns(uint64_t m, int e)
 {
-    int first = (e + 94) / 32, left = (e + 94) % 32; /* e >= -52 */
+    int first = (e + 94) / 32, shift = (e + 94) % 32; /* e >= -52 */
     const uint32_t low = (uint32_t)m, high = (uint32_t)(m >> 32);
     Digits p;
     uint64_t carry = 0;
@@ -29,12 +29,12 @@ static inline Digits turns(uint64_t m, int e)
     carry = 0;
     for (int i = DIGIT_WORDS - 1; i-- > 0; carry >>= 32)
         p.word[i] = (uint32_t)(carry += (uint64_t)two_over_pi[first + i + 1] * high + p.word[i]);
-    for (int i = 0; left > 0 && i < DIGIT_WORDS; i++)
-        p.word[i] = p.word[i] << left | (i + 1 < DIGIT_WORDS ? p.word[i + 1] >> (32 - left) : 0);
+    for (int i = 0; shift > 0 && i < DIGIT_WORDS; i++)
+        p.word[i] = p.word[i] << shift | (i + 1 < DIGIT_WORDS ? p.word[i + 1] >> (32 - shift) : 0);
     return p;
 }
 
-/* 64 bits of p from bit `at` on, counted from the highest; at <= 160 */
+/* 64 bits of p from bit `at` on, counted from the highest bit; at <= 160 */
 static inline uint64_t window(const Digits *p, int at)
 {
     const uint32_t *w = p->word + at / 32;
@@ -49,17 +49,18 @@ static inline uint64_t upper_product(uint64_t a, uint64_t b) /* a b / 2^64 */
     return a1 * b1 + (middle >> 32) + (other >> 32);
 }
 
-/* The two highest bits are the quarter, the others the fraction of one; a fraction from 1/2 on is
- * that of the next quarter less 1. Its leading zeros, 62 at most, are counted. */
+/* The two highest bits are the number of quarter turns, the others the fraction of a quarter turn;
+ * a fraction of 1/2 or more is replaced by the next quarter turn minus the complement. Its leading
+ * zeros, at most 62, are counted. */
 static inline Angle reduced_by_digits(double x)
 {
     uint64_t bits = bits_of(x), m = (bits & UINT64_C(0xFFFFFFFFFFFFF)) | UINT64_C(1) << 52;
-    Digits p = turns(m, (int)(bits >> 52 & 0x7FF) - 1075);
-    int beyond = p.word[0] >> 29 & 1, quarter = (int)(p.word[0] >> 30) + beyond, at = 2;
-    for (int i = 0; beyond && i < DIGIT_WORDS; i++) p.word[i] = ~p.word[i];
+    Digits p = quarter_turns(m, (int)(bits >> 52 & 0x7FF) - 1075);
+    int above_half = p.word[0] >> 29 & 1, quarter = (int)(p.word[0] >> 30) + above_half, at = 2;
+    for (int i = 0; above_half && i < DIGIT_WORDS; i++) p.word[i] = ~p.word[i];
     while (at < 100 && !(p.word[at / 32] >> (31 - at % 32) & 1)) at++;
     uint64_t r = upper_product(window(&p, at), HALF_PI_BITS); /* in units of 2^-(61 + at) */
-    double unit = (beyond != (x < 0) ? -1 : 1) * power_of_2(-61 - at);
+    double unit = (above_half != (x < 0) ? -1 : 1) * power_of_2(-61 - at);
     double hi = (double)(r >> 11) * 2048, lo = (double)(r & 0x7FF);
     return (Angle){unit * hi, unit * lo, x < 0 ? -quarter : quarter};
 }

@@ -1,5 +1,4 @@
-/* motion.h - a vector with its first and second time derivative, carried through products,
- * quotients and frames. */
+/* motion.h - vectors with first and second time derivative: products, normalisation, frames. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MOTION_H
 #define MOTION_H
@@ -28,15 +27,16 @@ static inline Motion normalised(Motion u)
     return (Motion){k, dk, scale(1 / n, sub(u.dd, add(scale(2 * dn, dk), scale(ddn, k))))};
 }
 
-/* what is left of a fixed vector without its part along the unit vector i */
-static inline Motion normal_part(vec3 fixed, Motion i)
+/* component of a fixed vector perpendicular to the unit vector i */
+static inline Motion perpendicular_part(vec3 fixed, Motion i)
 {
     double s = dot(fixed, i.x), ds = dot(fixed, i.d), dds = dot(fixed, i.dd);
     return (Motion){sub(fixed, scale(s, i.x)), neg(add(scale(ds, i.x), scale(s, i.d))),
                     neg(sum3(scale(dds, i.x), scale(2 * ds, i.d), scale(s, i.dd)))};
 }
 
-/* turning of the frame with axes i, j, k, in its own components: w = [j'.k, k'.i, i'.j] */
+/* angular velocity and acceleration of the frame with axes i, j, k, in its own components: w =
+ * [j'.k, k'.i, i'.j] */
 static inline vec3 frame_rate(Motion i, Motion j, Motion k)
 {
     return vec(dot(j.d, k.x), dot(k.d, i.x), dot(i.d, j.x));

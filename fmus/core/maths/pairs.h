@@ -1,6 +1,8 @@
-/* pairs.h - two vectors, quaternions or matrices, each component an array: two bodies side by side.
+/* pairs.h - pairs of vectors, quaternions or matrices, each component an array: quantities of two
+ * bodies.
  *
- * In a loop over both compilers work on both at once, with the bits of one after the other. */
+ * In a loop over both, compilers process both at once, with the same bits as one after the
+ * other. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PAIRS_H
 #define PAIRS_H

@@ -1,10 +1,10 @@
 /* portable_math.h - sin, cos, atan2, exp, log, expm1 from sums, products, quotients, comparisons
- * and bits alone.
+ * and bit operations only.
  *
- * Those operations are exact to the last bit on every platform; the C libraries' functions are not,
- * and their last bits would travel through a whole simulation. Within 1 unit in the last place
- * everywhere; special values as in Annex F of C99. The parts of a product that are exact say so:
- * nothing may be contracted to a fused operation (-ffp-contract=off). */
+ * These operations have the same bits on every platform; the functions of the C libraries differ in
+ * the last bits, which would change a whole simulation. Errors are below 1 unit in the last place;
+ * special values follow Annex F of C99. Some products must be exact, so no operations may be
+ * contracted to fused ones (-ffp-contract=off). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PORTABLE_MATH_H
 #define PORTABLE_MATH_H
@@ -16,16 +16,17 @@
 #define ROUNDER (1.5 * ALL_WHOLE) /* x + ROUNDER - ROUNDER: nearest whole number, |x| < 2^51 */
 
 /* ---- sin and cos ---- */
-/* x less n pi/2, in three parts of which two times n are exact (Cody & Waite 1980); where more than
- * the third part cancels, by the digits of 2/pi */
+/* x - n pi/2 with pi/2 in three parts, two of which have exact products with n (Cody & Waite 1980);
+ * if the difference cancels more digits than the third part covers, the digits of 2/pi are used */
 static inline Angle reduced(double x)
 {
     if (fabs(x) <= PI / 4) return (Angle){x, 0, 0};
     if (fabs(x) < 1e6) {
         double n = x * TWO_OVER_PI + ROUNDER - ROUNDER;
         double a = x - n * HALF_PI_1, b = n * HALF_PI_2, c = n * HALF_PI_3;
-        double d = a - b, back = a - d, lost = (back - b) + (a - (d + back)), hi = d - c;
-        if (fabs(d) > fabs(n) * 0x1p-54) return (Angle){hi, (d - hi - c) + lost, (int)n};
+        double d = a - b, recovered = a - d, rounding = (recovered - b) + (a - (d + recovered)),
+               hi = d - c;
+        if (fabs(d) > fabs(n) * 0x1p-54) return (Angle){hi, (d - hi - c) + rounding, (int)n};
     }
     return isfinite(x) ? reduced_by_digits(x) : (Angle){NAN, 0, 0};
 }
@@ -70,28 +71,28 @@ static inline SineCosine sine_and_cosine(double x) /* the same bits as the two f
 }
 
 /* ---- atan2 ---- */
-/* base +- atan(b/a) for 0 <= b <= a: below 1/8 q = b/a in two parts and a series, from there
- * atan(c) + atan((b - c a)/(a + c b)) with the nearest c = k/64 */
-static inline double beside(double base, double rest, double sign, double b, double a)
+/* base + rest +- atan(b/a) for 0 <= b <= a: a series in q = b/a, which is in two parts, if q < 1/8,
+ * else atan(c) + atan((b - c a)/(a + c b)) with the nearest c = k/64 */
+static inline double add_arc(double base, double base_rest, double sign, double b, double a)
 {
-    double q = b / a, a_1 = head(a), a_2 = a - a_1;
+    double q = b / a, a_1 = upper_bits(a), a_2 = a - a_1;
     if (q < 0.125) {
         const double *k = arc_terms, z = q * q, zz = z * z;
         double sum = (k[0] + z * k[1]) + zz * (k[2] + z * k[3]) +
                      zz * zz * ((k[4] + z * k[5]) + zz * (k[6] + z * k[7]));
-        double q_1 = head(q), q_2 = ((b - q_1 * a_1) - q_1 * a_2) / a;
+        double q_1 = upper_bits(q), q_2 = ((b - q_1 * a_1) - q_1 * a_2) / a;
         double tail = q_2 + q * z * sum, whole = base + sign * q_1;
-        return whole + (sign * tail + (base - whole + sign * q_1 + rest));
+        return whole + (sign * tail + (base - whole + sign * q_1 + base_rest));
     }
     double n = q * 64 + ROUNDER - ROUNDER, c = n * 0.015625;
     double d = ((b - c * a_1) - c * a_2) / (a + c * b), z = d * d;
     const double *k = arc_step_terms, *arc = arc_table[(int)n];
     double tail = arc[1] + (d + d * z * (k[0] + z * (k[1] + z * k[2])));
     double whole = base + sign * arc[0];
-    return whole + (sign * tail + (base - whole + sign * arc[0] + rest));
+    return whole + (sign * tail + (base - whole + sign * arc[0] + base_rest));
 }
 
-/* both vanish, overflow, or one of them is not finite: directions at 0, 45, 90 .. degrees */
+/* both arguments zero or infinite, or one of them not finite: directions at 0, 45, 90 .. degrees */
 static inline double arc_at_edge(double y, double x, double a)
 {
     double half = a == 0 ? signbit(x) : x < 0, quarter = a > 0 && fabs(y) == a;
@@ -100,8 +101,8 @@ static inline double arc_at_edge(double y, double x, double a)
     return quarter ? 0.5 * PI_1 : half ? PI_1 : 0;
 }
 
-/* the first octant by b <= a, the others by reflection; scaled where products would leave the
- * range of doubles */
+/* the first octant has b <= a, the others follow by reflection; a and b are scaled where products
+ * would leave the range of doubles */
 static inline double arc_tangent(double y, double x)
 {
     double v = fabs(y), u = fabs(x), a = v > u ? v : u, b = v > u ? u : v, size;
@@ -112,8 +113,8 @@ static inline double arc_tangent(double y, double x)
         double k = a > 1 ? 0x1p-600 : 0x1p540;
         a *= k, b *= k;
     }
-    if (v > u) size = beside(0.5 * PI_1, 0.5 * PI_2, x < 0 ? 1 : -1, b, a);
-    else size = x < 0 ? beside(PI_1, PI_2, -1, b, a) : beside(0, 0, 1, b, a);
+    if (v > u) size = add_arc(0.5 * PI_1, 0.5 * PI_2, x < 0 ? 1 : -1, b, a);
+    else size = x < 0 ? add_arc(PI_1, PI_2, -1, b, a) : add_arc(0, 0, 1, b, a);
     return copysign(size, y);
 }
 
@@ -134,7 +135,7 @@ static inline Power power_of_e(double x)
     return (Power){row[0], tail, (whole - j) / 128};
 }
 
-/* twice half the power above the range of normal numbers, below it a normal number scaled down */
+/* exp where 2^n is out of range: 2 times half the power above, a scaled normal number below */
 static inline double exponential_at_edge(double x)
 {
     if (isnan(x)) return x;
@@ -165,8 +166,8 @@ static inline double exponential_less_1(double x) /* exp(x) - 1, exact also near
     if (x < -40) return -1;
     if (!(x < 708)) return exponential_at_edge(x);
     Power p = power_of_e(x);
-    double a = raised(p.a, p.n), less = a - 1, back = a - less;
-    return less + ((a - (less + back)) + (back - 1) + a * p.tail);
+    double a = raised(p.a, p.n), power_less_1 = a - 1, recovered = a - power_less_1;
+    return power_less_1 + ((a - (power_less_1 + recovered)) + (recovered - 1) + a * p.tail);
 }
 
 /* ---- log ---- */
@@ -191,7 +192,7 @@ static inline double logarithm(double x)
     double n = (int)(above >> 52) - shift;
     double z = double_of((above & UINT64_C(0xFFFFFFFFFFFFF)) + LEAST_Z);
     const double *row = log_table[above >> 45 & 127], *k = log_terms;
-    double z_1 = head(z), r_1 = z_1 * row[0] - 1, r_2 = (z - z_1) * row[0], r = r_1 + r_2;
+    double z_1 = upper_bits(z), r_1 = z_1 * row[0] - 1, r_2 = (z - z_1) * row[0], r = r_1 + r_2;
     double w = n * LN_2_1 + row[1], hi = w + r, rr = r * r;
     double sum = (k[0] + r * k[1]) + rr * ((k[2] + r * k[3]) + rr * (k[4] + r * k[5]));
     return hi + ((w - hi + r) + (n * LN_2_2 + row[2] + (r_1 - r + r_2)) + rr * sum);

@@ -1,12 +1,12 @@
 /* riccati.h - algebraic Riccati and Lyapunov equations of sixth order, dense, without allocation.
  *
  *   Riccati:   A^T X + X A - X S X + Q = 0,     A - S X stable
- *   Lyapunov:  T A + A^T T = C                  for many symmetric C and one stable A
+ *   Lyapunov: T A + A^T T = C for many symmetric C and one stable A
  *
- * Riccati by the structure-preserving doubling algorithm (Chu, Fan & Lin 2005), quadratically
- * convergent for a stabilisable, detectable problem, and Newton steps (Kleinman 1968) that bring
- * stiff problems to full precision. Lyapunov as 21 linear equations for the elements on and above
- * the diagonal. */
+ * The Riccati equation is solved by the structure-preserving doubling algorithm (Chu, Fan & Lin
+ * 2005), which converges quadratically for a stabilisable, detectable problem, followed by Newton
+ * steps (Kleinman 1968) that bring stiff problems to full precision. The Lyapunov equation is
+ * solved as 21 linear equations for the elements on and above the diagonal. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RICCATI_H
 #define RICCATI_H
@@ -54,9 +54,9 @@ static inline mat6 identity6(void)
 static inline void exchange_rows(double *m, int columns, int i, int j)
 {
     for (int k = 0; k < columns; k++) {
-        double held = m[i * columns + k];
+        double other = m[i * columns + k];
         m[i * columns + k] = m[j * columns + k];
-        m[j * columns + k] = held;
+        m[j * columns + k] = other;
     }
 }
 
@@ -105,7 +105,7 @@ static inline double largest6(mat6 a)
 /* ---- Riccati by doubling ---- */
 typedef struct { mat6 E, G, H; } Doubling;
 
-/* Cayley transform with 1/s as its point: any positive number serves, it only sets the speed of
+/* Cayley transform at the point 1 1/s; any positive point works and affects only the speed of
  * convergence.
  *   B = A - I,  W = B^T + Q B^-1 S,  E = I + 2 W^-T,  G = 2 B^-1 S W^-1,  H = 2 W^-1 Q B^-1 */
 static inline Doubling doubling_start(mat6 A, mat6 S, mat6 Q)
@@ -175,8 +175,8 @@ static inline mat6 lyapunov(const LyapunovInverse *inverse, mat6 C)
     return unpacked(t);
 }
 
-/* ---- Riccati, refined ---- */
-/* a Newton step: X of (A - S X)^T X+ + X+ (A - S X) = -(Q + X S X) */
+/* ---- Riccati by Newton steps ---- */
+/* a Newton step: X+ of (A - S X)^T X+ + X+ (A - S X) = -(Q + X S X) */
 static inline mat6 refined(mat6 A, mat6 S, mat6 Q, mat6 X, LyapunovInverse *workspace)
 {
     mat6 SX = product6(S, X);
@@ -184,7 +184,7 @@ static inline mat6 refined(mat6 A, mat6 S, mat6 Q, mat6 X, LyapunovInverse *work
     return lyapunov(workspace, sum6(-1, Q, -1, product6(X, SX)));
 }
 
-/* the workspace is the caller's, of 3.5 kB that need not be on the stack */
+/* workspace: 3.5 kB provided by the caller, so that they are not on the stack */
 static inline mat6 riccati(mat6 A, mat6 S, mat6 Q, LyapunovInverse *workspace)
 {
     Doubling d = doubling_start(A, S, Q);
@@ -196,7 +196,8 @@ static inline mat6 riccati(mat6 A, mat6 S, mat6 Q, LyapunovInverse *workspace)
     }
     mat6 X = sum6(0.5, d.H, 0.5, transpose6(d.H));
     for (int k = 0; k < 3; k++)
-        X = refined(A, S, Q, X, workspace); /* what the doubling loses in stiff problems */
+        X = refined(A, S, Q, X,
+                    workspace); /* restores digits that the doubling loses in stiff problems */
     return X;
 }
 

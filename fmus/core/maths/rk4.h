@@ -3,8 +3,8 @@
  *     static void derivative(const Context *c, double t, const State *x, State *dx);
  *     RK4(integrate, derivative, Context, State)
  *
- * defines  integrate(const Context *c, double t, double h, State *x),  a step from t to t + h. It is
- * the only way to rk4: a derivative has types. */
+ * defines  integrate(const Context *c, double t, double h, State *x),  a step from t to t + h.
+ * Models call rk4() only through this macro, which checks the types of the derivative. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RK4_H
 #define RK4_H
@@ -30,7 +30,7 @@ static inline void rk4(Derivative *f, const void *context, double t, double h, d
     for (size_t i = 0; i < n; i++) x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
 }
 
-/* the array holds no more than RK4_MAX_STATES: a larger State does not compile */
+/* the arrays hold at most RK4_MAX_STATES numbers: a larger State does not compile */
 #define RK4(name, derivative, Context, State)                                                   \
     typedef char name##_fits[sizeof(State) <= RK4_MAX_STATES * sizeof(double) ? 1 : -1];        \
     static inline void name##_rates(const void *context, double t, const double *x, double *dx) \

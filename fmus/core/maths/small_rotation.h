@@ -1,8 +1,8 @@
 /* small_rotation.h - attitudes from rotation vectors and back.
  *
- * Errors are a = 4 sigma, sigma the modified Rodrigues parameters: the rotation vector up to third
- * order, exactly invertible, without a sine. True turns, as of a gyro, are rotation vectors phi.
- * Equations: docs/models.md F.2. */
+ * Small errors are a = 4 sigma with the modified Rodrigues parameters sigma: they equal the
+ * rotation vector up to third order, are exactly invertible and need no sine. Large rotations, for
+ * example of a gyro, are rotation vectors phi. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SMALL_ROTATION_H
 #define SMALL_ROTATION_H
@@ -30,8 +30,8 @@ static inline vec3 rotation_vector(quat q)
     return scale(n > 0 ? 2 * arc_tangent(n, c.w) / n : 2, v);
 }
 
-/* [cos |phi|/2, sin(|phi|/2)/|phi| phi] by series: 1e-16 up to a turn of pi */
-static inline quat turn(vec3 phi)
+/* [cos |phi|/2, sin(|phi|/2)/|phi| phi] by series: error below 1e-16 for rotations up to pi */
+static inline quat quat_of_rotation_vector(vec3 phi)
 {
     double x = dot(phi, phi) / 4, c = 1, s = 1;
     for (int k = 24; k > 0; k -= 2) {

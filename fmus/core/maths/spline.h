@@ -26,7 +26,7 @@ static inline void spline_curvature(int n, double dt, const vec3 *y, vec3 *m)
     for (int k = n; k-- > 0;) m[k] = sub(m[k], scale(upper[k], m[k + 1]));
 }
 
-/* value and derivatives a part `b` (0 .. 1) into interval k */
+/* value and derivatives at the fraction b (0 .. 1) of interval k */
 static inline Motion spline_at(double dt, const vec3 *y, const vec3 *m, int k, double b)
 {
     double a = 1 - b, dt2 = dt * dt / 6;

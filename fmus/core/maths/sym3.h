@@ -1,4 +1,5 @@
-/* sym3.h - symmetric 3x3 matrices by their six numbers: inertias, sums of a a^T, their inverse. */
+/* sym3.h - symmetric 3x3 matrices, stored as six elements: inertias, sums of a a^T, their
+ * inverse. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SYM3_H
 #define SYM3_H
@@ -26,7 +27,7 @@ static inline vec3 sym_mul(sym3 m, vec3 a)
                m.xz * a.x + m.yz * a.y + m.zz * a.z);
 }
 
-/* upper half of a b^T; of a sum of such products that is symmetric */
+/* upper triangle of a b^T, for sums of such products that are symmetric */
 static inline sym3 upper(vec3 a, vec3 b)
 {
     return (sym3){a.x * b.x, a.y * b.y, a.z * b.z, a.x * b.y, a.x * b.z, a.y * b.z};
@@ -48,7 +49,7 @@ static inline sym3 sym_inverted(sym3 m) /* by cofactors; m regular */
                   k * xz, k * (m.xy * m.xz - m.xx * m.yz)};
 }
 
-/* of a matrix that is symmetric but for roundings, and back */
+/* conversion from a matrix that is symmetric up to rounding errors, and back */
 static inline sym3 sym_of(mat3 m)
 {
     return (sym3){m.row[0].x,

@@ -10,7 +10,7 @@ typedef struct {
     mat3 axis;  /* rows: eigenvectors */
 } Eigen;
 
-/* turns axes p and q so that M_pq vanishes: tan 2 phi = 2 M_pq/(M_qq - M_pp), the smaller phi */
+/* rotates axes p and q so that M_pq vanishes: tan 2 phi = 2 M_pq/(M_qq - M_pp), the smaller phi */
 static inline void rotate_away(double M[3][3], double V[3][3], int p, int q)
 {
     if (M[p][q] == 0) return;
@@ -31,7 +31,7 @@ static inline void rotate_away(double M[3][3], double V[3][3], int p, int q)
     }
 }
 
-static inline Eigen eigen(mat3 m) /* eight sweeps: quadratic convergence is over after five */
+static inline Eigen eigen(mat3 m) /* eight sweeps: quadratic convergence needs five */
 {
     double M[3][3] = {{m.row[0].x, m.row[0].y, m.row[0].z},
                       {m.row[1].x, m.row[1].y, m.row[1].z},
@@ -47,11 +47,11 @@ static inline Eigen eigen(mat3 m) /* eight sweeps: quadratic convergence is over
                         vec(V[2][0], V[2][1], V[2][2]))};
 }
 
-/* sum of v v^T/lambda over the eigenvalues above `share` of the largest */
-static inline mat3 pseudo_inverse(mat3 m, double share)
+/* sum of v v^T/lambda over the eigenvalues above `relative_limit` times the largest */
+static inline mat3 pseudo_inverse(mat3 m, double relative_limit)
 {
     Eigen e = eigen(m);
-    double floor = share * larger(e.value.x, larger(e.value.y, e.value.z));
+    double floor = relative_limit * larger(e.value.x, larger(e.value.y, e.value.z));
     double values[3] = {e.value.x, e.value.y, e.value.z};
     mat3 sum = diagonal(0, 0, 0);
     for (int k = 0; k < 3; k++)

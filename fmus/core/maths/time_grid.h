@@ -1,31 +1,31 @@
-/* time_grid.h - absolute time grids, so that nothing depends on how a master cuts its communication
- * steps.
+/* time_grid.h - absolute time grids, so that no result depends on the communication steps of the
+ * master.
  *
  * Plants integrate on the grid k * max_step: a communication point off the grid shortens the
- * neighbouring internal steps. Flight software samples at the instants k * sample_period. Times
- * close to a grid point count as on it, because masters accumulate t += h: within 1e-9 of its
- * number, but never more than a thousandth of a grid step, and never less than two roundings of the
- * time. Grid steps are counted, so they are whole up to number 2^53; there the time itself is
- * rounded to a grid step or two. */
+ * neighbouring internal steps. Flight software samples at the instants k * sample_period. A time
+ * close to a grid point counts as the grid point, because masters accumulate t += h: within 1e-9 of
+ * its number, but within at most a thousandth of a grid step, and within at least two rounding
+ * errors of the time. Grid steps are counted in doubles, which is exact up to 2^53 steps; beyond,
+ * the rounding error of the time is a grid step or more. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TIME_GRID_H
 #define TIME_GRID_H
 
 #include "exact.h"
 
-#define ROUNDED_OFF 1e-9 /* what a quotient of times may lack to a whole number */
+#define ROUNDED_OFF 1e-9 /* largest rounding error of a quotient of times that is a whole number */
 
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
-/* how far from x a number may be that stands for x */
+/* largest distance from x of a number that counts as x */
 static inline double time_tolerance(double x, double most)
 {
     double relative = 1e-9 * (1 + fabs(x)), two_roundings = 4.44089209850062616e-16 * fabs(x);
-    double wanted = relative < most ? relative : most;
-    return wanted > two_roundings ? wanted : two_roundings;
+    double bounded = relative < most ? relative : most;
+    return bounded > two_roundings ? bounded : two_roundings;
 }
 
-/* number of the grid point that t stands for, NaN if t is between two */
+/* number of the grid point at t, NaN if t is between two grid points */
 static inline double grid_number(double t, double grid)
 {
     double n = nearest_whole(t / grid);
@@ -36,7 +36,7 @@ static inline double grid_number(double t, double grid)
  * for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s)) */
 typedef struct {
     double t, before;
-} GridTime; /* s, and the number of the grid point at or before */
+} GridTime; /* time [s]; number of the grid point at or before it */
 typedef struct {
     double t, h, before, grid;
     GridTime end;
@@ -85,7 +85,7 @@ static inline Sample next_sample(Sample s)
     return (Sample){(s.index + 1) * s.period, s.period, s.index + 1, s.left - 1};
 }
 
-/* true once t stands for `start` or a later time; at most a microsecond early */
+/* true if t is at or after `start`, within a tolerance of at most a microsecond */
 static inline int reached(double t, double start)
 {
     return t >= start - time_tolerance(start, 1e-6);

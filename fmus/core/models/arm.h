@@ -1,15 +1,15 @@
-/* arm.h - a base body with an arm of up to seven joints, at an instant, in base axes: geometry,
+/* arm.h - base body with an arm of up to seven joints at an instant, in base axes: geometry,
  * masses, mass matrix.
  *
  *   u = [v; w; dq]        velocity of S, angular velocity of the base, joint rates
  *   H = sum_k Jw_k^T I_k Jw_k + m_k Jv_k^T Jv_k, joint_inertia on its diagonal
  *
- * Everything refers to S, the centre of mass of the base: a joint at unit rate moves what is
- * outboard of it as the twist [o x a; a], momenta and loads are wrenches at S, and an element of H
- * is the product of the two. So H takes one pass inward over composite bodies. Its block of the base
- * is inverted by mass and inertia about C. Every link frame is parallel to the base at joint angle
- * zero. What only sums along the arm goes from link to link, the rest goes over all of them at
- * once. Equations: docs/models.md K.1. */
+ * All quantities refer to S, the centre of mass of the base: a joint at unit rate moves the
+ * outboard links with the twist [o x a; a], momenta and loads are wrenches at S, and an element of
+ * H is the product of a twist and a wrench. H is therefore computed in one inward pass over
+ * composite bodies. The block of the base is inverted by mass and inertia about C. Every link frame
+ * is parallel to the base at joint angle zero. Sums along the arm run from link to link, all other
+ * loops over all links at once. Equations: docs/models.md K.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_H
 #define ARM_H
@@ -20,8 +20,9 @@
 
 enum { ARM_JOINTS = 7 };
 
-/* zero pose, base axes: axis, joint from the joint before (the first: from S), centre of mass from
- * the own joint, inertia about it (xx, yy, zz and xy, xz, yz), the rotor's seen through the gear */
+/* zero pose, base axes: joint axis, joint from the previous joint (the first: from S), mass of the
+ * link, its centre of mass from its joint, inertia about the centre of mass (xx, yy, zz and xy, xz,
+ * yz), inertia of the rotor seen through the gear */
 typedef struct {
     double joints;
     vec3 axis[ARM_JOINTS], offset[ARM_JOINTS];
@@ -38,7 +39,7 @@ static inline sym3 link_inertia(const Arm *arm, int i)
     return (sym3){d.x, d.y, d.z, p.x, p.y, p.z};
 }
 
-typedef struct { vec3 v, w; } Twist;  /* of what moves: velocity of its point at S, rate */
+typedef struct { vec3 v, w; } Twist;  /* velocity of the point of the body at S, angular velocity */
 typedef struct { vec3 F, M; } Wrench; /* force, and moment about S; or momentum */
 typedef struct {
     vec3 v, w;
@@ -69,24 +70,24 @@ static inline Wrench momentum_of(const Composite *b, vec3 v, vec3 w)
     return (Wrench){add(scale(b->m, v), cross(w, b->h)), add(sym_mul(b->I, w), cross(b->h, v))};
 }
 
-/* mass and inertia of a body whose centre of mass is S */
+/* composite body with centre of mass S and inertia J_S */
 static inline Composite body_at_S(double m, mat3 J_S)
 {
     return (Composite){m, vec(0, 0, 0), sym_of(J_S)};
 }
 
-/* what it asks for to turn at a constant rate, S at rest */
-static inline Wrench turning_terms(const Composite *b, vec3 w)
+/* wrench at S that a body needs in order to turn at a constant rate about S */
+static inline Wrench gyroscopic_wrench(const Composite *b, vec3 w)
 {
     return (Wrench){cross(w, cross(w, b->h)), cross(w, sym_mul(b->I, w))};
 }
 
 /* ---- geometry ---- */
-/* the arm as a chain, link by link; links that do not exist weigh nothing and do not turn */
+/* parameters of the arm link by link; links that do not exist have no mass and do not turn */
 typedef struct {
     int joints;
     vec3 shoulder;             /* first joint from S */
-    vec3s axis, reach, centre; /* reach: from the own joint to the next, of the last link to E */
+    vec3s axis, reach, centre; /* reach: from joint to next joint, for the last link to E */
     sym3s inertia;
     double mass[COLUMNS], rotor[COLUMNS];
 } Chain;
@@ -97,21 +98,21 @@ typedef struct {
     sym3s I;
 } Composites;
 
-/* its links one by one, base axes */
+/* the links of the arm at an instant, base axes */
 typedef struct {
-    mat3s R;        /* axes of the link to those of the base */
-    vec3s o, reach; /* the own joint; from there to the next, of the last link to E */
-    Composites own; /* by weigh() */
+    mat3s R;        /* link axes to base axes */
+    vec3s o, reach; /* joint of the link; from there to the next, for the last link to E */
+    Composites own; /* set by set_link_inertias() */
 } Links;
 
-/* the arm at an instant, base axes; doubles throughout */
+/* kinematic tree of base and arm at an instant, base axes; doubles only */
 typedef struct {
     double joints, rotor[COLUMNS];
-    vec3s a, oa; /* axis of each joint, o x a: at unit rate it moves as [o x a; a] */
-    mat3 R_A;    /* last link: axes to base axes */
+    vec3s a, oa; /* axis of each joint and o x a: the twist at unit rate is [o x a; a] */
+    mat3 R_A;    /* axes of the last link to base axes */
     vec3 p_E;
-    Composite links; /* all of them: by set_mass_matrix() */
-    Composite whole; /* with the base, H_00 = [m 1, -h~; h~, I] */
+    Composite links; /* all links together: set by set_mass_matrix() */
+    Composite whole; /* links and base, H_00 = [m 1, -h~; h~, I] */
     vec3s F, M;      /* H_0m: momentum at unit rate of each joint */
 } Tree;
 
@@ -125,7 +126,7 @@ static inline void put_composite(Composites *b, int i, Composite one)
     put_vec(&b->h, i, one.h);
     put_sym(&b->I, i, one.I);
 }
-static inline Composite united(Composite a, Composite b)
+static inline Composite combined(Composite a, Composite b)
 {
     return (Composite){a.m + b.m, add(a.h, b.h), sym_add(a.I, b.I)};
 }
@@ -156,7 +157,8 @@ static inline void set_chain(Chain *c, const Arm *arm)
     }
 }
 
-/* Rot(a, q) = c 1 + (1 - c) a a^T + s a~, Rodrigues: turns vectors by +q about the unit vector a */
+/* Rot(a, q) = c 1 + (1 - c) a a^T + s a~, Rodrigues: rotates vectors by +q about the unit vector
+ * a */
 static inline mat3 turn_about(vec3 a, double s, double c)
 {
     vec3 k = scale(1 - c, a), b = scale(s, a);
@@ -166,7 +168,7 @@ static inline mat3 turn_about(vec3 a, double s, double c)
 }
 
 /* R_i = R_(i-1) Rot(axis_i, q_i) */
-static inline void turn_links(mat3s *restrict R, const Chain *restrict arm, const double q[])
+static inline void rotate_links(mat3s *restrict R, const Chain *restrict arm, const double q[])
 {
     double s[COLUMNS] = {0}, c[COLUMNS] = {[ARM_JOINTS] = 1};
     mat3s turn;
@@ -177,20 +179,20 @@ static inline void turn_links(mat3s *restrict R, const Chain *restrict arm, cons
     }
     for (int i = 0; i < COLUMNS; i++)
         put_mat(&turn, i, turn_about(vec_at(&arm->axis, i), s[i], c[i]));
-    mat3 so_far = mat_at(&turn, 0);
-    put_mat(R, 0, so_far);
+    mat3 product_of_turns = mat_at(&turn, 0);
+    put_mat(R, 0, product_of_turns);
     for (int i = 1; i < ARM_JOINTS; i++) {
-        so_far = matmul(so_far, mat_at(&turn, i));
-        put_mat(R, i, so_far);
+        product_of_turns = matmul(product_of_turns, mat_at(&turn, i));
+        put_mat(R, i, product_of_turns);
     }
-    put_mat(R, ARM_JOINTS, so_far);
+    put_mat(R, ARM_JOINTS, product_of_turns);
 }
 
 /* a_i = R_i axis_i, the same on both sides of the joint,  o_i = o_(i-1) + R_(i-1) offset_i */
-static inline void place(Tree *restrict t, Links *restrict k, const Chain *restrict arm,
-                         const double q[])
+static inline void place_links(Tree *restrict t, Links *restrict k, const Chain *restrict arm,
+                               const double q[])
 {
-    turn_links(&k->R, arm, q);
+    rotate_links(&k->R, arm, q);
     for (int i = 0; i < COLUMNS; i++) {
         mat3 R = mat_at(&k->R, i);
         put_vec(&t->a, i, mul(R, vec_at(&arm->axis, i)));
@@ -203,22 +205,22 @@ static inline void place(Tree *restrict t, Links *restrict k, const Chain *restr
     t->R_A = mat_at(&k->R, COLUMNS - 1);
 }
 
-/* R L R^T, of the same trace */
-static inline sym3 turned(mat3 R, sym3 L)
+/* R L R^T; the rotation preserves the trace, which gives the third diagonal element */
+static inline sym3 rotated_inertia(mat3 R, sym3 L)
 {
     vec3 x = R.row[0], y = R.row[1], z = R.row[2], Lx = sym_mul(L, x), Ly = sym_mul(L, y);
     double xx = dot(x, Lx), yy = dot(y, Ly);
     return (sym3){xx, yy, L.xx + L.yy + L.zz - xx - yy, dot(x, Ly), dot(z, Lx), dot(z, Ly)};
 }
 
-/* c_i = o_i + R_i centre_i,  I_i = R_i L_i R_i^T, about S */
-static inline void weigh(Links *restrict k, const Chain *restrict arm)
+/* c_i = o_i + R_i centre_i, I_i = R_i L_i R_i^T, moved to S */
+static inline void set_link_inertias(Links *restrict k, const Chain *restrict arm)
 {
     for (int i = 0; i < COLUMNS; i++) {
         mat3 R = mat_at(&k->R, i);
         double m = arm->mass[i];
         vec3 c = add(vec_at(&k->o, i), mul(R, vec_at(&arm->centre, i)));
-        sym3 I = sym_add(turned(R, sym_at(&arm->inertia, i)), point_inertia(m, c));
+        sym3 I = sym_add(rotated_inertia(R, sym_at(&arm->inertia, i)), point_inertia(m, c));
         put_composite(&k->own, i, (Composite){m, scale(m, c), I});
     }
 }
@@ -257,11 +259,11 @@ static inline void set_mass_matrix(Tree *t, const Links *k, const Composite *bas
     t->whole = *base;
     if (t->joints == 0) return;
     for (int i = COLUMNS; i-- > 0;) {
-        sum = united(composite_at(&k->own, i), sum);
+        sum = combined(composite_at(&k->own, i), sum);
         put_composite(&outboard, i, sum);
     }
     t->links = sum;
-    t->whole = united(sum, *base);
+    t->whole = combined(sum, *base);
     for (int i = 0; i < COLUMNS; i++) {
         Twist screw = screw_at(t, i);
         Composite b = composite_at(&outboard, i);
@@ -282,8 +284,8 @@ static inline Wrench base_rows(const Tree *t, const Speeds *u)
     return sum;
 }
 
-/* rows of the joints in H times u: a joint inboard moves all that j carries, one outboard is
- * carried by j */
+/* rows of the joints in H times u: joints inboard of j move all links outboard of j; joints
+ * outboard of j move some of these links */
 static inline void set_joint_rows(double row[COLUMNS], const Tree *t, const Speeds *u)
 {
     int joints = (int)t->joints;
@@ -299,11 +301,12 @@ static inline void set_joint_rows(double row[COLUMNS], const Tree *t, const Spee
     }
 }
 
-/* H_00^-1: mass and inertia about C; no inertia where the base does not turn */
+/* H_00^-1 as inverse mass and inverse inertia about C; inverse inertia 0 if the base does not
+ * turn */
 typedef struct {
-    double per_mass;
+    double inverse_mass;
     vec3 c;
-    sym3 per_inertia;
+    sym3 inverse_inertia;
 } Mobility;
 
 static inline Mobility mobility_of(const Composite *whole, int turns)
@@ -314,10 +317,10 @@ static inline Mobility mobility_of(const Composite *whole, int turns)
 }
 
 /* H_00^-1 y:  w = I_C^-1 (M - c x F),  v = F/m - w x c */
-static inline Twist base_answer(const Mobility *base, Wrench y)
+static inline Twist base_response(const Mobility *base, Wrench y)
 {
-    vec3 w = sym_mul(base->per_inertia, sub(y.M, cross(base->c, y.F)));
-    return (Twist){sub(scale(base->per_mass, y.F), cross(w, base->c)), w};
+    vec3 w = sym_mul(base->inverse_inertia, sub(y.M, cross(base->c, y.F)));
+    return (Twist){sub(scale(base->inverse_mass, y.F), cross(w, base->c)), w};
 }
 
 #endif

@@ -1,11 +1,11 @@
-/* arm_dynamics.h - equations of motion of a base body with an arm: what its motion asks for, and
- * the accelerations.
+/* arm_dynamics.h - equations of motion of a base body with an arm: velocity-dependent loads and
+ * accelerations.
  *
  *   H du/dt + b = Q       u = [v; w; dq]
  *   b = sum_k Jw_k^T (I_k alpha'_k + w_k x I_k w_k) + m_k Jv_k^T a'_k,   alpha', a' with du/dt = 0
  *
- * b takes one pass outward and one inward; the gradient of gravity goes along. The base leaves the
- * system before it is solved. Equations: docs/models.md K.1. */
+ * b is computed in one pass outward and one inward, together with the gravity gradient. The base is
+ * eliminated before the system of the joints is solved. Equations: docs/models.md K.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_DYNAMICS_H
 #define ARM_DYNAMICS_H
@@ -15,24 +15,25 @@
 
 /* ---- H x = y ---- */
 typedef struct {
-    int turns, joints;     /* the base turns; how many joints move */
-    double moves[COLUMNS]; /* 1: this one */
-} Moving;
+    int turns, joints;     /* 1: the base turns; number of joints that move */
+    double moves[COLUMNS]; /* 1: the joint moves, 0: it is locked */
+} DegreesOfFreedom;
 
-/* the screws of the joints on a base that answers them, and y_m - H_m0 H_00^-1 y_0; 0 where a joint
- * stands */
+/* twists of the joints with the reaction of the free base, and y_m - H_m0 H_00^-1 y_0; 0 for a
+ * locked joint */
 typedef struct {
     vec3s v, w, F, M;
     double y[COLUMNS];
 } Reduced;
 
-static inline void reduce(Reduced *restrict r, const Tree *restrict t, const Moving *restrict k,
-                          const Forces *restrict y, const Mobility *restrict base)
+static inline void reduce(Reduced *restrict r, const Tree *restrict t,
+                          const DegreesOfFreedom *restrict k, const Forces *restrict y,
+                          const Mobility *restrict base)
 {
     const Wrench y_0 = y->base;
     for (int i = 0; i < COLUMNS; i++) {
         Wrench p = column_at(t, i);
-        Twist answer = base_answer(base, p);
+        Twist answer = base_response(base, p);
         double moves = k->moves[i];
         put_vec(&r->v, i, scale(moves, sub(vec_at(&t->oa, i), answer.v)));
         put_vec(&r->w, i, scale(moves, sub(vec_at(&t->a, i), answer.w)));
@@ -42,12 +43,12 @@ static inline void reduce(Reduced *restrict r, const Tree *restrict t, const Mov
     }
 }
 
-/* x of H x = y for what moves, the rest stands: 0. NaN where H is not positive definite.
+/* x of H x = y for the joints that move, 0 for the others; NaN if H is not positive definite:
  *   (H_mm - H_m0 H_00^-1 H_0m) x_m = y_m - H_m0 H_00^-1 y_0,   x_0 = H_00^-1 (y_0 - H_0m x_m)
- * An element on the left is the momentum of one joint times the screw of the other on a base that
- * answers it. */
-static inline int solve_joints(double x[COLUMNS], const Tree *t, const Moving *k, const Forces *y,
-                               const Mobility *base)
+ * An element of the reduced matrix is the momentum of one joint times the twist of the other joint
+ * with the reaction of the free base. */
+static inline int solve_joints(double x[COLUMNS], const Tree *t, const DegreesOfFreedom *k,
+                               const Forces *y, const Mobility *base)
 {
     double a[COLUMNS][UPPER];
     Reduced r;
@@ -63,38 +64,39 @@ static inline int solve_joints(double x[COLUMNS], const Tree *t, const Moving *k
     return solve_upper(a, joints, x);
 }
 
-static inline Speeds solved(const Tree *t, const Moving *k, const Forces *y)
+static inline Speeds solve_for_speeds(const Tree *t, const DegreesOfFreedom *k, const Forces *y)
 {
     const Mobility base = mobility_of(&t->whole, k->turns);
-    Speeds found = {.joint = {0}};
-    Wrench left = y->base;
+    Speeds solution = {.joint = {0}};
+    Wrench remainder = y->base;
     int joints = k->joints > 0 ? (int)t->joints : 0;
-    int good = t->whole.m > 0 && (!joints || solve_joints(found.joint, t, k, y, &base));
+    int good = t->whole.m > 0 && (!joints || solve_joints(solution.joint, t, k, y, &base));
     for (int i = 0; i < joints; i++) {
-        if (!good && k->moves[i] > 0) found.joint[i] = NAN;
-        left = plus_wrench(left, -found.joint[i], column_at(t, i));
+        if (!good && k->moves[i] > 0) solution.joint[i] = NAN;
+        remainder = plus_wrench(remainder, -solution.joint[i], column_at(t, i));
     }
-    Twist of_base = base_answer(&base, left);
-    found.v = of_base.v;
-    found.w = of_base.w;
-    return found;
+    Twist base_motion = base_response(&base, remainder);
+    solution.v = base_motion.v;
+    solution.w = base_motion.w;
+    return solution;
 }
 
-/* ---- loads on the bodies, and Q or b of them ---- */
-/* of a field in which all bodies fall with C, what is left at x from C: G x = g (3 a (a.x) - x) */
+/* ---- loads on the bodies and the generalised forces Q or b ---- */
+/* tidal field: acceleration at x from C minus acceleration at C, G x = g (3 a (a.x) - x), g =
+ * mu/r^3 */
 typedef struct {
     mat3 G;
     vec3 at_S;
-} Tide;
+} TidalField;
 
-static inline Tide tide_about(vec3 c, double g, vec3 a)
+static inline TidalField tidal_field_about(vec3 c, double g, vec3 a)
 {
     mat3 G = plus(identity(-g), scaled(3 * g, outer(a, a)));
-    return (Tide){G, neg(mul(G, c))};
+    return (TidalField){G, neg(mul(G, c))};
 }
 
-/* w~ w~ + alpha~ - G: what a' less the tide grows by with the place on a body */
-static inline mat3 growth(vec3 w, vec3 alpha, mat3 G)
+/* w~ w~ + alpha~ - G: gradient of a' minus the tidal acceleration over the points of a body */
+static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
 {
     double xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
     double xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
@@ -104,8 +106,8 @@ static inline mat3 growth(vec3 w, vec3 alpha, mat3 G)
                  G);
 }
 
-/* integral of r x A r dm over a body of inertia I: I alpha' + w x I w - 3 g a x (I a). With the
- * second moments trace(I)/2 1 - I of the mass, rows of A times theirs. */
+/* integral of r x A r dm over a body of inertia I, which is I alpha' + w x I w - 3 g a x (I a); the
+ * second moments of its mass are trace(I)/2 1 - I */
 static inline vec3 moment_of(mat3 A, sym3 I)
 {
     double half = (I.xx + I.yy + I.zz) / 2;
@@ -115,49 +117,51 @@ static inline vec3 moment_of(mat3 A, sym3 I)
                dot(A.row[1], x) - dot(A.row[0], y));
 }
 
-/* of the acceleration a + A r on a body, r from S */
+/* wrench at S that gives the points r of a body (from S) the acceleration a + A r */
 static inline Wrench inertial_load(Composite b, vec3 a, mat3 A)
 {
     return (Wrench){add(scale(b.m, a), mul(A, b.h)), add(cross(b.h, a), moment_of(A, b.I))};
 }
 
-/* acceleration of each joint with du/dt = 0, less the tide, and what it grows by on the link behind,
- * A_0 on the base:
+/* acceleration of each joint minus the tidal acceleration, with du/dt = 0, and its gradient A_i on
+ * the link outboard of the joint, A_0 on the base:
  *   w_i = w_(i-1) + a_i dq_i,   alpha'_i = alpha'_(i-1) + w_(i-1) x a_i dq_i,
  *   a'(o_(i+1)) = a'(o_i) + A_i (o_(i+1) - o_i) */
 typedef struct {
     vec3s at_o;
     mat3s A;
-} Fields;
+} AccelerationFields;
 
-static inline void set_fields(Fields *restrict f, const Tree *restrict t, const Links *restrict k,
-                              const Speeds *u, const Tide *tide, mat3 A_0)
+static inline void set_acceleration_fields(AccelerationFields *restrict f, const Tree *restrict t,
+                                           const Links *restrict k, const Speeds *u,
+                                           const TidalField *tidal, mat3 A_0)
 {
-    vec3s turning, rate, bend, alpha, jump;
-    const mat3 G = tide->G;
+    vec3s joint_turning, rate, coriolis, alpha, increment;
+    const mat3 G = tidal->G;
     const vec3 none = vec(0, 0, 0);
-    for (int i = 0; i < COLUMNS; i++) put_vec(&turning, i, scale(u->joint[i], vec_at(&t->a, i)));
-    partial_sums(&rate, u->w, &turning);
     for (int i = 0; i < COLUMNS; i++)
-        put_vec(&bend, i, cross(vec_at(&rate, i), vec_at(&turning, i)));
-    partial_sums(&alpha, none, &bend);
+        put_vec(&joint_turning, i, scale(u->joint[i], vec_at(&t->a, i)));
+    partial_sums(&rate, u->w, &joint_turning);
+    for (int i = 0; i < COLUMNS; i++)
+        put_vec(&coriolis, i, cross(vec_at(&rate, i), vec_at(&joint_turning, i)));
+    partial_sums(&alpha, none, &coriolis);
     for (int i = 0; i < COLUMNS; i++) {
-        mat3 A = growth(add(vec_at(&rate, i), vec_at(&turning, i)),
-                        add(vec_at(&alpha, i), vec_at(&bend, i)), G);
+        mat3 A = acceleration_gradient(add(vec_at(&rate, i), vec_at(&joint_turning, i)),
+                                       add(vec_at(&alpha, i), vec_at(&coriolis, i)), G);
         put_mat(&f->A, i, A);
-        put_vec(&jump, i, mul(A, vec_at(&k->reach, i)));
+        put_vec(&increment, i, mul(A, vec_at(&k->reach, i)));
     }
-    partial_sums(&f->at_o, sub(mul(A_0, vec_at(&k->o, 0)), tide->at_S), &jump);
+    partial_sums(&f->at_o, sub(mul(A_0, vec_at(&k->o, 0)), tidal->at_S), &increment);
 }
 
-/* b of the links: loads on the bodies, summed inward; what the base carries */
+/* b of the joints: loads on the links, summed inward; returns their sum, which acts on the base */
 static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, const Speeds *u,
-                                      const Tide *tide, mat3 A_0)
+                                      const TidalField *tidal, mat3 A_0)
 {
-    Fields f;
+    AccelerationFields f;
     vec3s F, M;
     Wrench sum = {vec(0, 0, 0), vec(0, 0, 0)};
-    set_fields(&f, t, k, u, tide, A_0);
+    set_acceleration_fields(&f, t, k, u, tidal, A_0);
     for (int i = 0; i < COLUMNS; i++) {
         mat3 A = mat_at(&f.A, i);
         vec3 at_S = sub(vec_at(&f.at_o, i), mul(A, vec_at(&k->o, i)));
@@ -175,14 +179,14 @@ static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, 
     return sum;
 }
 
-/* b - Q_gg: what the motion asks for with du/dt = 0, less what the tide does to it */
+/* b - Q_gg: loads of the motion with du/dt = 0 minus loads of the gravity gradient */
 static inline Forces velocity_forces(const Tree *t, const Links *k, const Composite *base,
-                                     const Speeds *u, const Tide *tide)
+                                     const Speeds *u, const TidalField *tidal)
 {
     Forces b = {.joint = {0}};
-    mat3 A_0 = growth(u->w, vec(0, 0, 0), tide->G);
-    b.base = inertial_load(*base, neg(tide->at_S), A_0);
-    if (t->joints > 0) b.base = plus_wrench(b.base, 1, set_joint_forces(&b, t, k, u, tide, A_0));
+    mat3 A_0 = acceleration_gradient(u->w, vec(0, 0, 0), tidal->G);
+    b.base = inertial_load(*base, neg(tidal->at_S), A_0);
+    if (t->joints > 0) b.base = plus_wrench(b.base, 1, set_joint_forces(&b, t, k, u, tidal, A_0));
     return b;
 }
 

@@ -1,18 +1,19 @@
-/* assembly.h - two docked bodies, the module (1) swung about the z axis of a hinge on the base (0),
- * on a circular orbit: composite inertia, momentum, torques, attitude. One model for plant,
- * guidance and controller.
+/* assembly.h - two docked bodies on a circular orbit, the module (1) turning about the z axis of a
+ * hinge on the base (0): composite inertia, momentum, torques, attitude. Plant, guidance and
+ * controller use the same model.
  *
  *   J_A = J0 + A_01 J1 A_01^T - m_r [R]x[R]x,   m_r = m0 m1/(m0+m1),   R: CM 0 -> CM 1
  *   h_m = A_01 J1 omega_1 + m_r R x V,          V = dR/dt as seen in the base
  *   H   = J_A omega_0 + h_m + h_cmg             about the centre of mass of the assembly
  *   J_A omega_0' + J_A' omega_0 + h_m' + h_cmg' + omega_0 x H = tau_gg + tau_aero
  *
- * All in base axes S. Attitude zero is the flight attitude: the base axes are those of the orbital
- * frame o of the patent, X along the flight, Y minus the orbit normal, Z to the Earth. On the wires
- * attitudes are relative to H (x outward, y along track, z orbit normal): X_o = y_H, Y_o = -z_H,
- * Z_o = -x_H, so that attitude zero is q_SH = q_oH = (1, -1, -1, 1)/2. q_oH and q_HN below are the
- * only places that know. N: the axes of H at t = 0. eps: vector part of q_So, below half a turn.
- * Source: patent CN106020225A, corrected (docs/models.md E). */
+ * All vectors are in base axes S. Attitude zero is the flight attitude: the base axes coincide with
+ * the orbital frame o of the patent, X along the velocity, Y opposite to the orbit normal, Z to the
+ * Earth. The attitudes in ports are relative to H (x outward, y along track, z orbit normal): X_o =
+ * y_H, Y_o = -z_H, Z_o = -x_H, so that attitude zero is q_SH = q_oH = (1, -1, -1, 1)/2. q_oH and
+ * q_HN below are the only functions that contain this convention. N: the axes of H at t = 0. eps:
+ * vector part of q_So, for rotations below half a turn. Source: patent CN106020225A, corrected
+ * (docs/models.md E). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ASSEMBLY_H
 #define ASSEMBLY_H
@@ -25,7 +26,7 @@
 
 typedef struct {
     double m0, m1;
-    mat3 J0, J1;        /* about the own centre of mass, own axes */
+    mat3 J0, J1;        /* each about its centre of mass, in its own axes */
     vec3 hinge, module; /* CM 0 -> hinge, base axes; hinge -> CM 1, module axes */
     Surfaces surfaces;
     double mu, R_C, rho, C_D;
@@ -106,7 +107,8 @@ static inline vec3 gravity_torque(const Assembly *a, const Configuration *c, mat
     return gravity_gradient(a->mu, mul(C_So, vec(0, 0, -a->R_C)), c->J);
 }
 
-/* 1/2 rho V_R^2 C_D sum(A_k C_k) x v, the gas moves past the assembly against the flight */
+/* 1/2 rho V_R^2 C_D sum(A_k C_k) x v; v: direction of the gas relative to the assembly, opposite to
+ * the orbital velocity */
 static inline vec3 aero_torque(const Assembly *a, const Configuration *c, mat3 C_So)
 {
     vec3 v = mul(C_So, vec(-1, 0, 0)), moment = vec(0, 0, 0);
@@ -121,7 +123,7 @@ static inline vec3 environment_torque(const Assembly *a, const Configuration *c,
 }
 
 /* ---- momentum and its balance ---- */
-static inline vec3 carried_momentum(const Configuration *c, vec3 omega) /* H - h_cmg */
+static inline vec3 momentum_without_gyros(const Configuration *c, vec3 omega) /* H - h_cmg */
 {
     return add(mul(c->J, omega), c->h);
 }
@@ -129,7 +131,7 @@ static inline vec3 carried_momentum(const Configuration *c, vec3 omega) /* H - h
 /* J_A' omega_0 + h_m' + omega_0 x H - tau */
 static inline vec3 inertial_load(const Configuration *c, vec3 omega, vec3 h, vec3 torque)
 {
-    vec3 gyroscopic = cross(omega, add(carried_momentum(c, omega), h));
+    vec3 gyroscopic = cross(omega, add(momentum_without_gyros(c, omega), h));
     return sub(sum3(mul(c->dJ, omega), c->dh, gyroscopic), torque);
 }
 static inline vec3 acceleration(const Configuration *c, vec3 omega, vec3 h, vec3 dh, vec3 torque)
@@ -148,11 +150,11 @@ typedef struct {
     quat q_So;
     mat3 C_So;
     vec3 omega, domega; /* relative to N, body axes */
-} Turning;
+} BaseMotion;
 
 /* omega = C_So omega_orb + w,  w = 2 (eta eps' - eps x eps' - eta' eps),
  * eta = sqrt(1 - eps.eps) */
-static inline Turning turning(const Assembly *a, Motion eps)
+static inline BaseMotion base_motion(const Assembly *a, Motion eps)
 {
     double eta = sqrt(1 - dot(eps.x, eps.x)), deta = -dot(eps.x, eps.d) / eta;
     double ddeta = -(dot(eps.d, eps.d) + dot(eps.x, eps.dd) + deta * deta) / eta;
@@ -161,7 +163,7 @@ static inline Turning turning(const Assembly *a, Motion eps)
     vec3 w = scale(2, sub(sub(scale(eta, eps.d), cross(eps.x, eps.d)), scale(deta, eps.x)));
     vec3 dw = scale(2, sub(sub(scale(eta, eps.dd), cross(eps.x, eps.dd)), scale(ddeta, eps.x)));
     vec3 orbital = mul(C, orbital_rate_o(a));
-    return (Turning){q, C, add(orbital, w), sub(dw, cross(w, orbital))};
+    return (BaseMotion){q, C, add(orbital, w), sub(dw, cross(w, orbital))};
 }
 
 static inline double rotation_of(vec3 eps) /* angle of the rotation [rad] */

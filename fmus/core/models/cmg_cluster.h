@@ -4,8 +4,8 @@
  *   h  = h_w sum(s_i cos d_i + t_i sin d_i),   t_i = g_i x s_i
  *   h' = h_w A(d) d',                          A_i = -s_i sin d_i + t_i cos d_i
  *
- * The gimbal axes are those of a regular dodecahedron: the angle between any two is 63.4 deg, so
- * that the envelope is nearly a sphere. Source: docs/models.md E.6. */
+ * The gimbal axes are normal to the faces of a regular dodecahedron: the angle between any two is
+ * 63.4 deg, so that the envelope is nearly a sphere. Source: docs/models.md E.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CMG_CLUSTER_H
 #define CMG_CLUSTER_H
@@ -14,12 +14,12 @@
 
 enum { GYROS = 6 };
 
-/* at rest and far from singular */
+/* zero momentum, far from singular gimbal angles */
 #define GIMBALS_AT_START {0.3 * PI, -0.6 * PI, 0.8 * PI, 0, -0.8 * PI, 0.6 * PI}
 
 typedef struct { vec3 g, s, t; } Gyro; /* gimbal axis, spin axis at zero, torque axis at zero */
 
-static inline Gyro gyro(int i)
+static inline Gyro gyro_axes(int i)
 {
     if (i == 0) return (Gyro){vec(0, 0, 1), vec(1, 0, 0), vec(0, 1, 0)};
     double root = sqrt(5.0), c1 = (root - 1) / 4, c2 = -(root + 1) / 4; /* cos 72, cos 144 deg */
@@ -30,7 +30,7 @@ static inline Gyro gyro(int i)
     return (Gyro){g, spin, cross(g, spin)};
 }
 
-static inline vec3 spin_axis(Gyro a, double d) /* along the wheel's momentum */
+static inline vec3 spin_axis(Gyro a, double d) /* direction of the wheel's momentum */
 {
     SineCosine turn = sine_and_cosine(d);
     return add(scale(turn.c, a.s), scale(turn.s, a.t));
@@ -44,14 +44,14 @@ static inline vec3 torque_axis(Gyro a, double d) /* A_i, derivative of spin_axis
 static inline vec3 cluster_momentum(double h_w, const double d[GYROS])
 {
     vec3 sum = vec(0, 0, 0);
-    for (int i = 0; i < GYROS; i++) sum = add(sum, spin_axis(gyro(i), d[i]));
+    for (int i = 0; i < GYROS; i++) sum = add(sum, spin_axis(gyro_axes(i), d[i]));
     return scale(h_w, sum);
 }
 
 static inline vec3 cluster_rate(double h_w, const double d[GYROS], const double dd[GYROS])
 {
     vec3 sum = vec(0, 0, 0);
-    for (int i = 0; i < GYROS; i++) sum = add(sum, scale(dd[i], torque_axis(gyro(i), d[i])));
+    for (int i = 0; i < GYROS; i++) sum = add(sum, scale(dd[i], torque_axis(gyro_axes(i), d[i])));
     return scale(h_w, sum);
 }
 
@@ -59,7 +59,7 @@ static inline mat3 A_A_transposed(const double d[GYROS])
 {
     mat3 sum = diagonal(0, 0, 0);
     for (int i = 0; i < GYROS; i++) {
-        vec3 A = torque_axis(gyro(i), d[i]);
+        vec3 A = torque_axis(gyro_axes(i), d[i]);
         sum = plus(sum, outer(A, A));
     }
     return sum;
@@ -75,7 +75,7 @@ singularity_measure(const double d[GYROS]) /* m = sqrt(det A A^T), 0: singular *
 static inline double envelope(double h_w, vec3 u)
 {
     double sum = 0;
-    for (int i = 0; i < GYROS; i++) sum += norm(cross(gyro(i).g, u));
+    for (int i = 0; i < GYROS; i++) sum += norm(cross(gyro_axes(i).g, u));
     return h_w * sum;
 }
 

@@ -6,19 +6,19 @@
 #include "attitude.h"
 #include "fmu.h"
 
-#define UNIT_TOLERANCE 1e-9 /* numbers typed or turned, not only those of full precision */
+#define UNIT_TOLERANCE 1e-9 /* admits typed and rotated vectors, which are not exact */
 
 static inline int is_unit_length(double length) { return fabs(length - 1) <= UNIT_TOLERANCE; }
 
 static inline void check_unit_vector(Problems *problems, const char *name, vec3 a)
 {
-    if (!is_unit_length(norm(a))) refuse(problems, name, norm(a), "must be a unit vector");
+    if (!is_unit_length(norm(a))) reject(problems, name, norm(a), "must be a unit vector");
 }
 
 static inline void check_unit_quaternion(Problems *problems, const char *name, quat q)
 {
     double n = sqrt(q.w * q.w + dot(vector_part(q), vector_part(q)));
-    if (!is_unit_length(n)) refuse(problems, name, n, "must be a unit quaternion");
+    if (!is_unit_length(n)) reject(problems, name, n, "must be a unit quaternion");
 }
 
 #endif

@@ -1,7 +1,8 @@
-/* earth.h - the Earth as the works take it, and the orbit from which target and servicer start.
+/* earth.h - constants of the Earth in the published works, and the start orbit of target and
+ * servicer.
  *
- * Three values of its gravitational parameter, because every system has the one of its paper: they
- * differ by 1e-8, less than any result shows, and none is corrected. */
+ * There are three values of the gravitational parameter, because every system uses the value of its
+ * paper. They differ by 1e-8, which affects no result visibly. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef EARTH_H
 #define EARTH_H
@@ -14,7 +15,7 @@
 
 #define EARTH .mu = MU_JGM3, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3 /* JGM-3 */
 
-/* Zhu & Yang 2009, with J2: elements of the target; the servicer starts beside it */
+/* Zhu & Yang 2009, with J2: elements of the target; the servicer starts at an offset from it */
 #define START_ORBIT                                                  \
     {EARTH,          .a = 7158140,       .e = 0.01,   .inc = PI / 6, \
      .argp = PI / 3, .raan = 2 * PI / 3, .nu = PI / 6}

@@ -3,14 +3,14 @@
  * r points from the servicer to the target. One inertial axis is "up"; with that axis called y and
  * the two others in cyclic order, ce = cos(elevation), sb = sin(azimuth) and so on, the axes of
  * frame L are
- *   x_l = [ ce cb,  se, -ce sb] = r/|r|,   y_l = [-se cb,  ce,  se sb],   
+ *   x_l = [ ce cb,  se, -ce sb] = r/|r|,   y_l = [-se cb,  ce,  se sb],
  *   z_l = x_l x y_l = [ sb,  0,  cb]
  * elevation is counted from the plane normal to "up", azimuth from its first axis, and
  *   rho' = x_l.v,   eps' = y_l.v/rho,   bet' = -z_l.v/(rho ce)
  *   rho'' = x_l.a + rho (eps'^2 + bet'^2 ce^2)
  *   eps'' = (y_l.a - 2 rho' eps')/rho - bet'^2 se ce
  *   bet'' = (-z_l.a - 2 rho' bet' ce + 2 rho eps' bet' se)/(rho ce)
- * Divisors are kept away from zero: rho by 0.1 m, ce by 1e-3. Equations: docs/models.md C.1. */
+ * Divisors are bounded from below: rho by 0.1 m, ce by 1e-3. Equations: docs/models.md C.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LINE_OF_SIGHT_H
 #define LINE_OF_SIGHT_H
@@ -18,12 +18,14 @@
 #include "fmu.h"
 #include "motion.h"
 
-#define SMALLEST_COSINE 1e-3 /* of the elevation, where it divides: near the poles */
-#define SMALLEST_RANGE  0.1  /* m, where it divides */
+#define SMALLEST_COSINE \
+    1e-3                   /* smallest cosine of the elevation used as a divisor, near the poles */
+#define SMALLEST_RANGE 0.1 /* m, smallest range used as a divisor */
 
 enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 
-#define UP_AXIS_TEXT "inertial axis that is up for the line-of-sight angles: 1 = X, 2 = Y, 3 = Z"
+#define UP_AXIS_TEXT \
+    "inertial axis called up in the definition of the line-of-sight angles: 1 = X, 2 = Y, 3 = Z"
 
 /* a vec3 of LOS coordinates is (range, elevation, azimuth) */
 #define LOS_OUTPUTS(name, member, range_unit, angle_unit, text)                               \
@@ -42,10 +44,10 @@ typedef struct {
 static inline void check_up_axis(Problems *problems, double up)
 {
     if (up != UP_IS_X && up != UP_IS_Y && up != UP_IS_Z)
-        refuse(problems, "up_axis", up, "must be 1, 2 or 3");
+        reject(problems, "up_axis", up, "must be 1, 2 or 3");
 }
 
-/* components with "up" as second one, and the way back */
+/* components reordered so that "up" is the second one, and the inverse */
 static inline vec3 with_up_as_y(vec3 a, double up)
 {
     return up == UP_IS_X ? vec(a.z, a.x, a.y) : up == UP_IS_Z ? vec(a.y, a.z, a.x) : a;

@@ -1,4 +1,4 @@
-/* mounting.h - how a sensor is mounted on the servicer. */
+/* mounting.h - mounting of a sensor on the servicer. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MOUNTING_H
 #define MOUNTING_H

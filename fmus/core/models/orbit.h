@@ -10,10 +10,10 @@
 
 typedef struct {
     double a, e, inc, argp, raan, nu, mu, R_E, J2;
-} Orbit;                              /* osculating elements at the start, and the planet */
+} Orbit; /* osculating elements at the start; constants of the planet */
 typedef struct { vec3 r, v; } PosVel; /* N axes */
 
-/* position and velocity of the osculating ellipse: perifocal, turned by argp, inc, raan */
+/* position and velocity on the osculating ellipse: perifocal axes rotated by argp, inc, raan */
 static inline PosVel posvel_of_elements(const Orbit *o)
 {
     SineCosine i = sine_and_cosine(o->inc), w = sine_and_cosine(o->argp);
@@ -51,8 +51,8 @@ static inline HillFrame hill_frame(double mu, vec3 r, vec3 v)
                        vec(0, 0, -2 * dot(r, v) / rr * rate)};
 }
 
-/* derivative of a vector as seen in the frame, from its derivative seen in N, and the way back (all
- * in H components) */
+/* derivative of a vector as seen in the frame, from its derivative as seen in N, and the inverse;
+ * all in H components */
 static inline vec3 rate_in_frame(const HillFrame *f, vec3 x, vec3 dx_N)
 {
     return sub(dx_N, cross(f->w_H, x));
@@ -62,8 +62,8 @@ static inline vec3 rate_in_N(const HillFrame *f, vec3 x, vec3 dx)
     return add(dx, cross(f->w_H, x));
 }
 
-/* beside the start of an orbit: r = r_o + C_HN^T rho, v = v_o + C_HN^T (drho + w_H x rho), rho and
- * drho in and as seen in H */
+/* state at the offset rho_H, drho_H from the start of an orbit: r = r_o + C_HN^T rho, v = v_o +
+ * C_HN^T (drho + w_H x rho), drho as seen in H */
 static inline PosVel posvel_beside(const Orbit *o, vec3 rho_H, vec3 drho_H)
 {
     PosVel orbit = posvel_of_elements(o);

@@ -4,7 +4,8 @@
  *   across                sigma_bearing_0 + sigma_bearing_1 R
  *   attitude              sigma_theta_0 + sigma_theta_1 R
  *
- * The sensor draws by it, the filter weighs by it. Equations: docs/models.md F.2. */
+ * The sensor draws its noise from this model, the filter takes its covariances from it. Equations:
+ * docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef POSE_NOISE_H
 #define POSE_NOISE_H

@@ -1,4 +1,4 @@
-/* rigid_body.h - torques on a rigid body and the rules that an inertia matrix must keep. */
+/* rigid_body.h - gravity-gradient torque on a rigid body, and the rules for inertia matrices. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RIGID_BODY_H
 #define RIGID_BODY_H
@@ -17,8 +17,9 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
 
 #define SYMMETRIC 1e-9
 
-/* within SYMMETRIC of the largest diagonal element: a matrix rotated in floating point is symmetric but
- * for roundings. It is used as given; what its unsymmetric part does to the motion is as small. */
+/* relative to the largest diagonal element: a matrix rotated in floating point is symmetric up to
+ * rounding errors. It is used as given; the effect of its unsymmetric part on the motion is as
+ * small. */
 static inline int is_symmetric(mat3 m)
 {
     double largest = larger(fabs(m.row[0].x), larger(fabs(m.row[1].y), fabs(m.row[2].z)));
@@ -27,7 +28,7 @@ static inline int is_symmetric(mat3 m)
     return larger(xy, larger(xz, yz)) <= SYMMETRIC * largest;
 }
 
-static inline int is_positive_definite(mat3 m) /* a symmetric one */
+static inline int is_positive_definite(mat3 m) /* m symmetric */
 {
     double minor = m.row[0].x * m.row[1].y - m.row[0].y * m.row[1].x;
     return m.row[0].x > 0 && minor > 0 && determinant(m) > 0;
@@ -35,15 +36,15 @@ static inline int is_positive_definite(mat3 m) /* a symmetric one */
 
 static inline void check_positive_definite(Problems *problems, const char *name, mat3 m)
 {
-    if (!is_symmetric(m)) refuse(problems, name, m.row[0].y, "must be symmetric");
+    if (!is_symmetric(m)) reject(problems, name, m.row[0].y, "must be symmetric");
     if (!is_positive_definite(m))
-        refuse(problems, name, smaller(m.row[0].x, smaller(m.row[1].y, m.row[2].z)),
+        reject(problems, name, smaller(m.row[0].x, smaller(m.row[1].y, m.row[2].z)),
                "must be positive definite");
 }
 
-/* no principal moment above the sum of the other two  <=>  E = trace(J)/2 I - J has no negative
- * principal minor */
-static inline int keeps_triangle_rule(mat3 J)
+/* no principal moment above the sum of the other two, which holds if and only if no principal minor
+ * of E = trace(J)/2 I - J is negative */
+static inline int satisfies_triangle_inequality(mat3 J)
 {
     double half = (J.row[0].x + J.row[1].y + J.row[2].z) / 2, tolerance = -1e-12 * half;
     double a = half - J.row[0].x, b = half - J.row[1].y, c = half - J.row[2].z;
@@ -58,9 +59,10 @@ static inline void check_inertia(Problems *problems, const char *name, mat3 J)
 {
     double largest = larger(J.row[0].x, larger(J.row[1].y, J.row[2].z));
     check_positive_definite(problems, name, J);
-    if (!keeps_triangle_rule(J))
-        refuse(problems, name, largest,
-               "must keep the triangle rule (no principal moment above the sum of the other two)");
+    if (!satisfies_triangle_inequality(J))
+        reject(problems, name, largest,
+               "must satisfy the triangle inequality (no principal moment above the sum of the "
+               "other two)");
 }
 
 #endif

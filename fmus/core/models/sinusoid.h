@@ -1,5 +1,5 @@
-/* sinusoid.h - a disturbance: bias + amplitude sin(frequency t + phase) per axis from its start
- * time on, 0 before. */
+/* sinusoid.h - sinusoidal disturbance: bias + amplitude sin(frequency t + phase) per axis from its
+ * start time on, 0 before. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SINUSOID_H
 #define SINUSOID_H
@@ -18,21 +18,20 @@ typedef struct {
         PARAMETER_AS(name ".frequency", member.frequency, "rad/s",                             \
                      text ": angular frequency, per axis"),                                    \
         PARAMETER_AS(name ".phase", member.phase, "rad", text ": phase, per axis"),            \
-        PARAMETER_AS(name ".start", member.start, "s", text ": nothing before this time")
+        PARAMETER_AS(name ".start", member.start, "s", text ": zero before this time")
 #define SINUSOID_ROWS(member, unit, text) SINUSOID_ROWS_AS(#member, member, unit, text)
 
-/* one axis; most disturbances of a run are switched off by zero amplitude, and a test is cheaper
- * than a sine */
+/* one axis; amplitude 0, the most frequent case, needs no sine */
 static inline double wave(double bias, double amplitude, double frequency, double phase, double t)
 {
     return amplitude == 0 ? bias : bias + amplitude * sine(frequency * t + phase);
 }
 
-/* `since`: start of the internal step that t lies in, so that the last stage before the start time
- * does not feel it */
-static inline vec3 sinusoid(const Sinusoid *d, double since, double t)
+/* `step_start`: start of the internal step that contains t; the disturbance acts from the first
+ * internal step that begins at or after its start time */
+static inline vec3 sinusoid(const Sinusoid *d, double step_start, double t)
 {
-    if (!reached(since, d->start)) return vec(0, 0, 0);
+    if (!reached(step_start, d->start)) return vec(0, 0, 0);
     return vec(wave(d->bias.x, d->amplitude.x, d->frequency.x, d->phase.x, t),
                wave(d->bias.y, d->amplitude.y, d->frequency.y, d->phase.y, t),
                wave(d->bias.z, d->amplitude.z, d->frequency.z, d->phase.z, t));

@@ -43,7 +43,7 @@ static inline Facet facet(const Surfaces *s, int k)
     return box_face(k < BOX_FACES ? s->box_0 : s->box_1, k % BOX_FACES);
 }
 
-/* area that a flow in direction v meets [m2] */
+/* projected area in a flow of direction v [m2] */
 static inline double area_in_flow(Facet f, vec3 v)
 {
     double facing = -dot(f.normal, v);

@@ -1,9 +1,10 @@
-/* swing.h - prescribed swing of the module: angle, rate and acceleration of the arm over time.
+/* swing.h - prescribed swing of the module: angle, rate and acceleration of the hinge (the arm)
+ * over time.
  *
  * u = (t - start)/duration within 0 .. 1, angle = angle_f f(u):
  *   smooth:  f = 10 u^3 - 15 u^4 + 6 u^5
- *   else:    f = 2 u^2, from the middle on 1 - 2 (1-u)^2, constant acceleration, then as much
- *            back */
+ *   else:    f = 2 u^2, from the middle on 1 - 2 (1-u)^2, constant acceleration, then the
+ *            opposite */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SWING_H
 #define SWING_H
@@ -23,20 +24,20 @@ typedef struct { double angle, rate, accel; } Arm; /* rad, rad/s, rad/s2 */
                "1: quintic swing; 0: constant acceleration, then as much deceleration",   \
                SWITCH_VALUE)
 
-/* `inside`: an instant within the integration step that asks, which says on which side of a jump in
- * the acceleration or its derivative the step lies */
-static inline Arm arm_in_step(const Swing *s, double t, double inside)
+/* t_inside: an instant inside the integration step, which decides on which side of a jump of the
+ * acceleration or its derivative the step is */
+static inline Arm arm_in_step(const Swing *s, double t, double t_inside)
 {
     double u = clamp((t - s->start) / s->duration, 0, 1), v = 1 - u;
-    double where = (inside - s->start) / s->duration, f, df, ddf;
-    if (where < 0) return (Arm){0, 0, 0};
-    if (where > 1) return (Arm){s->angle, 0, 0};
+    double u_inside = (t_inside - s->start) / s->duration, f, df, ddf;
+    if (u_inside < 0) return (Arm){0, 0, 0};
+    if (u_inside > 1) return (Arm){s->angle, 0, 0};
     if (s->smooth != 0) {
         f = u * u * u * (10 - 15 * u + 6 * u * u);
         df = 30 * u * u * v * v;
         ddf = 60 * u * v * (v - u);
     } else {
-        int first = where <= 0.5;
+        int first = u_inside <= 0.5;
         f = first ? 2 * u * u : 1 - 2 * v * v;
         df = first ? 4 * u : 4 * v;
         ddf = first ? 4 : -4;

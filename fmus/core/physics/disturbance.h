@@ -1,4 +1,4 @@
-/* disturbance.h - a disturbance acceleration on an orbiting body, given in N axes or in the Hill
+/* disturbance.h - disturbance acceleration on an orbiting body, given in N axes or in the Hill
  * frame of its own orbit. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DISTURBANCE_H
@@ -7,11 +7,11 @@
 #include "orbit.h"
 #include "sinusoid.h"
 
-/* in N axes; `since`: start of the internal step, as for sinusoid() */
+/* the acceleration in N axes; `step_start`: start time of the internal step, as for sinusoid() */
 static inline vec3 disturbance_N(const Sinusoid *d, double in_hill_axes, double mu, const vec3 *r,
-                                 const vec3 *v, double since, double t)
+                                 const vec3 *v, double step_start, double t)
 {
-    vec3 a = sinusoid(d, since, t);
+    vec3 a = sinusoid(d, step_start, t);
     return in_hill_axes ? tmul(hill_frame(mu, *r, *v).C_HN, a) : a;
 }
 

@@ -1,9 +1,9 @@
 /* docking_port.h - probe and drogue: relative motion of the ports, contact in a cone with a floor,
  * latch in six degrees of freedom, separation spring.
  *
- * P: probe port on S, Q: drogue port on T, e: tip of the probe in Q. Forces and couples are those
- * on S, Q axes; the force acts at the tip. Hunt & Crossley 1975 with regularised Coulomb friction.
- * Equations: docs/models.md I.1 to I.3 */
+ * P: probe port on S, Q: drogue port on T, e: tip of the probe in Q. Forces and couples act on S
+ * and are in Q axes; the force acts at the tip. Hunt & Crossley 1975 with regularised Coulomb
+ * friction. Equations: docs/models.md I.1 to I.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DOCKING_PORT_H
 #define DOCKING_PORT_H
@@ -20,8 +20,8 @@ typedef struct {
     double draw_delay, draw_time, k_sep, stroke_sep;
 } Port;
 
-/* relative motion of the ports: d: from both centres of mass to the tip, N axes; the rest in Q
- * axes */
+/* relative motion of the ports: d, tip of the probe from both centres of mass, N axes; e, u, tip
+ * and its velocity, w, angular velocity of the probe, relative to Q in Q axes */
 typedef struct {
     vec3_pair d;
     vec3 e, u, w;
@@ -29,12 +29,13 @@ typedef struct {
     quat q_PQ;
 } PortState;
 
-/* what the mechanism remembers of its last change of phase: e_c, e_x and q_R */
+/* phase, and time and pose at its start: tip e_c (soft capture, release), rest attitude q_R (soft
+ * capture) */
 typedef struct {
     double phase, t_phase;
     vec3 e_c;
     quat q_R;
-} Catch;
+} PhaseEntry;
 
 typedef struct {
     vec3 F, M;
@@ -44,7 +45,7 @@ typedef struct {
 } PortLoad;
 
 /* ---- contact ---- */
-/* S(x) = 10 x^3 - 15 x^4 + 6 x^5 and its slope, at rest outside 0..1 */
+/* S(x) = 10 x^3 - 15 x^4 + 6 x^5 and its slope; S is constant outside 0..1 */
 static inline double smooth(double x)
 {
     double s = clamp(x, 0, 1);
@@ -61,24 +62,24 @@ static inline double power_of(double x, double exponent)
     return x > 0 ? exponential(exponent * logarithm(x)) : 0;
 }
 
-/* one contact of depth d > 0 with normal n: adds its load */
-static inline void press(const Port *p, double d, vec3 n, vec3 u, PortLoad *y)
+/* adds the load of one contact of depth d > 0 with normal n */
+static inline void add_contact(const Port *p, double d, vec3 n, vec3 u, PortLoad *y)
 {
     double rate = -dot(n, u), elastic = p->k_contact * power_of(d, p->n_contact);
     double F_n = larger(0, elastic * (1 + p->damping_contact * rate));
     vec3 slip = add(u, scale(rate, n));
     double speed = sqrt(dot(slip, slip) + p->friction_speed * p->friction_speed);
-    double rub = speed > 0 ? p->friction * F_n / speed : 0;
+    double friction = speed > 0 ? p->friction * F_n / speed : 0;
 
-    y->F = sum3(y->F, scale(F_n, n), scale(-rub, slip));
+    y->F = sum3(y->F, scale(F_n, n), scale(-friction, slip));
     y->U += elastic * d / (p->n_contact + 1);
-    y->P_diss += (F_n - elastic) * rate + rub * dot(slip, slip);
+    y->P_diss += (F_n - elastic) * rate + friction * dot(slip, slip);
     y->normal += F_n;
     y->touches = 1;
 }
 
-/* the disc r < face_radius, x < 0 without the hole; one contact with wall or rim, one with the
- * floor */
+/* the material is the disc r < face_radius, x < 0 without the cone; at most one contact with wall
+ * or rim, and one with the floor */
 static inline PortLoad contact_load(const Port *p, vec3 e, vec3 u)
 {
     PortLoad y = {.U = 0};
@@ -94,26 +95,26 @@ static inline PortLoad contact_load(const Port *p, vec3 e, vec3 u)
 
     y.too_deep = depth > p->depth_max || floor > p->depth_max;
     if (y.too_deep) return y;
-    if (depth > 0) press(p, depth, rim ? X : add(scale(sin_a, X), scale(-cos_a, out)), u, &y);
-    if (floor > 0) press(p, floor, X, u, &y);
+    if (depth > 0) add_contact(p, depth, rim ? X : add(scale(sin_a, X), scale(-cos_a, out)), u, &y);
+    if (floor > 0) add_contact(p, floor, X, u, &y);
     return y;
 }
 
 /* ---- latch ---- */
-static inline vec3 seat(const Port *p) { return vec(-p->cone_depth, 0, 0); }
+static inline vec3 seated_tip(const Port *p) { return vec(-p->cone_depth, 0, 0); }
 
-static inline vec3 rotation_from_rest(const Catch *c, const PortState *s)
+static inline vec3 rotation_from_rest(const PhaseEntry *c, const PortState *s)
 {
     return mrp_of_quat(product(s->q_PQ, conjugate(c->q_R)));
 }
 
-static inline PortLoad latch_load(const Port *p, const Catch *c, const PortState *s, double t)
+static inline PortLoad latch_load(const Port *p, const PhaseEntry *c, const PortState *s, double t)
 {
     const Latch *k = c->phase == SOFT ? &p->soft : &p->hard;
     double x = c->phase == SOFT ? (t - c->t_phase - p->draw_delay) / p->draw_time : 1;
-    vec3 way = sub(seat(p), c->e_c);
-    vec3 e_r = x < 1 ? add(c->e_c, scale(smooth(x), way)) : seat(p),
-         de_r = scale(smooth_rate(x) / p->draw_time, way);
+    vec3 path = sub(seated_tip(p), c->e_c);
+    vec3 e_r = x < 1 ? add(c->e_c, scale(smooth(x), path)) : seated_tip(p),
+         de_r = scale(smooth_rate(x) / p->draw_time, path);
     vec3 stretch = sub(s->e, e_r), rate = sub(s->u, de_r), sigma = rotation_from_rest(c, s);
     double ss = dot(sigma, sigma);
 
@@ -125,24 +126,25 @@ static inline PortLoad latch_load(const Port *p, const Catch *c, const PortState
     return y;
 }
 
-/* ---- what acts in a phase ---- */
-static inline void separate(const Port *p, const Catch *c, vec3 e, PortLoad *y)
+/* ---- load by phase ---- */
+static inline void add_separation_spring(const Port *p, const PhaseEntry *c, vec3 e, PortLoad *y)
 {
-    double l = p->stroke_sep - (e.x - c->e_c.x);
-    if (l <= 0) return;
-    y->F.x += p->k_sep * l;
-    y->U += p->k_sep * l * l / 2;
+    double compression = p->stroke_sep - (e.x - c->e_c.x);
+    if (compression <= 0) return;
+    y->F.x += p->k_sep * compression;
+    y->U += p->k_sep * compression * compression / 2;
 }
 
-static inline PortLoad port_load(const Port *p, const Catch *c, const PortState *s, double t)
+static inline PortLoad port_load(const Port *p, const PhaseEntry *c, const PortState *s, double t)
 {
     if (c->phase == SOFT || c->phase == HARD) return latch_load(p, c, s, t);
     PortLoad y = contact_load(p, s->e, s->u);
-    if (c->phase == RELEASED) separate(p, c, s->e, &y);
+    if (c->phase == RELEASED) add_separation_spring(p, c, s->e, &y);
     return y;
 }
 
-/* attitude of P at rest: aligned (X_P = -X_Q) by the shortest arc, roll as caught */
+/* rest attitude of P: aligned (X_P = -X_Q) along the shortest arc, with the roll angle at soft
+ * capture */
 static inline quat rest_attitude(quat q_PQ)
 {
     vec3 b = dcm_of_quat(q_PQ).row[0];

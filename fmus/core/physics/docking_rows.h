@@ -1,4 +1,4 @@
-/* docking_rows.h - the docking mechanism as parameters: bodies, ports, contact, latch and their
+/* docking_rows.h - parameters of the docking mechanism (bodies, ports, contact, latch) and their
  * rules. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DOCKING_ROWS_H
@@ -60,11 +60,11 @@ typedef struct {
 
 #define PORT_POSITIVE(member, unit, text)    POSITIVE_AS(#member, port.member, unit, text)
 #define PORT_NONNEGATIVE(member, unit, text) NONNEGATIVE_AS(#member, port.member, unit, text)
-#define LATCH_ROWS(latch, whose)                                                                \
-    POSITIVE_AS("k_" #latch, port.latch.k, "N/m", whose ": stiffness"),                         \
-        NONNEGATIVE_AS("c_" #latch, port.latch.c, "N.s/m", whose ": damping"),                  \
-        POSITIVE_AS("k_rot_" #latch, port.latch.k_rot, "N.m/rad", whose ": angular stiffness"), \
-        NONNEGATIVE_AS("c_rot_" #latch, port.latch.c_rot, "N.m.s/rad", whose ": angular damping")
+#define LATCH_ROWS(latch, stage)                                                                \
+    POSITIVE_AS("k_" #latch, port.latch.k, "N/m", stage ": stiffness"),                         \
+        NONNEGATIVE_AS("c_" #latch, port.latch.c, "N.s/m", stage ": damping"),                  \
+        POSITIVE_AS("k_rot_" #latch, port.latch.k_rot, "N.m/rad", stage ": angular stiffness"), \
+        NONNEGATIVE_AS("c_rot_" #latch, port.latch.c_rot, "N.m.s/rad", stage ": angular damping")
 
 #define DOCKING_PARAMETERS                                                                         \
     POSITIVE(mass_S, "kg", "mass of the servicer as predicted"),                                   \
@@ -74,33 +74,36 @@ typedef struct {
         MATRIX(J_T, "kg.m2", "inertia of the target about its centre of mass, its axes"),          \
         PARAMETER(p_PS_S, "m",                                                                     \
                   "tip of the probe from the centre of mass of the servicer, its axes"),           \
-        PARAMETER(q_PS, "1", "attitude of the probe relative to the servicer: +X out of it"),      \
+        PARAMETER(q_PS, "1", "attitude of the probe relative to the servicer; +X points outward"), \
         PARAMETER(p_QT_T, "m",                                                                     \
                   "centre of the mouth from the centre of mass of the target, its axes"),          \
-        PARAMETER(q_QT, "1", "attitude of the drogue relative to the target: +X out of it"),       \
+        PARAMETER(q_QT, "1", "attitude of the drogue relative to the target; +X points outward"),  \
         PORT_POSITIVE(mouth_radius, "m", "radius of the cone at its mouth"),                       \
         PORT_POSITIVE(floor_radius, "m", "radius of the cone at its floor"),                       \
         PORT_POSITIVE(cone_depth, "m", "depth of the cone"),                                       \
         PORT_POSITIVE(face_radius, "m", "radius of the face around the mouth"),                    \
-        PORT_POSITIVE(depth_max, "m", "no contact where the tip is deeper in the material"),       \
+        PORT_POSITIVE(depth_max, "m",                                                              \
+                      "depth of the tip in the material beyond which no contact force acts"),      \
         PORT_POSITIVE(k_contact, "1", "contact: stiffness, N per metre to the power n_contact"),   \
         PORT_POSITIVE(n_contact, "1", "contact: exponent of the depth"),                           \
         PORT_NONNEGATIVE(damping_contact, "s/m",                                                   \
-                         "contact: damping, as part of the elastic force"),                        \
+                         "contact: damping force as part of the elastic force, per speed"),        \
         PORT_NONNEGATIVE(friction, "1", "contact: coefficient of friction"),                       \
-        PORT_NONNEGATIVE(friction_speed, "m/s", "contact: slip below which friction fades"),       \
+        PORT_NONNEGATIVE(friction_speed, "m/s",                                                    \
+                         "contact: slip speed below which friction decreases to zero"),            \
         POSITIVE(latch_depth, "m", "window of the latch: least depth of the tip below the mouth"), \
         NONNEGATIVE(latch_offset, "m", "window of the latch: largest offset from the axis"),       \
         NONNEGATIVE(latch_angle, "rad", "window of the latch: largest misalignment"),              \
         NONNEGATIVE(latch_speed, "m/s", "window of the latch: largest speed of the tip"),          \
         NONNEGATIVE(latch_rate, "rad/s", "window of the latch: largest relative rate"),            \
-        NONNEGATIVE(latch_dwell, "s", "time inside the window until the latch may catch"),         \
-        NONNEGATIVE(trip_force, "N", "normal force that trips the catch"),                         \
+        NONNEGATIVE(latch_dwell, "s",                                                              \
+                    "window of the latch: time inside it before the latch closes"),                \
+        NONNEGATIVE(trip_force, "N", "window of the latch: normal force that triggers it"),        \
         LATCH_ROWS(soft, "soft capture"),                                                          \
         PORT_POSITIVE(draw_delay, "s", "time from soft capture until the probe is drawn in"),      \
         PORT_POSITIVE(draw_time, "s", "time in which the probe is drawn in"),                      \
         NONNEGATIVE(hard_distance, "m",                                                            \
-                    "hard capture: largest distance of the tip from its seat"),                    \
+                    "hard capture: largest distance of the tip from its seated position"),         \
         NONNEGATIVE(hard_angle, "rad", "hard capture: largest rotation from rest"),                \
         NONNEGATIVE(hard_speed, "m/s", "hard capture: largest speed of the tip"),                  \
         NONNEGATIVE(hard_rate, "rad/s", "hard capture: largest relative rate"),                    \
@@ -109,13 +112,13 @@ typedef struct {
         NONNEGATIVE(break_moment, "N.m", "the latch breaks at a larger mean couple of a step"),    \
         PORT_POSITIVE(k_sep, "N/m", "stiffness of the separation spring"),                         \
         PORT_NONNEGATIVE(stroke_sep, "m", "stroke of the separation spring"),                      \
-        SWITCH(latency, "1: the load is that of the step after the next communication point"),     \
+        SWITCH(latency, "1: outputs are the load of the step after the next communication point"), \
         GRID(max_step, "longest internal step of the prediction")
 
-static inline void check_turned(Problems *problems, const char *name, quat q)
+static inline void check_nonzero_quaternion(Problems *problems, const char *name, quat q)
 {
     double n = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
-    if (n == 0) refuse(problems, name, n, "must not be of norm 0");
+    if (n == 0) reject(problems, name, n, "must not have norm 0");
 }
 
 static inline void check_docking(Problems *problems, const DockingParameters *p)
@@ -123,15 +126,15 @@ static inline void check_docking(Problems *problems, const DockingParameters *p)
     const Port *c = &p->port;
     check_inertia(problems, "J_S", p->J_S);
     check_inertia(problems, "J_T", p->J_T);
-    check_turned(problems, "q_PS", p->q_PS);
-    check_turned(problems, "q_QT", p->q_QT);
+    check_nonzero_quaternion(problems, "q_PS", p->q_PS);
+    check_nonzero_quaternion(problems, "q_QT", p->q_QT);
     if (c->mouth_radius <= c->floor_radius)
-        refuse(problems, "mouth_radius", c->mouth_radius, "must be above floor_radius");
+        reject(problems, "mouth_radius", c->mouth_radius, "must be above floor_radius");
     if (c->face_radius < c->mouth_radius)
-        refuse(problems, "face_radius", c->face_radius, "must not be below mouth_radius");
+        reject(problems, "face_radius", c->face_radius, "must not be below mouth_radius");
     if (p->latch_depth > c->cone_depth + c->depth_max)
-        refuse(problems, "latch_depth", p->latch_depth, "must not be above cone_depth + depth_max");
-    if (p->latch_angle > 1.5) refuse(problems, "latch_angle", p->latch_angle, "must be <= 1.5");
+        reject(problems, "latch_depth", p->latch_depth, "must not be above cone_depth + depth_max");
+    if (p->latch_angle > 1.5) reject(problems, "latch_angle", p->latch_angle, "must be <= 1.5");
 }
 
 #endif

@@ -1,5 +1,5 @@
-/* flexible_rules.h - parameters of a servicer with panels and slosh, the vehicle they describe, and
- * what they must obey: each part by itself, and what is left of the hub. */
+/* flexible_rules.h - parameters of a servicer with panels and slosh, the vehicle that they
+ * describe, and their rules: for each part and for the remaining hub. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FLEXIBLE_RULES_H
 #define FLEXIBLE_RULES_H
@@ -13,41 +13,42 @@ typedef struct {
     Sloshes slosh;
 } FlexibleParameters;
 
-static inline void refuse_entry(Problems *problems, const char *list, int i, double value,
+static inline void reject_entry(Problems *problems, const char *list, int i, double value,
                                 const char *rule)
 {
     char name[40];
     snprintf(name, sizeof name, "%s[%d]", list, i + 1);
-    refuse(problems, name, value, rule);
+    reject(problems, name, value, rule);
 }
 
 static inline void check_ratio(Problems *problems, const char *list, int i, double value)
 {
-    if (value < 0 || value > 1) refuse_entry(problems, list, i, value, "must be in [0, 1]");
+    if (value < 0 || value > 1) reject_entry(problems, list, i, value, "must be in [0, 1]");
 }
 static inline void check_nonnegative(Problems *problems, const char *list, int i, double value)
 {
-    if (value < 0) refuse_entry(problems, list, i, value, "must be >= 0");
+    if (value < 0) reject_entry(problems, list, i, value, "must be >= 0");
 }
 static inline void check_length(Problems *problems, const char *matrix, int i, vec3 row)
 {
-    if (norm(row) == 0) refuse_entry(problems, matrix, i, 0, "must not have zero length");
+    if (norm(row) == 0) reject_entry(problems, matrix, i, 0, "must not have zero length");
 }
 
 static inline void check_panel(const Panels *p, int i, Problems *problems)
 {
     vec3 I = p->inertia[i];
     double least = smaller(I.x, smaller(I.y, I.z)), most = larger(I.x, larger(I.y, I.z));
-    double across = dot(unit(p->axis_S[i]), unit(p->arm_S[i]));
+    double cos_angle = dot(unit(p->axis_S[i]), unit(p->arm_S[i]));
     check_length(problems, "panel_arm_S", i, p->arm_S[i]);
     check_length(problems, "panel_axis_S", i, p->axis_S[i]);
-    if (fabs(across) > 1e-9)
-        refuse_entry(problems, "panel_axis_S", i, across,
+    if (fabs(cos_angle) > 1e-9)
+        reject_entry(problems, "panel_axis_S", i, cos_angle,
                      "must be perpendicular to panel_arm_S (cosine of the angle between them)");
-    if (least <= 0) refuse_entry(problems, "panel_inertia", i, least, "must be > 0");
-    else if (!keeps_triangle_rule(diagonal(I.x, I.y, I.z)))
-        refuse_entry(problems, "panel_inertia", i, most,
-                     "must keep the triangle rule (no moment above the sum of the other two)");
+    if (least <= 0) reject_entry(problems, "panel_inertia", i, least, "must be > 0");
+    else if (!satisfies_triangle_inequality(diagonal(I.x, I.y, I.z)))
+        reject_entry(
+            problems, "panel_inertia", i, most,
+            "must satisfy the triangle inequality (no moment above the sum of the other two)");
     check_nonnegative(problems, "panel_frequency", i, p->frequency[i]);
     check_ratio(problems, "panel_damping_ratio", i, p->damping_ratio[i]);
 }
@@ -63,9 +64,8 @@ static inline void check_slosh(const Sloshes *p, int j, Problems *problems)
 
 #define PARTS_OF_J_S \
     "J_S, panel_mass, panel_inertia, panel_hinge_S, panel_arm_S, slosh_mass_0, slosh_position_S"
-#define TOO_MUCH_INERTIA                                                                  \
-    " (the panels take more inertia than J_S has: enlarge J_S or shorten panel_hinge_S, " \
-    "panel_arm_S)"
+#define TOO_MUCH_INERTIA \
+    " (the inertia of the panels exceeds J_S: enlarge J_S or shorten panel_hinge_S, panel_arm_S)"
 
 static inline Vehicle vehicle(const FlexibleParameters *p)
 {
@@ -78,14 +78,14 @@ static inline double substeps(const FlexibleParameters *p, const Vehicle *v)
     return larger(1, ceiling_of(p->base.max_step * highest_mode(v) / 0.3 * (1 - 1e-12)));
 }
 
-/* the hub about its own centre of mass, I_hc = I_h0 - (h.h 1 - h h^T)/m_h, needs mass and inertia,
- * without the wheels too */
-static inline void check_hub_left(const FlexibleParameters *p, Problems *problems)
+/* the hub must have positive mass and a possible inertia about its own centre of mass, I_hc = I_h0
+ * - (h.h 1 - h h^T)/m_h, with the wheels locked and without the wheels */
+static inline void check_hub(const FlexibleParameters *p, Problems *problems)
 {
     Vehicle v = vehicle(p);
     if (v.mass <= 0) {
-        refuse(problems, "m_h of mass_0, panel_mass, slosh_mass_0", v.mass,
-               "must be > 0 (the panels and slosh masses are more than mass_0)");
+        reject(problems, "m_h of mass_0, panel_mass, slosh_mass_0", v.mass,
+               "must be > 0 (panels and slosh masses weigh more than mass_0)");
         return;
     }
     mat3 I_hc = mat_of(sym_sub(v.inertia, point_inertia(1 / v.mass, v.first_moment)));
@@ -93,23 +93,23 @@ static inline void check_hub_left(const FlexibleParameters *p, Problems *problem
     double least = smaller(diagonal_I.x, smaller(diagonal_I.y, diagonal_I.z)),
            most = larger(diagonal_I.x, larger(diagonal_I.y, diagonal_I.z));
     if (!is_positive_definite(I_hc))
-        refuse(problems, "I_hc of " PARTS_OF_J_S, least,
+        reject(problems, "I_hc of " PARTS_OF_J_S, least,
                "must be positive definite" TOO_MUCH_INERTIA);
-    else if (!keeps_triangle_rule(I_hc))
-        refuse(problems, "I_hc of " PARTS_OF_J_S, most,
-               "must keep the triangle rule" TOO_MUCH_INERTIA);
+    else if (!satisfies_triangle_inequality(I_hc))
+        reject(problems, "I_hc of " PARTS_OF_J_S, most,
+               "must satisfy the triangle inequality" TOO_MUCH_INERTIA);
     else if (!is_positive_definite(minus(I_hc, p->base.A_w)))
-        refuse(problems, "I_hc - A_w of A_w, " PARTS_OF_J_S, least,
+        reject(problems, "I_hc - A_w of A_w, " PARTS_OF_J_S, least,
                "must be positive definite" TOO_MUCH_INERTIA);
     else if (substeps(p, &v) > 1000)
-        refuse(problems, "sub-steps of max_step, panel_frequency, slosh_frequency", substeps(p, &v),
+        reject(problems, "sub-steps of max_step, panel_frequency, slosh_frequency", substeps(p, &v),
                "must be at most 1000 (shorten max_step)");
 }
 
 static inline void check_flexible(Problems *problems, const FlexibleParameters *p)
 {
     double draw = 0;
-    check_whole(problems, &p->base);
+    check_base_body(problems, &p->base);
     for (int i = 0; i < PANELS; i++)
         if (p->panel.mass[i] > 0) check_panel(&p->panel, i, problems);
     for (int j = 0; j < SLOSHES; j++)
@@ -118,8 +118,9 @@ static inline void check_flexible(Problems *problems, const FlexibleParameters *
             draw += p->slosh.draw[j];
         }
     if (draw > 1)
-        refuse(problems, "sum of slosh_draw", draw, "must be at most 1 over the existing masses");
-    if (problems->count == 0) check_hub_left(p, problems); /* it is made of good numbers only */
+        reject(problems, "sum of slosh_draw", draw, "must be at most 1 over the existing masses");
+    if (problems->count == 0)
+        check_hub(p, problems); /* the hub is computed from valid values only */
 }
 
 #endif

@@ -1,10 +1,10 @@
 /* random.h - random numbers as a pure function of (seed, stream, sample index n, draw j).
  *
- * Nothing is carried along, so that step sizes, order of calls, saved states and platforms cannot
- * matter. One block of Philox4x32-10 (Salmon et al. 2011) under the key (seed, stream), counter
- * (n mod 2^32, n / 2^32, b, s), gives the uniform draws 2b and 2b + 1; s = 1 for draws made once
- * per run. Normal draws: z = PPND16(u), Wichura 1988, AS 241, from sums, products, quotients and
- * roots alone, tails to 8.2 sigma. Equations: docs/models.md F.1. */
+ * The generator has no state, so that step sizes, order of calls, saved states and platforms do not
+ * change a draw. One block of Philox4x32-10 (Salmon et al. 2011) under the key (seed, stream),
+ * counter (n mod 2^32, n / 2^32, b, s), gives the uniform draws 2b and 2b + 1; s = 1 for draws made
+ * once per run. Normal draws: z = PPND16(u), Wichura 1988, AS 241, from sums, products, quotients
+ * and roots only, tails to 8.2 sigma. Equations: docs/models.md F.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RANDOM_H
 #define RANDOM_H
@@ -16,12 +16,12 @@
 
 typedef struct { double seed, stream; } RandomStream;
 
-#define RANDOM_ROWS(member)                                                                   \
-    NONNEGATIVE_AS("seed", member.seed, "1",                                                  \
-                   "seed of the noise, whole number below 2^32, the same for all sensors"),   \
-        NONNEGATIVE_AS("stream", member.stream, "1",                                          \
-                       "stream of the noise, whole number below 2^32, another one for every " \
-                       "sensor of a system")
+#define RANDOM_ROWS(member)                                                                        \
+    NONNEGATIVE_AS("seed", member.seed, "1",                                                       \
+                   "seed of the noise, whole number below 2^32, the same for all sensors"),        \
+        NONNEGATIVE_AS("stream", member.stream, "1",                                               \
+                       "stream of the noise, whole number below 2^32, different for every sensor " \
+                       "of a system")
 
 static inline void check_random(Problems *problems, const RandomStream *r)
 {
@@ -29,7 +29,7 @@ static inline void check_random(Problems *problems, const RandomStream *r)
     const char *const name[] = {"seed", "stream"};
     for (int i = 0; i < 2; i++)
         if (value[i] != floor_of(value[i]) || value[i] >= 4294967296.0)
-            refuse(problems, name[i], value[i], "must be a whole number in [0, 2^32)");
+            reject(problems, name[i], value[i], "must be a whole number in [0, 2^32)");
 }
 
 /* ---- Philox4x32-10 ---- */
@@ -114,7 +114,7 @@ static inline double normal_quantile(double u)
 /* ---- draws ---- */
 typedef struct {
     uint32_t key[2], low, high, once;
-} Draws; /* all draws of a sample, or of the run */
+} Draws; /* all draws of a sample (once = 0) or of the run (once = 1) */
 
 static inline double remainder_of(double x, double divisor) /* in [0, divisor) */
 {
@@ -134,7 +134,7 @@ static inline Draws draws_of_run(const RandomStream *r)
     return (Draws){{(uint32_t)r->seed, (uint32_t)r->stream}, 0, 0, 1};
 }
 
-/* in (0, 1), exact, symmetric about 1/2: 52 bits of two words and half a unit more */
+/* uniform in (0, 1), exact and symmetric about 1/2: 52 bits of two words plus half a unit */
 static inline double uniform_of_words(uint32_t a, uint32_t b)
 {
     return ((a >> 6) * 67108864.0 + (b >> 6) + 0.5) / 4503599627370496.0;
@@ -147,12 +147,12 @@ static inline double uniform(const Draws *d, unsigned j)
 }
 static inline double normal(const Draws *d, unsigned j) { return normal_quantile(uniform(d, j)); }
 
-/* three draws from j on; uniform ones in (-1, 1) */
+/* three draws from draw j on: normal, and uniform in (-1, 1) */
 static inline vec3 normals(const Draws *d, unsigned j)
 {
     return vec(normal(d, j), normal(d, j + 1), normal(d, j + 2));
 }
-static inline vec3 symmetric(const Draws *d, unsigned j)
+static inline vec3 symmetric_uniforms(const Draws *d, unsigned j)
 {
     return vec(2 * uniform(d, j) - 1, 2 * uniform(d, j + 1) - 1, 2 * uniform(d, j + 2) - 1);
 }

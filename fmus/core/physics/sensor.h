@@ -1,8 +1,8 @@
-/* sensor.h - what takes a sensor its measurement: outages, drop-outs, the Sun in the field of view;
- * latency.
+/* sensor.h - conditions under which a sensor has no measurement (outage, drop-out, Sun near the
+ * boresight), and latency.
  *
- * Sensors sample at n sample_period; an input is what the plant had at the call that contains the
- * sample. Equations: docs/models.md F.2. */
+ * Sensors sample at n sample_period; a sample uses the inputs of the call that contains it.
+ * Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SENSOR_H
 #define SENSOR_H
@@ -14,7 +14,8 @@
 #define SENSOR_PERIOD_ROW \
     GRID(sample_period, "period of the measurements, a multiple of the macro step")
 
-/* defines  name(p, u, x, y, t, h):  measure(p, u, x, y, s) at every sample instant in [t, t+h) */
+/* defines name(p, u, x, y, t, h), which calls measure(p, u, x, y, s) at every sample instant in [t,
+ * t+h) */
 #define SAMPLED(name, measure)                                                                     \
     static void name(const Parameters *p, const Input *u, State *x, Output *y, double t, double h) \
     {                                                                                              \
@@ -22,46 +23,46 @@
             measure(p, u, x, y, s);                                                                \
     }
 
-/* ---- latency: samples wait in a ring ---- */
+/* ---- latency: a ring stores samples until they are published ---- */
 enum { RING = 8 };
 
 #define LATENCY_ROW NONNEGATIVE(latency, "s", "from the measurement to the output, up to 7 periods")
 
-/* defines Slot and State */
-#define LATE_STATE           \
-    typedef struct {         \
-        double taken, index; \
-        Output y;            \
-    } Slot;                  \
+/* defines Slot and State; filled: 1 if the slot holds a sample */
+#define LATE_STATE            \
+    typedef struct {          \
+        double filled, index; \
+        Output y;             \
+    } Slot;                   \
     typedef struct { Slot ring[RING]; } State
 
-/* defines step(): seen(p, u, s) is the output of a sample; at the end of a step to t the newest
- * sample n with n P + latency < t is published */
-#define LATE_STEP(seen)                                                                            \
-    static Slot *slot(State *x, double n) { return &x->ring[(int)remainder_of(n, RING)]; }         \
-    static void keep(const Parameters *p, const Input *u, State *x, Output *y, Sample s)           \
+/* defines step(), with measured(p, u, s) the output of a sample: at the end of a step to t the
+ * newest sample n with n P + latency < t is published */
+#define LATE_STEP(measured)                                                                        \
+    static Slot *ring_slot(State *x, double n) { return &x->ring[(int)remainder_of(n, RING)]; }    \
+    static void store_sample(const Parameters *p, const Input *u, State *x, Output *y, Sample s)   \
     {                                                                                              \
         (void)y;                                                                                   \
-        *slot(x, s.index) = (Slot){1, s.index, seen(p, u, s)};                                     \
+        *ring_slot(x, s.index) = (Slot){1, s.index, measured(p, u, s)};                            \
     }                                                                                              \
-    SAMPLED(measure, keep)                                                                         \
+    SAMPLED(measure, store_sample)                                                                 \
     static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h) \
     {                                                                                              \
         measure(p, u, x, y, t, h);                                                                 \
         double n = sample_index(t + h - p->latency, p->sample_period) - 1;                         \
-        const Slot *s = slot(x, n);                                                                \
-        if (s->taken > 0 && s->index == n) *y = s->y;                                              \
+        const Slot *s = ring_slot(x, n);                                                           \
+        if (s->filled > 0 && s->index == n) *y = s->y;                                             \
     }
 
 static inline void check_latency(Problems *problems, double latency, double period)
 {
     if (latency > 7 * period * (1 + ROUNDED_OFF))
-        refuse(problems, "latency", latency, "must be at most 7 sample periods");
+        reject(problems, "latency", latency, "must be at most 7 sample periods");
 }
 
 static inline void check_range(Problems *problems, double range_min, double range_max)
 {
-    if (range_max <= range_min) refuse(problems, "range_max", range_max, "must be above range_min");
+    if (range_max <= range_min) reject(problems, "range_max", range_max, "must be above range_min");
 }
 
 /* ---- no measurement ---- */
@@ -80,25 +81,25 @@ typedef struct {
 #define SUN_ROWS(member)                                                            \
     PARAMETER_AS("sun_N", member.direction, "1", "unit vector to the Sun, N axes"), \
         NONNEGATIVE_AS("sun_cone", member.cone, "rad",                              \
-                       "blind where the Sun is closer to the boresight; 0 = never")
+                       "no measurement where the Sun is closer to the boresight; 0 = no limit")
 
 static inline int in_outage(const Outage *o, double t)
 {
     return reached(t, o->start) && !reached(t, o->start + o->duration);
 }
 
-/* u: draw of the sample, uniform in [0, 1) */
+/* u: uniform draw of the sample in (0, 1) */
 static inline int dropped(const Outage *o, double u) { return u < o->p_drop; }
 
-/* boresight is +X of the sensor, q its attitude relative to N */
-static inline int dazzled(const Sun *sun, quat q)
+/* the boresight is +X of the sensor, q its attitude relative to N */
+static inline int sun_in_cone(const Sun *sun, quat q)
 {
     return angle(dcm_of_quat(q).row[0], sun->direction) < sun->cone;
 }
 
 static inline void check_probability(Problems *problems, const char *name, double p)
 {
-    if (p > 1) refuse(problems, name, p, "must be in [0, 1]");
+    if (p > 1) reject(problems, name, p, "must be in [0, 1]");
 }
 
 #endif

@@ -1,8 +1,8 @@
-/* servicer_base.h - what every plant of the servicer has: parameters, ports and state of its base
- * body, the field, the wheels within their limits, the attitude that is frozen before t_att.
+/* servicer_base.h - base body of every plant of the servicer: parameters, ports, state, gravity and
+ * disturbances, wheels within their limits, attitude frozen before t_att.
  *
- * Sensors, thrusters and wheels are bolted to the base body, so these rows mean the same on every
- * plant. Equations: docs/models.md A.3. */
+ * Sensors, thrusters and wheels are fixed to the base body, so these rows have the same meaning in
+ * every plant. Equations: docs/models.md A.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SERVICER_BASE_H
 #define SERVICER_BASE_H
@@ -114,28 +114,30 @@ typedef struct {
                     "inside the unit sphere",                                                      \
                     ANY_VALUE),                                                                    \
         BASE_OUTPUT(wheel_speed, "rad/s", "wheel speeds relative to the body", ANY_VALUE),         \
-        BASE_OUTPUT(mass, "kg", "mass with the propellant left", NONNEGATIVE_VALUE),               \
+        BASE_OUTPUT(mass, "kg", "mass including the remaining propellant", NONNEGATIVE_VALUE),     \
         BASE_OUTPUT(rate_margin, "rad/s",                                                          \
-                    "half a turn per max_step less the rate of the body: faster, and an internal " \
-                    "step no longer follows it, the attitude is lost",                             \
+                    "half a turn per max_step minus the rate of the body; below 0 an internal "    \
+                    "step cannot follow the rotation and the attitude is lost",                    \
                     NONNEGATIVE_VALUE)
 
-static inline void check_whole(Problems *problems, const BaseParameters *p)
+static inline void check_base_body(Problems *problems, const BaseParameters *p)
 {
     check_orbit(problems, &p->orbit, p->r_0_N);
     check_inertia(problems, "J_S", p->J_S);
     check_positive_definite(problems, "A_w", p->A_w);
 }
 
-/* where the base is all there is: without the wheels it must have inertia of its own */
-static inline void check_base(Problems *problems, const BaseParameters *p)
+/* for a servicer that is one rigid body: its inertia without the wheels must be positive
+ * definite */
+static inline void check_rigid_base(Problems *problems, const BaseParameters *p)
 {
-    check_whole(problems, p);
+    check_base_body(problems, p);
     check_positive_definite(problems, "J_S - A_w", minus(p->J_S, p->A_w));
 }
 
 /* ---- motion ---- */
-/* of actuators and contact, body axes, the torque about the point that M_S is given about */
+/* force and torque of actuators and contact, body axes; the torque is about the reference point of
+ * M_S */
 static inline vec3 force_S(const BaseInput *u) { return add(u->F_S, u->F_contact_S); }
 static inline vec3 torque_S(const BaseInput *u) { return add(u->M_S, u->M_contact_S); }
 
@@ -147,25 +149,25 @@ static inline BaseState base_at_start(const BaseParameters *p)
                        p->mass_0};
 }
 
-/* what holds over an internal step */
+/* quantities that are constant over an internal step */
 typedef struct {
     const BaseParameters *p;
     const BaseInput *u;
     vec3 wheel_accel;
-    double since; /* its start */
+    double step_start; /* s */
     int released;
 } Interval;
 
-/* gravity and disturbance of a centre of mass, N axes; `since`: start of the internal step */
-static inline vec3 free_fall_N(const BaseParameters *p, const vec3 *r, const vec3 *v, double since,
-                               double t)
+/* acceleration of a centre of mass by gravity and disturbance, N axes */
+static inline vec3 free_fall_N(const BaseParameters *p, const vec3 *r, const vec3 *v,
+                               double step_start, double t)
 {
     return add(gravity(&p->orbit, p->use_J2, *r),
-               disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, r, v, since, t));
+               disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, r, v, step_start, t));
 }
 
-/* velocity_follows_attitude: what keeps C_SN v constant while the body turns; v of the centre of
- * mass */
+/* velocity_follows_attitude: the acceleration omega x v, with which C_SN v stays constant while the
+ * body turns; v: velocity of the centre of mass */
 static inline vec3 velocity_turning_N(const BaseParameters *p, int released, const BaseState *x,
                                       vec3 v)
 {
@@ -176,9 +178,10 @@ static inline vec3 velocity_turning_N(const BaseParameters *p, int released, con
 /* acceleration of one wheel over an internal step, within the limits of acceleration and speed */
 static inline double wheel_accel(const BaseParameters *p, double command, double speed, double h)
 {
-    double accel = limited(command, p->wheel_accel_max), top = p->wheel_speed_max;
-    return top > 0 ? clamp(accel, smaller(0, (-top - speed) / h), larger(0, (top - speed) / h))
-                   : accel;
+    double accel = limited(command, p->wheel_accel_max), limit = p->wheel_speed_max;
+    return limit > 0
+               ? clamp(accel, smaller(0, (-limit - speed) / h), larger(0, (limit - speed) / h))
+               : accel;
 }
 
 static inline vec3 wheel_accels(const BaseParameters *p, vec3 command, vec3 speed, double h)
@@ -194,12 +197,12 @@ static inline Interval interval(const BaseParameters *p, const BaseInput *u, con
                       reached(s->t, p->t_att)};
 }
 
-/* ---- the base alone, S its centre of mass: (15), (17) ---- */
+/* ---- one rigid body with centre of mass S: (15), (17) ---- */
 static inline void attitude_rates(const Interval *c, double t, const BaseState *x, BaseState *dx)
 {
     const BaseParameters *p = c->p;
     vec3 momentum = add(mul(p->J_S, x->omega), mul(p->A_w, x->wheel_speed));
-    vec3 torque = add(torque_S(c->u), sinusoid(&p->M_dist_S, c->since, t));
+    vec3 torque = add(torque_S(c->u), sinusoid(&p->M_dist_S, c->step_start, t));
     if (p->use_gravity_gradient)
         torque =
             add(torque, gravity_gradient(p->orbit.mu, mul(dcm_of_mrp(x->sigma), x->r), p->J_S));
@@ -213,15 +216,15 @@ static inline void attitude_rates(const Interval *c, double t, const BaseState *
 static inline BaseState rigid_rates(const Interval *c, double t, const BaseState *x)
 {
     vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), force_S(c->u)));
-    vec3 free_fall = free_fall_N(c->p, &x->r, &x->v, c->since, t);
+    vec3 free_fall = free_fall_N(c->p, &x->r, &x->v, c->step_start, t);
     vec3 turning = velocity_turning_N(c->p, c->released, x, x->v);
     BaseState dx = {.r = x->v, .v = sum3(free_fall, thrust, turning), .mass = -c->u->mdot};
     if (c->released) attitude_rates(c, t, x, &dx);
     return dx;
 }
 
-/* half a turn in an internal step is beyond the stability of the integrator (2.8 rad): the body has
- * lost its attitude, and what comes next is not a number */
+/* half a turn in an internal step is beyond the stability limit of the integrator (2.8 rad): the
+ * attitude is lost, and the states would become NaN */
 static inline double rate_margin(const BaseParameters *p, const BaseState *x, double t)
 {
     return PI / p->max_step - (reached(t, p->t_att) ? norm(x->omega) : 0);

@@ -1,5 +1,5 @@
-/* two_bodies.h - two rigid bodies under a load at one common point and a couple between them: the
- * motion that a mechanism predicts over its step.
+/* two_bodies.h - motion of two rigid bodies under a force at a common point and a couple between
+ * them, for the prediction of a mechanism over its step.
  *
  *   m_red drho'' = F_N,   J_S dw_S = C_SN (d_S x F_N + M_N) - w_S x J_S w_S
  *                         J_T dw_T = C_TN (-d_T x F_N - M_N) - w_T x J_T w_T,    dq = q [0, w]/2
@@ -24,7 +24,7 @@ typedef struct {
     vec3_pair w;
 } TwoBodies;
 
-/* on S and on T about their centres of mass, N axes; the force on T is -F */
+/* force on S, moments on S and T about their centres of mass, N axes; the force on T is -F */
 typedef struct {
     vec3 F;
     vec3_pair M;
@@ -52,7 +52,7 @@ static inline vec3 rate_derivative(mat3 J, mat3 J_inverse, vec3 w, vec3 torque)
 }
 
 /* C_SN, C_TN */
-static inline mat3_pair two_attitudes(const TwoBodies *x)
+static inline mat3_pair attitude_matrices(const TwoBodies *x)
 {
     mat3_pair C;
     for (int i = 0; i < PAIR; i++) set_mat(&C, i, dcm_of_quat(quat_of(&x->q, i)));

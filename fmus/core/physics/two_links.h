@@ -1,8 +1,8 @@
-/* two_links.h - a base and two links with parallel joint axes: configuration, mass matrix and loads
+/* two_links.h - base and two links with parallel joint axes: configuration, mass matrix and loads
  * in base axes.
  *
  * Generalised speeds u = [omega of the base; joint rates]; the origin is the centre of mass of the
- * whole. Body k has its x axis along the link; joint 1 lies on the x axis of the base, r[0] from
+ * robot. Body k has its x axis along the link; joint 1 lies on the x axis of the base, r[0] from
  * its centre of mass. Equations: docs/models.md D. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TWO_LINKS_H
@@ -22,11 +22,11 @@ typedef struct {
 typedef struct {
     double mass, sigma; /* sigma: rate relative to the base about z */
     mat3 inertia;
-    vec3 rho;       /* centre of mass, from that of the whole robot */
-    vec3 D[JOINTS]; /* its derivatives by the joint angles */
-    vec3 c;         /* its acceleration by the squares of the joint rates */
+    vec3 rho;       /* centre of mass, from the centre of mass of the robot */
+    vec3 D[JOINTS]; /* derivatives of rho with respect to the joint angles */
+    vec3 c;         /* terms of the acceleration that are quadratic in the joint rates */
     vec3 Jw[SPEEDS],
-        Jv[SPEEDS]; /* columns: what a unit of a generalised speed does to rotation, translation */
+        Jv[SPEEDS]; /* partial velocities: angular and linear velocity per generalised speed */
 } Part;
 typedef struct { Part part[BODIES]; } Robot;
 
@@ -39,10 +39,11 @@ static inline mat3 turned_inertia(const Links *p, int k, vec3 along)
     return rows(vec(xx, xy, 0), vec(xy, yy, 0), vec(0, 0, p->Izz[k]));
 }
 
-/* position, derivatives and rate-square acceleration of the body at the end of two pieces of length
- * a and b, turned by the first joint and by both */
-static inline void locate(Part *part, double a, double b, vec3 along_1, vec3 along_2,
-                          const double dq[JOINTS])
+/* sets position, its derivatives and the quadratic terms of the acceleration of a body at the end
+ * of two segments of length a and b; the first joint turns the first segment, both joints turn the
+ * second */
+static inline void place_body(Part *part, double a, double b, vec3 along_1, vec3 along_2,
+                              const double dq[JOINTS])
 {
     vec3 z = vec(0, 0, 1), both = scale(b, along_2), first = scale(a, along_1);
     double s1 = dq[0], s2 = dq[0] + dq[1];
@@ -52,7 +53,7 @@ static inline void locate(Part *part, double a, double b, vec3 along_1, vec3 alo
     part->c = neg(add(scale(s1 * s1, first), scale(s2 * s2, both)));
 }
 
-/* from the centre of mass of the base to that of the whole */
+/* changes the origin from the centre of mass of the base to the centre of mass of the robot */
 static inline void refer_to_centre_of_mass(Robot *robot)
 {
     double mass = 0;
@@ -88,7 +89,7 @@ static inline void partial_velocities(Part *b, int k)
     }
 }
 
-static inline Robot robot_in(const Links *p, const double q[JOINTS], const double dq[JOINTS])
+static inline Robot robot_at(const Links *p, const double q[JOINTS], const double dq[JOINTS])
 {
     SineCosine first = sine_and_cosine(q[0]), both = sine_and_cosine(q[0] + q[1]);
     vec3 none = vec(0, 0, 0), joint_1 = vec(p->r[0], 0, 0);
@@ -103,8 +104,8 @@ static inline Robot robot_in(const Links *p, const double q[JOINTS], const doubl
                      .rho = joint_1,
                      .inertia = turned_inertia(p, 2, along_2),
                      .sigma = dq[0] + dq[1]}}};
-    locate(&robot.part[1], p->l[1], 0, along_1, along_2, dq);
-    locate(&robot.part[2], p->l[1] + p->r[1], p->l[2], along_1, along_2, dq);
+    place_body(&robot.part[1], p->l[1], 0, along_1, along_2, dq);
+    place_body(&robot.part[2], p->l[1] + p->r[1], p->l[2], along_1, along_2, dq);
     refer_to_centre_of_mass(&robot);
     for (int k = 0; k < BODIES; k++) partial_velocities(&robot.part[k], k);
     return robot;
@@ -127,8 +128,9 @@ static inline Matrix mass_matrix(const Robot *robot)
     return H;
 }
 
-/* x of (upper left n x n block of H) x = y by Cholesky's decomposition; what lies beyond stays 0 */
-static inline Column solved(Matrix H, Column y, int n)
+/* x of (upper left n x n block of H) x = y by Cholesky decomposition; the other elements of x are
+ * 0 */
+static inline Column solution(Matrix H, Column y, int n)
 {
     Column x = {{0}};
     for (int j = 0; j < n; j++) {
@@ -151,8 +153,8 @@ static inline Column solved(Matrix H, Column y, int n)
     return x;
 }
 
-/* sum_k Jw_k^T torque_k + Jv_k^T force_k, one body's part */
-static inline void project(Column *to, const Part *b, vec3 torque, vec3 force)
+/* adds Jw_k^T torque + Jv_k^T force of one body k */
+static inline void add_generalised_force(Column *to, const Part *b, vec3 torque, vec3 force)
 {
     for (int i = 0; i < SPEEDS; i++) to->at[i] += dot(b->Jw[i], torque) + dot(b->Jv[i], force);
 }
@@ -167,7 +169,7 @@ static inline Column inertial_loads(const Robot *robot, vec3 w, const double dq[
         vec3 accel = sum3(cross(w, cross(w, part->rho)), scale(2, cross(w, relative)), part->c);
         vec3 alpha = scale(part->sigma, cross(w, z));
         vec3 torque = add(mul(part->inertia, alpha), cross(w_k, mul(part->inertia, w_k)));
-        project(&b, part, torque, scale(part->mass, accel));
+        add_generalised_force(&b, part, torque, scale(part->mass, accel));
     }
     return b;
 }
@@ -179,7 +181,7 @@ static inline Column gravity_gradient_loads(const Robot *robot, double g, vec3 a
         const Part *b = &robot->part[k];
         vec3 torque = scale(3 * g, cross(a, mul(b->inertia, a)));
         vec3 force = scale(g * b->mass, sub(scale(3 * dot(a, b->rho), a), b->rho));
-        project(&Q, b, torque, force);
+        add_generalised_force(&Q, b, torque, force);
     }
     return Q;
 }

@@ -1,6 +1,7 @@
-/* arm_rows.h - an arm on the interface of plant and software: rows, the default arm, rules.
+/* arm_rows.h - parameters of an arm in the interface of plant and software: rows, default values,
+ * rules.
  *
- * Arrays have seven rows; those above `joints` are not judged. */
+ * Arrays have seven rows; rows beyond `joints` are not checked. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_ROWS_H
 #define ARM_ROWS_H
@@ -40,7 +41,7 @@
      .p_EA_A = {0.3, 0, 0},                                                                 \
      .q_EA = {1, 0, 0, 0}}
 
-/* stowed: folded over the front face */
+/* the stowed arm, folded over the front face */
 #define ARM_STOWED {1.5707963267948966, 0.3, 0, -2.7, 0, 1.2, 0}
 
 #define ARM_MATRIX(name, member, unit, text) \
@@ -49,10 +50,10 @@
     PARAMETER_AS("joints", arm.joints, "1", "number of joints, whole, 0 to 7"),                    \
         ARM_MATRIX("joint_axis", axis, "1", "unit vector of the axis, per joint, zero pose"),      \
         ARM_MATRIX("joint_offset", offset, "m",                                                    \
-                   "joint from the joint before (the first: from S), zero pose, base axes"),       \
+                   "joint from the previous joint (the first: from S), zero pose, base axes"),     \
         PARAMETER_AS("link_mass", arm.mass, "kg", "mass per link"),                                \
         ARM_MATRIX("link_centre", centre, "m",                                                     \
-                   "centre of mass from the own joint, per link, zero pose"),                      \
+                   "centre of mass from the joint of the link, per link, zero pose"),              \
         ARM_MATRIX("link_inertia", inertia, "kg.m2",                                               \
                    "moments of inertia xx, yy, zz about the centre of mass, per link, zero pose"), \
         ARM_MATRIX("link_products", products, "kg.m2",                                             \
@@ -64,7 +65,7 @@
         PARAMETER_AS("q_EA", arm.q_EA, "1",                                                        \
                      "attitude of the end effector relative to the last link, scalar first")
 
-/* ---- what the joints do to their motion, as the plant has it and as software knows it ---- */
+/* ---- friction and torque limits of the joints, of the plant or as known to the software ---- */
 typedef struct {
     double damping[ARM_JOINTS], friction[ARM_JOINTS], friction_rate, torque_max[ARM_JOINTS];
 } Joints;
@@ -73,7 +74,7 @@ typedef struct {
     PARAMETER_AS("joint_damping", joint.damping, "N.m.s", "viscous friction, per joint"),     \
         PARAMETER_AS("joint_friction", joint.friction, "N.m", "Coulomb friction, per joint"), \
         POSITIVE_AS("friction_rate", joint.friction_rate, "rad/s",                            \
-                    "rate at which Coulomb friction has 0.7 of its size"),                    \
+                    "rate at which Coulomb friction has 0.7 of its full value"),              \
         NONNEGATIVE_AS("joint_torque_max", joint.torque_max, "N.m",                           \
                        "largest torque, per joint; 0 = no limit")
 
@@ -91,18 +92,18 @@ static inline const char *element_of(char text[32], const char *name, int i)
     snprintf(text, 32, "%s[%d]", name, i + 1);
     return text;
 }
-static inline void refuse_row(Problems *problems, const char *name, int i, double value,
+static inline void reject_row(Problems *problems, const char *name, int i, double value,
                               const char *rule)
 {
     char text[32];
-    refuse(problems, element_of(text, name, i), value, rule);
+    reject(problems, element_of(text, name, i), value, rule);
 }
 
 static inline void check_not_negative(Problems *problems, const char *name, const double *value,
                                       int joints)
 {
     for (int i = 0; i < joints; i++)
-        if (!(value[i] >= 0)) refuse_row(problems, name, i, value[i], "must be >= 0");
+        if (!(value[i] >= 0)) reject_row(problems, name, i, value[i], "must be >= 0");
 }
 
 static inline void check_link(Problems *problems, const Arm *arm, int i)
@@ -110,17 +111,17 @@ static inline void check_link(Problems *problems, const Arm *arm, int i)
     char text[32];
     double length = norm(arm->axis[i]);
     if (!(fabs(length - 1) <= 1e-9))
-        refuse_row(problems, "joint_axis", i, length, "must be a unit vector");
-    if (!(arm->mass[i] > 0)) refuse_row(problems, "link_mass", i, arm->mass[i], "must be > 0");
+        reject_row(problems, "joint_axis", i, length, "must be a unit vector");
+    if (!(arm->mass[i] > 0)) reject_row(problems, "link_mass", i, arm->mass[i], "must be > 0");
     check_inertia(problems, element_of(text, "link_inertia", i), mat_of(link_inertia(arm, i)));
 }
 
-/* the number of joints, 0 if it is refused: then no row is judged */
+/* the number of joints; 0 if it is rejected, so that no row is checked */
 static inline int check_arm(Problems *problems, const Arm *arm)
 {
     double n = arm->joints;
     if (!(n == floor_of(n) && n >= 0 && n <= ARM_JOINTS)) {
-        refuse(problems, "joints", n, "must be a whole number from 0 to 7");
+        reject(problems, "joints", n, "must be a whole number from 0 to 7");
         return 0;
     }
     int joints = (int)n;

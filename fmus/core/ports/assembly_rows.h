@@ -1,5 +1,5 @@
-/* assembly_rows.h - the docked assembly as parameters, with its rules, and its state on the
- * wires. */
+/* assembly_rows.h - parameters of the docked assembly with their rules, and its attitude reference
+ * as ports. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ASSEMBLY_ROWS_H
 #define ASSEMBLY_ROWS_H
@@ -31,35 +31,35 @@
 #define ASSEMBLY_MATRIX(name, member, columns, unit, text) \
     ROW_AS(PARAMETER_ROW, p, name, member, columns, unit, text, ANY_VALUE)
 
-#define ASSEMBLY_ROWS(member)                                                                 \
-    POSITIVE_AS("m0", member.m0, "kg", "mass of the base"),                                   \
-        POSITIVE_AS("m1", member.m1, "kg", "mass of the module"),                             \
-        ASSEMBLY_MATRIX("J0", member.J0, 3, "kg.m2",                                          \
-                        "inertia of the base about its centre of mass, base axes"),           \
-        ASSEMBLY_MATRIX("J1", member.J1, 3, "kg.m2",                                          \
-                        "inertia of the module about its centre of mass, module axes"),       \
-        PARAMETER_AS("hinge", member.hinge, "m",                                              \
-                     "from the centre of mass of the base to the hinge, base axes; it turns " \
-                     "about z"),                                                              \
-        PARAMETER_AS("module", member.module, "m",                                            \
-                     "from the hinge to the centre of mass of the module, module axes"),      \
-        NONNEGATIVE_AS("box_0", member.surfaces.box_0, "m",                                   \
-                       "edges of the box around the centre of mass of the base; 0 = none"),   \
-        NONNEGATIVE_AS("box_1", member.surfaces.box_1, "m",                                   \
-                       "edges of the box around the centre of mass of the module; 0 = none"), \
-        NONNEGATIVE_AS("panel_area", member.surfaces.panel_area, "m2",                        \
-                       "area of the two-sided panels; 0 = none"),                             \
-        ROW_AS(PARAMETER_ROW, p, "panel_body", member.surfaces.panel_body, 1, "1",            \
-               "body that carries the panel: 0 base, 1 module", SWITCH_VALUE),                \
-        ASSEMBLY_MATRIX("panel_position", member.surfaces.panel_position, 3, "m",             \
-                        "centres of the panels from the centre of mass of their body, its "   \
-                        "axes"),                                                              \
-        ASSEMBLY_MATRIX("panel_normal", member.surfaces.panel_normal, 3, "1",                 \
-                        "unit normals of the panels, axes of their body"),                    \
-        NONNEGATIVE_AS("mu", member.mu, "m3/s2",                                              \
-                       "gravitational parameter of the planet; 0 = deep space"),              \
-        POSITIVE_AS("R_C", member.R_C, "m", "radius of the circular orbit"),                  \
-        NONNEGATIVE_AS("rho", member.rho, "kg/m3", "density of the atmosphere"),              \
+#define ASSEMBLY_ROWS(member)                                                                    \
+    POSITIVE_AS("m0", member.m0, "kg", "mass of the base"),                                      \
+        POSITIVE_AS("m1", member.m1, "kg", "mass of the module"),                                \
+        ASSEMBLY_MATRIX("J0", member.J0, 3, "kg.m2",                                             \
+                        "inertia of the base about its centre of mass, base axes"),              \
+        ASSEMBLY_MATRIX("J1", member.J1, 3, "kg.m2",                                             \
+                        "inertia of the module about its centre of mass, module axes"),          \
+        PARAMETER_AS(                                                                            \
+            "hinge", member.hinge, "m",                                                          \
+            "from the centre of mass of the base to the hinge, base axes; the hinge axis is z"), \
+        PARAMETER_AS("module", member.module, "m",                                               \
+                     "from the hinge to the centre of mass of the module, module axes"),         \
+        NONNEGATIVE_AS("box_0", member.surfaces.box_0, "m",                                      \
+                       "edges of the box around the centre of mass of the base; 0 = none"),      \
+        NONNEGATIVE_AS("box_1", member.surfaces.box_1, "m",                                      \
+                       "edges of the box around the centre of mass of the module; 0 = none"),    \
+        NONNEGATIVE_AS("panel_area", member.surfaces.panel_area, "m2",                           \
+                       "area of the two-sided panels; 0 = none"),                                \
+        ROW_AS(PARAMETER_ROW, p, "panel_body", member.surfaces.panel_body, 1, "1",               \
+               "body that carries the panel: 0 base, 1 module", SWITCH_VALUE),                   \
+        ASSEMBLY_MATRIX(                                                                         \
+            "panel_position", member.surfaces.panel_position, 3, "m",                            \
+            "centres of the panels from the centre of mass of their body, axes of that body"),   \
+        ASSEMBLY_MATRIX("panel_normal", member.surfaces.panel_normal, 3, "1",                    \
+                        "unit normals of the panels, axes of their body"),                       \
+        NONNEGATIVE_AS("mu", member.mu, "m3/s2",                                                 \
+                       "gravitational parameter of the planet; 0 = deep space"),                 \
+        POSITIVE_AS("R_C", member.R_C, "m", "radius of the circular orbit"),                     \
+        NONNEGATIVE_AS("rho", member.rho, "kg/m3", "density of the atmosphere"),                 \
         NONNEGATIVE_AS("C_D", member.C_D, "1", "drag coefficient of all surfaces")
 
 static inline void check_assembly(Problems *problems, const Assembly *a)
@@ -90,9 +90,9 @@ typedef struct {
                                "reference angular velocity relative to N, reference body axes"), \
         ATTITUDE_REFERENCE_ROW(causality, part, "alpha_DN_D", member.alpha, "rad/s2",            \
                                "reference angular acceleration, derivative of omega_DN_D"),      \
-        ATTITUDE_REFERENCE_ROW(causality, part, "h_ref_D", member.h, "N.m.s",                    \
-                               "momentum of the gyros that the guidance predicts, reference "    \
-                               "body axes"),                                                     \
+        ATTITUDE_REFERENCE_ROW(                                                                  \
+            causality, part, "h_ref_D", member.h, "N.m.s",                                       \
+            "momentum of the gyros predicted by the guidance, reference body axes"),             \
         ATTITUDE_REFERENCE_ROW(                                                                  \
             causality, part, "dh_ref_D", member.dh, "N.m",                                       \
             "mean rate of change of h_ref_D over the coming sample, reference body "             \

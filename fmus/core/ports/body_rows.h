@@ -1,5 +1,4 @@
-/* body_rows.h - the state of a body on the wires: position, velocity, attitude, angular
- * velocity. */
+/* body_rows.h - ports of the state of a body: position, velocity, attitude, angular velocity. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef BODY_ROWS_H
 #define BODY_ROWS_H
@@ -11,19 +10,19 @@ typedef struct {
     vec3 r, v;
     quat q;
     vec3 omega;
-} Body; /* N, N, body relative to N, body components */
+} Body; /* position, velocity in N axes; attitude and rate relative to N, rate in body axes */
 
-/* suffix: "_hat" where an FMU passes estimates on under the names of the plants */
-#define BODY_ROWS(causality, part, X, suffix, member, whose)                        \
+/* suffix: "_hat" for estimates */
+#define BODY_ROWS(causality, part, X, suffix, member, body)                         \
     ROW_AS(causality, part, "r_" X "N_N" suffix, member.r, 1, "m",                  \
-           "position of the " whose ", N axes", ANY_VALUE),                         \
+           "position of the " body ", N axes", ANY_VALUE),                          \
         ROW_AS(causality, part, "v_" X "N_N" suffix, member.v, 1, "m/s",            \
-               "velocity of the " whose ", N axes", ANY_VALUE),                     \
+               "velocity of the " body ", N axes", ANY_VALUE),                      \
         ROW_AS(causality, part, "q_" X "N" suffix, member.q, 1, "1",                \
-               "attitude of the " whose " relative to N, scalar first", ANY_VALUE), \
+               "attitude of the " body " relative to N, scalar first", ANY_VALUE),  \
         ROW_AS(causality, part, "omega_" X "N_" X suffix, member.omega, 1, "rad/s", \
-               "angular velocity of the " whose " relative to N, body axes", ANY_VALUE)
-#define BODY_INPUTS(X, member, whose)  BODY_ROWS(INPUT_ROW, u, X, "", member, whose)
-#define BODY_OUTPUTS(X, member, whose) BODY_ROWS(OUTPUT_ROW, y, X, "", member, whose)
+               "angular velocity of the " body " relative to N, body axes", ANY_VALUE)
+#define BODY_INPUTS(X, member, body)  BODY_ROWS(INPUT_ROW, u, X, "", member, body)
+#define BODY_OUTPUTS(X, member, body) BODY_ROWS(OUTPUT_ROW, y, X, "", member, body)
 
 #endif

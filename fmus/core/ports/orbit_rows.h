@@ -1,5 +1,5 @@
-/* orbit_rows.h - the start orbit of a body: planet, elements or Cartesian start, and their
- * rules. */
+/* orbit_rows.h - parameters of the start orbit of a body (planet, elements or Cartesian start) and
+ * their rules. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ORBIT_ROWS_H
 #define ORBIT_ROWS_H
@@ -8,7 +8,7 @@
 #include "fmu.h"
 #include "orbit.h"
 
-/* all but the semi-major axis, in the order of the tables */
+/* all elements except the semi-major axis */
 #define ELLIPSE_ROWS(orbit)                                                               \
     NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                           \
         PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                             \
@@ -27,16 +27,16 @@
 
 static inline void check_ellipse(Problems *problems, const Orbit *o)
 {
-    if (o->e >= 1) refuse(problems, "e", o->e, "must be in [0, 1)");
+    if (o->e >= 1) reject(problems, "e", o->e, "must be in [0, 1)");
 }
 
 static inline void check_orbit(Problems *problems, const Orbit *o, vec3 r_0_N)
 {
     check_ellipse(problems, o);
     if (o->a > 0 && o->mu == 0)
-        refuse(problems, "mu", o->mu, "must be > 0 when the start is given by elements (a > 0)");
+        reject(problems, "mu", o->mu, "must be > 0 when the start is given by elements (a > 0)");
     if (o->a == 0 && o->mu > 0 && norm(r_0_N) == 0)
-        refuse(problems, "r_0_N", 0, "must not be the centre of the planet when mu > 0 and a = 0");
+        reject(problems, "r_0_N", 0, "must not be the centre of the planet when mu > 0 and a = 0");
 }
 
 #endif

@@ -1,4 +1,4 @@
-/* reference_rows.h - the reference that a guidance hands to a controller. */
+/* reference_rows.h - ports of the reference from a guidance to a controller. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef REFERENCE_ROWS_H
 #define REFERENCE_ROWS_H
@@ -12,8 +12,9 @@ typedef struct {
     vec3 omega, alpha;
 } Reference; /* N axes; rates in D axes */
 
-/* of the optional input of the software of an approach */
-#define ACTIVE_TEXT "1: at work; 0: commands are 0, the next active sample is as the first"
+/* text of the optional input `active` of guidances and controllers */
+#define ACTIVE_TEXT \
+    "1: active; 0: commands are 0, and the next active sample starts as the first one"
 
 #define REFERENCE_ROW(causality, part, name, member, unit, text) \
     ROW_AS(causality, part, name, member, 1, unit, text, ANY_VALUE)

@@ -1,4 +1,4 @@
-/* thrusters.h - up to 16 body-fixed thrusters: where they sit, where they push, how strongly.
+/* thrusters.h - up to 16 body-fixed thrusters: position, direction and nominal thrust.
  *
  * A thruster with nominal thrust 0 does not exist. Position and direction are in body axes from the
  * body origin O, torques are about the centre of mass:   F = P R,   M = (L - D_cm) x (P R)
@@ -75,7 +75,7 @@ static inline void check_thrusters(Problems *problems, const Thrusters *all)
         double length = norm(all->direction.row[i]);
         snprintf(name, sizeof name, "|thruster_direction[%d]|", i + 1);
         if (all->nominal[i] > 0 && !(is_unit_length(length)))
-            refuse(problems, name, length, "must be a unit vector where thrust_nominal > 0");
+            reject(problems, name, length, "must be a unit vector where thrust_nominal > 0");
     }
 }
 

@@ -1,10 +1,10 @@
-/* Bodies of a replay: parts on joints, paths, body axes, plumes; all of it moved by place(at). */
+/* Bodies of a replay: parts on joints, paths, body axes, plumes. place(at) moves all of them. */
 "use strict";
 function makeBodies(view) {
   const { T, scene, array, root, space, shapes, history, labels } = view;
   const axes = [], plumes = [], p = new T.Vector3();
 
-  /* positions turned into H axes, for paths in that frame */
+  /* positions in H axes, for paths in that frame */
   function inHill(r) {
     if (!scene.hill) return r;
     const q = array(scene.hill), turn = new T.Quaternion(), out = new Float32Array(r.length);
@@ -52,7 +52,7 @@ function makeBodies(view) {
   });
   const named = Object.fromEntries(bodies.map((body) => [body.name, body]));
 
-  /* points of bodies that have a name in the picture */
+  /* points of bodies with a name in the picture */
   for (const spot of scene.spots || []) {
     const made = new T.Mesh(new T.SphereGeometry(0.06 * named[spot.body].radius, 12, 8), shapes.glow(0xff5fd2, 0.95));
     made.position.set(...spot.at);
@@ -60,7 +60,7 @@ function makeBodies(view) {
     labels.add(spot.text, made, "#ff9be4", { leader: true, title: spot.title, near: 14 * named[spot.body].radius });
   }
 
-  /* cones that fade out, as long and as bright as the command is large */
+  /* fading cones; length and brightness increase with the command */
   for (const data of scene.plumes || []) {
     const geometry = new T.CylinderGeometry(0.22, 0.03, 1, 18, 8, true);
     geometry.translate(0, 0.5, 0);
@@ -90,7 +90,7 @@ function makeBodies(view) {
       }
     }
     for (const { made, share, size } of plumes) {
-      const value = Math.max(0, history.scalar(share, at)), long = size * (0.25 + 2.2 * Math.sqrt(value));
+      const value = Math.min(1, Math.max(0, history.scalar(share, at))), long = size * (0.25 + 2.2 * Math.sqrt(value));
       made.visible = value > 0.004 && !view.hidden.has("plumes");
       made.scale.setScalar(long);
       made.material.opacity = Math.min(1, 0.25 + Math.sqrt(value));
@@ -100,8 +100,8 @@ function makeBodies(view) {
 
   const world = (body) => body.group.getWorldPosition(new T.Vector3());
 
-  /* bodies that would be too small to be seen are enlarged, never so far that they touch; returns
-   * the largest factor */
+  /* enlarges bodies that would be too small to be visible, never so far that they touch; returns the
+   * largest factor */
   function resize(camera, height) {
     const field = 2 * Math.tan((camera.fov * Math.PI) / 360), client = world(bodies[bodies.length - 1]);
     const gap = Math.min(...bodies.slice(0, -1).map((body) => world(body).distanceTo(client)));

@@ -1,5 +1,5 @@
-/* Cameras of a replay. A camera says where the eye is, at what it looks and how wide it sees; all but
- * `side` are set again at every instant. */
+/* Cameras of a replay: place of the eye, point of view and field of view. All cameras except `side`
+ * are set at every instant. */
 "use strict";
 const FIELD = 38;
 
@@ -8,7 +8,7 @@ function makeCameras(view, bodies) {
   const client = bodies.list[bodies.list.length - 1], chaser = bodies.list[0];
   const pair = bodies.list.length > 1, vec = (...x) => new T.Vector3(...x);
 
-  /* the ball in which everything happens, by frame */
+  /* sphere that contains all positions, by frame */
   function extent(name) {
     const box = new T.Box3(), p = new T.Vector3();
     for (const body of bodies.list) {
@@ -26,7 +26,7 @@ function makeCameras(view, bodies) {
   const narrow = () => half() * Math.min(1, camera.aspect);
   const aim = (eye, at) => ({ eye, at });
 
-  /* The directions of view that stay farthest from the line between the bodies, by frame. */
+  /* direction of view that is at all times farthest from the line between the bodies, by frame */
   function calmest(name) {
     const options = [vec(0.42, -0.45, 0.79), vec(0, 0, 1), vec(0.62, -0.62, 0.48), vec(0.8, 0, 0.6), vec(0, -1, 0), vec(1, 0, 0)]
       .map((v) => v.normalize());
@@ -42,8 +42,8 @@ function makeCameras(view, bodies) {
   }
   const calm = Object.fromEntries(scene.frames.map((f) => [f.key, calmest(f.key)]));
 
-  /* Both bodies at every time, a third of the picture apart; close together they fill a third of it
-   * each. */
+  /* both bodies at every time, a third of the picture apart; close together, each fills a third of
+   * the picture */
   function overview() {
     if (!pair) return whole(calm[view.frame.key]);
     const a = bodies.world(chaser), b = bodies.world(client), d = b.clone().sub(a), far = d.length();
@@ -63,8 +63,8 @@ function makeCameras(view, bodies) {
     return aim(b.center.clone().addScaledVector(direction, ((pair ? 1.12 : 0.8) * b.radius) / narrow()), b.center.clone());
   }
 
-  /* Behind one body, so high above the line to the other that the ball around it is clear of the line
-   * of sight. */
+  /* behind one body, so high above the line to the other that the sphere around the first body does
+   * not hide the second */
   function chase(from, to) {
     const a = bodies.world(from), b = bodies.world(to), d = b.clone().sub(a), far = d.length() || 1;
     d.normalize();
@@ -77,7 +77,7 @@ function makeCameras(view, bodies) {
     return aim(eye, b);
   }
   for (const body of bodies.list) body.girth = girth(body);
-  /* radius of the ball around all parts of a body, hull and panels */
+  /* radius of the sphere around all parts of a body, hull and panels */
   function girth(body) {
     body.group.updateMatrixWorld(true);
     const box = new T.Box3();
@@ -87,7 +87,7 @@ function makeCameras(view, bodies) {
     return Math.max(box.min.distanceTo(centre), box.max.distanceTo(centre));
   }
 
-  /* What a sensor sees: its eye, its axis, its field of view; what carries it is not in the way. */
+  /* view of a sensor: its position, axis and field of view; the body that carries it is hidden */
   function sensor(data) {
     const body = bodies.named[data.body], turn = body.group.getWorldQuaternion(new T.Quaternion());
     const out = vec(...data.axis).applyQuaternion(turn), eye = vec(...data.at).applyQuaternion(turn).add(bodies.world(body));
@@ -116,7 +116,7 @@ function makeCameras(view, bodies) {
   });
 
   let controls;
-  /* the mouse and fingers turn about an axis that depends on the frame */
+  /* mouse and touch rotate the view about an axis that depends on the frame */
   function renew() {
     if (controls) controls.dispose();
     const axis = view.frame.key === "H" ? "x" : "z";
@@ -128,7 +128,7 @@ function makeCameras(view, bodies) {
     controls.addEventListener("change", () => { view.dirty = true; });
   }
 
-  /* the vertical angle of a picture in which the circle of a field of view has a margin */
+  /* vertical angle of a picture that contains the circle of a field of view with a margin */
   function widened(field) {
     const edge = Math.tan((field * Math.PI) / 360), fov = (360 / Math.PI) * Math.atan((1.12 * edge) / Math.min(1, camera.aspect));
     const radius = (edge / Math.tan((fov * Math.PI) / 360)) * (canvas.clientHeight / 2);
@@ -152,7 +152,7 @@ function makeCameras(view, bodies) {
     camera.lookAt(found.at);
     camera.up.copy(up);
     view.part(".sight").classList.toggle("gone", !found.field);
-    view.marks.hide("view", !!found.field);
+    view.zones.hide("view", !!found.field);
     view.dirty = true;
   }
   function choose(name) {
@@ -162,7 +162,7 @@ function makeCameras(view, bodies) {
       if (masked) masked.shape.visible = true;
       masked = null;
       view.part(".sight").classList.add("gone");
-      view.marks.hide("view", false);
+      view.zones.hide("view", false);
       if (camera.fov !== FIELD) { camera.fov = FIELD; camera.updateProjectionMatrix(); }
     }
     if (name) view.update(true);
@@ -175,7 +175,7 @@ function makeCameras(view, bodies) {
     return button;
   }));
 
-  /* the body that the middle of the picture shows first */
+  /* the body in the middle of the picture nearest to the eye */
   const ray = new T.Raycaster();
   function first() {
     ray.set(camera.position, controls.target.clone().sub(camera.position).normalize());
@@ -190,7 +190,7 @@ function makeCameras(view, bodies) {
   }
 
   return { list, bounds, renew, choose, first,
-    /* once: also those that stay where they are */
+    /* the first time also cameras that do not move */
     set(once) { if (chosen && (once || !list[chosen].once)) set(); },
     move() { if (!chosen || list[chosen].once) controls.update(); },
     get chosen() { return chosen; },

@@ -3,7 +3,7 @@
 const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 const WHOLE = 30;   /* seconds that `whole run` takes */
 
-function makeTimeline(view) {
+function makeClock(view) {
   const { scene, history, part } = view;
   const { first, last, span } = history, scrub = part(".scrub"), select = part(".speed");
   const share = (t) => (t - first) / (span || 1);
@@ -17,12 +17,12 @@ function makeTimeline(view) {
   /* ---- phases and events on the slider ---- */
   const percent = (t) => `${100 * share(t)}%`;
   const phases = scene.phases || [], runs = [...new Set(phases.map((each) => each.run || ""))];
-  part(".phases").replaceChildren(...runs.flatMap((run, lane) => phases.filter((each) => (each.run || "") === run).map((phase, k) => {
+  part(".phases").replaceChildren(...runs.flatMap((run, place) => phases.filter((each) => (each.run || "") === run).map((phase, k) => {
     const made = Object.assign(document.createElement("i"), { className: k % 2 ? "odd" : "even",
       title: `${run ? `${run}: ` : ""}${phase.text}: ${phase.begin.toFixed(1)} to ${phase.end.toFixed(1)} s` });
     made.style.left = percent(phase.begin);
     made.style.width = `${100 * (share(phase.end) - share(phase.begin))}%`;
-    made.style.top = `${(100 * lane) / runs.length}%`;
+    made.style.top = `${(100 * place) / runs.length}%`;
     made.style.height = `${100 / runs.length}%`;
     return made;
   })));
@@ -36,7 +36,7 @@ function makeTimeline(view) {
   }));
   function clock(t) { return t.toFixed(span > 500 ? 0 : span > 5 ? 1 : 3); }
 
-  /* ---- what moves the time ---- */
+  /* ---- playing, stepping, seeking ---- */
   function seek(t) {
     view.now = Math.min(last, Math.max(first, t));
     view.update();
@@ -94,7 +94,7 @@ function makeTimeline(view) {
   view.listen(part(".later"), "click", () => event(1));
   view.listen(window, "hashchange", follow);
 
-  return { events, seek, play, step, event, advance, show, follow, clock, keys: KEYS,
+  return { events, seek, play, step, event, advance, show, follow, format: clock, keys: KEYS,
     get playing() { return playing; }, get speed() { return Number(select.value); },
     set speed(value) {
       if (![...select.options].some((o) => Number(o.value) === value)) select.append(new Option(`${+value.toPrecision(3)}×`, value));

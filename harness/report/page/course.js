@@ -1,10 +1,10 @@
-/* What happens in the replay of another flight, from its own arrays: phases, events, violations; the
- * words are those of the file (harness/report/story.py). */
+/* Phases, events and violations in the replay of another run, from the arrays of that run. The texts
+ * are from the file (harness/report/timeline.py). */
 "use strict";
 const Course = (() => {
   const VIOLATED = 2, DARK = 0.5;
 
-  /* places where a history has another value than before, the first one included */
+  /* indices where a history differs from the value before, and the first index */
   const changes = (values) => Array.from(values.keys()).filter((k) => k === 0 || values[k] !== values[k - 1]);
 
   function phasesOf(scene, array, times, end) {
@@ -13,7 +13,7 @@ const Course = (() => {
     return begins.map((k, i) => ({ begin: times[k], end: i + 1 < begins.length ? times[begins[i + 1]] : end, text: scene.course.words[values[k]] }));
   }
 
-  /* a rule with the instant of its first violation in these arrays, to an instant of the replay */
+  /* a rule with its first violation in these arrays, accurate to an instant of the replay */
   function ruleOf(rule, array, times) {
     const first = array(rule.state).indexOf(VIOLATED);
     return { ...rule, violated: first < 0 ? null : times[first] };
@@ -33,13 +33,13 @@ const Course = (() => {
       if (time !== null) yield [time, `${name}: ${kind === "bad" ? `${verdict}, ` : ""}${detail}`, kind === "bad" ? "violation" : "worst"];
     if (scene.sun && !scene.undated) {
       const dark = Array.from(array(scene.sun.shadow), (part) => part > DARK);
-      for (const k of changes(dark).slice(1)) yield [times[k], dark[k] ? "into the shadow" : "out of the shadow", "light"];
+      for (const k of changes(dark).slice(1)) yield [times[k], `${dark[k] ? "into" : "out of"} the shadow (of the run in the file)`, "light"];
     }
     if (end < times[times.length - 1]) yield [end, "the run ends", "abort"];
   }
 
-  /* the scene with the course of the flight that these arrays hold, which went on until `end` [s] */
-  function told(scene, array, end, verdicts) {
+  /* the scene with the phases and events of the run of these arrays, which ended at `end` [s] */
+  function ofRun(scene, array, end, verdicts) {
     const times = array(scene.time);
     const events = [...eventsOf(scene, array, times, end, verdicts)].filter(([time]) => time <= end);
     return {
@@ -47,6 +47,6 @@ const Course = (() => {
       events: events.map(([time, text, kind]) => ({ time, text, kind })).sort((a, b) => a.time - b.time),
     };
   }
-  return { told };
+  return { ofRun };
 })();
 if (typeof module !== "undefined") module.exports = Course;

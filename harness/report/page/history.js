@@ -3,7 +3,7 @@
 function historyOf(times, T) {
   const first = times[0], last = times[times.length - 1], other = new T.Quaternion();
 
-  /* the instants on both sides of a time, and the part of the way between them */
+  /* the instants before and after a time, and the part of the interval between them */
   function place(t) {
     let low = 0, high = times.length - 1;
     while (high - low > 1) {
@@ -25,9 +25,9 @@ function historyOf(times, T) {
     vector: (values, at, out) => out.set(...[0, 1, 2].map((k) => between(values, at, 3, k))),
     quaternion: (values, at, out) =>
       quaternionAt(values, at.low, out).slerp(quaternionAt(values, at.high, other), at.part),
-    /* what holds from one instant to the next */
+    /* a value that is constant from one instant to the next */
     state: (values, at) => values[at.part < 1 ? at.low : at.high],
-    /* the time so many instants later */
+    /* the time of the instant that is `count` instants later */
     step(t, count) {
       const { low, high, part } = place(t);
       const from = count > 0 ? (part >= 1 ? high : low) : (part > 0 ? high : low);

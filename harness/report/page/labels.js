@@ -1,6 +1,7 @@
 /* Names in the picture, with a line from each name of a body to the body, and the axes of the frame
  * in the corner. */
 "use strict";
+const TURNS = [0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.8, -1.8, Math.PI]; /* directions of the line from a name to its body [rad] */
 const SVG = "http://www.w3.org/2000/svg";
 const svg = (tag, about = {}) => {
   const made = document.createElementNS(SVG, tag);
@@ -13,8 +14,8 @@ function makeLabels(view) {
   const place = view.part(".names"), leaders = svg("svg", { class: "leaders" }), list = [], p = new T.Vector3();
   place.replaceChildren(leaders);
 
-  /* leader: with a line from afar; size: radius of what it names; near: distance of the eye up to
-   * which it is shown; shown: whether it is */
+  /* leader: with a line to the body from far away; size: radius of the named object; near: largest
+   * distance of the eye at which the name is shown; shown: whether it is shown */
   function add(text, object, colour, about = {}) {
     const made = Object.assign(document.createElement("div"), { className: "label", textContent: text });
     if (about.title) made.title = about.title;
@@ -25,50 +26,55 @@ function makeLabels(view) {
     list.push({ made, line, object, colour, text, about, at: null });
   }
 
-  /* where an object is in the picture [px]; null: behind the eye */
+  /* position of an object in the picture [px]; null: behind the eye */
   function onScreen(object, camera) {
     object.getWorldPosition(p).project(camera);
     if (p.z >= 1) return null;
     return { x: ((p.x + 1) / 2) * canvas.clientWidth, y: ((1 - p.y) / 2) * canvas.clientHeight };
   }
 
+  /* Names of bodies are placed first: each moves around its body until it overlaps neither another
+   * name nor the numbers in the corner. A name that still overlaps an earlier one is left out. */
   function draw(camera) {
     const width = canvas.clientWidth, height = canvas.clientHeight;
-    const words = view.part(".readout"), right = words.offsetLeft + words.offsetWidth, below = words.offsetTop + words.offsetHeight;
-    const free = (each, at) => each.line || at.x > right || at.y > below;
     const seen = list.map((each) => {
       const at = each.about.shown && !each.about.shown() ? null : onScreen(each.object, camera);
       const far = each.about.near && each.object.getWorldPosition(p).distanceTo(camera.position) > each.about.near;
-      return at && !far && at.x > 0 && at.x < width && at.y > 0 && at.y < height && free(each, at) ? at : null;
+      return at && !far && at.x > 0 && at.x < width && at.y > 0 && at.y < height ? at : null;
     });
     const led = seen.filter((at, k) => at && list[k].line);
     const middle = led.reduce((sum, at) => ({ x: sum.x + at.x / led.length, y: sum.y + at.y / led.length }), { x: 0, y: 0 });
+    const words = view.part(".readout"), half = { x: words.offsetWidth / 2, y: words.offsetHeight / 2 };
+    const taken = [{ x: words.offsetLeft + half.x, y: words.offsetTop + half.y, half }];
+    const isFree = (at, own) => taken.every((other) =>
+      Math.abs(other.x - at.x) > other.half.x + own.x || Math.abs(other.y - at.y) > other.half.y + own.y);
     let order = 0;
-    const taken = [], crowded = (at) => taken.some((other) => Math.abs(other.x - at.x) < 48 && Math.abs(other.y - at.y) < 15);
-    list.forEach((each, k) => {
-      const at = !seen[k] || each.line || !crowded(seen[k]) ? seen[k] : null;
-      if (at && !each.line) taken.push(at);
-      each.made.style.display = at ? "block" : "none";
-      if (each.line) each.line.style.display = at ? "block" : "none";
-      each.at = at && (each.line ? lead(each, at, middle, order++, camera) : at);
-      if (each.at) each.made.style.transform = `translate(${each.at.x}px, ${each.at.y}px) translate(-50%, -50%)`;
-    });
+    for (const [each, at] of list.map((one, k) => [one, seen[k]]).sort(([a], [b]) => !a.line - !b.line)) {
+      const own = { x: 4 + 3.6 * each.text.length, y: 9 };
+      const ends = !at ? [] : each.line ? leads(each, at, middle, order++, camera) : [at];
+      each.at = ends.find((end) => isFree(end, own)) || (each.line && ends[0]) || null;
+      each.made.style.display = each.at ? "block" : "none";
+      if (each.line) each.line.style.display = each.at ? "block" : "none";
+      if (!each.at) continue;
+      taken.push({ ...each.at, half: own });
+      each.made.style.transform = `translate(${each.at.x}px, ${each.at.y}px) translate(-50%, -50%)`;
+      if (!each.line) continue;
+      each.from = at;
+      Object.entries({ x1: at.x, y1: at.y, x2: each.at.x, y2: each.at.y }).forEach(([name, value]) => each.line.setAttribute(name, value));
+    }
   }
 
-  /* a name stands away from the others, beyond what it names */
-  function lead(each, at, middle, order, camera) {
-    let x = at.x - middle.x, y = at.y - middle.y, length = Math.hypot(x, y);
-    if (length < 12) [x, y, length] = [Math.cos(2.4 * order - 1), Math.sin(2.4 * order - 1), 1];
-    x /= length;
-    y /= length;
+  /* possible places of a name: away from the others, beyond the named object, then to either side */
+  function leads(each, at, middle, order, camera) {
+    const x = at.x - middle.x, y = at.y - middle.y, away = Math.hypot(x, y) < 12 ? 2.4 * order - 1 : Math.atan2(y, x);
     const distance = each.object.getWorldPosition(p).distanceTo(camera.position);
     const seen = each.about.size ? (each.about.size() / distance / Math.tan((camera.fov * Math.PI) / 360)) * canvas.clientHeight / 2 : 0;
     const far = Math.min(150, 34 + 0.75 * seen);
     const clamp = (value, edge, low, high) => Math.min(edge - high, Math.max(low, value));
-    const end = { x: clamp(at.x + far * x, canvas.clientWidth, 50, 50), y: clamp(at.y + far * y, canvas.clientHeight, 24, 80) };
-    Object.entries({ x1: at.x, y1: at.y, x2: end.x, y2: end.y }).forEach(([name, value]) => each.line.setAttribute(name, value));
-    each.from = at;
-    return end;
+    return TURNS.map((turn) => ({
+      x: clamp(at.x + far * Math.cos(away + turn), canvas.clientWidth, 50, 50),
+      y: clamp(at.y + far * Math.sin(away + turn), canvas.clientHeight, 24, 80),
+    }));
   }
 
   /* ---- the axes of the frame ---- */
@@ -89,7 +95,7 @@ function makeLabels(view) {
       line.setAttribute("y2", -28 * end.y);
       text.setAttribute("x", 38 * end.x);
       text.setAttribute("y", -38 * end.y + 3);
-      text.textContent = Math.hypot(end.x, end.y) > 0.4 ? view.frame.axes[k] : ""; /* else it points at the eye */
+      text.textContent = Math.hypot(end.x, end.y) > 0.4 ? view.frame.axes[k] : ""; /* otherwise the axis points at the eye */
     });
   }
 

@@ -1,9 +1,9 @@
-/* The page comes to life: numbers are decoded, libraries unpacked, plots and replay started. */
+/* Start of the page: decodes numbers, unpacks libraries, starts plots and replay. */
 "use strict";
 (async () => {
   const json = (id) => JSON.parse(document.getElementById(id).textContent);
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  /* arrays by name: Float32Array with .shape, from base64 or given as such */
+  /* arrays by name: Float32Array with .shape; given as an array or in base64 */
   const arrays = (stored) => {
     const decoded = new Map();
     return (name) => {
@@ -15,7 +15,7 @@
     };
   };
 
-  /* the script of a library, which is text of this page, runs as if it had been written out */
+  /* runs the script of a library, which this page contains as compressed text */
   const unpack = async (name) => {
     const packed = bytes(document.getElementById(`script-${name}`).textContent);
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -46,7 +46,7 @@
     });
   }
 
-  /* Plots and replay of one table of numbers; again with another table: what was there goes. */
+  /* shows plots and replay of one set of numbers, in place of the set before */
   const present = (data, stored) => {
     const array = arrays(stored), had = window.report.replay;
     had?.dispose();
@@ -69,7 +69,7 @@
     window.report.replay = startReplay(data.scene, window.report.array, K3D.ThreeJsProvider.THREE, json("coasts").rings);
   }
 
-  /* from a table or a plot to the scene, and back */
+  /* links from tables and plots to the scene, and back */
   window.report.show = (time, from) => {
     const { replay } = window.report;
     if (!replay) return;
@@ -86,7 +86,7 @@
     button.addEventListener("click", () => window.report.show(Number(button.dataset.time), button));
   }
 
-  /* paper is white, has all plots, and is narrow: a plot does not follow its card by itself */
+  /* print: light theme, all plots, width of the paper; plots must be resized explicitly */
   let before = "";
   window.addEventListener("beforeprint", () => {
     before = root.dataset.theme;

@@ -24,7 +24,8 @@ function layPlots(data, array) {
   plotCards.length = 0;
   linked.range = null;
   for (const section of data.figures || []) {
-    const place = document.querySelector(`[data-section="${section.name}"]`);
+    const named = (name) => document.querySelector(`[data-section="${name}"]`);
+    const place = named(section.name) || named("figures");
     const grid = element("div", "plots");
     for (const figure of section.figures)
       for (const plot of figure.plots)
@@ -111,24 +112,24 @@ function startPlots() {
   document.addEventListener("replay", (event) => { linked.time = event.detail; moveCursors(); });
 }
 
-/* for paper: what no screen has shown yet, but for closed components */
+/* for print: draws all plots that have not been in sight, except in closed components */
 function drawAll() {
   for (const entry of plotCards) if (entry.made.offsetParent && (!entry.drawn || entry.stale === "yes")) draw(entry);
 }
 
-/* every plot as large as its card is now; drawing it again lets it follow the card as before */
+/* resizes every plot to its card; the next drawing makes it follow the card again */
 function fitPlots() {
   for (const { drawn, made, drawing } of plotCards)
     if (drawn && made.offsetParent) Plotly.relayout(drawing, { width: drawing.clientWidth, height: drawing.clientHeight });
 }
 
-/* what is out of sight is drawn again when it comes back */
+/* plots out of sight are drawn again when they come into sight */
 function redraw(entry) {
   entry.stale = "yes";
   if (entry.visible) draw(entry);
 }
 
-/* runs of a comparison: the palette, or for many a scale from first to last */
+/* colours of the runs of a comparison: the palette, or for many runs a scale from first to last */
 const colour = (which) => {
   const runs = (window.report.data.runs || []).length;
   if (typeof which === "number" && runs > 7) return scaleColour(which / (runs - 1));
@@ -137,7 +138,7 @@ const colour = (which) => {
   return palette[which % palette.length];
 };
 
-/* cividis, which colour-blind eyes see as others do */
+/* cividis, a scale that also colour-blind readers can use */
 const CIVIDIS = [[0, 48, 111], [64, 78, 108], [110, 110, 114], [152, 143, 120], [200, 182, 104], [253, 231, 55]];
 function scaleColour(part) {
   const at = Math.min(part, 0.9999) * (CIVIDIS.length - 1), k = Math.floor(at);
@@ -252,7 +253,7 @@ function layout(entry) {
 
 function draw(entry) {
   const traces = [...entry.plot.curves.map((curve) => trace(curve, entry)), ...ends(entry)];
-  const config = { responsive: true, displaylogo: false, typesetMath: false, displayModeBar: matchMedia("(hover: none)").matches ? false : "hover", /* it would cover the plot for good */
+  const config = { responsive: true, displaylogo: false, typesetMath: false, displayModeBar: matchMedia("(hover: none)").matches ? false : "hover", /* on touch screens it would always cover the plot */
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d"] };
   Plotly.react(entry.drawing, traces, layout(entry), config);
   if (!entry.drawn && entry.plot.time) link(entry);

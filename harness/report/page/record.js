@@ -1,4 +1,4 @@
-/* The picture with its words on one canvas: as a PNG, as a video, in print. */
+/* Picture and texts of the replay on one canvas: for PNG, video and print. */
 "use strict";
 function makeRecorder(view) {
   const { scene, canvas, stage, part, history } = view;
@@ -15,11 +15,11 @@ function makeRecorder(view) {
   function write(text, x, y, size, colour, bold) {
     pen.font = `${bold ? "600 " : ""}${size}px system-ui, sans-serif`;
     Object.assign(pen, { fillStyle: colour, strokeStyle: halo, lineWidth: 3, lineJoin: "round" });
-    pen.strokeText(text, x, y); /* readable before a planet, too */
+    pen.strokeText(text, x, y); /* readable also in front of a planet */
     pen.fillText(text, x, y);
   }
 
-  /* everything that the stage shows but its controls; light: on white, to be printed */
+  /* everything on the stage except its controls; light: on white, for print */
   function compose(light) {
     const width = canvas.clientWidth, height = canvas.clientHeight, ratio = canvas.width / (width || 1);
     if (sheet.width !== canvas.width || sheet.height !== canvas.height) Object.assign(sheet, { width: canvas.width, height: canvas.height });
@@ -53,19 +53,19 @@ function makeRecorder(view) {
     pen.textAlign = "left";
     let y = 24;
     write(scene.title || "", 16, y, 13, soft, false);
-    if (view.story.phase()) write(view.story.phase(), 16, (y += 22), 17, ink, true);
-    for (const [value, name] of view.story.lines(at)) write(`${value} ${name}`.trim(), 16, (y += 19), 13, ink, false);
-    for (const rule of view.story.rules)
+    if (view.timeline.phase()) write(view.timeline.phase(), 16, (y += 22), 17, ink, true);
+    for (const [value, name] of view.timeline.lines(at)) write(`${value} ${name}`.trim(), 16, (y += 19), 13, ink, false);
+    for (const rule of view.timeline.rules)
       write(`${rule.name}: ${rule.made.children[2].textContent}`, 16, (y += 19), 13, rule.now === "violated" ? "#ff5a4d" : soft, false);
-    const past = view.story.recent();
-    write(`${view.timeline.clock(view.now)} s${past ? `   ${view.timeline.clock(past.time)} s: ${past.text}` : ""}`, 16, height - 18, 14, ink, true);
+    const past = view.timeline.recent();
+    write(`${view.clock.format(view.now)} s${past ? `   ${view.clock.format(past.time)} s: ${past.text}` : ""}`, 16, height - 18, 14, ink, true);
     pen.textAlign = "right";
-    view.marks.list.forEach((mark, k) => write(mark.text, width - 16, height - 18 - 19 * k, 12, mark.now === VIOLATED ? "#ff5a4d" : soft, false));
+    view.zones.list.forEach((zone, k) => write(zone.text, width - 16, height - 18 - 19 * k, 12, zone.now === VIOLATED ? "#ff5a4d" : soft, false));
   }
 
   function save(blob, ending) {
     const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob),
-      download: `${(scene.name || "replay").replace(/\W+/g, "_")}_${view.timeline.clock(view.now)}s.${ending}` });
+      download: `${(scene.name || "replay").replace(/\W+/g, "_")}_${view.clock.format(view.now)}s.${ending}` });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   }
@@ -82,15 +82,15 @@ function makeRecorder(view) {
     recording.addEventListener("dataavailable", (event) => pieces.push(event.data));
     recording.addEventListener("stop", () => {
       recording = null;
-      view.timeline.play(false);
+      view.clock.play(false);
       part(".video").setAttribute("aria-pressed", false);
       save(new Blob(pieces, { type }), type.includes("mp4") ? "mp4" : "webm");
     });
     part(".video").setAttribute("aria-pressed", true);
     recording.start(200);
-    view.timeline.play(true);
+    view.clock.play(true);
   }
-  const ending = () => { if (recording && !view.timeline.playing) setTimeout(() => recording && recording.stop(), 200); };
+  const ending = () => { if (recording && !view.clock.playing) setTimeout(() => recording && recording.stop(), 200); };
 
   /* ---- print ---- */
   const printed = document.querySelector("#replay .printed");

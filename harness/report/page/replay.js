@@ -1,6 +1,6 @@
-/* The replay in space. Data are in N axes about the origin of the scene; all that is drawn hangs in
- * one group, which for the Hill frame is turned by the inverse of that frame's attitude. three.js
- * draws. startReplay() can be called again with another scene once the one before is disposed of. */
+/* Replay in space, drawn by three.js. Data are in N axes about the origin of the scene. All objects
+ * belong to one group, which for the Hill frame is rotated by the inverse of the attitude of that
+ * frame. After dispose(), startReplay() can be called with another scene. */
 "use strict";
 function startReplay(scene, array, T, coasts) {
   const former = document.querySelector(".stage");
@@ -19,7 +19,7 @@ function startReplay(scene, array, T, coasts) {
   renderer.outputColorSpace = T.LinearSRGBColorSpace;
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
 
-  /* what all parts of the replay share */
+  /* state that all parts of the replay share */
   const view = {
     T, scene, array, coasts, stage, canvas, part: (name) => stage.querySelector(name),
     listen: (object, name, act) => object.addEventListener(name, act, { signal: ears.signal }),
@@ -34,10 +34,10 @@ function startReplay(scene, array, T, coasts) {
   view.labels = makeLabels(view);
   view.sky = makeSky(view);
   const bodies = makeBodies(view);
-  const marks = view.marks = makeMarks(view, bodies);
+  const zones = view.zones = makeZones(view, bodies);
+  view.clock = makeClock(view);
   view.timeline = makeTimeline(view);
-  view.story = makeStory(view);
-  const cameras = makeCameras(view, bodies), { timeline, story, labels, sky } = view;
+  const cameras = makeCameras(view, bodies), { clock, timeline, labels, sky } = view;
   const recorder = makeRecorder(view);
   sky.addRings(Math.max(...scene.frames.map((f) => cameras.bounds[f.key].radius * 1.3)));
   const centre = bodies.named[scene.centre];
@@ -50,21 +50,21 @@ function startReplay(scene, array, T, coasts) {
     view.root.quaternion.copy(view.frame.key === "H" ? turn.copy(view.hill.quaternion).conjugate() : turn.identity());
     bodies.place(at);
     if (centre) view.hill.position.copy(centre.group.position);
-    marks.place(at);
+    zones.place(at);
     sky.place(at);
     view.root.updateMatrixWorld(true);
     cameras.set(once);
     view.camera.updateMatrixWorld();
     resize();
-    timeline.show();
-    story.show(at);
+    clock.show();
+    timeline.show(at);
     view.dirty = true;
     document.dispatchEvent(new CustomEvent("replay", { detail: view.now }));
   }
   function resize() {
     const height = canvas.clientHeight || 1;
     const largest = bodies.resize(view.camera, height);
-    marks.resize(view.camera, height);
+    zones.resize(view.camera, height);
     view.scaleText = largest > 1.05 ? `bodies drawn ${largest.toPrecision(2)} times as large` : "";
   }
   function render() {
@@ -74,7 +74,7 @@ function startReplay(scene, array, T, coasts) {
     labels.draw(view.camera);
   }
 
-  /* ---- frames, what is shown ---- */
+  /* ---- frames, visible objects ---- */
   function setFrame(name) {
     view.frame = scene.frames.find((f) => f.key === name) || view.frame;
     for (const button of view.part(".frames").children) button.setAttribute("aria-pressed", button.dataset.frame === view.frame.key);
@@ -89,7 +89,7 @@ function startReplay(scene, array, T, coasts) {
     return button;
   }));
 
-  const CHOICES = { axes: "body axes", marks: "zones and axes", plumes: "plumes", trails: "paths", planet: "planet and Sun", rings: "rings of range" };
+  const CHOICES = { axes: "body axes", zones: "zones and axes", plumes: "plumes", trails: "paths", planet: "planet and Sun", rings: "rings of range" };
   function choice(name, text, on, act) {
     const line = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: on });
     box.name = name;
@@ -97,7 +97,7 @@ function startReplay(scene, array, T, coasts) {
     line.append(box, ` ${text}`);
     return line;
   }
-  const there = { axes: true, trails: true, rings: true, marks: marks.list.length, plumes: bodies.plumes.length, planet: sky.planet };
+  const there = { axes: true, trails: true, rings: true, zones: zones.list.length, plumes: bodies.plumes.length, planet: sky.planet };
   view.part(".shown div").replaceChildren(
     ...Object.entries(CHOICES).filter(([name]) => there[name]).map(([name, text]) =>
       choice(name, text, true, (on) => (on ? view.hidden.delete(name) : view.hidden.add(name)))),
@@ -113,7 +113,7 @@ function startReplay(scene, array, T, coasts) {
     update(true);
   }
   const full = () => (document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen());
-  const keys = { ...timeline.keys, c: cameras.next, f: full,
+  const keys = { ...clock.keys, c: cameras.next, f: full,
     h: () => setFrame(scene.frames[(scene.frames.indexOf(view.frame) + 1) % scene.frames.length].key) };
   view.listen(stage, "keydown", (event) => {
     const inside = /^(INPUT|SELECT|BUTTON|SUMMARY)$/.test(event.target.tagName);
@@ -131,11 +131,11 @@ function startReplay(scene, array, T, coasts) {
     if (!visible && !recorder.recording) { before = 0; return; }
     const passed = before ? Math.min(0.1, (stamp - before) / 1000) : 0;
     before = stamp;
-    timeline.advance(passed);
+    clock.advance(passed);
     cameras.move();
     if (!view.dirty) return;
     view.dirty = false;
-    if (!timeline.playing) resize();
+    if (!clock.playing) resize();
     render();
     recorder.after();
   }
@@ -146,17 +146,17 @@ function startReplay(scene, array, T, coasts) {
   fitCanvas();
   requestAnimationFrame(beat);
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-  if (!timeline.follow() && !still) timeline.play(true);
+  if (!clock.follow() && !still) clock.play(true);
   recorder.print();
 
-  /* what the picture shows, for tests and for other programs */
+  /* state of the picture, for tests and other programs */
   const state = () => ({
-    time: view.now, playing: timeline.playing, frame: view.frame.key, camera: cameras.chosen, speed: timeline.speed,
-    eye: view.camera.position.toArray(), first: cameras.first(), phase: story.phase(), dark: sky.dark,
+    time: view.now, playing: clock.playing, frame: view.frame.key, camera: cameras.chosen, speed: clock.speed,
+    eye: view.camera.position.toArray(), first: cameras.first(), phase: timeline.phase(), dark: sky.dark,
     sun: scene.sun ? sky.towards.toArray() : null, recording: recorder.recording,
     width: canvas.clientWidth, height: canvas.clientHeight,
-    rules: Object.fromEntries(story.rules.map((rule) => [rule.name, rule.now])),
-    marks: marks.list.map((mark) => ({ text: mark.text, kind: mark.kind, now: mark.now,
+    rules: Object.fromEntries(timeline.rules.map((rule) => [rule.name, rule.now])),
+    zones: zones.list.map((mark) => ({ text: mark.text, kind: mark.kind, now: mark.now,
       position: mark.made.getWorldPosition(new T.Vector3()).toArray(), size: mark.made.getWorldScale(new T.Vector3()).toArray() })),
     bodies: Object.fromEntries(bodies.list.map((b) => [b.name, {
       position: bodies.world(b).toArray(), attitude: b.group.getWorldQuaternion(new T.Quaternion()).toArray(),
@@ -170,12 +170,12 @@ function startReplay(scene, array, T, coasts) {
     ears.abort();
     sized.disconnect();
     seen.disconnect();
-    timeline.dispose();
+    clock.dispose();
     cameras.dispose();
     view.space.traverse((o) => { o.geometry?.dispose(); for (const m of [o.material].flat()) m?.dispose(); });
     renderer.dispose();
     renderer.forceContextLoss();
   }
-  return { seek: timeline.seek, play: timeline.play, setFrame, choose: cameras.choose, state, dispose,
-    step: timeline.step, compose: recorder.compose, speed: (value) => { timeline.speed = value; } };
+  return { seek: clock.seek, play: clock.play, setFrame, choose: cameras.choose, state, dispose,
+    step: clock.step, compose: recorder.compose, speed: (value) => { clock.speed = value; } };
 }

@@ -14,7 +14,7 @@ function makeShapes(T) {
   const lines = (colour, opacity) => new T.LineBasicMaterial({ color: colour, transparent: true, opacity });
   const points = (list) => new T.BufferGeometry().setFromPoints(list);
 
-  /* every body has the hue of its label, its hull a pale one */
+  /* every body has the hue of its label; its hull is paler */
   function looks(which) {
     const own = bodyColour(which), pale = new T.Color(own).lerp(new T.Color(0xe8ebf0), 0.55);
     return {
@@ -41,7 +41,7 @@ function makeShapes(T) {
   }
   const twoSided = (material) => Object.assign(material.clone(), { side: T.DoubleSide });
 
-  /* lines of cells on both sides of a flat box */
+  /* lines of solar cells on both sides of a flat box */
   function cells(size) {
     const flat = size.indexOf(Math.min(...size)), [i, j] = [0, 1, 2].filter((k) => k !== flat);
     const found = [], cell = Math.max(size[i], size[j]) / 8;

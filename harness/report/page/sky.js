@@ -1,6 +1,6 @@
-/* What is far away: the planet with its night side, the Sun and the shadow, stars, rings of range. */
+/* Surroundings: the planet with its night side, Sun and shadow, stars, rings of range. */
 "use strict";
-const DAY = 0.95, NIGHT = 1.5;   /* light from everywhere, in the Sun and in the shadow */
+const DAY = 0.95, NIGHT = 1.5;   /* ambient light, in the Sun and in the shadow */
 
 function makeSky(view) {
   const { T, scene, array, root, space, shapes, history, labels } = view;
@@ -8,7 +8,7 @@ function makeSky(view) {
   const light = new T.DirectionalLight(0xffffff, 1.5), towards = new T.Vector3(1, 0, 0);
   space.add(ambient, light);
 
-  /* a map of the planet: land, coasts, a net of 15 degrees */
+  /* map of the planet: land, coasts, a grid of 15 degrees */
   function map(coasts) {
     const canvas = Object.assign(document.createElement("canvas"), { width: 4096, height: 2048 });
     const pen = canvas.getContext("2d"), x = (lon) => ((lon + 180) / 360) * 4096, y = (lat) => ((90 - lat) / 180) * 2048;
@@ -134,7 +134,7 @@ function makeSky(view) {
       }
       if (found.rings) found.rings.visible = !view.hidden.has("rings");
     },
-    /* without a date nobody knows where the Sun is: light comes over the shoulder */
+    /* without a date the Sun is unknown: the light comes from behind the eye */
     shine(camera) {
       if (sun) light.position.copy(towards).multiplyScalar(1e6);
       else light.position.copy(camera.position).addScaledVector(camera.up, camera.position.length() * 0.8);

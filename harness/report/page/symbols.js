@@ -1,5 +1,5 @@
-/* Names such as rho_ref as symbols with an index, as harness/figures/finish.py sets them in print; names
- * of variables (guidance.rho_ref_N) stay. */
+/* Names such as rho_ref as symbols with an index, as harness/figures/finish.py sets them in print. Names
+ * of variables (guidance.rho_ref_N) are unchanged. */
 "use strict";
 const Symbols = (() => {
   const LETTERS = { alpha: "α", beta: "β", gamma: "γ", delta: "δ", epsilon: "ε", zeta: "ζ", eta: "η", theta: "θ",
@@ -9,7 +9,7 @@ const Symbols = (() => {
   const SYMBOL = new RegExp(`(?<![\\w$\\\\.])(?:(${greek}|[A-Za-z])_(\\w+)|(${greek}))(?![\\w.])`, "g");
   const escaped = (text) => text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
 
-  /* the text as HTML, as Plotly and an element take it */
+  /* the text as HTML, for Plotly and for elements */
   const html = (text) => escaped(text || "").replace(SYMBOL, (_, base, index, alone) =>
     (alone ? LETTERS[alone] : `${LETTERS[base] || base}<sub>${index.replace(/_/g, ",")}</sub>`));
   return { html, escaped };

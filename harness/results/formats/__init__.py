@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One module per kind of results file, each with write(result, path) and read(path). They raise
-what the libraries behind them raise; harness/results/files.py says it in one line.
+"""Formats of results files, one module per kind with write(result, path) and read(path). They raise
+the errors of their libraries, and harness/results/files.py reports them in one line.
 
-Here stands what all have in common: flat columns of variables with axes (the way back of
-variables()), what is no number of a table, and what must hold of a result that any file claims to
-be.
+This module contains what all formats share: flat columns of variables with axes (the inverse of
+variables()), values other than numbers, and the checks of a result from any file.
 """
 
 from __future__ import annotations
@@ -19,23 +18,25 @@ from typing import Any
 import numpy as np
 
 from harness.results import provenance
-from harness.results.result import Array, Result
-from harness.results.views import ELEMENTS, element_names
+from harness.results.result import ELEMENTS, Array, Result, element_names
 
 Variables = Mapping[str, tuple[Array, Mapping[str, str]]]
 """Histories with their attributes by name."""
 
 
 def sound(result: Result) -> Result:
-    """The result; ValueError with the first thing that is wrong with it."""
+    """Return the result; raise ValueError with its first fault."""
     for problem in _problems(result):
         raise ValueError(problem)
     return result
 
 
 def _problems(result: Result) -> Iterator[str]:
+    if result.time.ndim != 1:
+        size = " x ".join(map(str, result.time.shape))
+        yield f"time: expected one value per row, got an array of {size}"
     if not len(result.time):
-        yield "it holds no rows"
+        yield "the file contains no rows"
     if not (finite := np.isfinite(result.time)).all():
         yield f"row {np.argmin(finite)} has the time {result.time[~finite][0]}"
     if (np.diff(result.time) < 0).any():
@@ -49,12 +50,12 @@ def _problems(result: Result) -> Iterator[str]:
 
 
 def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
-    """What is wrong with columns, units and numbers."""
+    """Yield the faults of columns, units and numbers."""
     width = len(table.columns)
     if table.values.shape != (rows, width):
         yield f"{kind}s: expected {rows} rows of {width} values, got {table.values.shape}"
     if twice := [name for name, times in Counter(table.columns).items() if times > 1]:
-        yield f"{kind} {twice[0]} is there twice"
+        yield f"{kind} {twice[0]} occurs twice"
     for about, texts in (("unit", table.units), ("description", table.descriptions)):
         if texts and len(texts) != width:
             yield f"{kind}s: {len(texts)} {about}s for {width} names"
@@ -67,20 +68,22 @@ def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
 
 
 RATIO = 1100
-"""No file of ours unpacks to more times its size: zlib reaches 1032."""
+"""Largest plausible ratio of unpacked to packed size: zlib reaches 1032."""
 SMALL = 64 * 1024**2
-"""Bytes that are not worth a question."""
+"""Size [bytes] up to which nothing is checked."""
 
 
-def refuse_size(unpacked: int, packed: int | None = None) -> None:
-    """ValueError if so many bytes of numbers are more than half of the memory of this machine, or
-    more than a file of `packed` bytes can honestly hold.
+def check_size(unpacked: int, packed: int | None = None) -> None:
+    """Raise ValueError if so many bytes of numbers exceed half of the memory of this machine, or
+    the plausible content of a file of `packed` bytes.
     """
     if unpacked > SMALL and unpacked > _memory() / 2:
-        raise ValueError(f"it unpacks to {_size(unpacked)}, more than half of the memory here")
+        raise ValueError(
+            f"it unpacks to {_size(unpacked)}, more than half of the memory of this machine"
+        )
     if packed is not None and unpacked > max(SMALL, RATIO * packed):
         raise ValueError(
-            f"its {_size(packed)} unpack to {_size(unpacked)}, which cannot be a result"
+            f"the file of {_size(packed)} unpacks to {_size(unpacked)}, which cannot be a result"
         )
 
 
@@ -105,7 +108,9 @@ def restored(
     fixed: Variables,
     origin: Mapping[str, Any],
 ) -> Result:
-    """The result of what a file holds: what is said of it, variables, parameters, provenance."""
+    """Return the result from the contents of a file: attributes, variables, parameters,
+    provenance.
+    """
     return replace(
         flat_columns(about["system"], time, histories),
         complete=bool(about.get("complete", 1)),
@@ -116,7 +121,7 @@ def restored(
 
 
 def flat_columns(system: str, time: Array, histories: Variables) -> Result:
-    """Variables with their attributes as flat columns."""
+    """Return variables with their attributes as flat columns."""
     columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
     for name, (values, about) in histories.items():
         given = about.get(ELEMENTS)
@@ -132,7 +137,7 @@ def flat_columns(system: str, time: Array, histories: Variables) -> Result:
 
 
 def _from_lines(text: str) -> list[str]:
-    """The inverse of in_lines()."""
+    """Return the names in a text of in_lines()."""
     return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
 
 
@@ -141,29 +146,31 @@ _ESCAPED = re.compile(r"\\[\\n]")
 
 
 def numbers(name: str, values: Any) -> Array:
-    """An array of a file as doubles; ValueError if it holds something else."""
+    """Return an array of a file as doubles; raise ValueError if it contains something else."""
     array = np.asarray(values)
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name}: expected numbers, got {array.dtype}")
     return array.astype(np.float64, copy=False)
 
 
-def refuse_nul(result: Result) -> None:
-    """ValueError if a text of a result has a character that ends texts in files of C programs."""
+def check_nul(result: Result) -> None:
+    """Raise ValueError if a text of a result contains NUL, which ends texts in C libraries."""
     tables = [table for table in (result, result.parameters) if table is not None]
     texts = [result.message, result.system]
     texts += [t for table in tables for t in (*table.columns, *table.units, *table.descriptions)]
     if result.provenance is not None:
         texts += [t for t in provenance.flat(result.provenance).values() if isinstance(t, str)]
     if bad := next((text for text in texts if "\0" in text), None):
-        raise ValueError(f"it cannot hold a NUL character: {bad!r}")
+        raise ValueError(
+            f"a text contains a NUL character, which this format cannot store: {bad!r}"
+        )
 
 
-# ---- what is no number of a bare table
+# ---- texts and parameters of a bare table
 
 
 def content(result: Result) -> dict[str, Any]:
-    """All that is no number of the table, as TOML and JSON have it."""
+    """Return everything except the numbers of the table, for TOML and JSON."""
     about: dict[str, Any] = {
         "system": result.system,
         "complete": result.complete,
@@ -178,7 +185,7 @@ def content(result: Result) -> dict[str, Any]:
 
 
 def _texts(result: Result) -> dict[str, Any]:
-    """Units and meanings by column, where there are any."""
+    """Return units and descriptions by column, without empty ones."""
     given = {"units": result.units, "descriptions": result.descriptions}
     return {
         kind: {name: text for name, text in zip(result.columns, texts, strict=False) if text}
@@ -186,8 +193,8 @@ def _texts(result: Result) -> dict[str, Any]:
     }
 
 
-def told(result: Result, about: Mapping[str, Any]) -> Result:
-    """A bare table with what content() said of it; ValueError."""
+def completed(result: Result, about: Mapping[str, Any]) -> Result:
+    """Return a bare table completed by the contents of content(); raise ValueError."""
     origin, parameters = _table(about, "provenance"), _table(about, "parameters")
     return replace(
         _named(result, _table(about, "columns")),
@@ -198,7 +205,7 @@ def told(result: Result, about: Mapping[str, Any]) -> Result:
 
 
 def _table(about: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """A table within a table, {} if it is not there."""
+    """Return a table within a table, {} if it is missing."""
     if not isinstance(found := about.get(name, {}), dict):
         raise ValueError(f"{name}: expected a table, got {found!r:.40}")
     return found

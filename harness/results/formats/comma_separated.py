@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A .csv: a bare table for whatever reads tables, and beside it NAME.csv.toml: units, meanings,
-parameters and provenance.
+"""Comma-separated format: a plain .csv table for any reader of tables, and beside it NAME.csv.toml
+with units, descriptions, parameters and provenance.
 
-What a bare table does not say of itself stands beside the .csv and not in it, so that a spreadsheet
-or pandas reads the table without being told anything. NAME.csv.toml holds the hash of the table
-that it belongs to; beside any other it counts for nothing.
+Everything that a plain table cannot express is beside the .csv and not inside, so that a
+spreadsheet or pandas reads the table without settings. NAME.csv.toml contains the hash of its table
+and is ignored beside any other table.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from typing import TextIO
 
 import numpy as np
 
+from harness.files.checksums import sha256
 from harness.files.output import written
-from harness.files.sealed import sha256
-from harness.results.formats import content, told
+from harness.results.formats import completed, content
 from harness.results.result import Result
 
 INCOMPLETE = "# incomplete: "
 """Begin of the last line of a run that ended early; its reason follows."""
 LONGEST_LINE = 64 * 1024**2
-"""Characters."""
+"""Largest number of characters of a line."""
 
 _log = logging.getLogger("harness")
 
@@ -45,22 +45,22 @@ def write(result: Result, path: Path) -> None:
 
 
 def _quoted(name: str) -> str:
-    """A name in the header; csv.writer leaves a carriage return, which ends a line, without
+    """Return a name for the header. csv.writer leaves a carriage return, which ends a line, without
     quotes.
     """
-    marks = any(mark in name for mark in ',"\r\n') or name != name.strip() or not name
-    return '"{}"'.format(name.replace('"', '""')) if marks else name
+    needed = any(character in name for character in ',"\r\n') or name != name.strip() or not name
+    return '"{}"'.format(name.replace('"', '""')) if needed else name
 
 
 def read(path: Path) -> Result:
-    """Read the table and what is beside it; ValueError if it is none."""
+    """Read the table and the file beside it; raise ValueError if it is not a table."""
     with path.open(encoding="utf-8", newline="") as file:
         names = next(csv.reader(_lines(file)), [])
         if names[:1] != ["time"]:
-            raise ValueError("it does not begin with a column named time")
+            raise ValueError("the first column must be named time")
         table = np.loadtxt(file, delimiter=",", ndmin=2)
     if table.shape[1] != len(names):
-        raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
+        raise ValueError(f"the header has {len(names)} names for {table.shape[1]} columns")
     _, mark, reason = _last_line(path).partition(INCOMPLETE)
     units = ("",) * (len(names) - 1)
     result = Result(path.stem, table[:, 0], tuple(names[1:]), units, table[:, 1:])
@@ -68,7 +68,7 @@ def read(path: Path) -> Result:
 
 
 def _lines(file: TextIO) -> Iterator[str]:
-    """Lines of a file; ValueError if one does not end, as those of a device."""
+    """Yield the lines of a file; raise ValueError for an endless line, as from a device."""
     while line := file.readline(LONGEST_LINE):
         if len(line) == LONGEST_LINE:
             raise ValueError(f"a line is longer than {LONGEST_LINE} characters")
@@ -87,7 +87,7 @@ def _last_line(path: Path) -> str:
 
 
 def beside(path: Path) -> Path:
-    """Where the file beside a .csv is."""
+    """Return the path of the file beside a .csv."""
     return path.with_name(f"{path.name}.toml")
 
 
@@ -101,8 +101,8 @@ def write_beside(result: Result, path: Path) -> None:
 
 
 def _completed(result: Result, path: Path) -> Result:
-    """The result of a .csv with what stands beside it; as it is if there is nothing, or of another
-    table.
+    """Return the result of a .csv with the file beside it, unchanged if that file is missing or
+    belongs to another table.
     """
     try:
         about = tomllib.loads(beside(path).read_text(encoding="utf-8"))
@@ -112,6 +112,8 @@ def _completed(result: Result, path: Path) -> Result:
         _log.warning("%s: cannot be read (%s)", beside(path).name, error)
         return result
     if about.get("sha256") != sha256(path):
-        _log.warning("%s: is of another %s, it is not used", beside(path).name, path.name)
+        _log.warning(
+            "%s: ignored, because it belongs to another version of %s", beside(path).name, path.name
+        )
         return result
-    return told(result, about)
+    return completed(result, about)

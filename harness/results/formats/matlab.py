@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A .mat: one struct per component, `parameters` and `provenance` beside them."""
+"""MATLAB format: one struct per component, and the structs `parameters` and `provenance`."""
 
 from __future__ import annotations
 
@@ -13,25 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from harness.results.formats import numbers, refuse_nul, refuse_size, restored
+from harness.results.formats import check_nul, check_size, numbers, restored
 from harness.results.provenance import flat
-from harness.results.result import Array, Result
-from harness.results.views import ELEMENTS, element_names, in_lines, variables
+from harness.results.result import ELEMENTS, Array, Result, element_names, in_lines, variables
 
-TOLD = {"units": "units", "long_name": "descriptions", ELEMENTS: "columns"}
+ATTRIBUTES = {"units": "units", "long_name": "descriptions", ELEMENTS: "columns"}
 """Structs of a .mat with texts about its variables, by attribute."""
 OF_FIXED = "parameter_"
 """Begin of the names of these structs where they are about parameters."""
-STRUCTS = tuple(begin + name for begin in ("", OF_FIXED) for name in TOLD.values())
+STRUCTS = tuple(begin + name for begin in ("", OF_FIXED) for name in ATTRIBUTES.values())
 RESERVED = ("time", "system", "complete", "message", "parameters", "provenance", *STRUCTS)
-"""Names in a .mat that are no component."""
+"""Names in a .mat that cannot be components."""
 
 
 def write(result: Result, path: Path) -> None:
     """Write the file, in names that MATLAB accepts."""
     import scipy.io
 
-    refuse_nul(result)
+    check_nul(result)
     content: dict[str, Any] = {
         "time": result.time,
         "system": result.system,
@@ -45,21 +44,21 @@ def write(result: Result, path: Path) -> None:
 
 
 def _structs(result: Result) -> dict[str, Any]:
-    """Components, what is told about their fields, and parameters."""
-    told: dict[str, Any] = {name: {} for name in STRUCTS}
+    """Return components, attributes of their fields, and parameters."""
+    described: dict[str, Any] = {name: {} for name in STRUCTS}
     found: dict[str, Any] = {}
     fixed: dict[str, Any] = {}
     for table, place, begin in ((result, found, ""), (result.parameters, fixed, OF_FIXED)):
-        for name, values, about in _told(table):
+        for name, values, about in _described(table):
             component, variable = _place(place, name)
             place[component][variable] = values if table is result else values[0]
-            for attribute, kind in TOLD.items():
-                told[begin + kind].setdefault(component, {})[variable] = about[attribute]
-    return {**found, **told, "parameters": fixed}
+            for attribute, kind in ATTRIBUTES.items():
+                described[begin + kind].setdefault(component, {})[variable] = about[attribute]
+    return {**found, **described, "parameters": fixed}
 
 
-def _told(table: Result | None) -> Iterator[tuple[str, Array, dict[str, str]]]:
-    """Variables with their attributes, the names of their elements too."""
+def _described(table: Result | None) -> Iterator[tuple[str, Array, dict[str, str]]]:
+    """Yield variables with their attributes, including the names of their elements."""
     for name, _, values, about in variables(table):
         yield name, values, {ELEMENTS: in_lines(element_names(name, values.shape[1:])), **about}
 
@@ -68,17 +67,17 @@ def read(path: Path) -> Result:
     """Read the file; every struct that is not RESERVED is a component."""
     import scipy.io
 
-    refuse_size(unpacked(path))
+    check_size(unpacked(path))
     with path.open("rb") as file:
         content = scipy.io.loadmat(file, simplify_cells=True)
     if missing := {"time", "system"} - content.keys():
-        raise ValueError(f"it does not hold {' and '.join(sorted(missing))}")
+        raise ValueError(f"variables are missing: {' and '.join(sorted(missing))}")
     time = np.atleast_1d(numbers("time", content["time"]))
     histories = {n: v for n, v in content.items() if n not in RESERVED and isinstance(v, dict)}
     fixed, origin = (_struct(content, name) for name in ("parameters", "provenance"))
-    told = {"system": str(content["system"]), "message": _text(content.get("message", ""))}
+    described = {"system": str(content["system"]), "message": _text(content.get("message", ""))}
     return restored(
-        content | told,
+        content | described,
         time,
         _variables(len(time), histories, content, ""),
         _variables(1, fixed, content, OF_FIXED),
@@ -87,7 +86,7 @@ def read(path: Path) -> Result:
 
 
 def unpacked(path: Path) -> int:
-    """Bytes of the variables of a .mat, without keeping them."""
+    """Return the size [bytes] of the variables of a .mat without storing them."""
     total = 0
     with path.open("rb") as file:
         file.seek(128)
@@ -114,7 +113,7 @@ def _inflated(data: bytes) -> int:
 
 
 def _struct(content: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """A struct of a .mat; {} if there is none, or an empty array in its place."""
+    """Return a struct of a .mat; {} if it is missing, or an empty array in its place."""
     found = content.get(name, {})
     if isinstance(found, dict):
         return found
@@ -126,35 +125,39 @@ def _struct(content: Mapping[str, Any], name: str) -> dict[str, Any]:
 def _variables(
     rows: int, structs: Mapping[str, Any], content: Mapping[str, Any], begin: str
 ) -> dict[str, tuple[Array, dict[str, str]]]:
-    """Fields of the structs of components with what is told about them."""
+    """Return the fields of the structs of components with their attributes."""
     found: dict[str, tuple[Array, dict[str, str]]] = {}
-    texts = {attribute: _struct(content, begin + struct) for attribute, struct in TOLD.items()}
+    texts = {name: _struct(content, begin + struct) for name, struct in ATTRIBUTES.items()}
     for component, fields in structs.items():
         if not isinstance(fields, dict):
             raise ValueError(f"{component}: expected a struct, got {type(fields).__name__}")
         for field, values in fields.items():
             name = f"{component}.{field}"
-            array = numbers(name, values).reshape(rows, -1)
+            array = numbers(name, values)
+            if rows != 1 and array.shape[:1] != (rows,):
+                size = " x ".join(map(str, array.shape)) or "one value"
+                raise ValueError(f"{name}: expected {rows} rows, got {size}")
+            array = array.reshape(rows, -1)
             about = {a: _text(_struct(t, component).get(field, "")) for a, t in texts.items()}
             found[name] = (array if about[ELEMENTS] or array.shape[1] > 1 else array[:, 0], about)
     return found
 
 
 def _text(value: Any) -> str:
-    """A text of a .mat, where an empty one is an empty array."""
+    """Return a text of a .mat, which stores an empty text as an empty array."""
     return value if isinstance(value, str) else ""
 
 
 def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
-    """Struct of the component and field of the variable, in names that MATLAB accepts."""
+    """Return struct of the component and field of the variable, in names that MATLAB accepts."""
     component, _, variable = name.partition(".")
     component = _legal(component, RESERVED)
     return component, _legal(variable, content.setdefault(component, {}))
 
 
 def _legal(name: str, taken: Collection[str]) -> str:
-    """A name that MATLAB accepts (letters, digits, underscores, a letter first, at most 63) and
-    that is not taken.
+    """Return an unused name that MATLAB accepts (letters, digits, underscores, a letter first, at
+    most 63).
     """
     legal = re.sub(r"\W", "_", name, flags=re.ASCII)[:60]
     if not legal[:1].isalpha():

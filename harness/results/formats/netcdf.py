@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A .nc (netCDF4): variables with axes, units and long names; parameters are those without time,
+"""netCDF4 format: variables with axes, units and long names; parameters are variables without time,
 provenance is in attributes.
 """
 
@@ -10,16 +10,15 @@ import unicodedata
 from pathlib import Path
 from typing import Any
 
-from harness.results.formats import numbers, refuse_nul, refuse_size, restored
-from harness.results.result import Array, Result
-from harness.results.views import PROVENANCE, attributes, labelled, time_labels
+from harness.results.formats import check_nul, check_size, numbers, restored
+from harness.results.result import PROVENANCE, Array, Result, attributes, labelled, time_labels
 
 PACKED = 1000
-"""Values from which a variable is compressed, without loss."""
+"""Number of values above which a variable is compressed, without loss."""
 
 
 def fits(name: str) -> bool:
-    """Whether a netCDF file keeps a name as it is: it composes characters (NFC)."""
+    """Return whether a netCDF file stores a name unchanged: it composes characters (NFC)."""
     as_it_is = unicodedata.is_normalized("NFC", name) and len(name) <= 200
     return as_it_is and _NAME.fullmatch(name) is not None
 
@@ -29,12 +28,12 @@ _NAME = re.compile(r"[\w\u0080-\U0010ffff][^/\x00-\x1f\x7f]*(?<! )")
 
 
 def write(result: Result, path: Path) -> None:
-    """All variables are defined before the first is filled: each change from the one to the other
-    costs as much as all variables so far.
+    """Write the file. All variables are defined before the first is filled, because each switch
+    between defining and filling costs as much as all variables so far.
     """
     import netCDF4
 
-    refuse_nul(result)
+    check_nul(result)
     content = labelled(result)
     with netCDF4.Dataset(path, "w") as file:
         file.setncatts(attributes(result))
@@ -47,7 +46,7 @@ def write(result: Result, path: Path) -> None:
 def _defined(
     file: Any, name: str, axes: tuple[str, ...], data: Array, about: dict[str, str]
 ) -> Any:
-    """A new variable of a netCDF file, its dimensions and its attributes."""
+    """Return a new variable of a netCDF file with its dimensions and attributes."""
     for axis, size in zip(axes, data.shape, strict=True):
         if axis not in file.dimensions:
             file.createDimension(axis, size)
@@ -64,7 +63,7 @@ def read(path: Path) -> Result:
     histories, fixed = {}, {}
     with netCDF4.Dataset(path) as file:
         file.set_auto_mask(False)
-        refuse_size(sum(8 * v.size for v in file.variables.values()), path.stat().st_size)
+        check_size(sum(8 * v.size for v in file.variables.values()), path.stat().st_size)
         about = {name: file.getncattr(name) for name in file.ncattrs()}
         time = numbers("time", file["time"][...])
         for name, variable in file.variables.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A .parquet: flat columns with their units; what is no column stands in the metadata."""
+"""Parquet format: flat columns with their units; everything else is in the metadata."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import library
-from harness.results.formats import content, numbers, refuse_size, told
+from harness.results.formats import check_size, completed, content, numbers
 from harness.results.result import Result
 
 ABOUT = b"servicing-fmus"
-"""Key of the metadata of a .parquet with what is no column."""
+"""Key of the metadata of a .parquet with everything that is not a column."""
 
 
 def write(result: Result, path: Path) -> None:
@@ -31,27 +31,27 @@ def write(result: Result, path: Path) -> None:
 
 
 def read(path: Path) -> Result:
-    """Read the file; ValueError if it does not begin with a column named time."""
+    """Read the file; raise ValueError if its first column is not named time."""
     parquet = library("pyarrow.parquet", "exchange")
     with path.open("rb") as file:
         about = parquet.read_metadata(file)
-        refuse_size(8 * about.num_rows * about.num_columns)
+        check_size(8 * about.num_rows * about.num_columns)
         table = parquet.read_table(file)
     names = tuple(table.column_names)
     if names[:1] != ("time",):
-        raise ValueError("it does not begin with a column named time")
+        raise ValueError("the first column must be named time")
     values = np.column_stack([numbers(n, table.column(i)) for i, n in enumerate(names)])
     units = ("",) * (len(names) - 1)
     result = Result(path.stem, values[:, 0], names[1:], units, np.ascontiguousarray(values[:, 1:]))
-    return _told(result, (table.schema.metadata or {}).get(ABOUT, b"null"))
+    return _completed(result, (table.schema.metadata or {}).get(ABOUT, b"null"))
 
 
-def _told(result: Result, text: bytes) -> Result:
-    """The table with what its metadata say, if it is one of ours."""
+def _completed(result: Result, text: bytes) -> Result:
+    """Return the table completed by its metadata if the harness wrote it."""
     about = json.loads(text)
     if about is None:
         return result
     if not isinstance(about, dict):
-        raise ValueError("its metadata is not a table")
+        raise ValueError("the metadata of the key servicing-fmus are not a JSON table")
     complete, message = about.get("complete", True), about.get("message", "")
-    return replace(told(result, about), complete=complete, message=message)
+    return replace(completed(result, about), complete=complete, message=message)

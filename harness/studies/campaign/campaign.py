@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A campaign from its table to its dataset: plan, store, blocks, bands."""
+"""Campaign from its table to its dataset: plan, store, blocks, bands."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
@@ -15,28 +16,32 @@ from numpy.typing import NDArray
 from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
-from harness.master.messages import said_once
+from harness.master.messages import logged_once
+from harness.spelling import some
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics, worker
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan
-from harness.studies.campaign.engine import Block, Flown, Fly, crew, get_ready
+from harness.studies.campaign.engine import Block, CompletedBlocks, RunBlocks, prestart, worker_pool
 from harness.studies.campaign.layout import fields
 from harness.studies.campaign.plan import SUCCESS, Plan
+from harness.studies.campaign.sources import differing
 from harness.studies.campaign.stopping import Until
-from harness.studies.campaign.store import Store, refuse_existing
+from harness.studies.campaign.store import Store, reject_existing
 from harness.studies.campaign.summary import text, unjudged
 from harness.studies.campaign.worker import FAILED, PENDING, Task
 
+_log = logging.getLogger("harness")
+
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 16, 200, 2_000_000
-"""A campaign has at least so many blocks; a block has at most so many runs, and macro steps: some
-seconds of work, which is what a kill or Ctrl-C costs.
+"""Smallest number of blocks of a campaign; largest numbers of runs and of macro steps of a block:
+some seconds of work, which a kill or Ctrl-C loses.
 """
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Runs that are over, of how many, and how many of them have failed."""
+    """Number of completed runs, of all runs, and of completed runs that have failed."""
 
     done: int
     runs: int
@@ -45,18 +50,20 @@ class Progress:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A dataset that is complete, or what there is of it."""
+    """Dataset of a campaign, complete or partial."""
 
     path: Path
     store: Store
 
     def summary(self) -> str:
-        """Success, metrics, rank correlations, failures and the worst runs, for reading."""
+        """Return success, metrics, rank correlations, failures and the worst runs as text."""
         return text(self.store, str(self.path))
 
     @property
     def data(self) -> Any:
-        """The dataset as xarray has it: runs with labelled factors, metrics and margins."""
+        """Return the dataset as an xarray.Dataset: runs with labelled factors, metrics and
+        margins.
+        """
         import xarray
 
         return xarray.open_zarr(self.path, consolidated=False, chunks=None)
@@ -70,15 +77,15 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     require: Sequence[str] = (),
     strict: bool = False,
     progress: Callable[[Progress], None] | None = None,
-    said: Callable[[str], None] = lambda _: None,
+    notify: Callable[[str], None] = lambda _: None,
     **where: Any,
 ) -> Campaign:
     """Run a campaign into a Zarr dataset.
 
     definition: path of a campaign TOML, or its table; output: OUT.zarr; resume: continue an
-    interrupted campaign; require: conditions such as `lower(success) >= 99 %`; strict: the campaign
-    must be as it expects itself, or, if it expects nothing, every run must succeed; progress:
-    called after every block; `said`: called with each note; where: workers (processes, default: one
+    interrupted campaign; require: conditions such as `lower(success) >= 99 %`; strict: the values
+    in `[expected]` must hold, or, without that table, every run must succeed; progress:
+    called after every block; notify: called with each note; where: workers (processes, default: one
     per processor, 0: this process), and clusters as `harness campaign` takes them.
 
     Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
@@ -88,50 +95,56 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     """
     who = Workers(**where)
     who.check()
-    get_ready(who, worker.__name__)
-    with said_once():
+    prestart(who, worker.__name__)
+    with logged_once():
         plan, task = read_plan(definition)
-    _refuse_conditions(task, require)
+    _reject_conditions(task, require)
     with ExitStack() as life:
-        store, flown = _begun((plan, task), Path(output), resume, crew(who, said), life)
-        _keep(plan, store, flown, progress)
+        store, completed = _begun(
+            (plan, task), Path(output), resume, worker_pool(who, notify), life
+        )
+        _write(plan, store, completed, progress)
         store.finish()
-    return _judged(Campaign(Path(output), store), require, strict)
+    return _evaluated(Campaign(Path(output), store), require, strict)
 
 
 def _begun(
     read: tuple[Plan, Task],
     path: Path,
     resume: bool,
-    hands: AbstractContextManager[Fly],
+    pool: AbstractContextManager[RunBlocks],
     life: ExitStack,
-) -> tuple[Store, Flown]:
-    """The dataset, for us alone until the end of `life`, and what it lacks, under way."""
+) -> tuple[Store, CompletedBlocks]:
+    """Return the dataset, locked until the end of `life`, and the iterator of its
+    missing blocks.
+    """
     plan, task = read
     laid = list(fields(plan, task))
     if resume and path.exists():
-        store = Store.resumed(path, plan.digest, laid, life)
-        fly = life.enter_context(hands)
-        return store, fly(task, _blocks(plan, store.block, store.pending()))
-    refuse_existing(path)
-    fly = life.enter_context(hands)
+        store = Store.resumed(path, plan, laid, life)
+        run_blocks = life.enter_context(pool)
+        return store, run_blocks(task, _blocks(plan, store.block, store.pending()))
+    reject_existing(path)
+    run_blocks = life.enter_context(pool)
     block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // task.steps))
-    flown = fly(task, _blocks(plan, block, range(0, plan.runs, block)))
-    store = Store.create(path, plan, block, laid)  # while the first ones fly
+    completed = run_blocks(task, _blocks(plan, block, range(0, plan.runs, block)))
+    store = Store.create(path, plan, block, laid)  # while the first runs are in progress
     life.enter_context(store.alone())
-    return store, flown
+    return store, completed
 
 
-def _refuse_conditions(task: Task, require: Sequence[str]) -> None:
-    """UsageError at conditions that this campaign cannot be held to."""
+def _reject_conditions(task: Task, require: Sequence[str]) -> None:
+    """Raise UsageError for conditions that this campaign cannot evaluate."""
     success = [SUCCESS] if SUCCESS in task.metrics else []
     units = {n: metrics.unit(text, task.kinds) for n, text in task.table.metrics.items()}
     if wrong := list(gate.wrong(require, [*task.requirements, *success], units)):
         raise UsageError("\n".join(wrong))
 
 
-def _judged(found: Campaign, require: Sequence[str], strict: bool) -> Campaign:
+def _evaluated(found: Campaign, require: Sequence[str], strict: bool) -> Campaign:
     problems = [*filter(None, [unjudged(found.store)])]
+    if names := differing(found.store.plan().sources):
+        problems.append(f"changed while the campaign ran: {some(names)}; its runs may differ")
     problems += gate.failures(found.store, require, strict)
     if problems:
         error = RequirementError("\n".join(problems))
@@ -140,16 +153,19 @@ def _judged(found: Campaign, require: Sequence[str], strict: bool) -> Campaign:
     return found
 
 
-def _keep(
-    plan: Plan, store: Store, flown: Flown, progress: Callable[[Progress], None] | None
+def _write(
+    plan: Plan,
+    store: Store,
+    completed: CompletedBlocks,
+    progress: Callable[[Progress], None] | None,
 ) -> None:
-    """Write what has flown, block by block."""
+    """Write the completed runs block by block."""
     status, rule = store.array("status"), plan.table.until
     missed = np.where(status == PENDING, PENDING, _missed(store) if rule else 1)
     done, failed = int((status != 0).sum()), int((status == FAILED).sum())
-    for first, rows in flown:
+    for first, rows in completed:
         earlier = status[first : first + len(rows)]
-        with held():  # a block is written whole
+        with held():  # an interruption waits until the block is complete
             store.write(first, [plan.values(first + k) for k in range(len(rows))], rows, {})
         done += len(rows) - int((earlier != 0).sum())
         failed += sum(row.status == FAILED for row in rows) - int((earlier == FAILED).sum())
@@ -163,13 +179,13 @@ def _keep(
 
 
 def _missed(store: Store) -> NDArray[np.int8]:
-    """1 of every run that has succeeded, else 2."""
+    """Return 1 for every run that has succeeded, else 2."""
     succeeded = store.array(SUCCESS) == 1 if SUCCESS in store.names("metric") else False
     return np.where(succeeded, 1, 2)
 
 
 def _decided(rule: Until, missed: NDArray[np.int8]) -> int | None:
-    """Number of runs, of those without a gap before them, after which a campaign is decided."""
+    """Return the number of runs, counted without gaps, after which a campaign is decided."""
     gap = np.flatnonzero(missed == PENDING)
     return rule.decided((missed[: gap[0] if len(gap) else None] == 2).tolist())
 
@@ -180,12 +196,12 @@ def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
         yield Block(first, [plan.changes(plan.values(run)) for run in runs])
 
 
-# ---- one run again
+# ---- repetition of one run
 
 
 def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Changes]:
-    """System and changes of one run of a dataset, `OUT.zarr#1234`, for run(); system: where the
-    .ssp is now, None: where it was.
+    """Return system and changes of one run of a dataset, `OUT.zarr#1234`, for run(); system:
+    present path of the .ssp, None: the path in the dataset.
 
     Raises UsageError (no such run, or the dataset is of another system) or ResultsError.
     """
@@ -195,10 +211,16 @@ def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Chang
     store = Store.open(Path(name))
     runs = store.runs
     if int(number) >= runs:
-        raise UsageError(f"--like {text}: there are runs 0 to {runs - 1}")
+        raise UsageError(f"--like {text}: the dataset has runs 0 to {runs - 1}")
     if not store.array("status")[int(number)]:
-        raise UsageError(f"--like {text}: this run is still to come, see --resume")
-    plan = Plan(*store.definition())
+        raise UsageError(
+            f"--like {text}: run {number} has not completed; continue the campaign with --resume"
+        )
+    plan = store.plan()
+    for name in differing(plan.sources):
+        _log.warning("%s: differs from the file of run %s of %s", name, number, store.path.name)
     if system is not None and plan.system.read_bytes() != find_system(system).read_bytes():
-        raise UsageError(f"--like {text}: is of {name_of(plan.system)}, not of {Path(system).stem}")
+        raise UsageError(
+            f"--like {text}: is a run of {name_of(plan.system)}, not of {Path(system).stem}"
+        )
     return system or plan.system, plan.changes(store.values(int(number)))

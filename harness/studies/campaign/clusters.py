@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a campaign runs: processes of this machine, or of Dask, by the address of a scheduler or as
+"""Workers of a campaign: processes of this machine, or of Dask, by the address of a scheduler or as
 jobs of SLURM.
 
-Whoever reaches a scheduler of Dask runs code as its user. All its connections are therefore under
-TLS with certificates on both sides, made for one campaign or named by the user, and no page is
-opened.
+Any client of a Dask scheduler can run code as its user. All its connections are therefore under TLS
+with certificates on both sides, made for one campaign or named by the user, and no page is served.
 """
 
 from __future__ import annotations
@@ -20,29 +19,29 @@ from shutil import which
 from typing import Any
 
 from harness.errors import UsageError
-from harness.files.temporary import PrivateFolder
+from harness.files.output import PrivateFolder
 
 SETTINGS = {
-    # what dask watches itself for, by default fifty times a second, takes a tenth of a processor
+    # Dask samples itself, by default fifty times a second, which takes a tenth of a processor
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.active-memory-manager.start": False,
 }
-"""Of dask, for its scheduler here."""
+"""Settings of Dask for the scheduler in this process."""
 MEMORY_GB = 2
-"""Of a job of SLURM per core, where jobqueue.yaml says nothing."""
-OPEN = "without TLS anybody on the network may run code as this user"
+"""Memory of a SLURM job per core, unless jobqueue.yaml sets it."""
+OPEN = "without TLS anybody on the network can run code as this user"
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Where a campaign runs: so many workers (0: this process alone; None: one per processor), or
-    a scheduler by its address, or SLURM.
+    """Location of a campaign: a number of workers (0: this process alone; None: one per processor),
+    or a scheduler by its address, or SLURM.
 
     tls_ca, tls_cert, tls_key: PEM files for the latter two: certificate of the authority, own
-    certificate, its key (None: with the certificate); insecure: the scheduler may be without.
+    certificate, its key (None: with the certificate); insecure: the scheduler may be without TLS.
     """
 
     workers: int | None = None
@@ -55,34 +54,43 @@ class Workers:
 
     @property
     def elsewhere(self) -> bool:
-        """Whether they are not processes of this machine that we start."""
+        """Return whether the workers are not processes started on this machine."""
         return self.scheduler is not None or self.slurm
 
     @property
     def processes(self) -> int:
-        """Of this machine."""
+        """Return the number of processes on this machine."""
         return self.workers or os.cpu_count() or 1
 
     def check(self) -> None:
-        """UsageError if they contradict themselves, or everybody may enter."""
+        """Raise UsageError for contradictory options, or for a scheduler that is open to
+        everybody.
+        """
         if self.scheduler is not None and self.slurm:
-            raise UsageError("--scheduler and --slurm: one of both")
+            raise UsageError("--scheduler and --slurm are mutually exclusive")
         if not self.elsewhere and (self.tls_ca or self.tls_cert or self.tls_key):
-            raise UsageError("--tls-ca: is for --scheduler and --slurm, workers here need none")
+            raise UsageError(
+                "--tls-ca, --tls-cert and --tls-key are valid only with --scheduler or --slurm"
+            )
         if self.insecure and self.scheduler is None:
-            raise UsageError("--insecure: is for --scheduler, nothing else goes without TLS")
+            raise UsageError("--insecure is valid only with --scheduler")
         known = self.credentials() if self.elsewhere else None
         address = f"--scheduler {self.scheduler}"
         if self.scheduler is not None and known is None and not self.insecure:
             raise UsageError(
-                f"{address}: {OPEN}; name credentials of the cluster with --tls-ca, --tls-cert and "
-                "--tls-key (or in the configuration of Dask), or accept it with --insecure"
+                f"{address}: {OPEN}; give the credentials of the cluster with --tls-ca, "
+                "--tls-cert and --tls-key (or in the configuration of Dask), or accept it with "
+                "--insecure"
             )
         if self.scheduler is not None and known and self.scheduler.startswith(("tcp:", "ws:")):
-            raise UsageError(f"{address}: is an address without TLS, and credentials are named")
+            raise UsageError(
+                f"{address}: the address is without TLS, but credentials are given; use tls://HOST:PORT"
+            )
 
     def credentials(self) -> Any:
-        """From files, else from the configuration of Dask; None if there are none. UsageError."""
+        """Return the credentials from files, else from the configuration of Dask, None if there are
+        none; raise UsageError if they cannot be used.
+        """
         from distributed.security import Security
 
         files = {"ca": self.tls_ca, "cert": self.tls_cert, "key": self.tls_key}
@@ -96,28 +104,28 @@ class Workers:
         found.require_encryption = True
         try:
             if given and not (ca and cert):
-                raise ValueError("one is missing")
+                raise ValueError("--tls-ca or --tls-cert is missing")
             found.get_connection_args("client")
         except (OSError, ValueError) as error:  # ssl.SSLError is an OSError
             place = " ".join(given) or "the configuration of Dask, distributed.comm.tls"
-            wanted = "the certificate of the authority, an own one, and its key if it is apart"
-            raise UsageError(f"{place}: expected PEM files, {wanted} ({error})") from error
+            needed = (
+                "the certificate of the authority, your own, and its key if it is in another file"
+            )
+            raise UsageError(f"{place}: expected PEM files, {needed} ({error})") from error
         return found
 
 
 @contextmanager
-def connected(workers: Workers, said: Callable[[str], None]) -> Iterator[Any]:
-    """A client of dask.distributed, with the cluster that it is for; said: receives what the user
-    should know.
-    """
+def connected(workers: Workers, notify: Callable[[str], None]) -> Iterator[Any]:
+    """Yield a client of dask.distributed with its cluster; notify: receives notes for the user."""
     from dask import config
     from distributed import Client
 
-    for name in list(logging.root.manager.loggerDict):  # what it logs is not for our user
+    for name in list(logging.root.manager.loggerDict):  # its messages do not concern our user
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as life:
-        # a folder of Dask's own would be one in which others may put what workers import
+        # others can write into Dask's default folder, from which workers import
         private = str(life.enter_context(PrivateFolder()))
         life.enter_context(config.set({**SETTINGS, "temporary-directory": private}))
         security, target = workers.credentials(), workers.scheduler
@@ -129,45 +137,45 @@ def connected(workers: Workers, said: Callable[[str], None]) -> Iterator[Any]:
         try:
             client = life.enter_context(Client(target, security=security))
         except (OSError, TimeoutError) as error:
-            refused = any(word in str(error) for word in ("TLS", "SSL", "closed"))
-            why = "refuses the credentials" if refused else "does not answer"
+            tls = any(word in str(error) for word in ("TLS", "SSL", "closed"))
+            why = "rejects the credentials" if tls else "does not answer"
             raise UsageError(f"--scheduler {workers.scheduler}: {why}") from error
         if security is None:
-            said(f"{workers.scheduler}: {OPEN}")
+            notify(f"{workers.scheduler}: {OPEN}")
         yield client
 
 
 def _jobs(workers: Workers, security: Any, life: ExitStack) -> Any:
-    """Jobs as jobqueue.yaml says, by default of one core; every core gets a process of its own,
-    for a process flies one run at a time. Credentials that nobody names are made and handed on in
-    a folder that only this user may enter, beside the logs of the jobs.
+    """Return a cluster of jobs from jobqueue.yaml, by default of one core. Every core gets a
+    separate process, because a process performs one run at a time. Without credentials from the
+    user new ones are made in a folder that only this user may enter, beside the logs of the jobs.
     """
     from dask import config
 
     if which("sbatch") is None:
-        raise UsageError("--slurm: there is no sbatch here; call it where jobs are submitted")
+        raise UsageError("--slurm: sbatch not found; run this command on a SLURM login node")
     try:
         from dask_jobqueue.slurm import SLURMCluster
     except ImportError as error:
         raise UsageError('--slurm: needs pip install "servicing-fmus[slurm]"') from error
     from harness.studies.campaign import nodes
 
-    def said(name: str, otherwise: Any) -> Any:
+    def setting(name: str, otherwise: Any) -> Any:
         return config.get(f"jobqueue.slurm.{name}", None) or otherwise
 
-    cores, shared = said("cores", 1), life.enter_context(PrivateFolder(Path.cwd()))
+    cores, shared = setting("cores", 1), life.enter_context(PrivateFolder(Path.cwd()))
     further = ["--worker-class", f"{nodes.__name__}.{nodes.Worker.__name__}"]
     try:
         jobs = SLURMCluster(
             cores=cores,
             processes=cores,
-            memory=said("memory", f"{cores * MEMORY_GB}GB"),
-            log_directory=said("log-directory", "slurm-logs"),
-            local_directory=said("local-directory", shlex.quote(str(shared))),
+            memory=setting("memory", f"{cores * MEMORY_GB}GB"),
+            log_directory=setting("log-directory", "slurm-logs"),
+            local_directory=setting("local-directory", shlex.quote(str(shared))),
             security=security or _made(shared),
             scheduler_cls=nodes.Scheduler,
-            scheduler_options={**said("scheduler-options", {}), "dashboard": False},
-            worker_extra_args=[*said("worker-extra-args", []), *further],
+            scheduler_options={**setting("scheduler-options", {}), "dashboard": False},
+            worker_extra_args=[*setting("worker-extra-args", []), *further],
         )
         life.enter_context(jobs)
         jobs.scale(jobs=workers.workers or 1)
@@ -177,7 +185,9 @@ def _jobs(workers: Workers, security: Any, life: ExitStack) -> Any:
 
 
 def _made(folder: Path) -> Any:
-    """New credentials for one campaign, in files of a folder that only this user may enter."""
+    """Return new credentials for one campaign, in files of a folder that only this user
+    may enter.
+    """
     from distributed.security import Security
 
     made: Any = Security.temporary()

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From the table of a campaign to its plan, with all that is wrong before any run."""
+"""Check of the table of a campaign, which returns its plan or reports all problems before
+any run.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,7 @@ import numpy as np
 from harness.errors import HarnessError, StructureError
 from harness.master.changes import Changes, apply, as_in_a_file, pairs
 from harness.master.recorder import recorded
+from harness.mission.claim import BaseMetric
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
@@ -21,17 +24,19 @@ from harness.studies.campaign import metrics
 from harness.studies.campaign.factors import Factor, factor
 from harness.studies.campaign.layout import wrong_names
 from harness.studies.campaign.plan import MAX_RUNS, SUCCESS, Plan, Table, changes_of, kind_of
+from harness.studies.campaign.sources import sources
 from harness.studies.campaign.worker import Task
-from harness.studies.warm import refused_before
+from harness.studies.reuse import rejected_before
 from harness.system.graph import Checked, Slot, checked, columns, constants
 from harness.system.model import System
-from harness.system.schema import problems
-from harness.system.tables import read_toml
+from harness.system.tables import problems, read_toml
 from harness.system.values import plain
 
 
 def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
-    """The table of a campaign, from its .toml or as it is given; UsageError, StructureError."""
+    """Return the table of a campaign, from its .toml or as given; raise UsageError,
+    StructureError.
+    """
     given = definition if isinstance(definition, Mapping) else read_toml(Path(definition))
     return {name: plain(value) for name, value in given.items()}
 
@@ -39,10 +44,10 @@ def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
 def read_plan(
     definition: str | Path | Mapping[str, Any], path: Path | None = None
 ) -> tuple[Plan, Task]:
-    """The plan of a table, or of the .toml that holds it, and what all its runs have in common;
-    path: the file that a table comes from.
+    """Return the plan of a table, or of its .toml, and the data that all its runs share; path: the
+    file that contains the table.
 
-    Raises UsageError (no such file or system) or StructureError with all that is wrong.
+    Raises UsageError (no such file or system) or StructureError with all problems.
     """
     if not isinstance(definition, Mapping):
         path = Path(definition)
@@ -51,14 +56,14 @@ def read_plan(
     plan, task = Plan(sound, (path.parent if path else Path.cwd()).resolve()), None
     if "system" in sound:
         draft = _Draft(plan, wrong)
-        task, wrong = draft.task(), draft.problems
+        task, wrong, plan = draft.task(), draft.problems, draft.plan
     if task is None or wrong:
         raise StructureError(f"{name}: {problem}" for problem in wrong)
     return plan, task
 
 
 def _sound(table: Mapping[str, Any]) -> dict[str, Any]:
-    """What is as declared; of tables in it the entries that are."""
+    """Return the entries with their declared types, also inside nested tables."""
 
     def fits(name: str, given: Any) -> bool:
         return not any(problems({"system": "", name: given}, Table))
@@ -74,27 +79,27 @@ def _sound(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Draft:
-    """A plan on its way, and the problems met (one line each)."""
+    """Plan that is being checked, with the problems found so far (one line each)."""
 
     def __init__(self, plan: Plan, problems: list[str]) -> None:
         self.plan, self.table, self.problems = plan, plan.table, problems
 
     @contextmanager
     def _about(self, name: str) -> Iterator[None]:
-        """An error within is about an entry."""
+        """Attribute errors inside the block to an entry."""
         try:
             yield
         except HarnessError as error:
-            self._tell(name, as_in_a_file(error))
+            self._add(name, as_in_a_file(error))
         except ValueError as error:
-            self._tell(name, str(error))
+            self._add(name, str(error))
 
-    def _tell(self, name: str, text: str) -> None:
+    def _add(self, name: str, text: str) -> None:
         lines = (f"{name}: {line}" for line in text.splitlines())
         self.problems += [line for line in lines if line not in self.problems]
 
     def task(self) -> Task | None:
-        """What all runs have in common; None if there are problems beyond those of kinds."""
+        """Return the data that all runs share; None if this check finds a problem of the file."""
         table, system, declared = self.table, self.plan.system, len(self.problems)
         self.problems += wrong_names(table)
         take_mission(system)
@@ -108,13 +113,15 @@ class _Draft:
                     found[name] = metrics.read(name, text, self.plan.folder)
         self._consistent()
         if len(self.problems) == declared and self.plan.runs > MAX_RUNS:
-            self.problems.append(f"these are {self.plan.runs} runs, more than {MAX_RUNS}")
+            self.problems.append(
+                f"{self.plan.runs} runs are defined, more than the limit of {MAX_RUNS}"
+            )
         with load(system) as loaded:
             self._fits(loaded, factors)
-            return None if len(self.problems) > declared else self._flies(loaded, found)
+            return None if len(self.problems) > declared else self._task(loaded, found)
 
     def _consistent(self) -> None:
-        """What entries say of each other."""
+        """Check entries that depend on each other."""
         table = self.table
         named = {f"expected.{name}": name for name in table.expected if name != SUCCESS}
         if isinstance(table.worst, str) and table.worst:
@@ -124,12 +131,21 @@ class _Draft:
                 close = did_you_mean(name, table.texts)
                 self.problems.append(f"{place}: there is no metric {name}{close}")
         spans = table.expected.items()
-        self.problems += [f"expected.{n}: {a} is more than {b}" for n, (a, b) in spans if a > b]
+        self.problems += [
+            f"expected.{n}: expected [least, largest], got [{a}, {b}]"
+            for n, (a, b) in spans
+            if a > b
+        ]
         listed = any(f.list or f.range for f in table.factors.values())
         if table.until and (listed or "runs" in self.plan.definition):
-            self.problems.append("until: counts draws, it cannot be beside runs or listed values")
-        if self.plan.definition.get("keep") and "step" in table.factors:
-            self.problems.append("keep: histories of runs with several macro steps do not fit")
+            self.problems.append(
+                "until: cannot be combined with `runs`, `list` or `range`, because it sets the "
+                "number of draws"
+            )
+        if self.plan.definition.get("record") and "step" in table.factors:
+            self.problems.append(
+                "record: histories cannot be recorded if the factor step varies the macro step"
+            )
 
     # ---- against the system
 
@@ -145,7 +161,7 @@ class _Draft:
                 self.problems += wrong
                 continue
             if len(set(map(_shape, each.choices))) > 1:
-                self.problems.append(f"{place}: its values are of several kinds")
+                self.problems.append(f"{place}: values must be all texts, or numbers of one shape")
             middle = [each.draw.value(np.full(each.draw.numbers, 0.5))] if each.draw else []
             for value in each.choices or middle:
                 self._applied(place, start, changes_of({each.name: value}))
@@ -157,8 +173,8 @@ class _Draft:
             return apply(system, **changes)
         return None
 
-    def _flies(self, system: System, found: Mapping[str, metrics.Metric]) -> Task | None:
-        """Every structure, and what metrics and histories need of the first."""
+    def _task(self, system: System, found: Mapping[str, BaseMetric]) -> Task | None:
+        """Check every structure, and the metrics and histories against the first one."""
         structures: dict[int, tuple[System, Checked]] = {}
         for run in self.plan.structures():
             with self._about(f"run {run}"):
@@ -172,48 +188,54 @@ class _Draft:
         self._names(kinds)
         if not self.problems:
             self._measurable(ready, found)
-        asking = {"until": table.until, "expected.success": table.expected.get(SUCCESS)}
         if not (table.success or first.requirements):
-            asked = (name for name, given in asking.items() if given)
-            self.problems += [f"{n}: there is no success, and no requirement" for n in asked]
+            given = {"until": table.until, "expected.success": table.expected.get(SUCCESS)}
+            needed = "needs `success = ...` or [requirements], which define the success of a run"
+            self.problems += [f"{name}: {needed}" for name in given if given[name]]
         fixed = dict(pairs("--set", self.plan.fixed.get("set", ())))
         if not self.problems:
-            given = fixed, [*table.factors, *table.seeds], table.patience, table.executor
-            for refusal in refused_before(ready, *given):
-                self._tell("fixed", as_in_a_file(refusal))
+            varied = [*table.factors, *table.seeds]
+            for rejection in rejected_before(ready, fixed, varied, table.patience, table.executor):
+                self._add("fixed", as_in_a_file(rejection))
+        if not self.problems:
+            files = sources(self.plan, system, (changed for changed, _ in ready))
+            self.plan = replace(self.plan, sources=files)
+        plan = self.plan
         steps = max(each.steps for _, each in ready)
         begin, step = first.experiment.start, first.experiment.step or 0.0
-        common = self.plan.digest, self.plan.system, self.plan.folder, table
+        common = plan.digest, plan.system, plan.folder, table
         return Task(*common, kinds, first.requirements, begin, step, steps)
 
     def _names(self, kinds: Result) -> None:
-        """Variables that metrics and histories name."""
+        """Check that the variables which metrics and histories name exist."""
         named = [(_place(n), v) for n, t in self.table.texts.items() for v in metrics.variables(t)]
-        named += [("keep.histories", name) for name in self.table.keep.histories]
-        named += [("keep.bands", name) for name in self.table.keep.bands]
+        named += [("record.histories", name) for name in self.table.record.histories]
+        named += [("record.bands", name) for name in self.table.record.bands]
         for place, variable in named:
             if variable not in kinds:
                 close = did_you_mean(variable, dict.fromkeys((*kinds.vectors, *kinds.columns)))
                 self.problems.append(f"{place}: there is no variable {variable}{close}")
 
     def _measurable(
-        self, structures: Sequence[tuple[System, Checked]], found: Mapping[str, metrics.Metric]
+        self, structures: Sequence[tuple[System, Checked]], found: Mapping[str, BaseMetric]
     ) -> None:
-        """Metrics that no run can have; a success that every run has."""
-        sizes = {(s.graph.slots, s.steps): (system, s) for system, s in structures}  # others alike
+        """Report metrics that no run can have, and a success that some run cannot have."""
+        sizes = {
+            (s.graph.slots, s.steps): (system, s) for system, s in structures
+        }  # equal sizes give equal results
         results = [_blank(*each, self.table.every) for each in sizes.values()]
         for name, text in self.table.texts.items():
-            if why := metrics.refusal(text, found[name], results, name == SUCCESS):
+            if why := metrics.rejection(text, found[name], results, name == SUCCESS):
                 self.problems.append(f"{_place(name)}: {why}")
 
 
 def _place(metric: str) -> str:
-    """The entry of a metric."""
+    """Return the place of a metric in the table."""
     return metric if metric == SUCCESS else f"metrics.{metric}"
 
 
 def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
-    """Whether a value is a text, and its shape; (-1,) if it has none."""
+    """Return whether a value is a text, and its shape, (-1,) if it has none."""
     try:
         return isinstance(choice, str), np.shape(choice)
     except ValueError:
@@ -221,7 +243,7 @@ def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
 
 
 def _blank(system: System, found: Checked, every: int) -> Result:
-    """A result with as many rows as a run leaves, all values 1, for a first look at metrics."""
+    """Return a result with as many rows as a run, all values 1, for a first check of metrics."""
     given = list(constants(found.graph))
     parameters = _table([slot for slot, _ in given], values=np.array([[x for _, x in given]]))
     steps = recorded(found.steps, every)
@@ -232,7 +254,7 @@ def _blank(system: System, found: Checked, every: int) -> Result:
 
 
 def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:
-    """Names, units and texts, of no values before anything has flown."""
+    """Return names, units and texts without values, before the first run."""
     names, units, texts = columns(slots)
     values = np.empty((1, len(slots))) if values is None else values
     time = np.arange(len(values), dtype=np.float64)

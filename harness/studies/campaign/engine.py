@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How many runs are run: by this process, or spread over workers.
+"""Execution of many runs: in this process, or distributed over workers.
 
-An engine is given blocks and yields what came of them, in whatever order. What was given to a
-worker that was killed is run once more, run by run, and a run that kills another one is lost.
+An engine receives blocks and yields their rows in any order. Runs of a worker that was killed are
+repeated one by one, and a run that kills its worker again is lost.
 """
 
 from __future__ import annotations
@@ -17,43 +17,43 @@ from queue import SimpleQueue
 from typing import Any, NamedTuple, Protocol
 
 from harness.studies.campaign.clusters import Workers, connected
-from harness.studies.crew import CRASH, Crew, LostError, prepare
-from harness.studies.warm import at_work
+from harness.studies.pool import CRASH, LostWorkerError, WorkerPool, prepare
+from harness.studies.reuse import retaining
 
 AHEAD = 3
-"""Blocks per worker that are under way or wait."""
+"""Blocks per worker that are in progress or wait."""
 
 
 class Work(Protocol):
-    """What all runs have in common, as plain data."""
+    """Data that all runs share and workers receive, and the function that performs runs."""
 
     @property
     def piece(self) -> int:
-        """Runs that a worker is given at once."""
+        """Return the runs that a worker is given at once."""
 
-    def fly(self, part: Sequence[Any]) -> list[Any]:
-        """What comes of runs, one after the other in one process."""
+    def run(self, part: Sequence[Any]) -> list[Any]:
+        """Return the rows of runs, one after the other in one process."""
 
     def lost(self, message: str) -> Any:
-        """What comes of a run that has left nothing but a message."""
+        """Return the row of a run that has left only a message."""
 
 
 class Block(NamedTuple):
-    """Runs that are kept together."""
+    """Runs that are stored together."""
 
     first: int
     orders: Sequence[Any]
 
 
-Flown = Iterator[tuple[int, list[Any]]]
-"""First run of the blocks that are over, and what came of their runs."""
-Fly = Callable[[Any, Iterable[Block]], Flown]
-"""Runs all blocks of a Work; may be called again and again."""
+CompletedBlocks = Iterator[tuple[int, list[Any]]]
+"""First run and rows of every completed block."""
+RunBlocks = Callable[[Any, Iterable[Block]], CompletedBlocks]
+"""Function that runs all blocks of a Work; it can be called repeatedly."""
 
 
-class Hands(NamedTuple):
-    """Who does it: an executor, how many processes are there, at least, and what it raises if one
-    was ended.
+class Executing(NamedTuple):
+    """Executor with its present number of workers, the smallest number, and the exception that a
+    lost worker raises.
     """
 
     executor: Executor
@@ -62,102 +62,106 @@ class Hands(NamedTuple):
     ended: type[Exception]
 
 
-def get_ready(workers: Workers, module: str) -> None:
-    """Let processes of this machine be near when they are needed; module: what they import."""
+def prestart(workers: Workers, module: str) -> None:
+    """Pre-start the fork server of local workers; module: imported by the workers."""
     if workers.workers != 0 and not workers.elsewhere:
         prepare(module)
 
 
 @contextmanager
-def crew(workers: Workers, said: Callable[[str], None] = lambda _: None) -> Iterator[Fly]:
-    """Who runs blocks; processes of this machine are still starting when it is there.
+def worker_pool(
+    workers: Workers, notify: Callable[[str], None] = lambda _: None
+) -> Iterator[RunBlocks]:
+    """Yield a function that runs blocks. Processes of this machine may still be starting.
 
-    said: receives what the user should know. Raises UsageError (a scheduler that does not answer,
-    no SLURM).
+    notify: receives notes for the user. Raises UsageError (a scheduler that does not answer, no
+    SLURM).
     """
     least = workers.processes
     if workers.elsewhere:
         from distributed import KilledWorker
 
-        with connected(workers, said) as client:
+        with connected(workers, notify) as client:
             executor = client.get_executor(pure=False)
             there = lambda: max(least, len(client.nthreads()))  # noqa: E731
-            yield partial(_spread, Hands(executor, there, least, KilledWorker))
+            yield partial(_spread, Executing(executor, there, least, KilledWorker))
     elif workers.workers == 0:
-        with at_work():
+        with retaining():
             yield _here
     else:
-        with Crew(least, at_work) as executor:
-            yield partial(_spread, Hands(executor, lambda: least, least, LostError))
+        with WorkerPool(least, retaining) as executor:
+            yield partial(_spread, Executing(executor, lambda: least, least, LostWorkerError))
 
 
-def _here(work: Work, blocks: Iterable[Block]) -> Flown:
+def _here(work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
     for block in blocks:
-        yield block.first, work.fly(block.orders)
+        yield block.first, work.run(block.orders)
 
 
-def _spread(hands: Hands, work: Work, blocks: Iterable[Block]) -> Flown:
-    """All workers are busy from this call on."""
-    spread = _Spread(hands, work, blocks)
+def _spread(pool: Executing, work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
+    """Start the first blocks at once, and return the iterator of completed blocks."""
+    spread = _Spread(pool, work, blocks)
     spread.fill()
-    return spread.flown()
+    return spread.completed()
 
 
 class _Spread:
-    """Blocks on their way: a few per worker ahead, so that memory does not grow; the last ones are
-    flown in pieces, so that all workers end together.
+    """Blocks in progress: a few per worker ahead, so that memory does not grow. The last blocks are
+    run in pieces, so that all workers end together.
     """
 
-    def __init__(self, hands: Hands, work: Work, blocks: Iterable[Block]) -> None:
-        self.hands, self.work = hands, work
-        self.left = last_in_pieces(blocks, hands.least, work.piece)
+    def __init__(self, pool: Executing, work: Work, blocks: Iterable[Block]) -> None:
+        self.pool, self.work = pool, work
+        self.left = last_in_pieces(blocks, pool.least, work.piece)
         self.jobs: dict[Future[list[Any]], tuple[Block, int, Sequence[Any]]] = {}
-        self.landed: dict[int, dict[int, list[Any]]] = {}
-        """Of a block by its first run: rows by the place of their piece."""
+        self.begun: dict[int, dict[int, list[Any]]] = {}
+        """Rows of blocks in progress by first run of the block and place of the piece."""
         self.over: SimpleQueue[Future[list[Any]]] = SimpleQueue()
 
     def fill(self) -> None:
-        """Hand over as many blocks as there is room for."""
-        room = AHEAD * self.hands.there() - len(self.landed)
-        for block, piece in islice(self.left, max(0, room)):
-            self.landed[block.first] = {}
+        """Submit blocks until AHEAD per worker are in progress or waiting."""
+        count = AHEAD * self.pool.there() - len(self.begun)
+        for block, piece in islice(self.left, max(0, count)):
+            self.begun[block.first] = {}
             for place in range(0, len(block.orders), piece):
                 part = block.orders[place : place + piece]
-                job = self._flight(part)
+                job = self._submit(part)
                 self.jobs[job] = block, place, part
                 job.add_done_callback(self.over.put)
 
-    def _flight(self, part: Sequence[Any]) -> Future[list[Any]]:
-        return self.hands.executor.submit(self.work.fly, part)
+    def _submit(self, part: Sequence[Any]) -> Future[list[Any]]:
+        return self.pool.executor.submit(self.work.run, part)
 
-    def flown(self) -> Flown:
-        """Blocks that are complete; others take their place."""
+    def completed(self) -> CompletedBlocks:
+        """Yield completed blocks, and submit others in their place."""
         while self.jobs:
             job = self.over.get()
             block, place, part = self.jobs.pop(job)
-            rows = self.landed[block.first]
+            rows = self.begun[block.first]
             rows[place] = self._rows(job, part)
             if sum(map(len, rows.values())) == len(block.orders):
-                del self.landed[block.first]
+                del self.begun[block.first]
                 self.fill()
                 yield block.first, [row for place in sorted(rows) for row in rows[place]]
 
     def _rows(self, job: Future[list[Any]], part: Sequence[Any]) -> list[Any]:
-        """Of a piece; the runs of one whose worker was killed fly once more, each alone."""
+        """Return the rows of a piece. Runs of a killed worker are repeated, each alone."""
         try:
             return job.result()
-        except self.hands.ended:
+        except self.pool.ended:
             return [self._alone(order) for order in part]
 
     def _alone(self, order: Any) -> Any:
         try:
-            return self._flight([order]).result()[0]
-        except self.hands.ended:
+            return self._submit([order]).result()[0]
+        except self.pool.ended:
             return self.work.lost(CRASH)
 
 
 def last_in_pieces(blocks: Iterable[Block], count: int, piece: int) -> Iterator[tuple[Block, int]]:
-    """Blocks and how many of their runs are handed over at once: all, but for the last ones."""
+    """Yield blocks with the runs per task: a whole block, except for the last `count` blocks, which
+    are split into pieces.
+    """
     left = iter(blocks)
     last = deque(islice(left, count))
     for block in left:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Factors: what differs between the runs of a campaign, and how numbers between 0 and 1 become a
-value of it.
+"""Factors: the differences between the runs of a campaign, and their values from numbers between 0
+and 1.
 
-Every draw is the inverse of a distribution function, so that random, Latin hypercube and Sobol
-numbers serve all factors alike.
+Every draw is the inverse of a distribution function, so random, Latin hypercube and Sobol numbers
+serve all factors alike.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from msgspec import Meta, Struct, convert
 from msgspec.structs import asdict, fields
 from numpy.typing import NDArray
 
-from harness.system.schema import Number
+from harness.system.tables import Number
 
 Array = NDArray[np.float64]
 
 SMALLEST = 2.0**-53
-"""Numbers between 0 and 1 are kept this far from both ends, where a normal draw is infinite."""
+"""Smallest distance of numbers from 0 and 1, where a normal draw is infinite."""
 MAX_VALUES = 1_000_000
-"""Listed values of one factor."""
+"""Largest number of listed values of one factor."""
 
 Numbers = Annotated[Number | list[Number], Meta(description="a number or a vector")]
 Vector = Annotated[list[Number], Meta(description="a vector of numbers")]
@@ -36,7 +36,7 @@ NONE: Any = None
 
 
 class Draw(NamedTuple):
-    """So many numbers between 0 and 1 become one value."""
+    """Function that turns `numbers` numbers between 0 and 1 into one value."""
 
     numbers: int
     value: Callable[[Array], Any]
@@ -44,7 +44,7 @@ class Draw(NamedTuple):
 
 @dataclass(frozen=True)
 class Factor:
-    """One thing that varies: values to go through, or a draw.
+    """Parameter or option that varies: listed values, or a draw.
 
     name: `component.parameter`, or a change: `swap.C`, `latency.C`, `params`, `algorithm`, `step`,
     `stop`.
@@ -56,7 +56,7 @@ class Factor:
 
 
 class Range(Struct, frozen=True):
-    """Equally spaced values to go through."""
+    """Equally spaced values."""
 
     first: Number
     last: Number
@@ -66,7 +66,9 @@ class Range(Struct, frozen=True):
 
 
 class Normal(Struct, frozen=True):
-    """Normal: independent elements of deviation sigma, cut to `within`, or of a covariance."""
+    """Normal distribution: independent elements of deviation sigma, which `within` can limit, or
+    a vector with a covariance.
+    """
 
     mean: Numbers
     sigma: Numbers = NONE
@@ -74,8 +76,11 @@ class Normal(Struct, frozen=True):
     within: Pair = NONE
 
     def draw(self) -> Draw:
-        """ValueError with what is wrong with it."""
-        _demand((self.sigma is None) != (self.covariance is None), "either sigma or covariance")
+        """Return the draw; raise ValueError with the rule that an entry breaks."""
+        _demand(
+            (self.sigma is None) != (self.covariance is None),
+            "either sigma or covariance, not both or none",
+        )
         if self.covariance is not None:
             return self._correlated()
         m, s = _vectors(self.mean, self.sigma)
@@ -88,7 +93,9 @@ class Normal(Struct, frozen=True):
         return Draw(m.size, value)
 
     def _probabilities(self, m: Array, s: Array) -> tuple[Any, Any]:
-        """Value of the distribution function at the lower end of `within`, and what is between."""
+        """Return the distribution function at the lower end of `within`, and its increase to the
+        upper end.
+        """
         if self.within is None:
             return 0.0, 1.0
         from scipy.special import ndtr
@@ -99,10 +106,10 @@ class Normal(Struct, frozen=True):
         return low, high - low
 
     def _correlated(self) -> Draw:
-        """X = mean + L z, L L^T = covariance."""
-        _demand(self.within is None, "no within beside a covariance")
+        """Return the draw x = mean + L z, L L^T = covariance."""
+        _demand(self.within is None, "`within` only with sigma, not with a covariance")
         m = np.asarray(self.mean, dtype=np.float64)
-        _demand(m.ndim == 1, "a mean that is a vector")
+        _demand(m.ndim == 1, f"a vector as mean, not {self.mean}")
         size = f"a symmetric, positive definite covariance, {m.size} x {m.size}"
         _demand([len(row) for row in self.covariance] == [m.size] * m.size, size)
         c = np.asarray(self.covariance, dtype=np.float64)
@@ -121,7 +128,7 @@ class LogNormal(Struct, frozen=True):
     sigma: Numbers
 
     def draw(self) -> Draw:
-        """ValueError with what is wrong with it."""
+        """Return the draw; raise ValueError with the rule that an entry breaks."""
         m, s = _vectors(self.median, self.sigma)
         _demand(s > 0, f"a positive sigma, not {self.sigma}")
         _demand(m > 0, f"a positive median, not {self.median}")
@@ -139,9 +146,9 @@ class Uniform(Struct, frozen=True):
     high: Numbers
 
     def draw(self) -> Draw:
-        """ValueError with what is wrong with it."""
+        """Return the draw; raise ValueError with the rule that an entry breaks."""
         a, b = _vectors(self.low, self.high)
-        _demand(a < b, f"a low that is smaller than high, not {self.low}")
+        _demand(a < b, f"a low that is smaller than high, not {self.low} and {self.high}")
         return Draw(a.size, lambda u: _shaped(a + u * (b - a), self.low, self.high))
 
 
@@ -152,7 +159,7 @@ class Rotation(Struct, frozen=True):
     attitude: Vector = NONE
 
     def draw(self) -> Draw:
-        """ValueError with what is wrong with it."""
+        """Return the draw; raise ValueError with the rule that an entry breaks."""
         s = _vectors(self.sigma, [0.0] * 3)[0]
         _demand(s > 0, f"a positive sigma, not {self.sigma}")
         if self.attitude is None:
@@ -167,7 +174,8 @@ class Inertia(Struct, frozen=True):
     """Inertia of a body: second moments P_i = tr(J)/2 - J_i times exp(spread z), axes turned by a
     rotation vector of deviation `axes` [rad].
 
-    Whatever is drawn is positive definite and obeys the triangle rule, for all P_i are positive.
+    Every drawn inertia is positive definite and satisfies the triangle inequality, because all P_i
+    are positive.
     """
 
     principal: Vector
@@ -175,13 +183,16 @@ class Inertia(Struct, frozen=True):
     axes: Number = 0.0
 
     def draw(self) -> Draw:
-        """ValueError with what is wrong with it."""
+        """Return the draw; raise ValueError with the rule that an entry breaks."""
         j = np.array(self.principal)
         p = j.sum() / 2 - j
         fine = len(j) == 3 and (p > 0).all()
-        words = "three principal moments that obey the triangle rule"
+        words = "three principal moments, each smaller than the sum of the others"
         _demand(fine, f"{words}, not {self.principal}")
-        _demand(min(self.spread, self.axes) >= 0, "a spread and axes that are not negative")
+        _demand(
+            min(self.spread, self.axes) >= 0,
+            f"spread and axes of at least 0, not {self.spread} and {self.axes}",
+        )
 
         def value(u: Array) -> list[list[float]]:
             z = normal_quantile(u)
@@ -193,7 +204,7 @@ class Inertia(Struct, frozen=True):
 
 
 class Varied(Struct, frozen=True):
-    """A factor in the file of a campaign: one of these."""
+    """Factor in the file of a campaign: exactly one of these entries."""
 
     list: Values = NONE
     range: Range | None = None
@@ -205,17 +216,17 @@ class Varied(Struct, frozen=True):
 
 
 CHOICES = ("list", "range")
-"""Kinds of factors that are gone through, not drawn."""
+"""Kinds of factors that are listed, not drawn."""
 
 
 def factor(name: str, table: Varied | Mapping[str, Any]) -> Factor:
-    """A factor from its table, e.g. {normal = {mean = 1.0, sigma = 0.1}}; ValueError with what is
-    wrong with it.
+    """Return a factor from its table, e.g. {normal = {mean = 1.0, sigma = 0.1}}; raise ValueError
+    with its problem.
     """
     entries = asdict(convert(table, Varied))
     given = {kind: each for kind, each in entries.items() if each is not None}
     if len(given) != 1:
-        raise ValueError(f"expected one of {', '.join(f.name for f in fields(Varied))}")
+        raise ValueError(f"expected exactly one of {', '.join(f.name for f in fields(Varied))}")
     ((kind, each),) = given.items()
     if isinstance(each, Range):
         return Factor(name, tuple(map(float, np.linspace(each.first, each.last, each.count))))
@@ -228,13 +239,13 @@ def factor(name: str, table: Varied | Mapping[str, Any]) -> Factor:
 
 
 def _demand(holds: Any, words: str) -> None:
-    """ValueError if a rule does not hold, of any element."""
+    """Raise ValueError unless a rule holds for all elements."""
     if not np.all(holds):
         raise ValueError(f"expected {words}")
 
 
 def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
-    """Two vectors of one length, of numbers or vectors."""
+    """Return two numbers or vectors as vectors of equal length."""
     x, y = np.atleast_1d(np.asarray(a, np.float64)), np.atleast_1d(np.asarray(b, np.float64))
     _demand(len({x.size, y.size} - {1}) <= 1, f"vectors of one length, not {a} and {b}")
     size = max(x.size, y.size)
@@ -242,49 +253,49 @@ def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
 
 
 def _shaped(values: Array, *given: Any) -> Any:
-    """A number where numbers were given, else a list."""
+    """Return a number if numbers were given, else a list."""
     return values.tolist() if any(np.ndim(g) for g in given) else float(values[0])
 
 
 def normal_quantile(p: Array) -> Array:
-    """Quantile of the normal distribution: Phi(z) = p."""
+    """Return the quantile z of the standard normal distribution: Phi(z) = p."""
     from scipy.special import ndtri
 
     return np.asarray(ndtri(p))
 
 
 def _exponential(phi: Array) -> Array:
-    """Quaternion of a rotation vector, scalar first."""
+    """Return the quaternion of a rotation vector, scalar first."""
     angle = float(np.linalg.norm(phi))
     return np.array([math.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * math.pi)) * phi)])
 
 
 def _product(a: Array, b: Array) -> Array:
-    """Quaternion product, scalar first."""
+    """Return the product of quaternions, scalar first."""
     vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
     return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
 
 
 def _matrix(q: Array) -> Array:
-    """Rotation matrix of a quaternion, scalar first."""
+    """Return the rotation matrix of a quaternion, scalar first."""
     x = np.array([[0, -q[3], q[2]], [q[3], 0, -q[1]], [-q[2], q[1], 0]])
     return np.asarray(np.eye(3) + 2 * q[0] * x + 2 * x @ x)
 
 
 def _symmetric(j: Array) -> list[list[float]]:
-    """Equal to the last bit on both sides of the diagonal."""
+    """Return the matrix with bit-identical elements on both sides of the diagonal."""
     return [[float(j[min(a, b), max(a, b)]) for b in range(3)] for a in range(3)]
 
 
 # ---- numbers for all draws of a campaign, and the seeds of its runs
 
 LARGEST_SEED = 2**31
-"""Seeds lie below, so that every FMU holds them exactly."""
+"""Upper limit of seeds: every FMU stores smaller ones exactly."""
 
 
 def _random(n: int, d: int, seed: int) -> Array:
-    """Row k depends on seed and k alone: a longer campaign begins with the runs of a shorter
-    one.
+    """Return random numbers. Row k depends on seed and k alone: a longer campaign begins with the
+    runs of a shorter one.
     """
     rows = (np.random.default_rng([seed, k]).random(d) for k in range(n))
     return np.array(list(rows)).reshape(n, d)
@@ -310,12 +321,12 @@ SAMPLERS: dict[str, Callable[[int, int, int], Array]] = {
 
 
 def numbers(sampler: str, n: int, d: int, seed: int) -> Array:
-    """Numbers between 0 and 1, (n, d), never 0 or 1."""
+    """Return numbers between 0 and 1, (n, d), never 0 or 1."""
     if d == 0:
         return np.empty((n, 0))
     return np.clip(SAMPLERS[sampler](n, d, seed), SMALLEST, 1 - SMALLEST)
 
 
 def run_seed(seed: int, k: int, place: int) -> int:
-    """Seed of draw k for the parameter in this place of the list."""
+    """Return the seed of draw k for the parameter in this place of the list."""
     return int(np.random.default_rng([seed, k, place + 1]).integers(LARGEST_SEED))

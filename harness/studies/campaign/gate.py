@@ -1,137 +1,154 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a campaign is held to: `[expected]` of its file, and conditions of the user on shares and
-metrics, `lower(success) >= 99 %`. Both decide on the exit status by harness.results.verdict.
+"""Conditions on a campaign: `[expected]` of its file, and conditions of the user on shares and
+metrics, `lower(success) >= 99 %`. Both determine the exit status by harness.results.verdict.
 
-A condition is an expression. `success` is the share of the runs that have succeeded, `met(NAME)`
-that of a requirement, `lower(NAME)` the lower bound of the interval of 95 % of either; a metric is
-its values in all runs, `percentile(miss, 95) <= 10 cm`, and alone must hold in each.
+A condition is a requirement over a table with a row per complete run instead of a row per instant.
+A metric alone must fulfil it in each run, `percentile(miss, 95) <= 10 cm` evaluates all runs.
+`success` is the share of successful runs, `met(NAME)` the share of runs that met a requirement,
+`lower(NAME)` the lower bound of the 95 % interval of either.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import partial
-from typing import Any
+from dataclasses import replace
+from unicodedata import normalize
 
 import numpy as np
 
-from harness.results.evaluation import evaluate, resolved, unit_of
-from harness.results.expressions import QUANTITY, Node, parsed
-from harness.results.verdict import Judged, Kind, Verdict, missed
+from harness.results.evaluation import resolved
+from harness.results.expressions import QUANTITY, parsed
+from harness.results.requirements import Finding, condition, finding
+from harness.results.result import Result
+from harness.results.verdict import Kind, Outcome, Verdict, missed
 from harness.spelling import did_you_mean
+from harness.studies.campaign import summary
 from harness.studies.campaign.plan import SUCCESS
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.summary import expectations, metric_columns, requirements, success
+from harness.studies.campaign.summary import Share
+from harness.studies.campaign.worker import COMPLETE
 
 TOKEN = re.compile(
     rf"{QUANTITY.pattern}|\b(?P<bound>met|lower)\(\s*(?P<share>\w+)\s*\)|(?<![\w.])(?P<name>[^\W\d]\w*)(?![\w(.])"
 )
 """A quantity, a share of the runs, or the name of a metric."""
-MET, LOWER, METRIC = "met", "lower", "metric"
-"""First parts of the variables that stand for them."""
+MET, LOWER, METRIC = "parameter met", "parameter lower", "metric"
+"""First parts of the variables of an expression that are shares and metrics."""
 
 
 def wrong(texts: Sequence[str], shares: Collection[str], units: Mapping[str, str]) -> Iterator[str]:
-    """Conditions that a campaign cannot be held to, a line each; shares: success and names of
-    requirements; units: those of the metrics by name.
+    """Yield a line per condition that a campaign cannot evaluate; shares: success and names of
+    requirements; units: units of the metrics by name.
     """
     for text in texts:
         try:
-            _tree(text, shares, units)
+            _expression(text, shares, units)
         except ValueError as error:
             yield f"--require {text}: {error}"
 
 
 def failures(store: Store, required: Sequence[str], strict: bool) -> list[str]:
-    """Lines of what gives the exit status 1; strict: also what the campaign expects, or, if it
-    expects nothing, that every run succeeds.
+    """Return the lines that give the exit status 1; strict: also what the campaign expects, or, if
+    it expects nothing, that every run succeeds.
     """
-    own = [*expectations(store)] or [*_every_run(store)]
-    return [*missed(_held(store, required), strict=True), *missed(own, strict=strict)]
-
-
-def _every_run(store: Store) -> Iterator[Judged]:
-    if (found := success(store)) is not None:
-        open_ = Verdict.NOT_EXERCISED if found.unjudged else Verdict.MET
-        yield _judged(
-            f"{SUCCESS} of every run", Verdict.NOT_MET if found.missed else open_, str(found)
-        )
-
-
-def _held(store: Store, texts: Sequence[str]) -> Iterator[Judged]:
-    """Conditions on a campaign with their verdicts."""
-    shares = requirements(store)
-    if (found := success(store)) is not None:
+    shares = summary.requirements(store)
+    if (found := summary.success(store)) is not None:
         shares[SUCCESS] = found
-    columns = metric_columns(store)
-    units = {name: str(store.group[name].attrs.get("units", "")) for name in columns}
-    complete = store.array("status") == 1
-    for text in texts:
-        tree = _tree(text, shares, units)
-        asked = [shares[name] for kind, name in map(_split, tree.variables) if kind != METRIC]
-
-        def value(path: str) -> Any:
-            kind, name = _split(path)
-            if kind == METRIC:
-                return columns[name][complete]
-            return shares[name].interval()[0] if kind == LOWER else shares[name].share
-
-        if any(share.unjudged or not share.judged for share in asked):
-            yield _judged(text, Verdict.NOT_EXERCISED, "; ".join(map(str, asked)))
-            continue
-        with np.errstate(all="ignore"):
-            met = bool(np.all(evaluate(tree, value)))
-            told = [*map(str, asked), *_compared(tree, value, units)]
-        yield _judged(text, Verdict.MET if met else Verdict.NOT_MET, "; ".join(told))
+    table = _table(store, shares)
+    demanded = [_demanded(text, table, shares) for text in required]
+    own = [*summary.expectations(store)] or [_every_run(store, found)]
+    return [*missed(demanded, strict=True), *missed(own, strict=strict)]
 
 
-def _judged(text: str, verdict: Verdict, detail: str) -> Judged:
-    word = Kind.REQUIREMENT.word(verdict)
-    line = "; ".join(part for part in (f"{word.upper()}: {text}", detail) if part)
-    return Judged(Kind.REQUIREMENT, text, verdict, line)
-
-
-def _compared(tree: Node, value: Any, units: Mapping[str, str]) -> Iterator[str]:
-    """Numbers that come of metrics."""
-    for node in tree.walk():
-        side = node.parts[0] if node.kind == "compare" else node
-        if side is not node and any(_split(path)[0] == METRIC for path in side.variables):
-            number = evaluate(side, value)
-            if np.ndim(number) == 0:
-                text = side.text.replace(f"{METRIC}.", "")
-                unit = unit_of(side, partial(_unit, units)).removeprefix("1")
-                yield f"{text} is {number:.5g} {unit}".rstrip()
-
-
-def _tree(text: str, shares: Collection[str], units: Mapping[str, str]) -> Node:
-    """The expression of a condition, with `met.success`, `lower.success` and `metric.miss` in it;
-    ValueError.
+def _every_run(store: Store, found: Share | None) -> Outcome:
+    """Return the verdict on the success of all runs, or, where nothing defines success, on their
+    completion.
     """
+    what, found = (SUCCESS, found) if found else ("completion", summary.completion(store))
+    open_ = Verdict.NOT_EXERCISED if found.unjudged else Verdict.MET
+    return _outcome(f"{what} of every run", Verdict.NOT_MET if found.missed else open_, str(found))
+
+
+def _table(store: Store, shares: Mapping[str, Share]) -> Result:
+    """Return the metrics of all complete runs, by number, with the shares as parameters."""
+    found = summary.metric_columns(store)
+    runs = np.flatnonzero((status := store.array("status")) == COMPLETE)
+    units = tuple(str(store.group[name].attrs.get("units", "")) for name in found)
+    values = np.array([*found.values()]).reshape(len(found), len(status)).T[runs]
+    given = {f"met.{name}": share.share for name, share in shares.items()}
+    given |= {f"lower.{name}": share.interval()[0] for name, share in shares.items()}
+    one = np.array([[*given.values()]])
+    table = Result("", np.zeros(1), (*given,), ("1",) * len(given), one)
+    names = tuple(f"{METRIC}.{normalize('NFKC', name)}" for name in found)
+    return Result("", runs.astype(np.float64), names, units, values, parameters=table)
+
+
+def _demanded(text: str, table: Result, shares: Mapping[str, Share]) -> Outcome:
+    """Return the verdict on a condition of the user."""
+    units = {n.partition(".")[2]: u for n, u in zip(table.columns, table.units, strict=True)}
+    expression = _expression(text, shares, units)
+    parts = [name.partition(".") for name in condition(expression).variables]
+    named = [shares[name] for kind, _, name in parts if kind != METRIC]
+    if any(share.unjudged or not share.evaluated for share in named):
+        return _outcome(text, Verdict.NOT_EXERCISED, *named)
+    if len(named) == len(parts):  # a condition on shares alone has one row
+        table = replace(table, time=np.zeros(1), columns=(), units=(), values=np.empty((1, 0)))
+    elif not len(table.time):
+        return _outcome(text, Verdict.NOT_EXERCISED, "no run has completed")
+    found = finding(table, text, expression)
+    detail = _detail(found) if len(named) < len(parts) else ""
+    return _outcome(text, found.verdict, *named, detail)
+
+
+def _detail(found: Finding) -> str:
+    """Return the worst value with its run, or why there is none."""
+    if found.value is None or found.verdict is Verdict.NOT_EXERCISED:
+        return (
+            found.reason
+            if found.verdict is Verdict.NOT_JUDGED
+            else "its condition applies in no run"
+        )
+    place = "" if found.time is None else f" in run {found.time:.0f}"
+    if math.isnan(found.value):
+        return f"not a number{place}"
+    return f"worst {found.value:.5g} {found.unit.removeprefix('1')}".rstrip() + place
+
+
+def _outcome(text: str, verdict: Verdict, *details: object) -> Outcome:
+    head = f"{Kind.REQUIREMENT.word(verdict).upper()}: {text}"
+    line = "; ".join(filter(None, [head, *map(str, details)]))
+    return Outcome(Kind.REQUIREMENT, text, verdict, line)
+
+
+def _expression(text: str, shares: Collection[str], units: Mapping[str, str]) -> str:
+    """Return a condition as a requirement over `parameter(met.success)` and `metric.miss`; raise
+    ValueError if the campaign cannot evaluate it.
+    """
+    known = {f"{METRIC}.{normalize('NFKC', name)}": unit for name, unit in units.items()}
+    known |= {f"{kind}.{name}": "1" for kind in (MET, LOWER) for name in shares}
 
     def dotted(match: re.Match[str]) -> str:
         if match["bound"]:
             if (name := match["share"]) not in shares:
-                raise ValueError(f"no requirement {name}{did_you_mean(name, shares)}")
-            return f"{match['bound']}.{match['share']}"
+                raise ValueError(f"there is no requirement {name}{did_you_mean(name, shares)}")
+            return f"parameter({match['bound']}.{name})"
         if match["name"] == SUCCESS and SUCCESS in shares:
-            return f"{MET}.{SUCCESS}"
-        return f"{METRIC}.{match['name']}" if match["name"] in units else match[0]
+            return f"parameter(met.{SUCCESS})"
+        return f"{METRIC}.{match[0]}" if f"{METRIC}.{match['name']}" in known else match[0]
 
-    tree = parsed(TOKEN.sub(dotted, text), [*units, SUCCESS], "metric")
+    expression = TOKEN.sub(dotted, normalize("NFKC", text))
+    tree = parsed(expression, (*units, SUCCESS), "metric")
     if not (tree.kind == "compare" or tree.conditions):
         raise ValueError("is not a condition; write one like `success >= 99 %`")
+    condition(expression)
     for path in tree.variables:
-        if _split(path)[0] not in (MET, LOWER, METRIC):
-            raise ValueError(f"{path} varies within a run: only a requirement or metric can ask")
-    return resolved(tree, partial(_unit, units))
-
-
-def _split(path: str) -> tuple[str, str]:
-    kind, _, name = path.partition(".")
-    return kind, name
-
-
-def _unit(units: Mapping[str, str], path: str) -> str:
-    kind, name = _split(path)
-    return units[name] if kind == METRIC else "1"
+        if path not in known:
+            raise ValueError(f"{path} is a time series; use a metric or a requirement")
+    if tree.has_window:
+        raise ValueError(
+            "a condition on a campaign has no window of time; put it into [requirements]"
+        )
+    resolved(tree, known.__getitem__)
+    return expression

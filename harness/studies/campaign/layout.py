@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which arrays the dataset of a campaign has, their CF attributes `units` and `long_name`, and
-which names it can hold.
+"""Arrays of the dataset of a campaign, their CF attributes `units` and `long_name`, and the names
+that it can hold.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from harness.studies.campaign.worker import PENDING, VERDICTS, Task
 Labels = Mapping[str, Any]
 
 STATUS: Labels = {
-    "long_name": "what became of the run",
+    "long_name": "status of the run",
     "flag_values": [0, 1, 2],
     "flag_meanings": "pending complete failed",
 }
 VERDICT: Labels = {
-    "long_name": "what became of a requirement",
+    "long_name": "verdict on a requirement",
     "flag_values": [*range(len(VERDICTS))],
     "flag_meanings": " ".join(v.name.lower() for v in VERDICTS),
 }
 MARGIN: Labels = {"long_name": "distance of a requirement to failing, negative where it fails"}
-NUMBERS: Labels = {"units": "1", "long_name": "independent normal numbers that were asked for"}
-GENERATION: Labels = {"long_name": "generation of flights that were asked for together"}
+NUMBERS: Labels = {"units": "1", "long_name": "standard normal coordinates"}
+GENERATION: Labels = {"long_name": "generation of runs that were requested together"}
 TIME: Labels = {"units": "s", "long_name": "time"}
 END: Labels = {"units": "s", "long_name": "time of the last row"}
 EXPERIMENT = {
@@ -46,14 +46,14 @@ EXPERIMENT = {
 
 
 def of_variable(name: str, kinds: Result | None) -> Labels:
-    """Those of a variable of a result, none if it has no such variable."""
+    """Return the labels of a variable of a result, none if it has no such variable."""
     if kinds is None or name not in kinds:
         return {}
     return _known({"units": kinds.unit(name), "long_name": kinds.description(name)})
 
 
 def _of_metric(name: str, task: Task) -> Labels:
-    """The unit that follows from its text, and the text itself."""
+    """Return the unit that follows from the text of a metric, and the text itself."""
     text = task.table.texts.get(name, "all requirements are met")
     unit = "1" if name == SUCCESS else metrics.unit(text, task.kinds)
     return {"role": "metric", **_known({"units": unit, "long_name": text})}
@@ -64,18 +64,18 @@ def _known(labels: Mapping[str, str]) -> Labels:
 
 
 SCRATCH = "history_of_"
-"""Histories that are kept only until their bands are known."""
+"""Prefix of histories that are recorded only until their bands are computed."""
 OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile",
        "requirement", "requirement_text", "verdict", "margin", "margin_units", "numbers",
        "generation")  # fmt: skip
 """Arrays that every dataset may have."""
 LONGEST = 200
-"""Bytes of a name: every array is a folder, and a history has a prefix."""
+"""Largest number of bytes of a name: an array is a folder, and a history has a prefix."""
 
 
 class Field(NamedTuple):
-    """One array: its axes by name, the first one `run` if it has a value per run; values: what it
-    holds from the start.
+    """One array: its axes by name, the first one `run` if it has a value per run; values: its
+    initial content.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Field(NamedTuple):
 
 
 def fields(plan: Plan, task: Task) -> Iterator[Field]:
-    """All arrays of a campaign, those of every run first; its bands come at the end."""
+    """Yield all arrays of a campaign, first the arrays of every run, last its bands."""
     n, kinds, names = plan.runs, task.kinds, task.kinds.columns
     yield Field("status", np.int8, (n,), ("run",), PENDING, STATUS)
     yield Field("message", str, (n,), ("run",), "")
@@ -99,8 +99,8 @@ def fields(plan: Plan, task: Task) -> Iterator[Field]:
     for name in task.metrics:
         yield Field(name, np.float64, (n,), ("run",), about=_of_metric(name, task))
     yield from _of_histories(n, task)
-    if asked := task.table.asked:
-        yield Field("numbers", np.float64, (n, asked), ("run", "number"), about=NUMBERS)
+    if d := task.table.coordinates:
+        yield Field("numbers", np.float64, (n, d), ("run", "number"), about=NUMBERS)
         yield Field("generation", np.int32, (n,), ("run",), 0, GENERATION)
     yield _texts("column", names, "column")
     yield _texts("column_units", kinds.units, "column")
@@ -130,14 +130,14 @@ def _of_requirements(n: int, task: Task) -> Iterator[Field]:
 
 
 def _of_histories(n: int, task: Task) -> Iterator[Field]:
-    """What is kept of the histories, and their time."""
-    for name in task.table.kept:
-        label = name if name in task.table.keep.histories else SCRATCH + name
+    """Yield the arrays of recorded histories and their time."""
+    for name in task.table.recorded:
+        label = name if name in task.table.record.histories else SCRATCH + name
         width = task.kinds[name].reshape(1, -1).shape[1]
         about = {"role": "history", **of_variable(name, task.kinds)}
         axes, shape = ("run", "time", f"{name}_element"), (n, len(task.rows), width)
         yield Field(label, np.float64, shape, axes, about=about)
-    if task.table.kept:
+    if task.table.recorded:
         steps = recorded(task.steps, task.table.every)[task.rows]
         time = task.start + np.array(steps, dtype=np.float64) * task.step
         yield Field("time", np.float64, time.shape, ("time",), about=TIME, values=time)
@@ -152,25 +152,33 @@ def _texts(name: str, values: Sequence[str], axis: str) -> Field:
 
 
 def wrong_names(table: Table) -> Iterator[str]:
-    """Metrics, factors and variables that the dataset cannot hold under their names, and what has
-    two meanings, a line each.
+    """Yield a line per metric, factor or variable whose name the dataset cannot hold, or which has
+    two meanings.
     """
-    varied, kept = (*table.factors, *table.seeds), table.kept
-    yield from (f"seeds.{name}: varies already" for name, n in Counter(varied).items() if n > 1)
-    taken = {*OWN, "run", SUCCESS, *varied, *kept}
-    taken.update(label for name in kept for label in (f"{name}_band", f"{SCRATCH}{name}"))
-    for place, names in (("factors", varied), ("metrics", table.metrics), ("keep", kept)):
+    varied, recorded = (*table.factors, *table.seeds), table.recorded
+    yield from (
+        f"seeds.{name}: is a factor already; remove one of them"
+        for name, n in Counter(varied).items()
+        if n > 1
+    )
+    taken = {*OWN, "run", SUCCESS, *varied, *recorded}
+    taken.update(label for name in recorded for label in (f"{name}_band", f"{SCRATCH}{name}"))
+    for place, names in (("factors", varied), ("metrics", table.metrics), ("record", recorded)):
         for name in names:
             stem, _, end = name.rpartition("_")
-            axis = stem in (*varied, *kept) and (end == "element" or end.isdigit())
+            axis = stem in (*varied, *recorded) and (end == "element" or end.isdigit())
             if place == "metrics" and (name in taken or axis):
-                yield f"metrics.{name}: the dataset has another array or axis of this name"
+                yield (
+                    f"metrics.{name}: the dataset has another array or axis of this name; choose "
+                    "another"
+                )
             elif not _holds(name):
-                yield f"{place}.{one_line(name)}: a dataset cannot hold an array of this name"
+                rule = f"printable characters without / and \\, at most {LONGEST} bytes"
+                yield f"{place}.{one_line(name)}: cannot be the name of an array: expected {rule}"
 
 
 def _holds(name: str) -> bool:
-    """Whether an array can have a name: every array is a folder, / leads into it."""
+    """Return whether an array can have a name: every array is a folder, and / separates folders."""
     strange = {"", ".", "..", "zarr.json"} & {name} or name.startswith("__")
     letters = name.isprintable() and not {"/", "\\"} & {*name}
     return letters and not strange and len(name.encode()) <= LONGEST

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers that a campaign keeps of every run: built-in measures, expressions, functions of the
+"""Metrics that a campaign records for every run: built-in metrics, expressions, functions of the
 user.
 
-Expressions are those of harness.results.expressions, `norm(servicer.r_SN_N - target.r_TN_N)[-1]`. A
-function is `FILE.py:NAME` and takes the Result.
+Expressions follow harness.results.expressions, `last(norm(servicer.r_SN_N))`. A function is
+`FILE.py:NAME` and takes the Result.
 """
 
 from __future__ import annotations
@@ -18,49 +18,49 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from harness.mission import Limits, Measure
+from harness.errors import HarnessError
+from harness.mission import Limits, Metric
+from harness.mission.claim import BaseMetric, one_number
 from harness.mission.library import everything, of_result
 from harness.results.evaluation import unit_in, unit_of
 from harness.results.expressions import parsed
-from harness.results.number import Number
 from harness.results.requirements import condition, finding
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Verdict
 
-Metric = Number
-"""What it gives is not to be trusted before value() has seen it."""
 
+def metric(text: str, folder: Path) -> BaseMetric:
+    """Return the metric that a text defines; raise ValueError if there is none.
 
-def metric(text: str, folder: Path) -> Metric:
-    """The metric that a text stands for; ValueError if it makes no sense.
-
-    folder: where files of functions are looked for.
+    folder: folder of the files with functions.
     """
-    if text in (known := _measures()):
+    if text in (known := _known()):
         of = known[text]
-        return Number(text, of.unit, of.needs, partial(_measured, of), of.parameters)
-    if _is_function(text):
+        return BaseMetric(text, of.unit, of.needs, partial(_with_limits, of), of.parameters)
+    if file_of(text):
         file, _, name = text.rpartition(":")
-        return Number(text, "", (), _function(folder / file, name))
-    parsed(text, list(known), "measure")
-    return Number(text, "", (), text)
+        return BaseMetric(text, "", (), _function(folder / file, name))
+    parsed(text, list(known), "metric")
+    return BaseMetric(text, "", (), text)
 
 
-def read(name: str, text: str, folder: Path) -> Metric:
-    """The metric of a name: `success` is a requirement, true in every row, or a function."""
+def read(name: str, text: str, folder: Path) -> BaseMetric:
+    """Return a named metric. `success` is a requirement, true in every row, or a function."""
     if name != "success" or not is_condition(text):
         return metric(text, folder)
     condition(text)
-    return Number(name, "", (), partial(_succeeded, text))
+    return BaseMetric(name, "", (), partial(_succeeded, text))
 
 
 def is_condition(text: str) -> bool:
-    """Whether a success is stated as a requirement, not as a function of a file."""
-    return bool(text) and not _is_function(text)
+    """Return whether a success is stated as a requirement, not as a function of a file."""
+    return bool(text) and not file_of(text)
 
 
-def _is_function(text: str) -> bool:
-    return text.rpartition(":")[0].endswith(".py")
+def file_of(text: str) -> str:
+    """Return the file of a function, "" of any other metric."""
+    file = text.rpartition(":")[0]
+    return file if file.endswith(".py") else ""
 
 
 def _succeeded(text: str, result: Result) -> bool:
@@ -70,35 +70,37 @@ def _succeeded(text: str, result: Result) -> bool:
     return found.verdict is Verdict.MET
 
 
-def _measures() -> dict[str, Measure]:
-    """Measures of the missions at hand by name."""
-    return {m.name: m for m in reversed(everything().measures)}
+def _known() -> dict[str, Metric]:
+    """Return the metrics of the available missions by name."""
+    return {m.name: m for m in reversed(everything().metrics)}
 
 
-def _measured(measure: Measure, result: Result) -> float:
-    """A built-in measure with the limits that a comparison of this one run would have."""
-    return measure(result, of_result(result).limits(Limits(), {"": result}))
+def _with_limits(metric: Metric, result: Result) -> float:
+    """Return a built-in metric with the limits of a comparison of this one run."""
+    return metric(result, of_result(result).limits(Limits(), {"": result}))
 
 
 def variables(text: str) -> Iterator[str]:
-    """Variables that an expression names; none for a measure or a function."""
-    if text in (known := _measures()) or _is_function(text):
+    """Yield the variables that an expression names; none for a built-in metric or a function."""
+    if text in (known := _known()) or file_of(text):
         return
-    names = parsed(text, list(known), "measure").variables
+    names = parsed(text, list(known), "metric").variables
     yield from (name for name in names if name != "time" and not name.startswith("parameter "))
 
 
 def unit(text: str, kinds: Result) -> str:
-    """Unit of a metric, "" if it is not known; kinds: a result with the units of the variables."""
-    if text in (known := _measures()):
+    """Return the unit of a metric, "" if it is unknown; kinds: a result with the units of the
+    variables.
+    """
+    if text in (known := _known()):
         return known[text].unit
-    if _is_function(text):
+    if file_of(text):
         return ""
     return unit_of(parsed(text), partial(unit_in, kinds))
 
 
 def _function(file: Path, name: str) -> Callable[[Result], Any]:
-    """A function of a file of the user."""
+    """Return a function of a file of the user."""
     if not file.is_file():
         raise ValueError(f"{file}: no such file")
     place = importlib.util.spec_from_file_location(file.stem, file)
@@ -107,7 +109,7 @@ def _function(file: Path, name: str) -> Callable[[Result], Any]:
     module = importlib.util.module_from_spec(place)
     try:
         place.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ValueError(f"{file}: cannot be imported ({error})") from error
     if not callable(found := getattr(module, name, None)):
         raise ValueError(f"{file}: has no function {name}")
@@ -118,9 +120,9 @@ def _function(file: Path, name: str) -> Callable[[Result], Any]:
 
 
 def measured(
-    metrics: Mapping[str, Metric], result: Result
+    metrics: Mapping[str, BaseMetric], result: Result
 ) -> tuple[dict[str, float], dict[str, str]]:
-    """All metrics of a run, NaN where one does not exist for it, and why some do not."""
+    """Return all metrics of a run, NaN for one that does not exist, and the reasons by name."""
     values, reasons = {}, {}
     for name, each in metrics.items():
         values[name], reason = value(each, result)
@@ -130,37 +132,29 @@ def measured(
 
 
 def value(each: Callable[[Result], Any], result: Result) -> tuple[float, str]:
-    """A metric of a result, or NaN and what is wrong with it."""
+    """Return a metric of a result, or NaN and the reason."""
     try:
         with np.errstate(all="ignore"), catch_warnings():
-            simplefilter("ignore", RuntimeWarning)  # the mean of nothing
-            return _number(each(result)), ""
-    except Exception as error:  # a function of the user may raise whatever it likes
-        plain = isinstance(error, KeyError | ValueError) and error.args
+            simplefilter("ignore", RuntimeWarning)  # numpy warns of the mean of no values
+            return one_number(each(result)), ""
+    except (Exception, SystemExit) as error:  # of a function of the user
+        plain = isinstance(error, KeyError | ValueError | HarnessError) and error.args
         text = str(error.args[0]) if plain else f"{type(error).__name__}: {error}"
         return math.nan, " ".join(text.split())[:200]
 
 
-def _number(given: Any) -> float:
-    if shape := np.shape(given):
-        size = " x ".join(map(str, shape))
-        raise ValueError(f"is an array of {size}, not one number; [-1] or max() picks one")
-    if not isinstance(given, int | float | np.number | np.bool_ | np.ndarray):
-        raise ValueError(f"is {given!r:.40}, not a number")
-    return float(given)
+def rejection(text: str, each: BaseMetric, results: Sequence[Result], all_of_them: bool) -> str:
+    """Return why no run can have a metric; "" if a run can have it, and for a function, which only
+    a run can check.
 
-
-def refusal(text: str, each: Metric, results: Sequence[Result], all_of_them: bool) -> str:
-    """Why no run can have a metric, "" if one can, or if only a run can tell: a function.
-
-    results: what runs leave, of every structure; all_of_them: every run must have it.
+    results: results of every structure; all_of_them: every run must have the metric.
     """
-    if _is_function(text):
+    if file_of(text):
         return ""
     found = [_lacking(each, result) or value(each, result)[1] for result in results]
     return next(filter(None, found), "") if all_of_them or all(found) else ""
 
 
-def _lacking(each: Metric, result: Result) -> str:
+def _lacking(each: BaseMetric, result: Result) -> str:
     lacks = each.lacks(result)
-    return f"the system has not got what it needs ({', '.join(lacks)})" if lacks else ""
+    return f"the system lacks what the metric needs: {', '.join(lacks)}" if lacks else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Dask's scheduler and worker without the HTTP servers that every one of them opens otherwise."""
+"""Scheduler and worker of Dask without the HTTP servers that they open by default."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import distributed
 
 
 class _WithoutPages:
-    """A node that listens to its own kind only."""
+    """Node of a Dask cluster without an HTTP server."""
 
     def start_http_server(self, *_: Any, **__: Any) -> None:
-        """Listen to nobody; Dask has no setting for that."""
+        """Disable the HTTP server, for which Dask has no setting."""
 
 
 class Scheduler(_WithoutPages, distributed.Scheduler):
@@ -20,4 +20,4 @@ class Scheduler(_WithoutPages, distributed.Scheduler):
 
 
 class Worker(_WithoutPages, distributed.Worker):
-    """A worker without pages."""
+    """Worker of Dask without web pages."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The plan of a campaign: what its file may say, and every run of it by its number.
+"""Plan of a campaign: the permitted contents of its file, and every run by its number.
 
-Listed values are combined as a grid, the last factor changing fastest; drawn ones differ from draw
-to draw and are the same in every cell of the grid. Run i is cell i % cells of draw i // cells.
+Listed values are combined as a grid, the last factor changing fastest. Drawn values differ between
+draws and are the same in every cell of the grid. Run i is cell i % cells of draw i // cells.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -27,10 +27,10 @@ from harness.master.isolated import PATIENCE
 from harness.ssp.library import find_system
 from harness.studies.campaign.factors import Factor, Varied, factor, numbers, run_seed
 from harness.studies.campaign.stopping import Until
-from harness.system.schema import Count, Number, Positive, Text, Whole
+from harness.system.tables import Count, Number, Positive, Text, Whole
 
 MAX_RUNS = 10_000_000
-"""Runs of one campaign; their values are drawn at once."""
+"""Largest number of runs of one campaign; their values are drawn at once."""
 SUCCESS = "success"
 """Name of the metric that is true for a run that has succeeded; one that failed has not."""
 Values = dict[str, Any]
@@ -63,8 +63,8 @@ NAMED = {"swap": Text, "latency": Whole}
 """Changes of one component each, as factors."""
 
 
-class Keep(Struct, frozen=True):
-    """What histories are kept: `histories` of every run, `bands` over all, in `rows` rows."""
+class Record(Struct, frozen=True):
+    """Recorded histories: `histories` of every run, `bands` over all runs, in `rows` rows."""
 
     histories: Texts = []
     bands: Texts = []
@@ -72,8 +72,8 @@ class Keep(Struct, frozen=True):
 
 
 class Table(Struct, frozen=True):
-    """The file of a campaign; expected: least and largest mean over all runs that a metric should
-    have; asked: numbers per run of a study that asks on; the last ones: tables of such studies.
+    """Table in the file of a campaign; expected: smallest and largest expected mean of a metric
+    over all runs; coordinates: number per run of an analysis; the last entries: tables of analyses.
     """
 
     system: Text
@@ -101,7 +101,7 @@ class Table(Struct, frozen=True):
     success: Text = ""
     worst: Annotated[str | dict[str, Any], Meta(description="a text or a table")] = ""
     until: Until | None = None
-    keep: Keep = Keep()
+    record: Record = Record()
     expected: dict[
         str,
         Annotated[
@@ -109,77 +109,96 @@ class Table(Struct, frozen=True):
         ],
     ] = {}
     requirements: dict[str, Text] = {}
-    asked: Whole = 0
+    coordinates: Whole = 0
     sensitivity: Any = None
     probability: Any = None
-    map: Any = None
+    boundary: Any = None
     tune: Any = None
 
     @property
-    def kept(self) -> tuple[str, ...]:
-        """Variables whose histories are wanted."""
-        return tuple(dict.fromkeys((*self.keep.histories, *self.keep.bands)))
+    def recorded(self) -> tuple[str, ...]:
+        """Return the variables with recorded histories."""
+        return tuple(dict.fromkeys((*self.record.histories, *self.record.bands)))
 
     @property
     def texts(self) -> dict[str, str]:
-        """Texts of all metrics by name, with the success."""
+        """Return the expressions of all metrics by name, including `success` if it is defined."""
         return {**self.metrics, **({SUCCESS: self.success} if self.success else {})}
 
 
 # ---- runs
 
 
+class Source(NamedTuple):
+    """Path of a file or name of a package, and the hash of its content or its version."""
+
+    place: str
+    state: str
+
+
 @dataclass(frozen=True)
 class Plan:
-    """A campaign that makes sense. definition: the table it was read from; folder: where files that
-    it names are looked for.
+    """Checked campaign. definition: the table of its file; folder: folder of the files that the
+    table names; sources: see harness.studies.campaign.sources.
     """
 
     definition: Mapping[str, Any]
     folder: Path
+    sources: Mapping[str, Source] = field(default_factory=dict)
 
     @cached_property
     def table(self) -> Table:
-        """What the definition says."""
+        """Return the table of the definition."""
         return msgspec.convert(self.definition, Table)
 
     @cached_property
     def system(self) -> Path:
-        """Path of the .ssp or TOML; of a path, beside the campaign."""
+        """Return the path of the .ssp or TOML; a relative path may start at the folder of the
+        campaign.
+        """
         beside = self.folder / self.table.system
         return find_system(beside if beside.exists() else self.table.system)
 
     @cached_property
     def digest(self) -> str:
-        """Hash of the definition and of the system; runs of equal ones are the same runs."""
-        text = json.dumps(self.definition, sort_keys=True, default=str).encode()
-        return hashlib.sha256(text + self.system.read_bytes()).hexdigest()
+        """Return the hash of all that decides the runs."""
+        return hashlib.sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def decisive(self) -> dict[str, str]:
+        """Return what decides the runs: entries of the table as text, then the sources."""
+        found = {}
+        for name, given in self.definition.items():
+            tables = isinstance(given, Mapping) and given
+            for key, value in tables.items() if tables else [("", given)]:
+                found[f"{name}.{key}".rstrip(".")] = json.dumps(value, sort_keys=True, default=str)
+        return found | {name: source.state for name, source in self.sources.items()}
 
     @property
     def fixed(self) -> Changes:
-        """Changes common to all runs, with the requirements of the campaign."""
+        """Return the changes common to all runs, with the requirements of the campaign."""
         changes: dict[str, Any] = dict(self.definition.get("fixed", {}))
         if self.table.requirements:
             changes["require"] = dict(self.table.requirements)
         return changes  # type: ignore[return-value]
 
     def with_entries(self, **entries: Any) -> Plan:
-        """The plan with other entries of its table, about which nothing is asked again."""
+        """Return the plan with other entries of its table, which are not checked again."""
         return replace(self, definition={**self.definition, **entries})
 
     @cached_property
     def factors(self) -> tuple[Factor, ...]:
-        """All that varies, but for the seeds."""
+        """Return all factors without the seeds."""
         return tuple(factor(name, given) for name, given in self.table.factors.items())
 
     @cached_property
     def listed(self) -> list[Factor]:
-        """Factors of the grid."""
+        """Return the factors of the grid."""
         return [f for f in self.factors if f.draw is None]
 
     @cached_property
     def groups(self) -> dict[str, range]:
-        """Places of the numbers of each drawn factor in a draw."""
+        """Return the places of the numbers of each drawn factor in a draw."""
         places, first = {}, 0
         for each in self.factors:
             if each.draw is not None:
@@ -189,12 +208,12 @@ class Plan:
 
     @property
     def cells(self) -> int:
-        """Combinations of the listed values."""
+        """Return the number of combinations of the listed values."""
         return math.prod(len(f.choices) for f in self.listed)
 
     @property
     def runs(self) -> int:
-        """Number of runs."""
+        """Return the number of runs."""
         until = self.table.until
         return self.cells * (until.runs if until else self.table.runs)
 
@@ -205,23 +224,25 @@ class Plan:
         return numbers(self.table.sampler, draws, width, self.table.seed)
 
     def values(self, run: int) -> Values:
-        """Values of all factors of a run, the seeds among them."""
+        """Return the values of all factors of a run, the seeds among them."""
         draw, cell = divmod(run, self.cells)
         return self._cell(cell) | self.of_numbers(self._numbers[draw]) | self.seeds_of(draw)
 
     def of_numbers(self, numbers: NDArray[np.float64]) -> Values:
-        """Values of the drawn factors that numbers between 0 and 1 stand for."""
+        """Return the values of the drawn factors for numbers between 0 and 1."""
         draws = {f.name: f.draw for f in self.factors if f.draw}
         return {
             n: draws[n].value(numbers[each.start : each.stop]) for n, each in self.groups.items()
         }
 
     def seeds_of(self, draw: int) -> Values:
-        """The seeds of a draw."""
+        """Return the seeds of a draw."""
         return {n: run_seed(self.table.seed, draw, k) for k, n in enumerate(self.table.seeds)}
 
     def structures(self) -> list[int]:
-        """Runs of the first draw, one for every combination of what changes more than values."""
+        """Return runs of the first draw, one per combination of factors that change more than
+        values.
+        """
         shape = [len(f.choices) for f in self.listed]
         ways = [range(len(f.choices)) if kind_of(f.name) else (0,) for f in self.listed]
         return [int(np.ravel_multi_index(w, shape)) if shape else 0 for w in product(*ways)]
@@ -232,23 +253,25 @@ class Plan:
         return {f.name: f.choices[int(k)] for f, k in zip(self.listed, places, strict=True)}
 
     def whole(self, name: str) -> bool:
-        """Whether all values of a factor are whole numbers."""
+        """Return whether all values of a factor are whole numbers."""
         choices = next((f.choices for f in self.factors if f.name == name), ())
         listed = bool(choices) and all(isinstance(choice, int) for choice in choices)
         return listed or name in self.table.seeds
 
     def changes(self, values: Values) -> Changes:
-        """What run() takes for a run of these values."""
+        """Return the arguments of run() for a run with these values."""
         return joined(self.fixed, changes_of(values))
 
 
 def kind_of(name: str) -> Any:
-    """Type of the values of a factor that changes more than values of parameters, else None."""
+    """Return the type of the values of a factor that changes more than values of parameters, else
+    None.
+    """
     return CHANGES.get(name) or NAMED.get(name.partition(".")[0])
 
 
 def changes_of(values: Values) -> Changes:
-    """What run() takes for values of factors alone."""
+    """Return the arguments of run() for values of factors alone."""
     varied: dict[str, Any] = {}
     for name, value in values.items():
         option, key = option_of(name)
@@ -260,7 +283,9 @@ def changes_of(values: Values) -> Changes:
 
 
 def option_of(factor: str) -> tuple[str, str]:
-    """The change that a factor is, and of what: ("swap", C), ("set", C.NAME), ("stop", "")."""
+    """Return the kind of change of a factor, and its target: ("swap", C), ("set", C.NAME), ("stop",
+    "").
+    """
     if factor in CHANGES:
         return factor, ""
     option, _, rest = factor.partition(".")

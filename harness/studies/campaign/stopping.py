@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""How many runs: intervals and tests of a probability, and stopping rules that stay honest however
-often one looks.
+"""Number of runs: intervals and tests of a probability, and stopping rules that stay valid however
+often they are evaluated.
 """
 
 from __future__ import annotations
@@ -11,14 +11,20 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from harness.system.schema import Count, Flag
+from harness.system.tables import Count, Flag
 
-Share = Annotated[float, Meta(gt=0, lt=1, description="a number between 0 and 1")]
+LEAST = 1e-6
+"""Smallest share in `until`: 1 - p of a smaller one may round to 1, and the test needs log(1 - p).
+"""
+Share = Annotated[
+    float, Meta(ge=LEAST, lt=1, description=f"a number between 0 and 1, at least {LEAST:g}")
+]
 
 
 def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Two-sided interval of a probability from so many failures of a number of runs that was fixed
-    beforehand (Clopper & Pearson 1934); looked at again and again it claims too much.
+    """Return the two-sided interval of a probability from the failures in a number of runs that was
+    fixed beforehand (Clopper & Pearson 1934). It is too narrow if it is evaluated repeatedly to
+    decide when to stop.
     """
     from scipy.special import betaincinv
 
@@ -31,8 +37,9 @@ def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple
 
 
 def wilks(probability: float, confidence: float, failures: int = 0) -> int:
-    """Least number of runs whose at most so many failures prove that one fails with less than this
-    probability (Wilks 1941): P(at most `failures` of n) <= 1 - confidence.
+    """Return the smallest number of runs, of which at most `failures` may fail, that proves a
+    failure probability below `probability` (Wilks 1941): P(at most `failures` of n) <= 1 -
+    confidence.
     """
     from scipy.special import bdtr
 
@@ -47,18 +54,19 @@ def wilks(probability: float, confidence: float, failures: int = 0) -> int:
 
 
 CLAIM = 5.0
-"""Wald's test is sharpest for a probability so many times smaller than the one it disproves."""
+"""Ratio of the probability that Wald's test rejects to the one for which it is sharpest."""
 
 
 def wald(failures: int, runs: int, probability: float, confidence: float) -> bool | None:
-    """Whether runs fail with less than a probability: True, False, or None: not decided yet.
+    """Return whether runs fail with less than a probability: True, False, or None if it is
+    undecided.
 
     The likelihood ratio of p1 = probability / CLAIM against p0 = probability,
 
         (p1 / p0)^failures ((1 - p1) / (1 - p0))^(runs - failures),
 
     exceeds 1 / (1 - confidence) at any time with at most 1 - confidence if p0 is true, and its
-    inverse does if p1 is (Wald 1945, Ville 1939): one may look after every run.
+    inverse does if p1 is (Wald 1945, Ville 1939), so the test may be evaluated after every run.
     """
     p0, p1 = probability, probability / CLAIM
     ratio = failures * math.log(p1 / p0) + (runs - failures) * math.log((1 - p1) / (1 - p0))
@@ -67,10 +75,11 @@ def wald(failures: int, runs: int, probability: float, confidence: float) -> boo
 
 
 class Until(Struct, frozen=True):
-    """When a campaign has flown enough: `until = {success = 0.99, confidence = 0.95}`.
+    """Stopping rule of a campaign: `until = {success = 0.99, confidence = 0.95}`.
 
-    success: what the share of successes shall exceed; fixed: by so many runs without a failure as
-    Wilks demands, else as soon as Wald's test has decided; most: runs of a test without an end.
+    success: the share of successes to be exceeded; fixed: stop after the number of runs without a
+    failure that Wilks requires, otherwise when Wald's test has decided; most: largest number of
+    runs of the test.
     """
 
     success: Share
@@ -80,12 +89,14 @@ class Until(Struct, frozen=True):
 
     @property
     def runs(self) -> int:
-        """Largest number of runs."""
+        """Return the largest number of runs."""
         least = wilks(1 - self.success, self.confidence)
         return least if self.fixed else self.most or 20 * least
 
     def decided(self, failed: Sequence[bool]) -> int | None:
-        """Number of runs, in their order, after which it is decided; None: not yet."""
+        """Return the number of runs, in order, after which the test is decided; None if
+        it is not.
+        """
         if self.fixed:
             return None
         failures = 0
@@ -96,8 +107,8 @@ class Until(Struct, frozen=True):
         return None
 
     def verdict(self, failures: int, runs: int) -> str:
-        """What so many failures of so many runs say, in a line."""
-        wanted = f"success above {100 * self.success:g} % at {100 * self.confidence:g} %"
+        """Return the conclusion from a number of failures in a number of runs, in a line."""
+        needed = f"success above {100 * self.success:g} % at {100 * self.confidence:g} %"
         if self.fixed:
             shown = failures == 0 and runs >= self.runs
             rule = f"Wilks: {self.runs} runs without a failure"
@@ -105,6 +116,6 @@ class Until(Struct, frozen=True):
             decision = wald(failures, runs, 1 - self.success, self.confidence)
             shown, rule = bool(decision), "Wald's test"
             if decision is None:
-                return f"{wanted}: not decided by {runs} runs, {failures} failed ({rule})"
-        word = "shown" if shown else "NOT shown" if self.fixed else "not so"
-        return f"{wanted}: {word} by {runs} runs, {failures} failed ({rule})"
+                return f"{needed}: not decided by {runs} runs, {failures} failed ({rule})"
+        word = "shown" if shown else "NOT shown" if self.fixed else "disproved"
+        return f"{needed}: {word} by {runs} runs, {failures} failed ({rule})"

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The dataset of a campaign: a Zarr group that xarray opens, one line per run.
+"""Dataset of a campaign: a Zarr group that xarray opens, one line per run.
 
 It appears with all its arrays or not at all. It is written block by block, and a block is a chunk
-with a checksum, so that nothing waits in memory, no chunk is written twice, and none that was lost
-passes for one. The status of its runs is written last: what is pending after an interruption is run
-again.
+with a checksum, so that nothing waits in memory, no chunk is written twice, and a lost chunk is
+detected. The status of the runs of a block is written last: pending runs are repeated after an
+interruption.
 """
 
 from __future__ import annotations
@@ -24,39 +24,40 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
+from harness.files.checksums import Taken, locked, on_the_disk
 from harness.files.output import naming, new_beside
-from harness.files.sealed import Taken, locked, on_the_disk
+from harness.spelling import some
 from harness.ssp.library import name_of
 from harness.studies.campaign.layout import SCRATCH, Field
-from harness.studies.campaign.plan import Plan, Table, Values
+from harness.studies.campaign.plan import Plan, Source, Table, Values
 from harness.studies.campaign.worker import PENDING, Row
-from harness.system.schema import Count
+from harness.system.tables import Count
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Sequence[Any]]
 PERCENTILES = np.array([5.0, 25.0, 50.0, 75.0, 95.0])
 AXIS = Field("percentile", np.float64, PERCENTILES.shape, ("percentile",), values=PERCENTILES)
 COMPRESSED = 4096
-"""Bytes of a chunk from which on it is compressed; for less it costs more than it saves."""
+"""Smallest size [bytes] of a chunk that is compressed; for less it costs more than it saves."""
 MAKING = "unfinished_"
-"""What a band is called until it is complete."""
+"""Prefix of the name of an array that is not complete."""
 SCHEMA = 1
 """Version of the layout of a dataset, see docs/release.md; datasets without a number have 1."""
 DAMAGES = (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError)
-"""What zarr raises where it cannot read."""
+"""Exceptions that zarr raises for an array that it cannot read."""
 
 
 class About(Struct, frozen=True):
     """Attributes of a dataset; block: runs that are written together; decided: all its runs are
-    there, fewer than were planned.
+    complete, fewer than were planned.
     """
 
     definition: str
     folder: str
-    digest: str
     system: str
     block: Count
     repeat: str = ""
+    sources: dict[str, Source] = {}
     schema: int = SCHEMA
     decided: bool = False
 
@@ -71,23 +72,25 @@ class Labels(Struct, frozen=True):
 
 
 class Store:
-    """An open dataset."""
+    """Open dataset."""
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
         self._seen: dict[str, Any] = {}  # opening an array costs as much as writing to it
 
-    # ---- life
+    # ---- create and open
 
     @classmethod
     def create(cls, path: Path, plan: Plan, block: int, laid: Iterable[Field]) -> Store:
-        """A new dataset of these arrays with every run pending; UsageError if there is one."""
+        """Return a new dataset of these arrays with every run pending; raise UsageError if it
+        exists.
+        """
         import zarr
 
-        refuse_existing(path)
+        reject_existing(path)
         name, text = name_of(plan.system), json.dumps(plan.definition)
         repeat = f"harness run {name} --like DATASET#RUN"
-        about = About(text, str(plan.folder), plan.digest, name, block, repeat)
+        about = About(text, str(plan.folder), name, block, repeat, dict(plan.sources))
         with naming(path), ExitStack() as life:
             beside = new_beside(path.absolute(), folder=True)
             life.callback(shutil.rmtree, beside, ignore_errors=True)
@@ -98,13 +101,13 @@ class Store:
             for field in laid:
                 store._lay_out(field, block)
             on_the_disk(beside)
-            refuse_existing(path)
+            reject_existing(path)
             beside.rename(path)
         return cls(path, zarr.open_group(path, mode="r+", zarr_format=3))
 
     @classmethod
     def open(cls, path: Path) -> Store:
-        """A dataset that is there; ResultsError if it is none."""
+        """Return an existing dataset; raise ResultsError if it is not one."""
         import zarr
 
         try:
@@ -122,16 +125,20 @@ class Store:
 
     @classmethod
     def resumed(
-        cls, path: Path, digest: str, laid: Iterable[Field], life: ExitStack, kind: str = ""
+        cls, path: Path, plan: Plan, laid: Iterable[Field], life: ExitStack, kind: str = ""
     ) -> Store:
-        """The dataset of an interrupted campaign, or study of a kind, for us alone until the end of
-        `life`, with what was lost pending; UsageError if it is another one.
+        """Return the dataset of an interrupted campaign, or study of a kind, locked until the end
+        of `life`. Lost runs are pending again. Raises UsageError if the definition has changed.
         """
         store = cls.open(path)
-        if store.about.digest != digest or (kind and store.group.attrs.get("kind") != kind):
-            other = f"no {kind} of this file and of this"
-            other = other if kind else "of another campaign or of another"
-            raise UsageError(f"{path}: is {other} state of its system")
+        if kind and store.group.attrs.get("kind") != kind:
+            raise UsageError(f"{path}: cannot resume: it is not the dataset of a {kind}")
+        then, now = store.plan().decisive, plan.decisive
+        if names := [name for name in {**then, **now} if then.get(name) != now.get(name)]:
+            raise UsageError(
+                f"{path}: cannot resume: changed since its first run: {some(names)}; restore them, "
+                "or write another dataset"
+            )
         life.enter_context(store.alone())
         if not store.decided:
             store.mend(laid)
@@ -139,15 +146,15 @@ class Store:
 
     @property
     def about(self) -> About:
-        """Its attributes; ValueError if they are not of their types."""
+        """Return the attributes; raise ValueError if their types are wrong."""
         return msgspec.convert(dict(self.group.attrs), About)
 
     def _folders(self) -> list[str]:
-        """Names of all arrays, whether they can be read or not."""
+        """Return the names of all arrays, readable or not."""
         return sorted(each.name for each in self.path.iterdir() if each.is_dir())
 
     def _array(self, name: str) -> Any:
-        """An array, None if it cannot be read; a chunk without news is written too."""
+        """Return an array, None if it cannot be read. Chunks of fill values are written too."""
         from zarr import config
 
         if not (self.path / name / "zarr.json").is_file():
@@ -161,8 +168,8 @@ class Store:
         return self._seen[name]
 
     def _arrays(self) -> Iterator[tuple[str, Any]]:
-        """All complete arrays by name; ResultsError if one is damaged. What whoever flies the
-        campaign removes meanwhile is not.
+        """Yield all complete arrays by name; raise ResultsError if one is damaged. An array that
+        the running campaign removes meanwhile is not damaged.
         """
         for name in self._folders():
             if name.startswith(MAKING):
@@ -179,12 +186,14 @@ class Store:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Nobody else writes meanwhile; UsageError if somebody does."""
+        """Lock the dataset against other writers; raise UsageError if it is locked."""
         try:
             with locked(self.path / "zarr.json"):
                 yield
         except Taken as error:
-            raise UsageError(f"{self.path}: another campaign is writing it") from error
+            raise UsageError(
+                f"{self.path}: another process is writing this dataset; wait until it has ended"
+            ) from error
 
     def _lay_out(self, field: Field, block: int) -> Any:
         from zarr import config
@@ -214,33 +223,35 @@ class Store:
 
     @cached_property
     def block(self) -> int:
-        """Runs per block."""
+        """Return the runs per block."""
         return self.about.block
 
     @property
     def decided(self) -> bool:
-        """Whether all its runs are there, fewer than were planned."""
+        """Return whether a stopping rule ended the campaign before all planned runs; the runs that
+        it has are complete.
+        """
         return self.about.decided
 
     @property
     def runs(self) -> int:
-        """Number of runs of the campaign."""
+        """Return the number of runs of the campaign."""
         return int(self.group["status"].shape[0])
 
     def blocks(self) -> Iterator[slice]:
-        """Runs of every block."""
+        """Yield the runs of every block."""
         for first in range(0, self.runs, self.block):
             yield slice(first, min(first + self.block, self.runs))
 
     def pending(self) -> Iterator[int]:
-        """First runs of the blocks that are not complete."""
+        """Return the first runs of the blocks that are not complete."""
         status = self.array("status")
         return (part.start for part in self.blocks() if (status[part] == PENDING).any())
 
     def write(
         self, first: int, values: Sequence[Values], rows: Sequence[Row], further: Columns
     ) -> None:
-        """Keep a block of runs with further arrays of theirs, its status last; ResultsError."""
+        """Write a block of runs with further arrays, its status last; raise ResultsError."""
         columns = {**further, **{n: [v[n] for v in values] for n in values[0]}, **_columns(rows)}
         for name in self._histories:
             empty = np.full(self._array(name).shape[1:], np.nan)
@@ -257,7 +268,7 @@ class Store:
         array[place] = np.array(values, dtype=object if text else array.dtype)
 
     def shorten(self, runs: int) -> None:
-        """The runs after these were not needed; ResultsError."""
+        """Remove all runs after the first `runs`, which are not needed; raise ResultsError."""
         with naming(self.path):
             for name in self._of_runs():
                 self._array(name).resize((runs, *self._array(name).shape[1:]))
@@ -271,7 +282,7 @@ class Store:
     # ---- after an interruption
 
     def mend(self, laid: Iterable[Field]) -> None:
-        """Make what was lost by a kill or a power failure pending, so that it is flown again.
+        """Mark runs that a kill or a power failure has lost as pending, so that they are repeated.
 
         Raises ResultsError.
         """
@@ -295,7 +306,7 @@ class Store:
                     self._put("status", part, [PENDING] * (part.stop - part.start))
 
     def _fits(self, field: Field) -> bool:
-        """Whether an array is there and as it is laid out."""
+        """Return whether an array exists with its layout."""
         if (array := self._array(field.name)) is None:
             return False
         chunk = min(self.block, field.shape[0])
@@ -305,7 +316,7 @@ class Store:
         return [n for n, a in self._arrays() if (a.metadata.dimension_names or [""])[0] == "run"]
 
     def _whole(self, name: str, part: slice) -> bool:
-        """Whether the chunk of a block is there and has the sum that was written with it."""
+        """Return whether the chunk of a block exists with the checksum that was written with it."""
         array = self._array(name)
         place = (part.start // self.block, *[0] * (array.ndim - 1))
         try:
@@ -317,16 +328,16 @@ class Store:
     # ---- reading
 
     def names(self, role: str) -> list[str]:
-        """Factors, metrics or histories by name."""
+        """Return the names of the arrays with a role: factor, metric, history or band."""
         return [n for n, a in self._arrays() if a.attrs.get("role") == role]
 
     def units(self) -> dict[str, str]:
-        """Units of factors, metrics and histories by name, of those that have one."""
+        """Return the units of factors, metrics and histories that have one, by name."""
         given = {n.removesuffix("_band"): a.attrs.get("units", "") for n, a in self._arrays()}
         return {name: unit for name, unit in given.items() if unit not in {"", "1"}}
 
     def array(self, name: str) -> Any:
-        """All values of one array; texts as Python has them. ResultsError if it is damaged."""
+        """Return all values of one array, texts as str; raise ResultsError if it is damaged."""
         values = np.asarray(self._read(name, ...))
         return values if values.dtype.kind in "fiu" else np.array(list(map(str, values)), object)
 
@@ -337,7 +348,7 @@ class Store:
             raise self._damaged(name) from error
 
     def values(self, run: int) -> Values:
-        """Values of all factors of a run, as they were drawn."""
+        """Return the values of all factors of a run, as they were drawn."""
         return {name: self._value(name, run) for name in self.names("factor")}
 
     def _value(self, name: str, run: int) -> Any:
@@ -349,25 +360,33 @@ class Store:
 
     @property
     def system(self) -> str:
-        """What `harness run` knows the system by: its name, of a TOML its path as it was given."""
+        """Return the system as an argument of `harness run`: its name, or the path of a TOML as
+        given.
+        """
         given = str(self.definition()[0].get("system", ""))
         return given if given.endswith(".toml") else self.about.system
 
+    def plan(self) -> Plan:
+        """Return the plan of the campaign, with the recorded sources."""
+        return Plan(*self.definition(), self.about.sources)
+
     def definition(self) -> tuple[Mapping[str, Any], Path]:
-        """The table of the campaign, and the folder of the files that it names."""
+        """Return the table of the campaign, and the folder of the files that it names."""
         return json.loads(self.about.definition), Path(self.about.folder)
 
-    # ---- the end
+    # ---- bands
 
     def finish(self) -> None:
-        """Compute the percentile bands and remove what they were computed from; ResultsError."""
+        """Compute the percentile bands and remove their source arrays; raise ResultsError."""
         with naming(self.path):
             for name in self.names("history"):
                 plain = name.removeprefix(SCRATCH)
                 label = f"{plain}_band"
                 if label not in self.group:
                     self._bands(self._array(name), plain)
-                    (self.path / (MAKING + label)).rename(self.path / label)  # whole or not there
+                    (self.path / (MAKING + label)).rename(
+                        self.path / label
+                    )  # a band is complete or absent
                 if name.startswith(SCRATCH):
                     gone = (self.path / name).rename(self.path / (MAKING + name))
                     shutil.rmtree(gone)
@@ -389,7 +408,7 @@ class Store:
 
 
 def _columns(rows: Sequence[Row]) -> Columns:
-    """What is kept of runs by the names of arrays, without histories and status."""
+    """Return the recorded data of runs by the names of arrays, without histories and status."""
     columns: dict[str, list[Any]] = {"message": [row.message for row in rows]}
     columns |= {"end_time": [row.time for row in rows], "last": [row.last for row in rows]}
     columns |= {name: [row.metrics[name] for row in rows] for name in rows[0].metrics}
@@ -399,7 +418,7 @@ def _columns(rows: Sequence[Row]) -> Columns:
     return columns
 
 
-def refuse_existing(path: Path) -> None:
-    """UsageError if there is something already."""
+def reject_existing(path: Path) -> None:
+    """Raise UsageError if a path exists."""
     if path.exists():
         raise UsageError(f"{path}: already exists; continue with --resume, or remove it")

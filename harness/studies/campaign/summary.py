@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a campaign says: how often it succeeds, what its metrics are, which factor matters, and
-which runs are worth a look.
+"""Summary of a campaign: its rate of success, its metrics, the influential factors, and the most
+informative runs.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.verdict import OPEN, Judged, Kind, Verdict
+from harness.results.verdict import OPEN, Kind, Outcome, Verdict
 from harness.spelling import one_line
-from harness.studies.campaign.plan import SUCCESS, Plan
+from harness.studies.campaign.plan import SUCCESS
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.worker import COMPLETE, FAILED, VERDICTS
+from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, VERDICTS
 from harness.system.units import with_unit
 
 Array = NDArray[np.float64]
@@ -28,14 +28,14 @@ WORST = 10
 LISTED = 100
 """Runs without success that the summary lists; page and dataset have all."""
 DRAWN = 8
-"""Factors that a metric is drawn against."""
+"""Factors in the figures of a metric."""
 SHOWN = 5
-"""Factors that are shown per metric."""
+"""Factors in the summary per metric."""
 PERCENTILES = (5, 50, 95)
 
 
 def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
-    """Interval of a probability estimated by successes of n trials (Wilson 1927).
+    """Return the interval of a probability estimated by successes of n trials (Wilson 1927).
 
     centre = (p + z^2 / 2n) / (1 + z^2 / n)
     half   = z sqrt(p (1 - p) / n + z^2 / 4n^2) / (1 + z^2 / n)
@@ -50,7 +50,7 @@ def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
 
 
 def rank_correlation(x: Array, y: Array) -> float:
-    """Spearman's rank correlation of the rows where both exist; NaN where one does not vary."""
+    """Return Spearman's rank correlation of the rows where both exist; NaN if one does not vary."""
     both = np.isfinite(x) & np.isfinite(y)
     a, b = mean_ranks(x[both]), mean_ranks(y[both])
     if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
@@ -59,16 +59,16 @@ def rank_correlation(x: Array, y: Array) -> float:
 
 
 def mean_ranks(x: Array) -> Array:
-    """From 1 on; equal values share the mean of theirs (scipy.stats takes half a second to
-    import).
+    """Return ranks from 1 on; equal values have the mean of their ranks (scipy.stats takes half a
+    second to import).
     """
     _, place, count = np.unique(x, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(count) - (count - 1) / 2)[place])
 
 
 def factor_columns(store: Store) -> dict[str, Array]:
-    """Numbers of all factors, one column per element, by name, of matrices that are symmetric in
-    every run those of the upper triangle; texts are numbered.
+    """Return the numbers of all factors, one column per element, by name. A matrix that is
+    symmetric in every run has the columns of its upper triangle. Texts are numbered.
     """
     columns = {}
     for name in store.names("factor"):
@@ -85,8 +85,8 @@ def factor_columns(store: Store) -> dict[str, Array]:
 
 
 def metric_columns(store: Store) -> dict[str, Array]:
-    """Metrics of all runs by name, without the success; NaN for runs that have failed: what they
-    had until then compares with nothing.
+    """Return the metrics of all runs by name, without the success; NaN for failed runs, whose
+    values until the failure are not comparable.
     """
     complete = store.array("status") == COMPLETE
     names = (name for name in store.names("metric") if name != SUCCESS)
@@ -94,7 +94,7 @@ def metric_columns(store: Store) -> dict[str, Array]:
 
 
 def varying_factors(store: Store) -> dict[str, Array]:
-    """Columns of the factors that have more than one value."""
+    """Return the columns of the factors that have more than one value."""
 
     def varies(x: Array) -> bool:
         return bool(np.isfinite(x).any() and np.ptp(x[np.isfinite(x)]) > 0)
@@ -103,7 +103,7 @@ def varying_factors(store: Store) -> dict[str, Array]:
 
 
 def is_grid(factors: Mapping[str, Array]) -> bool:
-    """Whether the runs are all combinations of the values of two factors, once each."""
+    """Return whether the runs are all combinations of the values of two factors, once each."""
     if len(factors) != 2:
         return False
     pairs = np.stack(list(factors.values()), axis=1)
@@ -112,8 +112,8 @@ def is_grid(factors: Mapping[str, Array]) -> bool:
 
 
 def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> dict[str, Array]:
-    """The factors that matter most for a metric, by the size of their rank correlation, without
-    those of which it may be chance.
+    """Return the most influential factors for a metric, by the size of their rank correlation,
+    without factors that may correlate by chance.
     """
     size = {n: abs(rank_correlation(x, column)) for n, x in factors.items()}
     least = chance(len(factors), int(np.isfinite(column).sum()))
@@ -122,8 +122,9 @@ def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> d
 
 
 def chance(factors: int, runs: int) -> float:
-    """Size that the largest rank correlation of so many factors that do not matter exceeds in one
-    campaign of twenty (Fieller et al. 1957: artanh(r) is normal, of variance 1.06 / (runs - 3)).
+    """Return the size that the largest rank correlation of so many factors without effect exceeds
+    in one campaign of twenty (Fieller et al. 1957: artanh(r) is normal, of variance 1.06 / (runs -
+    3)).
     """
     if runs <= 3 or not factors:
         return 1.0
@@ -132,7 +133,7 @@ def chance(factors: int, runs: int) -> float:
 
 
 def left_out(metric: str, factors: Mapping[str, Array], column: Array) -> str:
-    """How many factors of a metric are not named because of chance, "" if none is."""
+    """Return how many factors of a metric are left out because of chance, "" if none is."""
     runs = int(np.isfinite(column).sum())
     count = len(factors) - len(ranked(factors, column, len(factors)))
     within = f"within {chance(len(factors), runs):.2f}, which is chance in {runs} runs"
@@ -140,14 +141,14 @@ def left_out(metric: str, factors: Mapping[str, Array], column: Array) -> str:
 
 
 def text(store: Store, shown: str) -> str:
-    """The summary for reading; shown: name of the dataset in the commands."""
+    """Return the summary as text; shown: name of the dataset in the commands."""
     status = store.array("status")
     failed = int((status == FAILED).sum())
-    flown = int((status == COMPLETE).sum()) + failed
+    count = int((status == COMPLETE).sum()) + failed
     metrics = metric_columns(store)
-    lines = [f"{flown} runs, {failed} failed", *_shares(store)]
+    lines = [f"{count} runs, {failed} failed", *_shares(store)]
     lines += ["", *_table(metrics, store.units())] if metrics else []
-    lines += [*_missing(store, metrics, status), *(each.text for each in expectations(store))]
+    lines += [*lacking(store), *(each.text for each in expectations(store))]
     factors = _varied(store, status != 0)
     if metrics and factors:
         lines += ["", "rank correlation with the factors", *_ranks(metrics, factors)]
@@ -156,51 +157,59 @@ def text(store: Store, shown: str) -> str:
     return "\n".join(lines)
 
 
-def _varied(store: Store, flown: NDArray[np.bool_]) -> dict[str, Array]:
-    """Columns of the factors that differ from run to run; the order of seeds means nothing."""
+def _varied(store: Store, over: NDArray[np.bool_]) -> dict[str, Array]:
+    """Return the columns of the factors that differ between runs, without seeds, whose order has
+    no meaning.
+    """
     seeds = store.definition()[0].get("seeds", ())
     columns = {n: c for n, c in factor_columns(store).items() if n not in seeds}
-    return {name: column for name, column in columns.items() if np.ptp(column[flown]) > 0}
+    return {name: column for name, column in columns.items() if np.ptp(column[over]) > 0}
 
 
 class Share(NamedTuple):
-    """Runs that have succeeded or met a requirement, of those that could be judged; the numbers of
-    those that have not and of those that could not be judged.
+    """Number of runs that succeeded or met a requirement, and of runs with a verdict; missed:
+    indices of runs that failed; unjudged: indices of runs without a verdict.
     """
 
     met: int
-    judged: int
+    evaluated: int
     missed: Sequence[int]
     unjudged: Sequence[int]
 
     @property
     def share(self) -> float:
-        """Of the runs that could be judged; NaN if there are none."""
-        return self.met / self.judged if self.judged else math.nan
+        """Return the share of the runs with a verdict; NaN if there are none."""
+        return self.met / self.evaluated if self.evaluated else math.nan
 
     def interval(self) -> tuple[float, float]:
-        """Of 95 %, for the probability of a success."""
-        return wilson(self.met, self.judged)
+        """Return the 95 % interval of the probability of a success."""
+        return wilson(self.met, self.evaluated)
 
     def __str__(self) -> str:
         low, high = (100 * bound for bound in self.interval())
-        bounds = f" (95 %: {low:.1f} to {high:.1f} %)" if self.judged else ""
-        share = f", {100 * self.share:.1f} %{bounds}" if self.judged else ""
+        bounds = f" (95 %: {low:.1f} to {high:.1f} %)" if self.evaluated else ""
+        share = f", {100 * self.share:.1f} %{bounds}" if self.evaluated else ""
         open_ = f", {len(self.unjudged)} not judged" if self.unjudged else ""
-        return f"{self.met} of {self.judged}{share}{open_}"
+        return f"{self.met} of {self.evaluated}{share}{open_}"
 
 
 def _share(status: Array, met: NDArray[np.bool_], missed: NDArray[np.bool_]) -> Share:
-    """A run that has failed has met nothing, whatever it has recorded."""
+    """Return the share of successes. A failed run meets nothing, regardless of its rows."""
     complete, failed = status == COMPLETE, status == FAILED
     met, missed = complete & met, (complete & missed) | failed
-    judged = int((met | missed).sum())
+    evaluated = int((met | missed).sum())
     unjudged = np.flatnonzero(complete & ~met & ~missed).tolist()
-    return Share(int(met.sum()), judged, np.flatnonzero(missed).tolist(), unjudged)
+    return Share(int(met.sum()), evaluated, np.flatnonzero(missed).tolist(), unjudged)
+
+
+def completion(store: Store) -> Share:
+    """Return how many runs have completed."""
+    status = store.array("status")
+    return _share(status, status == COMPLETE, status == FAILED)
 
 
 def success(store: Store) -> Share | None:
-    """How often a campaign has succeeded, None if nothing says what that is."""
+    """Return the success of a campaign, None if it is not defined."""
     if SUCCESS not in store.names("metric"):
         return None
     column = store.array(SUCCESS)
@@ -208,7 +217,9 @@ def success(store: Store) -> Share | None:
 
 
 def requirements(store: Store) -> dict[str, Share]:
-    """How often each requirement was met, by name; one that is not exercised is not judged."""
+    """Return how often each requirement was met, by name. A requirement that is not exercised is
+    not judged.
+    """
     if "requirement" not in store.group:
         return {}
     status, verdict = store.array("status"), store.array("verdict")
@@ -218,9 +229,7 @@ def requirements(store: Store) -> dict[str, Share]:
 
 
 def unjudged(store: Store) -> str:
-    """What is wrong with a success of the campaign's own that some run could not be judged by, ""
-    if nothing is.
-    """
+    """Return why the `success` of the campaign has no verdict on some run, "" if it has all."""
     own = "success" in store.definition()[0]
     return _unjudged(store, SUCCESS, success(store)) if own else ""
 
@@ -231,13 +240,13 @@ def _unjudged(store: Store, name: str, found: Share | None) -> str:
     why, word = _why(store, found.unjudged[0], name), "cannot be evaluated"
     if why.startswith(begin := f" ({OPEN[Verdict.NOT_EXERCISED]}, "):
         why, word = f" ({why.removeprefix(begin)}", OPEN[Verdict.NOT_EXERCISED]
-    flown = found.judged + len(found.unjudged)
+    runs = found.evaluated + len(found.unjudged)
     count, first = len(found.unjudged), found.unjudged[0]
-    return f"{name}: {word} in {count} of {flown} runs, first run {first}{why}"
+    return f"{name}: {word} in {count} of {runs} runs, first run {first}{why}"
 
 
 def _why(store: Store, run: int, name: str) -> str:
-    """Why a metric of a complete run has no value, if that was said."""
+    """Return why a metric of a complete run has no value, if the reason was recorded."""
     name = name.removeprefix("requirement ")
     reasons = dict(part.partition(": ")[::2] for part in store.array("message")[run].splitlines())
     return f" ({one_line(reasons[name])})" if name in reasons else ""
@@ -246,42 +255,55 @@ def _why(store: Store, run: int, name: str) -> str:
 def _shares(store: Store) -> Iterator[str]:
     shares = {SUCCESS: success(store)}
     shares |= {f"requirement {name}": share for name, share in requirements(store).items()}
-    rule = Plan(*store.definition()).table.until
-    if rule is not None and (flown := shares[SUCCESS]) is not None:
-        failures = len(flown.missed) + len(flown.unjudged)
-        yield f"until: {rule.verdict(failures, flown.met + failures)}"
+    rule = store.plan().table.until
+    if rule is not None and (own := shares[SUCCESS]) is not None:
+        failures = len(own.missed) + len(own.unjudged)
+        yield f"until: {rule.verdict(failures, own.met + failures)}"
     for name, found in shares.items():
-        if found is not None and found.judged:
+        if found is not None and found.evaluated:
             yield f"{name}: {found._replace(unjudged=())}"
         if found is not None and found.unjudged:
             yield _unjudged(store, name, found)
 
 
-def _missing(store: Store, metrics: Mapping[str, Array], status: Array) -> Iterator[str]:
-    """Metrics that complete runs have no value of."""
-    complete = status == COMPLETE
-    for name, column in metrics.items():
-        if len(found := np.flatnonzero(complete & np.isnan(column))):
-            first = f"first run {found[0]}{_why(store, int(found[0]), name)}"
-            yield f"{name}: no value in {len(found)} of {complete.sum()} runs, {first}"
+def lacking(store: Store) -> Iterator[str]:
+    """Yield a line per metric that is missing or infinite in complete runs."""
+    complete = store.array("status") == COMPLETE
+    for name, column in metric_columns(store).items():
+        for word, found in (("no value", np.isnan(column)), ("infinite", np.isinf(column))):
+            if len(runs := np.flatnonzero(complete & found)):
+                first = f"first run {runs[0]}{_why(store, int(runs[0]), name)}"
+                yield f"{name}: {word} in {len(runs)} of {complete.sum()} runs, {first}"
 
 
-def expectations(store: Store) -> Iterator[Judged]:
-    """A verdict on the mean of every metric that the campaign expects something of; of `success` it
-    is the share of the runs.
+def expectations(store: Store) -> Iterator[Outcome]:
+    """Yield the outcome of every entry of `[expected]`: a bound on the mean of a metric, or on the
+    share of `success`. It is as expected only if all runs have a finite value.
     """
-    metrics = metric_columns(store)
     for name, (low, high) in store.definition()[0].get("expected", {}).items():
-        share = success(store) if name == SUCCESS else None
-        values = metrics[name][np.isfinite(metrics[name])] if share is None else np.empty(0)
-        mean = float(np.mean(values)) if len(values) else math.nan
-        mean = mean if share is None else share.share
+        mean, lacks = _mean(store, name)
         verdict = Verdict.MET if low <= mean <= high else Verdict.NOT_MET
-        if math.isnan(mean) or (share is not None and share.unjudged):
+        if math.isnan(mean) or (lacks and verdict is Verdict.MET):
             verdict = Verdict.NOT_EXERCISED
-        what = f"mean {mean:.5g}, expected {low:g} to {high:g}"
+        what = f"mean {mean:.5g}{lacks}, expected {low:g} to {high:g}"
         line = f"{name}: {what}: {Kind.EXPECTATION.word(verdict)}"
-        yield Judged(Kind.EXPECTATION, name, verdict, line)
+        yield Outcome(Kind.EXPECTATION, name, verdict, line)
+
+
+def _mean(store: Store, name: str) -> tuple[float, str]:
+    """Return the mean of a metric over all completed runs, or the share of `success`, and in how
+    many of them it is not a finite number.
+    """
+    if name == SUCCESS and (share := success(store)) is not None:
+        count, runs = {"not judged": len(share.unjudged)}, share.evaluated + len(share.unjudged)
+        mean = share.share
+    else:
+        values = metric_columns(store)[name][store.array("status") != PENDING]
+        missing, infinite = np.isnan(values), np.isinf(values)
+        count, runs = {"missing": missing.sum(), "infinite": infinite.sum()}, len(values)
+        with np.errstate(invalid="ignore"):  # inf - inf
+            mean = float(values[~missing].mean()) if not missing.all() else math.nan
+    return mean, "".join(f", {word} in {n} of {runs} runs" for word, n in count.items() if n)
 
 
 def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
@@ -308,13 +330,13 @@ def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterat
 
 
 def failures(store: Store) -> dict[int, str]:
-    """Why each run that has failed or not succeeded did so, by its number."""
+    """Return the reason of every run that failed or did not succeed, by its number."""
     found, messages = success(store), store.array("message")
     runs = found.missed if found else np.flatnonzero(store.array("status") == FAILED).tolist()
-    told = {run: messages[run].splitlines() or [f"{SUCCESS}: not met"] for run in runs}
+    reasons = {run: messages[run].splitlines() or [f"{SUCCESS}: not met"] for run in runs}
     return {
         run: "; ".join([line for line in lines if ": not met" in line] or lines)
-        for run, lines in told.items()
+        for run, lines in reasons.items()
     }
 
 
@@ -325,19 +347,22 @@ def _failures(store: Store, shown: str) -> Iterator[str]:
         yield f"failed: run {run}: {one_line(why)}"
         yield f"    harness run {system} --like {shown}#{run}"
     if len(found) > LISTED:
-        yield f"failed: and {len(found) - LISTED} more: `message` of the dataset, harness report"
+        yield (
+            f"failed: {len(found) - LISTED} more runs; the array `message` of the dataset has "
+            "all reasons"
+        )
 
 
 def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
-    """Metric and numbers of the ten worst runs: largest first, or smallest if the campaign says
-    `worst = "-metric"`.
+    """Return metric and numbers of the ten worst runs: largest first, or smallest if the campaign
+    has `worst = "-metric"`.
     """
-    wanted = Plan(*store.definition()).table.worst
-    given = wanted if wanted and isinstance(wanted, str) else next(iter(metrics))
+    needed = store.plan().table.worst
+    given = needed if needed and isinstance(needed, str) else next(iter(metrics))
     name = given.removeprefix("-")
     sign = 1.0 if given.startswith("-") else -1.0
     order = np.argsort(sign * metrics[name], kind="stable")
-    return name, [int(k) for k in order if np.isfinite(metrics[name][k])][:WORST]
+    return name, [int(k) for k in order if not np.isnan(metrics[name][k])][:WORST]
 
 
 def _worst(store: Store, metrics: Mapping[str, Array], shown: str) -> Iterator[str]:

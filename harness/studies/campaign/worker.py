@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What one process does: runs of a block, one after the other, with a simulation that stays warm.
+"""Work of one process: runs of a block, one after the other, with a reused simulation.
 
 A run that fails is a row like the others: its message, the time, the last state. The same code runs
 in this process, on the processors of this machine and in a cluster.
@@ -26,12 +26,12 @@ from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
 from harness.studies.campaign.metrics import is_condition, measured, read
 from harness.studies.campaign.plan import SUCCESS, Table
-from harness.studies.warm import Reading, Warm, kept, quietly
+from harness.studies.reuse import Reading, ReusedSimulation, quietly, retained
 
 Array = NDArray[np.float64]
 
 PENDING, COMPLETE, FAILED = 0, 1, 2
-"""Status of a run."""
+"""Numbers of the status of a run in a dataset."""
 VERDICTS = (Verdict.NOT_JUDGED, Verdict.MET, Verdict.NOT_MET, Verdict.NOT_EXERCISED)
 """Verdicts on a requirement by their number in a dataset."""
 
@@ -42,10 +42,10 @@ milliseconds for handing them over.
 
 
 class Row(NamedTuple):
-    """What is kept of one run; message: why it failed, or a line per metric without a value and per
-    requirement that is not met; verdicts: on the requirements, as places in VERDICTS; margins:
-    their distance to failing, -inf of a run that has failed; histories: (rows, elements) by
-    variable, NaN beyond its end.
+    """Record of one run. message: why it failed, or a line per metric without a value and per
+    requirement that is not met; verdicts: on the requirements, as indices of VERDICTS; margins:
+    distances to failing, -inf for a failed run; histories: (rows, elements) by variable, NaN beyond
+    the end.
     """
 
     status: int
@@ -60,11 +60,11 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """What all runs of a campaign have in common, as plain data, and how one process runs them.
+    """Data that all runs of a campaign share, as plain data, and their execution in one process.
 
     key: of the plan; kinds: names, units and texts of variables and parameters; requirements: texts
-    by name of all that are judged in every run; steps: macro steps of the longest run, of `step` s
-    from `start` s on.
+    by name of the requirements evaluated in every run; steps: macro steps of the longest run, of
+    `step` s from `start` s on.
     """
 
     key: str
@@ -78,42 +78,44 @@ class Task:
     steps: int
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a worker needs: of variables their names."""
+        """Return the data that a worker needs: the names of the variables without units and
+        texts.
+        """
         names = replace(self.kinds, units=(), descriptions=(), parameters=None)
         return {**self.__dict__, "kinds": names}
 
     @cached_property
     def metrics(self) -> tuple[str, ...]:
-        """What a run is measured by; success too, if anything says what that is."""
+        """Return the metrics of a run, including success if it is defined."""
         success = [SUCCESS] if self.requirements else []
         return tuple(dict.fromkeys((*self.table.texts, *success)))
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
-        """Numbers of the recorded rows of which histories are kept."""
+        """Return the numbers of the rows of which histories are recorded."""
         rows = len(recorded(self.steps, self.table.every))
-        return recorded(rows - 1, max(1, -(-rows // self.table.keep.rows)))
+        return recorded(rows - 1, max(1, -(-rows // self.table.record.rows)))
 
     @property
     def piece(self) -> int:
-        """Runs that a worker is given at once."""
+        """Return the runs that a worker is given at once."""
         return max(1, PIECE_STEPS // self.steps)
 
-    def fly(self, part: Sequence[Changes]) -> list[Row]:
-        """Runs, one after the other."""
+    def run(self, part: Sequence[Changes]) -> list[Row]:
+        """Return the records of runs, one after the other."""
         with quietly():
-            return [_fly(kept(self.key, lambda: _Pilot(self)), changes) for changes in part]
+            return [_run(retained(self.key, lambda: _Runner(self)), changes) for changes in part]
 
     def lost(self, message: str, time: float = math.nan) -> Row:
-        """The row of a run that has left nothing but a message."""
+        """Return the record of a run that has left only a message."""
         last = np.full(len(self.kinds.columns), np.nan)
         nothing, count = dict.fromkeys(self.metrics, math.nan), len(self.requirements)
         return Row(FAILED, message, time, last, nothing, (0,) * count, (-math.inf,) * count, {})
 
 
-class _Pilot(Warm):
-    """The warm simulation of this process, and its metrics; wanted: variables that were read of the
-    runs so far, None before the first.
+class _Runner(ReusedSimulation):
+    """Reused simulation of this process with its metrics; needed: variables that the runs so far
+    have read, None before the first.
     """
 
     def __init__(self, task: Task) -> None:
@@ -121,50 +123,52 @@ class _Pilot(Warm):
         texts = task.table.texts.items()
         self.task = task
         self.metrics = {name: read(name, text, task.folder) for name, text in texts}
-        self.wanted: frozenset[str] | None = None
+        self.needed: frozenset[str] | None = None
         super().__init__(task.system, task.table.executor)
 
 
-def _fly(pilot: _Pilot, changes: Changes) -> Row:
-    """A run; once more, with everything, if something was read of it that was not recorded."""
-    task, table = pilot.task, pilot.task.table
+def _run(runner: _Runner, changes: Changes) -> Row:
+    """Return the record of a run. Repeat the run with all variables if it read one that is not
+    recorded.
+    """
+    task, table = runner.task, runner.task.table
     try:
-        result = pilot.fly(changes, table.every, table.patience, pilot.wanted)
-        row = _row(pilot, COMPLETE, "", result)
+        result = runner.run(changes, table.every, table.patience, runner.needed)
+        row = _row(runner, COMPLETE, "", result)
         if isinstance(result, Reading) and result.missed:
-            result = pilot.fly(changes, table.every, table.patience)
-            row = _row(pilot, COMPLETE, "", result)
+            result = runner.run(changes, table.every, table.patience)
+            row = _row(runner, COMPLETE, "", result)
         if isinstance(result, Reading):
-            pilot.wanted = frozenset(result.asked).union(pilot.wanted or ())
+            runner.needed = frozenset(result.read).union(runner.needed or ())
         return row
-    except InterruptionError as error:  # the user means the campaign, not this run
+    except InterruptionError as error:  # Ctrl-C ends the campaign, not this run alone
         raise KeyboardInterrupt from error
     except RunError as error:
         if error.partial is not None:
-            return _row(pilot, FAILED, str(error), error.partial)
+            return _row(runner, FAILED, str(error), error.partial)
         return task.lost(str(error), error.time)
     except HarnessError as error:
         return task.lost(as_in_a_file(error))
 
 
-def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
-    task = pilot.task
-    metrics, reasons = measured(pilot.metrics, result)
-    judged = [f for f in findings(result) if f.name in task.requirements]
+def _row(runner: _Runner, status: int, message: str, result: Result) -> Row:
+    task = runner.task
+    metrics, reasons = measured(runner.metrics, result)
+    found = [f for f in findings(result) if f.name in task.requirements]
     if task.requirements and SUCCESS not in metrics:
-        metrics[SUCCESS], reasons[SUCCESS] = _all_met(judged)
+        metrics[SUCCESS], reasons[SUCCESS] = _all_met(found)
     if status == FAILED and SUCCESS in metrics:
         metrics[SUCCESS] = 0.0
     if status == COMPLETE:
-        told = {f.name: f.told for f in judged if f.verdict is not Verdict.MET}
-        told |= {name: reason for name, reason in reasons.items() if reason}
+        lines = {f.name: f.statement for f in found if f.verdict is not Verdict.MET}
+        lines |= {name: reason for name, reason in reasons.items() if reason}
         if metrics.get(SUCCESS) == 0 and is_condition(text := task.table.success):
-            told[SUCCESS] = finding(result, SUCCESS, text).told
-        message = "\n".join(f"{name}: {reason}" for name, reason in told.items())
-    margins = {f.name: f.margin for f in judged if f.margin is not None}
+            lines[SUCCESS] = finding(result, SUCCESS, text).statement
+        message = "\n".join(f"{name}: {reason}" for name, reason in lines.items())
+    margins = {f.name: f.margin for f in found if f.margin is not None}
     if status == FAILED:
         margins = dict.fromkeys(task.requirements, -math.inf)
-    verdicts = {f.name: VERDICTS.index(f.verdict) for f in judged if status == COMPLETE}
+    verdicts = {f.name: VERDICTS.index(f.verdict) for f in found if status == COMPLETE}
     return Row(
         status,
         message,
@@ -173,20 +177,20 @@ def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
         metrics,
         tuple(verdicts.get(name, 0) for name in task.requirements),
         tuple(margins.get(name, math.nan) for name in task.requirements),
-        {name: _thinned(task, result[name]) for name in task.table.kept if name in result},
+        {name: _thinned(task, result[name]) for name in task.table.recorded if name in result},
     )
 
 
-def _all_met(judged: Sequence[Finding]) -> tuple[float, str]:
-    """Whether all requirements of a run are met, and if nobody can say so, why."""
-    if any(f.verdict is Verdict.NOT_MET for f in judged):
+def _all_met(found: Sequence[Finding]) -> tuple[float, str]:
+    """Return whether all requirements of a run are met, NaN and the reason if this is unknown."""
+    if any(f.verdict is Verdict.NOT_MET for f in found):
         return 0.0, ""
-    missing = next((f for f in judged if f.verdict is not Verdict.MET), None)
-    return (1.0, "") if missing is None else (float("nan"), f"{missing.name} {missing.told}")
+    missing = next((f for f in found if f.verdict is not Verdict.MET), None)
+    return (1.0, "") if missing is None else (float("nan"), f"{missing.name} {missing.statement}")
 
 
 def _last(task: Task, result: Result) -> Array:
-    """Last row in the columns of the campaign; a swapped FMU may have others."""
+    """Return the last row in the columns of the campaign; a swapped FMU may have others."""
     last = result.last if isinstance(result, Reading) else result.values[-1]
     if result.columns == task.kinds.columns:
         return np.array(last)

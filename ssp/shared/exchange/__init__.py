@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The field's files: ephemerides of CCSDS, CZML, two-line elements.
+"""File formats of the field: ephemerides of CCSDS, CZML, two-line elements.
 
-A result leaves as a file that other tools read, and a file of another tool gives start values.
-The inertial frame N of a result has no name and is taken as EME2000 about the Earth; t = 0 is the
-epoch of the run, a UTC, or, if it has none, one that the user names.
+A result is written as a file for other tools, and a file of another tool gives start values. The
+inertial frame N of a result has no name and is treated as EME2000 about the Earth. t = 0 is the
+epoch of the run, a UTC, or, if it has none, an epoch that the user names.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .start import start_values
 
 
 def orbits(names: Bodies) -> Exchange:
-    """Files of bodies in orbit, which a mission calls by these names."""
+    """Return the files of bodies in orbit, which a mission calls by these names."""
     writers = {".oem": write_oem, ".aem": write_aem, ".czml": write_czml}
     return Exchange(
         writers={ending: partial(write, names) for ending, write in writers.items()},

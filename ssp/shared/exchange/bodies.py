@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bodies of a result: position, velocity and attitude relative to N, and their instants; and where
-the Sun stands then, and the shadow of the Earth.
+"""Bodies of a result: position, velocity and attitude relative to N, and their instants; direction
+of the Sun and shadow of the Earth at these instants.
 
-Geocentric direction of the Sun by the series of VSOP2000 that erfa brings (epv00), ICRS axes taken
-as those of N; neither light time nor aberration, 20 arcsec together. The shadow is that of a sphere
-before a disc of the Sun of its true size, without an atmosphere.
+The geocentric direction of the Sun follows from the series VSOP2000 in erfa (epv00), with ICRS axes
+treated as the axes of N. Light time and aberration are ignored, 20 arcsec together. The shadow is
+the shadow of a sphere before a solar disc of true size, without an atmosphere.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ EARTH_RADIUS = 6.3e6
 
 
 class Bodies(NamedTuple):
-    """Names of the variables of a body, `{}` standing for its letter, and of the parameters of its
+    """Names of the variables of a body, with `{}` for its letter, and of the parameters of its
     start, all without the component.
 
-    position [m], velocity [m/s], attitude: relative to an inertial frame; components: those that
-    are bodies, in their order; start: position [m] and velocity [m/s]; semi_major_axis: 0 where
+    position [m], velocity [m/s], attitude: relative to an inertial frame; components: components
+    that are bodies, in their order; start: position [m] and velocity [m/s]; semi_major_axis: 0 if
     these two count; elements: the other five of an orbit, eccentricity, inclination, argument of
     perigee, right ascension and true anomaly [rad]; field: of gravity [m3/s2]; beside: position and
-    velocity relative to another body in its Hill frame; sun: parameter of whatever must know where
-    the Sun is, a unit vector in the inertial frame ("": nothing does).
+    velocity relative to another body in its Hill frame; sun: parameter with the direction of the
+    Sun, a unit vector in the inertial frame ("": none).
     """
 
     position: str
@@ -49,7 +49,7 @@ class Bodies(NamedTuple):
     sun: str = ""
 
     def found(self, result: Result) -> dict[str, str]:
-        """Letters of the components that have a position, in the order of the result."""
+        """Return the letters of the components that have a position, in the order of the result."""
         before, after = map(re.escape, self.position.split("{}"))
         pattern = re.compile(rf"(\w+)\.{before}([A-Z]){after}")
         return {match[1]: match[2] for n in result.vectors if (match := pattern.fullmatch(n))}
@@ -68,8 +68,8 @@ class Body:
 
 
 def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]:
-    """The usual bodies of a result, or the named one; ResultsError or UsageError if there is none
-    that moves about the Earth.
+    """Return the default bodies of a result, or the named one; raise ResultsError or UsageError if
+    none moves about the Earth.
     """
     known = names.found(result)
     if name is not None and name not in known:
@@ -96,8 +96,8 @@ def _body(result: Result, name: str, letter: str, names: Bodies) -> Body:
 
 
 def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
-    """UTC of every row, to the nanosecond; UsageError if the epoch is no date, ResultsError if a
-    time leads out of all years.
+    """Return the UTC of every row, to the nanosecond; raise UsageError if the epoch is no date,
+    ResultsError if a time is outside the range of years.
     """
     return after(epoch_of(epoch), result.time)
 
@@ -114,7 +114,7 @@ ROWS = 2000
 
 
 def sun_direction(times: NDArray[np.datetime64]) -> Array:
-    """Unit vectors from the Earth to the Sun (rows, 3), components of N."""
+    """Return unit vectors from the Earth to the Sun (rows, 3), components of N."""
     erfa = library("erfa", "exchange")
     days = days_since_j2000(times) + TT_AHEAD / 86400
     heliocentric, _ = erfa.epv00(2451545.0, days)
@@ -123,8 +123,8 @@ def sun_direction(times: NDArray[np.datetime64]) -> Array:
 
 
 def eclipses(names: Bodies, result: Result) -> list[str]:
-    """When the first body of a dated result is in the shadow, in a line; none without a date,
-    bodies about the Earth, or erfa.
+    """Return when the first body of a dated result is in the shadow, in a line; none without a
+    date, bodies about the Earth, or erfa.
     """
     epoch = result.provenance.epoch if result.provenance else ""
     if not epoch or not len(result.time):
@@ -143,7 +143,8 @@ def eclipses(names: Bodies, result: Result) -> list[str]:
 
 
 def shadow(r_N: Array, towards: Array) -> Array:
-    """Part (rows,) of the disc of the Sun that the Earth covers: 0 in the light, 1 in the umbra.
+    """Return the part (rows,) of the disc of the Sun that the Earth covers: 0 in the light, 1 in
+    the umbra.
 
     r_N: positions about the Earth (rows, 3) [m]; towards: unit vectors to the Sun (rows, 3).
     Montenbruck & Gill, Satellite Orbits, 3.4.2: two discs of apparent radii a (Sun) and b (Earth),

@@ -38,7 +38,7 @@ AEM = {
 
 
 def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """Ephemeris of one body (default: the first); UsageError or ResultsError."""
+    """Write the ephemeris of one body (default: the first); raise UsageError or ResultsError."""
     one = bodies(names, result, body)[0]
     data = np.hstack((one.r_N, one.v_N)) / 1000
     meta = _meta(one.name, result, epoch, OEM)
@@ -47,7 +47,9 @@ def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch
 
 
 def write_aem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """Attitude of one body (default: the first that has one); UsageError or ResultsError."""
+    """Write the attitude of one body (default: the first that has one); raise UsageError or
+    ResultsError.
+    """
     found = bodies(names, result, body)
     one = next((body for body in found if body.q is not None), found[0])
     if one.q is None:
@@ -59,7 +61,7 @@ def write_aem(names: Bodies, result: Result, path: Path, body: str | None, epoch
 
 
 def _meta(name: str, result: Result, epoch: str, frames: Mapping[str, str]) -> dict[str, str]:
-    """The object, frames and time system, the span."""
+    """Return object, frames, time system and time span."""
     times = _texts(instants(result, epoch))
     if len(times) < 2:
         raise ResultsError(f"{result.system}: an ephemeris needs two rows at least")
@@ -73,8 +75,8 @@ def _rows(result: Result, epoch: str, data: Array) -> Iterator[str]:
 
 
 def _texts(times: NDArray[np.datetime64]) -> list[str]:
-    """Instants to the microsecond where that says it all, as every reader takes them, else to the
-    nanosecond: a microsecond is 8 mm of an orbit.
+    """Return instants to the microsecond if that is exact, which every reader accepts, else to the
+    nanosecond. A microsecond is 8 mm of an orbit.
     """
     short = times.astype("datetime64[us]")
     exact = bool((short == times).all())
@@ -90,9 +92,11 @@ def _write(
 
 
 def _head(result: Result, kind: str) -> Iterator[str]:
-    flown = result.provenance
-    created = flown.date.removesuffix("Z") if flown else ""
+    provenance = result.provenance
+    created = provenance.date.removesuffix("Z") if provenance else ""
     yield f"CCSDS_{kind}"
-    yield from (f"COMMENT {line}" for line in [ASSUMED, *(flown.lines() if flown else [])])
+    yield from (
+        f"COMMENT {line}" for line in [ASSUMED, *(provenance.lines() if provenance else [])]
+    )
     yield f"CREATION_DATE = {created or datetime.now(UTC).strftime('%Y-%m-%dT%H:%M:%S')}"
     yield f"ORIGINATOR = {ORIGINATOR}"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Bodies of a result as CZML, which Cesium shows about the Earth.
 
-Positions are inertial (Cesium takes them as ICRF, 23 mas from EME2000). Orientations are relative
-to the Earth-fixed axes, as CZML wants them: turned by the IAU 2006/2000A matrix of every instant,
+Positions are inertial (Cesium treats them as ICRF, 23 mas from EME2000). Orientations are relative
+to the Earth-fixed axes, as CZML requires: turned by the IAU 2006/2000A matrix of every instant,
 with UT1 = UTC and no polar motion, which is below 0.005 deg.
 """
 
@@ -27,7 +27,9 @@ ROWS = 5000
 COLOURS = ([0, 114, 178, 255], [213, 94, 0, 255], [0, 158, 115, 255])
 """Of Okabe & Ito: blue, vermilion, green."""
 LEAP_SECONDS = 37.0
-"""TAI - UTC since 2017 [s]; the matrix turns by less than 0.01 arcsec per second of it."""
+"""TAI - UTC since 2017 [s]; the matrix turns by less than 0.01 arcsec per second of this
+difference.
+"""
 
 
 class _Clock(NamedTuple):
@@ -39,11 +41,13 @@ class _Clock(NamedTuple):
 
     @property
     def span(self) -> str:
-        """From the first instant to the last."""
+        """Return the interval from the first instant to the last."""
         return f"{_text(self.times[0])}/{_text(self.times[-1])}"
 
     def sampled(self, degree: int, name: str, values: Array, **about: Any) -> dict[str, Any]:
-        """Values (rows, n) by the name that they have in CZML, interpolated by polynomials."""
+        """Return the values (rows, n) by the name that they have in CZML, interpolated by
+        polynomials.
+        """
         return {
             "epoch": _text(self.times[0]),
             "interpolationAlgorithm": "LAGRANGE",
@@ -54,7 +58,7 @@ class _Clock(NamedTuple):
 
 
 def write_czml(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """All bodies, or the named one; UsageError or ResultsError."""
+    """Write all bodies, or the named one; raise UsageError or ResultsError."""
     rows = slice(None, None, -(-len(result.time) // ROWS))
     times = instants(result, epoch)[rows]
     clock = _Clock(rows, times, result.time[rows] - result.time[0])
@@ -85,7 +89,7 @@ def _packet(body: Body, colour: list[int], clock: _Clock) -> dict[str, Any]:
 
 
 def _fixed(q: Array, times: Any) -> Array:
-    """Attitudes relative to the Earth-fixed axes, scalar last, without jumps of sign."""
+    """Return the attitudes relative to the Earth-fixed axes, scalar last, without jumps of sign."""
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_matrix(earth(times)) * Rotation.from_quat(q[:, [1, 2, 3, 0]])
@@ -95,7 +99,7 @@ def _fixed(q: Array, times: Any) -> Array:
 
 
 def earth(times: NDArray[np.datetime64]) -> Array:
-    """Matrices from inertial to Earth-fixed components, (rows, 3, 3)."""
+    """Return the matrices from inertial to Earth-fixed components, (rows, 3, 3)."""
     erfa = library("erfa", "exchange")
     days = days_since_j2000(times)
     terrestrial = days + (LEAP_SECONDS + 32.184) / 86400

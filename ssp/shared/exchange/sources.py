@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files of the field that say where a body is at an instant: orbit ephemeris messages (OEM) and
+"""Files of the field with the state of a body at an instant: orbit ephemeris messages (OEM) and
 two-line elements.
 
-Axes of a file become those of N: EME2000, GCRF and ICRF as they are (23 mas between them), TEME of
-two-line elements by the IAU models with UT1 = UTC, which cancels. SGP4 reads whatever stands in its
-columns, so that what must hold of two-line elements is checked before.
+Axes of a file become the axes of N: EME2000, GCRF and ICRF unchanged (23 mas between them), TEME of
+two-line elements by the IAU models with UT1 = UTC, which cancels. SGP4 accepts any text in its
+columns, so two-line elements are checked first.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.errors import UsageError, library, reason_of
+from harness.files.output import PrivateFolder
 from harness.files.paths import contents
-from harness.files.temporary import PrivateFolder
 from harness.results.result import Array
 from harness.system.instants import J2000, days_since_j2000, moment
 
@@ -33,7 +33,7 @@ SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
 LONGEST = 256 * 1024**2
 """Bytes of a file of start values."""
 INLINE = "two-line elements"
-"""Name of a source that stands in the TOML itself."""
+"""Name of a source that is part of the TOML."""
 EXACT = 1e-6
 """An instant of an ephemeris this close is taken as it is, not interpolated [s]."""
 
@@ -58,7 +58,7 @@ class Source:
 
 
 def source_of(component: str, file: str | Path) -> Source:
-    """A file by its path, or elements in so many lines."""
+    """Return a file by its path, or elements given as lines."""
     inline = "\n" in str(file).strip()
     path, text = (INLINE, str(file)) if inline else (file, _text(component, Path(file)))
     try:
@@ -89,7 +89,7 @@ def _text(component: str, path: Path) -> str:
 
 
 def state_of(component: str, source: Source, instant: np.datetime64) -> State:
-    """Where the body is by its file; UsageError."""
+    """Return the state of the body from its file; raise UsageError."""
     try:
         with _undated():
             found = source.state(instant)
@@ -102,8 +102,8 @@ def state_of(component: str, source: Source, instant: np.datetime64) -> State:
 
 @contextmanager
 def _undated() -> Iterator[None]:
-    """Without the warnings of erfa, which knows no leap seconds of years to come, and with no other
-    tables of UT1 than those that astropy brings.
+    """Suppress the warnings of erfa about future leap seconds, which are unknown, and use only the
+    tables of UT1 that astropy contains, without a download.
     """
     conf = library("astropy.utils.iers", "exchange").conf
     with warnings.catch_warnings(), conf.set_temp("auto_download", False):
@@ -114,7 +114,7 @@ def _undated() -> Iterator[None]:
 # ---- orbit ephemeris messages
 
 SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
-"""Time systems of an ephemeris: those of astropy, and GPS = TAI - 19 s."""
+"""Time systems of an ephemeris: as in astropy, and GPS = TAI - 19 s."""
 GPS_BEHIND_TAI = 19.0
 _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 
@@ -122,7 +122,7 @@ _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 def _ephemeris(path: Path | str, text: str) -> Source:
     system = _time_system(text)
     with PrivateFolder() as folder:
-        copy = folder / "message.oem"  # with a time system that the library knows
+        copy = folder / "message.oem"  # a copy with a time system that the library supports
         copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
         message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
     frame = _frame(message)
@@ -130,13 +130,15 @@ def _ephemeris(path: Path | str, text: str) -> Source:
     late = library("astropy.time", "exchange").TimeDelta(behind, format="sec")
     begin = (message.states[0].epoch + late).utc
     begin.precision = 9
-    told = "" if system in ("", "UTC") else f", times in {system}"
+    note = "" if system in ("", "UTC") else f", times in {system}"
     state = partial(_interpolated, message, frame, late)
-    return Source(path, moment(begin.isot), f"{frame} taken as N{told}", state)
+    return Source(path, moment(begin.isot), f"{frame} taken as N{note}", state)
 
 
 def _time_system(text: str) -> str:
-    """Of all segments of an ephemeris, "" if it names none; ValueError."""
+    """Return the time system of all segments of an ephemeris, "" if it names none; raise
+    ValueError.
+    """
     systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
     if unknown := systems - {*SYSTEMS}:
         raise ValueError(
@@ -148,7 +150,7 @@ def _time_system(text: str) -> str:
 
 
 def _frame(message: Any) -> str:
-    """Axes of all segments of an ephemeris about the Earth; ValueError."""
+    """Return the axes of all segments of an ephemeris about the Earth; ValueError."""
     frames = {segment.metadata["REF_FRAME"].upper() for segment in message}
     centres = {segment.metadata["CENTER_NAME"].upper() for segment in message}
     if centres != {"EARTH"}:
@@ -192,7 +194,9 @@ def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
 
 
 def _out_of_teme(state: State, instant: np.datetime64) -> State:
-    """By the Earth-fixed axes: with GMST 1982 into them, with the IAU 2006/2000A matrix out."""
+    """Convert by the Earth-fixed axes: with GMST 1982 into them, with the IAU 2006/2000A matrix
+    out.
+    """
     erfa = library("erfa", "exchange")
     turn = erfa.rz(erfa.gmst82(2451545.0, float(days_since_j2000(instant))), np.eye(3))
     matrix = earth(np.array([instant]))[0].T @ turn
@@ -200,7 +204,7 @@ def _out_of_teme(state: State, instant: np.datetime64) -> State:
 
 
 class Field(NamedTuple):
-    """Columns of a line, counted from 1, and the least and largest value of what stands there."""
+    """Columns of a line, counted from 1, and the least and largest number that they may contain."""
 
     name: str
     line: int
@@ -224,7 +228,7 @@ _NUMBER = re.compile(r" *[-+]?(\d+\.?\d*|\.\d+) *")
 
 
 def _problems(first: str, second: str) -> Iterator[str]:
-    """What is wrong with a set of two-line elements, one line each."""
+    """Yield the faults of a set of two-line elements, one line each."""
     lines = ("", first, second)
     if first[2:7] != second[2:7]:
         yield f"line 1 is of satellite {first[2:7].strip()}, line 2 of {second[2:7].strip()}"
@@ -239,7 +243,9 @@ def _problems(first: str, second: str) -> Iterator[str]:
 
 
 def _epoch(first: str) -> Iterator[str]:
-    """Year of two digits, of 1957 to 2056, and the day of that year, 1 for the first of January."""
+    """Yield the year of a two-digit year, 1957 to 2056, and the day of that year, 1 for the first
+    of January.
+    """
     place, text = "line 1, columns 19 to 32: epoch", first[18:32]
     if not (re.fullmatch(r"[\d ]\d", text[:2]) and _NUMBER.fullmatch(text[2:])):
         yield f"{place} is not a year and day: {text.strip()!r}"

@@ -17,7 +17,7 @@ from harness.errors import UsageError
 from harness.mission import Start
 from harness.results.result import Array, Result
 from harness.spelling import did_you_mean
-from harness.system.instants import epoch_of, told, written
+from harness.system.instants import epoch_of, start_note, written
 from harness.system.model import System
 
 from .bodies import Bodies, sun_direction
@@ -42,21 +42,23 @@ def start_values(
         _check(component, system, parameters, names)
     sources = {component: source_of(component, file) for component, file in files.items()}
     date = system.experiment.epoch if epoch is None else epoch
-    asked = date or epoch is not None or not files
-    instant = epoch_of(date) if asked else max(s.first for s in sources.values())
+    dated = date or epoch is not None or not files
+    instant = epoch_of(date) if dated else max(s.first for s in sources.values())
     states = {component: state_of(component, s, instant) for component, s in sources.items()}
     values = _orbits(parameters, states, names)
     sun, known = _sun(parameters, names.sun, instant)
     axes = [f"{component}: {Path(s.path).name}, {s.axes}" for component, s in sources.items()]
-    return Start(values | sun, (told(instant), *axes, *known), written(instant))
+    return Start(values | sun, (start_note(instant), *axes, *known), written(instant))
 
 
 def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
-    """Parameters that start bodies in these states, and beside them those that go along."""
+    """Return the parameters that start bodies in these states, and beside them those that
+    go along.
+    """
     values: dict[str, Any] = {}
     for component, state in states.items():
         values |= {
-            f"{component}.{names.semi_major_axis}": 0.0,  # then position and velocity count
+            f"{component}.{names.semi_major_axis}": 0.0,  # 0: position and velocity are used
             f"{component}.{names.start[0]}": state.r.tolist(),
             f"{component}.{names.start[1]}": state.v.tolist(),
         }
@@ -64,7 +66,7 @@ def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 
 def _sun(parameters: Result, name: str, instant: np.datetime64) -> tuple[dict[str, Any], list[str]]:
-    """The direction to the Sun for all that must know it, and the line that says so."""
+    """Return the direction to the Sun for all components that need it, and a note about it."""
     needing = [n for n in parameters.vectors if name and n.endswith(f".{name}")]
     if not needing:
         return {}, []
@@ -86,7 +88,7 @@ def _check(component: str, system: System, parameters: Result, names: Bodies) ->
 
 
 def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, float]:
-    """The orbit of a target for which a file is given, for bodies that start in its Hill frame."""
+    """Return the orbit of a target with a file, for bodies that start in its Hill frame."""
     target = next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
     if target is None:
         return {}
@@ -104,7 +106,7 @@ def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 
 def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -> Iterator[str]:
-    """Bodies without a file that start in the Hill frame of another one."""
+    """Yield the bodies without a file that start in the Hill frame of another one."""
     ending = f".{names.beside[0]}"
     others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
     for component in sorted(others - states.keys()):
@@ -114,9 +116,9 @@ def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -
 
 
 def elements(state: State, mu: float) -> tuple[float, ...]:
-    """Osculating a [m], e, inclination, argument of perigee, right ascension and true anomaly [rad]
-    about a point mass mu [m3/s2]; an equatorial orbit has its node, a circular one its perigee on
-    the axis that is left.
+    """Return the osculating a [m], e, inclination, argument of perigee, right ascension and true
+    anomaly [rad] about a point mass mu [m3/s2]; an equatorial orbit has its node, a circular one
+    its perigee on the axis that is left.
 
     Vallado, Fundamentals of Astrodynamics, RV2COE: h = r x v, n = z x h, e = v x h / mu - r / |r|.
     """
@@ -137,6 +139,6 @@ def elements(state: State, mu: float) -> tuple[float, ...]:
 
 
 def _about(axis: Array, begin: Array, end: Array) -> float:
-    """Angle from one vector to another about an axis across both [rad]."""
+    """Return the angle from one vector to another about an axis across both [rad]."""
     sine = np.cross(begin, end) @ axis / np.linalg.norm(axis)
     return float(np.arctan2(sine, begin @ end))

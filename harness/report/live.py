@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Live page: report of a run, its system as a WebAssembly module, sliders, and the instructions
+from which the page computes requirements, curves and arrays of the replay from the rows of another
+run.
+
+A curve that a Python function of a mission computes has no instructions. After a slider has been
+moved, it still shows the run in the file, and the page labels it so.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from harness.errors import UsageError
+from harness.master.changes import Changes, apply
+from harness.master.fused import Module, module_of
+from harness.master.isolated import guarded
+from harness.report import run
+from harness.report.arrays import Arrays, Canvas
+from harness.report.template import render
+from harness.results.evaluation import fitted, unit_in
+from harness.results.margins import Requirement
+from harness.results.program import Program
+from harness.results.requirements import condition
+from harness.results.result import Result
+from harness.ssp.library import load
+from harness.system.graph import Checked, checked, read_interfaces
+from harness.system.model import System
+from harness.system.sliders import Slider, sliders
+
+Data = dict[str, Any]
+
+STEPS = 200
+"""Steps of a slider; the slider of a switch has one."""
+
+
+def of_run(result: Result) -> str:
+    """Return the live page of one run as text; it contains the system.
+
+    Raises UsageError if the result does not name its system, HarnessError if the compiler is
+    missing or the system cannot be one module.
+    """
+    known = result.provenance
+    if known is None or not known.source:
+        raise UsageError("the result does not name its system, which a live page needs")
+    changes: Changes = known.changes()  # type: ignore[assignment]
+    with load(known.source) as found:
+        return _page(result, apply(found, **changes))
+
+
+def _page(result: Result, system: System) -> str:
+    steps = checked(system)
+    module: Module = guarded([c.fmu for c in system.components], module_of, system, steps)
+    named = sliders(system.sliders, read_interfaces(system))
+    canvas = run.canvas_of(result, Arrays())
+    data = run.content(canvas, result)
+    return render(
+        "live.html",
+        canvas,
+        data,
+        live=True,
+        **run.texts(result),
+        sliders=[_slider(result, module, slider) for slider in named],
+        simulation=_simulation(result, system, steps, module) | programs(result, canvas),
+        module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
+    )
+
+
+def programs(result: Result, canvas: Canvas) -> Data:
+    """Return the instructions behind requirements, curves and samples. The instants of samples are
+    row numbers of the run, each list once.
+    """
+    known, arrays, lists = result.provenance, canvas.arrays, dict[tuple[int, ...], int]()
+    wanted = known.requirements if known else ()
+    samples = {}
+    for name, (history, over, time) in arrays.samples.items():
+        rows = tuple(np.searchsorted(result.time, time).tolist())
+        samples[name] = [history, over, lists.setdefault(rows, len(lists))]
+    return {
+        "requirements": [requirement(result, arrays.program, *each) for each in wanted],
+        "samples": samples,
+        "rows": list(lists),
+        "program": arrays.program.data(),
+        "points": canvas.points,
+    }
+
+
+def requirement(result: Result, program: Program, name: str, text: str) -> Data:
+    """Return a requirement for the page, or why it cannot be evaluated."""
+    about = {"name": name, "text": text}
+    try:
+        condition(text)
+        required = Requirement(fitted(result, text), partial(unit_in, result), program)
+    except (KeyError, ValueError) as error:
+        return about | {"rejected": str(error.args[0])}
+    return about | required.data()
+
+
+# ---- data of the simulation
+
+
+def _simulation(result: Result, system: System, found: Checked, module: Module) -> Data:
+    if missing := [name for name in result.columns if name not in module.outputs]:
+        raise UsageError(
+            f"the result contains {missing[0]}, which the system does not publish; run it again"
+        )
+    known, span = result.provenance, system.experiment
+    return {
+        "start": span.start,
+        "step": span.step,
+        "steps": found.steps,
+        "every": min(known.every if known else 1, found.steps + 1),
+        "columns": [module.outputs[name] for name in result.columns],
+        "settings": list(module.references),
+        "values": module.values.tolist(),
+        **_about(result),
+    }
+
+
+def _about(result: Result) -> Data:
+    """Return the checksum of the rows, and the columns of variables and parameters."""
+    table = result.parameters
+    return {
+        "sha256": hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest(),
+        "names": _names(result),
+        "parameters": {} if table is None else _names(table),
+        "constants": [] if table is None else table.values[0].tolist(),
+    }
+
+
+def _names(table: Result) -> Data:
+    """Return shape and columns of every variable and of every element."""
+    found: Data = {name: [[], [i]] for i, name in enumerate(table.columns)}
+    vectors = table.vectors.items()
+    return found | {name: [list(c.shape), c.ravel().tolist()] for name, c in vectors}
+
+
+def _slider(result: Result, module: Module, slider: Slider) -> Data:
+    """Return a slider for the template, with its value in the run."""
+    place = module.names.index(slider.name)
+    value = float(module.values[place])
+    table = result.parameters
+    held = table is not None and slider.name in table.columns
+    return {
+        "name": slider.name,
+        "text": slider.variable.description,
+        "unit": "" if slider.variable.unit in (None, "1") else slider.variable.unit,
+        "low": min(slider.low, value),
+        "high": max(slider.high, value),
+        "value": repr(value),
+        "place": place,
+        "constant": table.columns.index(slider.name) if table is not None and held else -1,
+        "steps": 1 if (slider.variable.low, slider.variable.high) == (0, 1) else STEPS,
+    }

@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Expressions as lists of instructions, which Python and the live page (harness/report/page/
+program.js) interpret: metrics, requirements, curves and arrays of a replay.
+
+An instruction takes the values of earlier instructions and gives one value. Values are numbers ()
+or vectors (elements,), and histories of these, (rows,) or (rows, elements). Conditions are compiled
+from tables (rows, elements), with one row if the rows do not matter (harness.results.margins).
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, partial, reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.results import windows
+from harness.results.evaluation import fitted, history
+from harness.results.expressions import FUNCTIONS, ROW, Node
+from harness.results.histories import minus, plus
+from harness.results.result import Result
+
+LookUp = Callable[[str], Any]
+"""Value of `time`, `component.variable` or `parameter component.name`."""
+
+
+class Instruction(NamedTuple):
+    """Operation of a program.
+
+    operation: its name; parts: numbers of the instructions whose values it takes; constant: name,
+    number, element or window; rows: whether its value is a history.
+    """
+
+    operation: str
+    parts: tuple[int, ...] = ()
+    constant: Any = None
+    rows: bool = False
+
+
+class Program:
+    """Instructions in the order in which they are executed, each of them once."""
+
+    def __init__(self) -> None:
+        self.instructions: list[Instruction] = []
+        self._numbers: dict[tuple[Any, ...], int] = {}
+
+    def add(self, operation: str, *parts: int, constant: Any = None, rows: Any = None) -> int:
+        """Return the number of an instruction; its value is a history if one of its parts is,
+        unless `rows` is given.
+        """
+        if rows is None:
+            rows = any(self.instructions[part].rows for part in parts)
+        key = operation, parts, repr(constant), rows  # True is not 1, and 0 is not -0
+        number = self._numbers.setdefault(key, len(self.instructions))
+        if number == len(self.instructions):
+            self.instructions.append(Instruction(operation, parts, constant, rows))
+        return number
+
+    def number(self, value: float) -> int:
+        """Return the number of the instruction that gives a constant."""
+        return self.add("number", constant=value)
+
+    def expression(self, node: Node, row: int | None = None) -> int:  # noqa: PLR0911 - per kind
+        """Return the number of the instruction that gives the value of a resolved() expression.
+
+        row: instruction with the only row that is evaluated, in a history of one row.
+        """
+        match node:
+            case Node("name", name):
+                found = self.add("look up", constant=name, rows=node.is_history)
+                if row is None or not node.is_history:
+                    return found
+                return self.add("one row", found, row)
+            case Node("number"):
+                return self.number(node.value)
+            case Node("window", name):
+                raise ValueError(f"{name}() is a condition of a requirement, not a number")
+            case Node("call", name) if name in ROW:
+                return self._row(node)
+        parts = [self.expression(part, row) for part in node.parts]
+        match node:
+            case Node("pick"):
+                about = (node.value - 1, node.parts[0].text)
+                return self.add("element", *parts, constant=about)
+            case Node("call", name):
+                return self.add(name, *parts, rows=node.is_history)
+            case Node("join"):
+                return self.fold(node.name, parts)
+        return self.add(node.name, *parts)
+
+    def fold(self, operation: str, parts: Sequence[int]) -> int:
+        """Return the number of the instruction that joins parts from the first to the last."""
+        found = parts[0]
+        for part in parts[1:]:
+            found = self.add(operation, found, part)
+        return found
+
+    def _row(self, node: Node) -> int:
+        """Return one row of an expression. Only that row is computed if it is independent of the
+        others.
+        """
+        inner = node.parts[0]
+        if not inner.is_history:
+            raise ValueError(f"{node.name}(): `{inner.text}` has no rows")
+        row = self.add(node.name, *map(self.expression, node.parts[1:]), rows=False)
+        if not all(map(_is_per_row, inner.walk())):
+            return self.add("row", self.expression(inner), row, rows=False)
+        first = self.add("first", rows=False)
+        return self.add("row", self.expression(inner, row), first, rows=False)
+
+    def run(self, look_up: LookUp, complete: bool = True) -> list[Any]:
+        """Return the values of all instructions; complete: the last row is the end of the run."""
+        values: list[Any] = []
+        with np.errstate(all="ignore"):
+            for each in self.instructions:
+                given = [(values[part], self.instructions[part].rows) for part in each.parts]
+                if each.operation == "look up":
+                    values.append(_flat(look_up(each.constant), each.rows))
+                else:
+                    values.append(_value(each, given, complete))
+        return values
+
+    def data(self) -> list[list[Any]]:
+        """Return the instructions for the page; numbers that are not finite are texts."""
+        return [[each.operation, each.parts, _finite(each.constant)] for each in self.instructions]
+
+
+def _is_per_row(node: Node) -> bool:
+    reduces = node.kind == "call" and not FUNCTIONS[node.name].per_row
+    return not (reduces and any(part.is_history for part in node.parts))
+
+
+def _finite(constant: Any) -> Any:
+    if isinstance(constant, tuple):
+        return [_finite(each) for each in constant]
+    if isinstance(constant, float) and not math.isfinite(constant):
+        return "NaN" if math.isnan(constant) else f"{'-' if constant < 0 else ''}Infinity"
+    return constant
+
+
+# ---- values
+
+
+def _value(instruction: Instruction, given: list[tuple[Any, bool]], complete: bool) -> Any:
+    """Return the value of an instruction; given: values of its parts, and whether each is a
+    history.
+    """
+    operation, _, constant, _ = instruction
+    values = [value for value, _ in given]
+    if operation in OPERATIONS:
+        return OPERATIONS[operation](*_aligned(given))
+    if operation in FUNCTIONS:
+        vectors = (_vector(*each) for each in given)
+        return FUNCTIONS[operation].value(*(vectors if operation in OF_VECTORS else values))
+    if operation in WINDOWED:
+        return WINDOWED[operation](*values, *constant, complete)
+    if operation in TABLES:
+        return TABLES[operation](*values)
+    return SPECIAL[operation](given, constant)
+
+
+def _flat(value: Any, rows: bool) -> Any:
+    """Return a matrix as the vector of its elements."""
+    leading = np.shape(value)[:rows]
+    return value if np.ndim(value) <= len(leading) + 1 else np.reshape(value, (*leading, -1))
+
+
+def _vector(value: Any, rows: bool) -> Any:
+    """Return a value with an axis of elements; a scalar gets an axis of length 1."""
+    return value if np.ndim(value) > rows else np.asarray(value)[..., np.newaxis]
+
+
+def _aligned(given: list[tuple[Any, bool]]) -> list[Any]:
+    """Return values that meet element by element: a scalar history beside vectors has an axis."""
+    if all(np.ndim(value) <= rows for value, rows in given):
+        return [value for value, _ in given]
+    return [_vector(*each) for each in given]
+
+
+def _element(given: list[tuple[Any, bool]], constant: tuple[int, str]) -> Any:
+    vector, (index, text) = _vector(*given[0]), constant
+    if index >= vector.shape[-1]:
+        raise ValueError(f"`{text}` has {vector.shape[-1]} elements")
+    return vector[..., index]
+
+
+OF_VECTORS = ("angle", "hill", "norm", "total")
+"""Functions of the elements of every row."""
+OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    "+": plus, "-": minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
+    "!=": operator.ne, "not": np.logical_not, "implies": np.logical_not, "and": np.logical_and,
+    "or": np.logical_or, "negative": operator.neg, "positive": operator.pos,
+}  # fmt: skip
+"""Operations element by element."""
+
+
+# ---- tables (rows, elements) of conditions
+
+
+def _table(given: list[tuple[Any, bool]], _: None) -> Any:
+    """Return a value as (rows, elements), with one row if it is not a history."""
+    ((value, rows),) = given
+    array = np.asarray(value, dtype=np.float64)
+    return array.reshape(len(array) if rows else 1, -1)
+
+
+def _number(_: Any, constant: float) -> Any:
+    return constant if isinstance(constant, bool) else np.float64(constant)  # 9**9**9 ends
+
+
+def _least(table: Any) -> Any:
+    """Return the least element of every row, (rows, 1); numpy is slow for rows of one element."""
+    return table if table.shape[1] == 1 else np.min(table, axis=1, keepdims=True)
+
+
+def _over_windows(function: Callable[..., Any]) -> Callable[..., Any]:
+    def of_tables(*given: Any) -> Any:
+        *tables, time, begin, end, complete = given
+        within = windows.windows(time, begin, end, complete)
+        return function(*(table[:, 0] for table in tables), within)[:, None]
+
+    return of_tables
+
+
+TABLES: Mapping[str, Callable[..., Any]] = {
+    "row": lambda x, row: x[row],
+    "one row": lambda x, row: x[[row]],
+    "decided": lambda x, *by: np.where(reduce(np.logical_or, map(np.isnan, by)), np.nan, x),
+    "both": lambda a, b: np.where((a == 0) | (b == 0), 0.0, a * b),
+    "where": np.where,
+    "difference": lambda a, b: np.where(a == b, 0.0, a - b),
+    "fmin": np.fmin,
+    "fmax": np.fmax,
+    "isnan": np.isnan,
+    "any": lambda x: np.array([[x.any()]]),
+    "least": _least,
+    "every row": lambda x, time: np.broadcast_to(x, (len(time), x.shape[1])),
+}
+"""Operations on values as they are. `decided` is NaN where one of `by` is; `both` is 0 where a or b
+is, NaN where that hangs on what is NaN; `difference` of equal infinities is 0.
+"""
+WINDOWED: Mapping[str, Callable[..., Any]] = {
+    "always": _over_windows(windows.always),
+    "eventually": _over_windows(windows.eventually),
+    "until": _over_windows(windows.until),
+    "empty": windows.empty,
+}
+"""Operations over the window of every row, whose times are the last part; constant: begin, end."""
+SPECIAL: Mapping[str, Callable[..., Any]] = {
+    "element": _element,
+    "number": _number,
+    "table": _table,
+}
+"""Operations that take a constant, or depend on whether a value is a history."""
+
+
+# ---- expressions over a result
+
+
+@lru_cache(maxsize=256)
+def _compiled(node: Node) -> Program:
+    """Return the program whose last value is the value of an expression."""
+    program = Program()
+    program.expression(node)
+    return program
+
+
+def value_of(result: Result, text: str) -> Any:
+    """Return the value of an expression over a result, see evaluate(); ValueError, KeyError."""
+    return evaluate(fitted(result, text), partial(history, result))
+
+
+def evaluate(node: Node, look_up: LookUp) -> Any:
+    """Return the value of a resolved() expression: (rows,) or (rows, elements) if Node.is_history,
+    else () or (elements,).
+    """
+    return _compiled(node).run(look_up)[-1]

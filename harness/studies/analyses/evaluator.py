@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Evaluator of margins for standard normal coordinates, for optimisers and analyses.
+
+    with harness.Evaluator("my.toml", workers=4) as evaluator:
+        margins = evaluator(np.zeros((1, evaluator.d)))     # (rows, requirements)
+
+Coordinate k of a row determines the draw of its factor, z = Phi^-1(u). Zeros are the medians of all
+draws, the nominal run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import StructureError, UsageError
+from harness.master.changes import Changes
+from harness.master.messages import logged_once
+from harness.results.requirements import has_slope
+from harness.spelling import did_you_mean
+from harness.studies.campaign import worker
+from harness.studies.campaign.clusters import Workers
+from harness.studies.campaign.draft import read_plan, table_of
+from harness.studies.campaign.engine import Block, RunBlocks, prestart, worker_pool
+from harness.studies.campaign.factors import SMALLEST
+from harness.studies.campaign.plan import Values
+from harness.studies.campaign.sources import named
+from harness.studies.campaign.worker import Row
+
+Array = NDArray[np.float64]
+
+LARGEST = 50
+"""Largest number of runs that a worker receives at once."""
+UNUSED = ("record", "sampler", "until", "expected", "success")
+"""Entries of a campaign that analyses ignore."""
+
+
+class Evaluator:
+    """Margins of runs for rows of standard normal coordinates, with the worker pool of a campaign.
+
+    d: coordinates of a row; groups: their indices by factor; names: requirements, in the order of
+    the columns of margins. definition: path of the .toml of a campaign, or the table itself;
+    workers: as for campaign(); file: file of a table, in whose folder the files that it names are.
+
+    Raises UsageError and StructureError with all problems before the first run.
+    """
+
+    def __init__(
+        self,
+        definition: str | Path | Mapping[str, Any],
+        *,
+        workers: int | None = None,
+        file: Path | None = None,
+        notify: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        if file is None and not isinstance(definition, Mapping):
+            file = Path(definition)
+        table = {k: v for k, v in table_of(definition).items() if k not in UNUSED}
+        self.workers = Workers(workers)
+        prestart(self.workers, worker.__name__)
+        with logged_once():
+            self.plan, self.task = read_plan(table | {"runs": 1}, file)
+        if listed := [each.name for each in self.plan.factors if each.draw is None]:
+            rule = (
+                "a study cannot vary a list or range; move it to [fixed] or write one file "
+                "per value"
+            )
+            raise StructureError(f"factors.{name}: {rule}" for name in listed)
+        self.groups = {name: list(places) for name, places in self.plan.groups.items()}
+        self.d = sum(map(len, self.groups.values()))
+        if not self.d:
+            raise UsageError(
+                "factors: no random factor is defined; add one, such as `uniform = "
+                "{low = 0, high = 1}`"
+            )
+        self.names = [*self.task.requirements]
+        self.reserve(1)
+        self.notify, self._life = notify, ExitStack()
+        self._run_blocks: RunBlocks | None = None
+
+    def reserve(self, runs: int, read: Iterable[Path] = ()) -> None:
+        """Reserve this number of runs in a dataset; read: files that decide them too."""
+        plan = self.plan.with_entries(runs=runs, coordinates=self.d)
+        self.plan = replace(plan, sources={**plan.sources, **named(read)})
+        self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
+
+    def columns(
+        self, of: str | Sequence[str], slope: bool, most: int | None = None
+    ) -> dict[str, int]:
+        """Return the columns of the margins by requirement: of those named, or of all, at most
+        `most`.
+
+        slope: the method needs a margin that changes gradually. Raises UsageError for an unknown
+        requirement, or one without a slope.
+        """
+        if not self.names:
+            raise UsageError(
+                "the system has no requirement; define one in [requirements] of the file"
+            )
+        names = [of] if of and isinstance(of, str) else list(of or self.names)
+        for name in names[:most]:
+            if name not in self.names:
+                close = did_you_mean(name, self.names)
+                known = ", ".join(self.names)
+                raise UsageError(f"of: there is no requirement {name}{close}; expected {known}")
+            text = self.task.requirements[name]
+            if slope and not has_slope(text):
+                raise UsageError(
+                    f"of: the margin of {name} ({text}) has no slope for a search to follow; "
+                    "compare "
+                    f'quantities with < or >, or estimate a probability with method = "random"'
+                )
+        return {name: self.names.index(name) for name in names[:most]}
+
+    def __enter__(self) -> Evaluator:
+        self._run_blocks = self._life.enter_context(worker_pool(self.workers, self.notify))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._life.close()
+
+    def __call__(self, numbers: Array) -> Array:
+        """Return the margins (rows, requirements) of coordinates (rows, d): -inf for a failed run,
+        NaN for a requirement that was not exercised.
+        """
+        numbers = np.asarray(numbers, dtype=np.float64)
+        if numbers.ndim != 2 or numbers.shape[1] != self.d:
+            raise UsageError(
+                f"Evaluator: expected an array of shape (rows, {self.d}), got {numbers.shape}"
+            )
+        return margins_of(self.run([self.values(z, k) for k, z in enumerate(numbers)]))
+
+    def moved(self, numbers: Array, count: int = 5) -> str:
+        """Return the factors that a row of coordinates moves most, in standard deviations."""
+        names: list[str] = []
+        for name, places in self.groups.items():
+            elements = [f"{name}[{k + 1}]" for k in range(len(places))]
+            names += elements if len(places) > 1 else [name]
+        order = np.argsort(-np.abs(numbers), kind="stable")[:count]
+        return ", ".join(f"{names[k]} {numbers[k]:+.1f} sigma" for k in order)
+
+    def run(self, values: Sequence[Values]) -> list[Row]:
+        """Return the records of runs for values of the factors, in their order."""
+        if self._run_blocks is None:
+            raise UsageError(
+                "Evaluator: use it in a with block, `with Evaluator(...) as evaluator:`"
+            )
+        changes = [self.plan.changes(each) for each in values]
+        size = min(LARGEST, -(-len(changes) // (2 * self.workers.processes)))
+        blocks = (Block(k, changes[k : k + size]) for k in range(0, len(changes), size or 1))
+        completed = dict(self._run_blocks(self.task, blocks))
+        return [row for k in sorted(completed) for row in completed[k]]
+
+    def values(self, z: Array, run: int) -> Values:
+        """Return the values of all factors for a row of coordinates, and the seeds of the run."""
+        from scipy.special import ndtr
+
+        u = np.clip(ndtr(z), SMALLEST, 1 - SMALLEST)
+        return self.plan.of_numbers(u) | self.plan.seeds_of(run)
+
+    def changes(self, z: Array, run: int) -> Changes:
+        """Return the keyword arguments of run() for a row of coordinates."""
+        return self.plan.changes(self.values(z, run))
+
+
+def exercised(y: Array) -> Array:
+    """Return margins with inf instead of NaN, so that a run without a margin is never the worst."""
+    return np.where(np.isnan(y), np.inf, y)
+
+
+def unjudged(y: Array) -> NDArray[np.bool_]:
+    """Return which margins are no evidence: NaN (without a verdict) or infinite."""
+    return np.isnan(y) | np.isposinf(y)
+
+
+def margins_of(rows: list[Row]) -> Array:
+    """Return margins (rows, requirements), -inf of a run that failed."""
+    return np.array([row.margins for row in rows], dtype=np.float64)

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Common parts of the analyses: their tables, such as `[worst]` in the file of a campaign, with all
+problems, preparation, stored results, and text.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from harness.errors import StructureError, UsageError
+from harness.studies.analyses.driver import Driver
+from harness.studies.analyses.evaluator import Evaluator
+from harness.studies.campaign.campaign import Campaign
+from harness.studies.campaign.draft import table_of
+from harness.studies.campaign.stopping import clopper_pearson
+from harness.studies.campaign.worker import FAILED
+from harness.system.tables import Count, Positive, Text, problems
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+Names = Annotated[str | list[str], Meta(description="a name or a list of names")]
+Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
+Estimator = Annotated[Literal["subset", "random"], Meta(description="subset or random")]
+Share = Annotated[float, Meta(gt=0, lt=1, description="a probability, above 0 and below 1")]
+
+
+class Sensitivity(msgspec.Struct):
+    """Entries of [sensitivity]; `of` names the requirements, as in the tables of all studies."""
+
+    of: Names = ""
+    method: Method = "morris"
+    runs: Count = 130
+
+
+class Worst(msgspec.Struct):
+    """Entries of [worst]."""
+
+    of: Names = ""
+    runs: Count = 200
+    box: Positive = 3.0
+    searches: Count = 1
+
+
+class Probability(msgspec.Struct):
+    """Entries of [probability]; below: required upper limit, 0: none."""
+
+    of: Text = ""
+    method: Estimator = "subset"
+    runs: Count = 20_000
+    below: Share = 0.0
+
+
+class Boundary(msgspec.Struct):
+    """Entries of [boundary]."""
+
+    of: Text = ""
+    factors: list[str] = []
+    runs: Count = 100
+
+
+class Tune(msgspec.Struct):
+    """Entries of [tune]."""
+
+    of: Names = ""
+    gains: dict[str, Any] = {}
+    draws: Count = 24
+    archive: Text = ""
+    runs: Count = 2400
+    box: Positive = 3.0
+
+
+TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability, Boundary, Tune)}
+"""Tables of studies by their names in the file of a campaign."""
+
+
+class Study(Campaign):
+    """Completed study. estimate: its values by requirement, as plain data."""
+
+    @property
+    def kind(self) -> str:
+        """Return sensitivity, worst, probability, boundary, tune or given."""
+        return str(self.store.group.attrs["kind"])
+
+    @property
+    def estimate(self) -> dict[str, Any]:
+        """Return the estimate as plain data."""
+        found: dict[str, Any] = json.loads(self.store.group.attrs["estimate"])
+        return found
+
+    def summary(self) -> str:
+        """Return the estimate as text, with the number of runs that are no evidence."""
+        status = self.store.array("status")
+        lines = [f"{len(status)} runs, {int((status == FAILED).sum())} failed"]
+        for name, found in self.estimate["of"].items():
+            lines += ["", *LINES[self.kind](name, found, self)]
+        for name, count in self.estimate["unjudged"].items():
+            if count:
+                lines += ["", f"{name}: {count} of {len(status)} runs {UNJUDGED}"]
+        return "\n".join(lines)
+
+    def unit(self, name: str) -> str:
+        """Return the unit of the margins of a requirement."""
+        names = self.store.array("requirement").tolist()
+        return str(self.store.array("margin_units")[names.index(name)])
+
+    @property
+    def verdict(self) -> bool:
+        """Return whether the estimate gives the exit status 0."""
+        found = self.estimate["of"]
+        if self.kind == "worst":
+            unjudged = any(self.estimate["unjudged"][name] for name in found)
+            return not unjudged and all(map(_no_failure, found.values()))
+        return all(each.get("verdict", "met") == "met" for each in found.values())
+
+
+def entries(kind: type[T], table: Mapping[str, Any]) -> T:
+    """Return the table of an analysis; raise StructureError with all its problems."""
+    name = kind.__name__.lower()
+    if wrong := list(problems(table.get(name, {}), kind, name)):
+        raise StructureError(wrong)
+    return msgspec.convert(table.get(name, {}), kind)
+
+
+@contextmanager
+def begun(
+    kind: str,
+    evaluator: Evaluator,
+    runs: int,
+    output: str | Path,
+    how: Mapping[str, Any],
+    *read: Path,
+) -> Iterator[Driver]:
+    """Yield the driver of a study that needs `runs` runs besides the nominal one; read: datasets of
+    other studies that determine its runs.
+    """
+    evaluator.reserve(1 + runs, read)
+    resume, show = how.get("resume", False), how.get("progress")
+    with evaluator, closing(Driver(evaluator, Path(output), kind, resume, show)) as driver:
+        yield driver
+
+
+def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T, Evaluator]:
+    """Return the entries of an analysis with its evaluator."""
+    entry = entries(kind, table_of(definition))
+    return entry, Evaluator(definition, workers=how.get("workers"), notify=how.get("notify", print))
+
+
+def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
+    """Report the requirements that the nominal run fails; raise UsageError if it does not exercise
+    one.
+    """
+    for name, k in of.items():
+        margin = driver.nominal[k]
+        if np.isnan(margin):
+            raise UsageError(
+                f"{name}: the nominal run does not exercise this requirement; name others in `of`"
+            )
+        if margin < 0:
+            driver.evaluator.notify(
+                f"{name}: the nominal run fails, with a margin of {of_unit(margin, '')}"
+            )
+
+
+# ---- estimates as text
+
+SHOWN = 8
+"""Largest number of influential factors in the text."""
+SMALL = 0.03
+"""Share of all effects below which a factor does not matter."""
+UNJUDGED = "are no evidence: not exercised, not judged or with an infinite margin"
+
+
+def of_unit(value: float | None, unit: str) -> str:
+    """Return a margin as readable text."""
+    if value is None or np.isnan(value):
+        return "no margin"
+    if np.isneginf(value):
+        return "-inf (failed run or no number)"
+    value = round(float(value), 300)  # -5e-324: failed exactly at the limit
+    if unit == "m" and abs(value) < 1:
+        return f"{1e3 * value:+.4g} mm"
+    if unit == "rad":
+        return f"{np.degrees(value):+.4g} deg"
+    return f"{value:+.4g} {'' if unit == '1' else unit}".rstrip()
+
+
+def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
+    factors, method, unit = study.estimate["factors"], study.estimate["method"], study.unit(name)
+    words = {"morris": "share of the mean effects", "sobol": "total index"}
+    yield f"{name}: {words.get(method, 'dependence R2 (HSIC of ranks)')}"
+    value, p, failed = np.array(found["value"]), found.get("p"), found["failed"]
+    share = value / value.sum() if value.sum() > 0 else value
+    matters = np.array(p) < 0.05 if p else share > SMALL
+    order = np.argsort(-value, kind="stable")
+    shown = [k for k in order[:SHOWN] if matters[k]]
+    for k in shown:
+        yield f"  {factors[k]:32} {_effect(found, method, k, share[k], unit)}"
+    if len(shown) < len(order):
+        hardly = [factors[k] for k in order if k not in shown and (value[k] or failed)]
+        yield f"  small effect: {', '.join(hardly) or 'none'}"
+    nothing = [factors[k] for k in order if value[k] == 0]
+    if nothing and not p and not failed:
+        yield f"  without any effect: {', '.join(nothing)}"
+    if failed:
+        yield f"  {failed} runs have no finite margin and count as the smallest margin"
+
+
+def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
+    """Return the effect of factor k in the numbers of the method."""
+    value = found["value"][k]
+    if found.get("p"):
+        return f"{value:.3f}  p {found['p'][k]:.3f}"
+    if method == "sobol":
+        interval = f"({found['low'][k]:.2f} to {found['high'][k]:.2f})"
+        return f"{value:.2f} {interval}  first order {found['first'][k]:.2f}"
+    sign = "+" if found["signs"][k] >= 0 else "-"
+    return f"{share:.2f}  {sign}{of_unit(value, unit)[1:]}"
+
+
+def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
+    unit, runs = study.unit(name), found["runs"]
+    nominal = of_unit(found["nominal"], unit)
+    if found["margin"] < 0:
+        yield (
+            f"{name}: NOT MET, worst margin {of_unit(found['margin'], unit)} in {runs} runs "
+            f"(first failure at run {found['first']}); nominal {nominal}; "
+            f"|z| = {found['distance']:.1f}"
+        )
+    else:
+        _, p = clopper_pearson(0, runs, 0.9)
+        by_chance = f"; {runs} random runs without a failure prove p < {100 * p:.2g} % at 95 %"
+        yield (
+            f"{name}: no failure in {runs} runs, worst margin "
+            f"{of_unit(found['margin'], unit)}, nominal {nominal}: the search proves nothing"
+            f"{'' if study.estimate['unjudged'][name] else by_chance}"
+        )
+    system = study.store.group.attrs["system"]
+    yield f"  harness run {system} --like {study.path}#{found['run']}"
+    yield f"  moved most: {found['moved']}"
+    if found["differs"]:
+        own = found["own step"]
+        own_step = "with the system's own macro step the margin is"
+        yield f"  {_not_met(own)}{own_step} {of_unit(own, unit)}"
+    if seeds := found.get("other seeds"):
+        least = float(np.min(seeds))
+        yield f"  {_not_met(least)}with {len(seeds)} other seeds: {of_unit(least, unit)} at worst"
+
+
+def _not_met(margin: float) -> str:
+    return "" if margin >= 0 else "NOT MET "
+
+
+def _no_failure(found: Any) -> bool:
+    """Return whether the worst run and its repetitions meet the requirement."""
+    margins = [found["margin"], found["own step"], *found.get("other seeds", ())]
+    return all(margin >= 0 for margin in margins)
+
+
+def _probability(name: str, found: Any, _: Study) -> Iterator[str]:
+    interval = f"95 %: {found['low']:.2g} to {found['high']:.2g}"
+    by = f"by {found['method']}, {found['runs']} runs"
+    yield f"{name}: p = {found['p']:.3g} ({interval}) {by}"
+    if found["parts"]:
+        yield "  repeats: " + ", ".join(f"{p:.2g}" for p in found["parts"])
+    if found["warning"]:
+        yield f"  {found['warning']}"
+    subset = found["method"] == "subset"
+    if verdict := found.get("verdict"):
+        further = {"undecided": ": increase `runs`"}
+        if subset:
+            further["met"] = ", provided that the margin decreases towards every failure"
+        yield f"  below {found['below']:g}: {verdict}{further.get(verdict, '')}"
+    if subset:
+        p = clopper_pearson(0, found["random"], 0.9)[1]
+        by = f"at 95 %, by the {found['random']} random runs alone"
+        yield f"  failures towards which the margin does not decrease: p < {p:.2g} {by}"
+
+
+def _boundary(name: str, found: Any, study: Study) -> Iterator[str]:
+    store = study.store
+    margins = store.array("margin")[:, store.array("requirement").tolist().index(name)]
+    failed = margins < 0
+    yield f"{name}: {int(failed.sum())} of {len(margins)} runs fail"
+    for factor in found["factors"]:
+        values = store.array(factor)
+        if failed.any():
+            low, high = values[failed].min(), values[failed].max()
+            yield f"  fails with {factor} from {low:.6g} to {high:.6g}"
+
+
+def _tuned(name: str, found: Any, _: Study) -> Iterator[str]:
+    for k, each in enumerate(name.split(", ")):
+        yield (
+            f"{each}: worst margin {found['start'][k]:+.4g} before, {found['best'][k]:+.4g} after; "
+            f"in unseen draws {found['start_unseen'][k]:+.4g} before, "
+            f"{found['best_unseen'][k]:+.4g} after"
+        )
+    yield "  " + " ".join(f"--set '{n}={v}'" for n, v in found["gains"].items())
+
+
+LINES = {
+    "sensitivity": _effects,
+    "given": _effects,
+    "worst": _worst,
+    "probability": _probability,
+    "boundary": _boundary,
+    "tune": _tuned,
+}

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Search for the worst case: the smallest margin in a box of the coordinates, by the evolution
+strategy CMA-ES (Hansen & Ostermeier 2001). The result is a bound, not a proof that nothing is
+worse.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterable
+from contextlib import closing
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import RunError, UsageError
+from harness.results.files import save
+from harness.results.requirements import margin
+from harness.studies.analyses.driver import Driver
+from harness.studies.analyses.evaluator import exercised
+from harness.studies.analyses.study import Study, Worst, begun, prepared, report_nominal
+from harness.studies.reuse import ReusedSimulation
+
+Array = NDArray[np.float64]
+Method = Generator[Array, Array, "Found"]
+
+LEAST_GENERATION = 12
+SEEDS = 10
+"""Further seeds of sensors with which the worst run is repeated."""
+CLOSE = 0.1
+"""Share of the distance between worst and nominal margin by which the worst margin may change with
+the macro step of the system.
+"""
+
+
+class Found(NamedTuple):
+    """Worst run of a search: its coordinates (d,), its margin, its index and the index of the first
+    failure (-1: none) among the runs.
+    """
+
+    numbers: Array
+    margin: float
+    place: int
+    first: int
+
+
+def needs_cma() -> None:
+    """Raise UsageError if a package is missing."""
+    for name in ("cma", "threadpoolctl"):
+        if find_spec(name) is None:
+            raise UsageError(
+                f"worst and tune need the package {name}: pip install 'servicing-fmus[verify]'"
+            )
+
+
+def generation(d: int) -> int:
+    """Return the runs per generation of a search in d coordinates."""
+    return max(LEAST_GENERATION, 4 + int(3 * math.log(d)))
+
+
+def search(d: int, seed: int, runs: int, box: float = 3.0, sigma: float = 1.0) -> Method:
+    """Return the smallest margin that a number of runs finds within |z| <= box, starting from the
+    centre. A search that has converged starts again elsewhere.
+    """
+    rng = np.random.default_rng(seed)
+    rows, margins = np.empty((0, d)), np.empty(0)
+    wide = max(d, 2)  # cma cannot search in one coordinate: a second one without effect is added
+    start = np.zeros(wide)
+    while runs - len(margins) >= generation(d):
+        engine = _engine(start, sigma, box, rng)
+        while runs - len(margins) >= generation(d) and not engine.stop():
+            z = np.array(engine.ask())
+            y = exercised((yield z[:, :d]))
+            engine.tell(list(z), _ranked(y))
+            rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
+        start = rng.uniform(-box, box, wide) / 2
+    if runs > len(margins):  # too few for a generation: random runs about the best so far
+        spread = rng.standard_normal((runs - len(margins), d)) * sigma / 2
+        middle = rows[np.argmin(margins)] if len(margins) else start[:d]
+        z = (middle + spread).clip(-box, box)
+        y = exercised((yield z))
+        rows, margins = np.concatenate([rows, z]), np.concatenate([margins, y])
+    place = int(np.argmin(margins))
+    failed = np.flatnonzero(margins < 0)
+    return Found(rows[place], float(margins[place]), place, int(failed[0]) if len(failed) else -1)
+
+
+def _engine(start: Array, sigma: float, box: float, rng: np.random.Generator) -> Any:
+    """Return a CMA-ES with a separate random generator, because its own would seed numpy's global
+    one.
+    """
+    import cma  # type: ignore[import-untyped]
+    from threadpoolctl import ThreadpoolController
+
+    options = {
+        "bounds": [-box, box],
+        "popsize": generation(len(start)),
+        "randn": lambda *shape: rng.standard_normal(shape),
+        "seed": math.nan,
+        # threads of a BLAS use 0.1 s of processor time after every call
+        "CMA_eigenmethod": ThreadpoolController().wrap(limits=1)(np.linalg.eigh),
+        "verbose": -9,
+        "verb_log": 0,
+        "verb_disp": 0,
+    }
+    return cma.CMAEvolutionStrategy(start, sigma, options)
+
+
+def _ranked(y: Array) -> list[float]:
+    """Return the margins, with failed runs below all others."""
+    finite = y[np.isfinite(y)]
+    low = float(finite.min() - 1 - np.ptp(finite)) if len(finite) else -1.0
+    high = float(finite.max() + 1) if len(finite) else 1.0
+    ranked: list[float] = np.nan_to_num(y, nan=high, neginf=low, posinf=high).tolist()
+    return ranked
+
+
+# ---- analysis
+
+
+def worst(definition: Any, output: str | Path, **how: Any) -> Study:
+    """Search for the smallest margin of each requirement.
+
+    definition: path of a campaign TOML with a table [worst], or the table itself; output: OUT.zarr;
+    the worst runs and the nominal one are repeated with all rows into OUT_worst/NAME.nc; how: as
+    for sensitivity(). Raises UsageError, StructureError.
+    """
+    needs_cma()
+    entry, evaluator = prepared(Worst, definition, how)
+    of = evaluator.columns(entry.of, slope=True)
+    each, least = entry.runs // entry.searches, generation(evaluator.d)
+    if each < least:
+        raise UsageError(
+            f"worst.runs: expected at least {least * entry.searches} (one generation of "
+            f"{least} runs per "
+            f"search), got {entry.runs}"
+        )
+    seeds = SEEDS if evaluator.plan.table.seeds else 0
+    runs = len(of) * (each * entry.searches + seeds)
+    found: dict[str, Any] = {}
+    with begun("worst", evaluator, runs, output, how) as driver:
+        report_nominal(driver, of)
+        for name, k in of.items():
+            found[name] = _searched(driver, k, entry)
+            if seeds:
+                z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
+                found[name]["other seeds"] = driver.evaluate(z)[:, k]
+        _confirm(driver, found, Path(output))
+        return Study(driver.path, driver.finish({"of": found, "box": entry.box}))
+
+
+def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
+    """Return the worst run of a requirement, from searches of equal length with one seed each."""
+    first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
+    each = entry.runs // entry.searches
+    results = [
+        driver.answer(search(d, seed + 1000 * n, each, entry.box), column)
+        for n in range(entry.searches)
+    ]
+    k = int(np.argmin([r.margin for r in results]))
+    failed = [n * each + r.first + 1 for n, r in enumerate(results) if r.first >= 0]
+    place = k * each + results[k].place
+    return {
+        "margin": results[k].margin,
+        "run": first + place,
+        "first": failed[0] if failed else None,
+        "runs": each * entry.searches,
+        "place": place,
+        "numbers": results[k].numbers,
+        "moved": driver.evaluator.moved(results[k].numbers),
+        "distance": np.linalg.norm(results[k].numbers),
+        "nominal": driver.nominal[column],
+        "converged": [r.margin for r in results],
+    }
+
+
+def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
+    """Run the worst cases and the nominal case with the macro step of the system itself, and write
+    their results.
+    """
+    evaluator, folder = driver.evaluator, _folder(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = {"nominal": (np.zeros(evaluator.d), 0)}
+    rows |= {n: (np.array(each["numbers"]), each["run"]) for n, each in found.items()}
+    with closing(ReusedSimulation(evaluator.plan.system)) as reused:
+        for name, (z, run) in rows.items():
+            changes: Any = {k: v for k, v in evaluator.changes(z, run).items() if k != "step"}
+            try:
+                result = reused.run(changes, 1, evaluator.plan.table.patience)
+            except RunError as error:  # a run that fails early has recorded nothing
+                result = error.partial
+            if result is not None:
+                save(result, folder / f"{_file(name)}.nc")
+            if name in found:
+                text, then = evaluator.task.requirements[name], found[name]["margin"]
+                own = -math.inf if result is None else margin(result, text)
+                limit = CLOSE * abs(then - found[name]["nominal"])
+                near = own == then or abs(own - then) <= limit < math.inf
+                differs = not near or (own < 0) != (then < 0)
+                found[name] |= {"own step": own, "differs": differs}
+
+
+def _folder(output: Path) -> Path:
+    """Return the folder of the results that _confirm() writes."""
+    return output.with_name(f"{output.stem}_worst")
+
+
+def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
+    """Return the files of the nominal run and of the worst run of each requirement, beside the
+    dataset of a search, as far as they exist.
+    """
+    files = {"nominal": "nominal"} | {f"worst {n}": _file(n) for n in requirements}
+    found = {label: _folder(path) / f"{name}.nc" for label, name in files.items()}
+    return {label: file for label, file in found.items() if file.is_file()}
+
+
+def _file(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)

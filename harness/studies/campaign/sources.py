@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Files and packages that decide the runs of a campaign beside its table: the system with all that
+it extends, FMUs, parameter files, start files, the Python of metrics and missions. A dataset
+records the hash or version of each, and only a campaign with equal ones can resume it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from modulefinder import ModuleFinder
+from pathlib import Path
+
+from harness.files.checksums import sha256
+from harness.files.paths import is_file, is_folder
+from harness.mission.library import mission, places
+from harness.ssp.extends import chain
+from harness.studies.campaign.metrics import file_of
+from harness.studies.campaign.plan import Plan, Source
+from harness.system.model import System
+from harness.system.swap import find_fmu
+
+PACKAGES = ("servicing-fmus", "numpy", "scipy")
+
+
+def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, Source]:
+    """Return all sources by name; loaded: the system of the plan; changed: the system with the
+    changes of every structure of the campaign.
+    """
+    files = [plan.system, *(Path(start) for start in loaded.starts.values() if is_file(start))]
+    if plan.system.suffix == ".toml":  # an .ssp holds its FMUs
+        files += [*chain(plan.system), *(component.fmu for component in loaded.components)]
+    for origin in (system.origin for system in changed):
+        files += [find_fmu(swap.fmu) for swap in origin.swaps.values()]
+        files += [Path(str(origin.params))] if origin.params_sha256 else []
+    texts, python = set(plan.table.texts.values()), set[Path]()
+    for file in filter(None, map(file_of, texts)):
+        python.update(_imported(plan.folder / file))
+    for name, place in places().items():
+        offered = mission(name) if texts else None
+        if name == loaded.mission or (offered and texts & {m.name for m in offered.metrics}):
+            python.update(_package(place.folder))
+    packages = {f"version of {name}": Source(name, _state(name)) for name in PACKAGES}
+    return named([*files, *sorted(python)]) | packages
+
+
+def named(files: Iterable[Path]) -> dict[str, Source]:
+    """Return files by their names, with as many of their folders as make them unique. A campaign
+    that was moved as a whole has the same sources.
+    """
+    found: dict[str, Source] = {}
+    for path in (file.resolve() for file in files):
+        place, count = str(path), 1
+        while (name := "/".join(path.parts[-count:])) in found and found[name].place != place:
+            count += 1
+        found[name] = Source(place, _state(place))
+    return found
+
+
+def differing(then: Mapping[str, Source]) -> list[str]:
+    """Return the names of the files and packages that are no longer as they were."""
+    known = {n: source for n, source in then.items() if not is_folder(source.place)}
+    return [name for name, source in known.items() if _state(source.place) != source.state]
+
+
+def _state(place: str) -> str:
+    """Return the hash of a file or folder, or the version of a package, "" if it is not there."""
+    try:
+        if place in PACKAGES:
+            return version(place)
+        return sha256(place) if is_file(place) or is_folder(place) else ""
+    except (OSError, PackageNotFoundError):
+        return ""
+
+
+def _imported(file: Path) -> Iterator[Path]:
+    """Yield a file of Python, and what it imports from its folder and the working directory."""
+    finder = ModuleFinder([str(file.parent), str(Path.cwd())], excludes=["harness"])
+    finder.run_script(str(file))
+    found = (getattr(each, "__file__", None) for each in finder.modules.values())
+    yield from map(Path, filter(None, found))
+
+
+def _package(folder: Path) -> Iterator[Path]:
+    """Yield the Python of the outermost package that a folder belongs to, or of the folder."""
+    while all((each / "__init__.py").is_file() for each in (folder, folder.parent)):
+        folder = folder.parent
+    for file in folder.rglob("*.py"):
+        if not any(part.startswith(".") for part in file.relative_to(folder).parts):
+            yield file

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Metrics of the capture by arm."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.mission import Metric
+from harness.results.result import Result
+
+MODE, TIP = "arm_guidance.arm_mode", "arm_guidance.position_error"
+PLACE, ATTITUDE = "controller.e1_H", "controller.epsilon"
+DEPLOY, ALIGN, CLOSE, REST = 1, 2, 3, 4
+
+
+def during(result: Result, *modes: int) -> NDArray[np.bool_]:
+    """Return the rows in these modes of the arm."""
+    return np.isin(result[MODE], modes)
+
+
+def late(result: Result) -> NDArray[np.bool_]:
+    """Return the rows in the second half of the motion of CLOSE."""
+    closing, half = during(result, CLOSE), result.parameter("arm_guidance.T_close") / 2
+    since = result.time - (result.time[closing][0] if closing.any() else np.inf)
+    return closing & (since >= half) & (since <= 2 * half)
+
+
+def largest(values: NDArray[np.float64]) -> float:
+    """Return the mean of rows, NaN if there are none."""
+    return float(values.max()) if len(values) else float("nan")
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Return the root mean square of rows, NaN if there are none."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def turned(result: Result) -> NDArray[np.float64]:
+    """Return the attitude error of the base [rad]."""
+    return np.asarray(4 * np.arctan(np.linalg.norm(result[ATTITUDE], axis=1)))
+
+
+def off(result: Result) -> NDArray[np.float64]:
+    """Return the position error of the base [m]."""
+    return np.asarray(np.linalg.norm(result[PLACE], axis=1))
+
+
+def first(result: Result, name: str, value: float) -> float:
+    """Return when a variable first has a value or more [s]."""
+    rows = np.flatnonzero(result[name] >= value)
+    return float(result.time[rows[0]]) if len(rows) else float("nan")
+
+
+def missed(result: Result) -> float:
+    """Return the distance of E from its seat at the grip, in truth [m]."""
+    rows = np.flatnonzero(result["arm_guidance.grip"] >= 1)
+    seat = (-float(result.parameter("arm_guidance.seat_depth")), 0, 0)
+    return float(np.linalg.norm(result["mechanism.tip_Q"][rows[0]] - seat)) if len(rows) else np.nan
+
+
+METRICS = (
+    Metric(
+        "tip error, aligning and closing",
+        "mm",
+        (MODE, TIP),
+        lambda r, _: 1e3 * largest(r[TIP][during(r, ALIGN, CLOSE)]),
+    ),
+    Metric(
+        "tip error, late",
+        "mm rms",
+        (MODE, TIP),
+        lambda r, _: 1e3 * rms(r[TIP][late(r)]),
+        ("arm_guidance.T_close",),
+    ),
+    Metric(
+        "base attitude, deploying",
+        "deg",
+        (MODE, ATTITUDE),
+        lambda r, _: float(np.degrees(largest(turned(r)[during(r, DEPLOY)]))),
+    ),
+    Metric(
+        "base position, deploying",
+        "mm",
+        (MODE, PLACE),
+        lambda r, _: 1e3 * largest(off(r)[during(r, DEPLOY)]),
+    ),
+    Metric(
+        "miss at the grip",
+        "mm",
+        ("arm_guidance.grip", "mechanism.tip_Q"),
+        lambda r, _: 1e3 * missed(r),
+        ("arm_guidance.seat_depth",),
+    ),
+    Metric("grip", "s", ("arm_guidance.grip",), lambda r, _: first(r, "arm_guidance.grip", 1)),
+    Metric("hard capture", "s", ("mechanism.hard",), lambda r, _: first(r, "mechanism.hard", 1)),
+    Metric(
+        "load of the gripper",
+        "N",
+        ("mechanism.load_force",),
+        lambda r, _: largest(r["mechanism.load_force"]),
+    ),
+)

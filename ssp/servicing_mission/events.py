@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Analysis of a mission from its result: phases with their times, events, velocity increments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from harness.mission import Limits, Metric
+from harness.results.result import Array, Result
+
+from ..shared.relative_motion import SERVICER, TARGET, range_
+
+PHASE, REASON, BEGUN = "manager.phase", "manager.reason", "manager.t_phase"
+DOCKING, MASS, MISSED = "mechanism.phase", "servicer.mass", "mechanism.missed"
+NEEDS = (PHASE, REASON, BEGUN, DOCKING, MASS, SERVICER, TARGET)
+PHASES = (
+    "FAR", "HOLD_1", "CLOSING", "HOLD_2", "FLYAROUND", "FINAL", "HOLD_3", "MATING",
+    "RIGIDISE", "DETUMBLE", "STACK", "BACKOFF", "RETREAT", "SAFE", "ABORTED",
+)  # fmt: skip
+REASONS = (
+    "", "abort of the monitor", "ordered by ground", "navigation lost", "propellant",
+    "error near the target", "too fast", "time-out", "attempts used up",
+)  # fmt: skip
+CAPTURE = {2: "soft capture", 3: "hard capture", 4: "release", 5: "latch broken"}
+ISP, G_0 = "propulsion.Isp", 9.80665
+TOUCHING, BESIDE = 1.5, 2.0
+"""Range below which the bodies have met [m]: docked it is 1.58 m, with the probe askew in the cone
+1.55 m. Range within which a probe that misses the drogue hits the target beside it: the material of
+the mechanism has no back."""
+
+
+class Stay(NamedTuple):
+    """Stay of a mission in a phase, times in seconds; reason: why the phase before ended."""
+
+    phase: str
+    begin: float
+    end: float
+    reason: str
+    row: int
+
+
+def stays(result: Result) -> list[Stay]:
+    """Return the phases in their order."""
+    phase = result[PHASE]
+    rows = [0, *(np.flatnonzero(np.diff(phase)) + 1)]
+    begun = [float(result[BEGUN][row]) for row in rows]
+    ends = [*begun[1:], float(result.time[-1])]
+    return [
+        Stay(PHASES[int(phase[row])], begin, end, REASONS[int(result[REASON][row])], int(row))
+        for row, begin, end in zip(rows, begun, ends, strict=True)
+    ]
+
+
+def increments(result: Result) -> Array:
+    """Return the velocity increments so far from the used propellant, (rows,) [m/s]."""
+    mass = result[MASS]
+    return np.asarray(float(result.parameter(ISP)) * G_0 * np.log(mass[0] / mass))
+
+
+def collided(result: Result) -> bool:
+    """Return whether the bodies met anywhere but in the drogue."""
+    far = range_(result)
+    missed = (np.diff(result[MISSED], prepend=0.0) > 0) & (far < BESIDE)
+    return bool((far < TOUCHING).any() or missed.any())
+
+
+def outcome(result: Result) -> str:
+    """Return the outcome of a mission: collided, captured (the stack detumbled), aborted (by the
+    monitor), retreated, or under way.
+    """
+    phases = {s.phase for s in stays(result)}
+    ends = {"STACK": "captured", "ABORTED": "aborted", "RETREAT": "retreated"}
+    found = [word for phase, word in ends.items() if phase in phases]
+    return "collided" if collided(result) else found[0] if found else "under way"
+
+
+def _metric(word: str) -> Metric:
+    def value(result: Result, limits: Limits) -> float:
+        del limits
+        return float(outcome(result) == word)
+
+    return Metric(word, "1", (*NEEDS, MISSED), value)
+
+
+METRICS = tuple(map(_metric, ("captured", "retreated", "aborted", "collided", "under way")))
+
+
+def captures(result: Result) -> Iterator[tuple[float, str]]:
+    """Yield the first contact, then every change of the latch: time [s] and what it is."""
+    docking = result[DOCKING]
+    touched = np.flatnonzero(docking > 0)
+    if len(touched):
+        yield float(result.time[touched[0]]), "first contact"
+    for row in np.flatnonzero(np.diff(docking)) + 1:
+        if docking[row] > 1:
+            yield float(result.time[row]), CAPTURE[int(docking[row])]
+
+
+def events(result: Result) -> list[tuple[float, str]]:
+    """Return everything that happened, in the order of time [s]."""
+    far, used = range_(result), increments(result)
+    phases = [
+        (s.begin, f"{s.phase}{f' ({s.reason})' if s.reason else ''}, range {far[s.row]:.2f} m, "
+         f"{used[s.row]:.2f} m/s used")
+        for s in stays(result)
+    ]  # fmt: skip
+    return sorted([*phases, *captures(result)])
+
+
+def notes(result: Result) -> Iterator[str]:
+    """Yield the list of events and the timeline of phases."""
+    if not (result.holds(*NEEDS, parameters=(ISP,)) and len(result.time)):
+        return
+    yield from (f"{t:.1f} s: {what}" for t, what in events(result))
+    line = ", ".join(f"{s.phase} {s.end - s.begin:.0f} s" for s in stays(result))
+    yield f"time line: {line}"

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Metrics by which runs are compared: errors against the reference of the guidance, safety, cost.
+
+A metric is computed if the result contains its variables, so systems without a reference simply
+have fewer of them. Limits (bands, keep-out radius) are common to all runs of a comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from harness.mission import Limits, Metric
+from harness.results.expressions import STEADY, settling_time, steady_error
+from harness.results.histories import minus, total
+from harness.results.result import Array, Result
+
+from . import estimates, safety
+from . import relative_motion as derived
+from .relative_motion import (
+    attitude_error,
+    initial_range,
+    position_error,
+    range_,
+    range_error,
+    reference_range,
+    release_time,
+)
+
+APART = 10.0
+"""Factor between peaks from which on two controllers do not have the same actuators."""
+BAND = 1e-3
+"""Default band of the position: this part of the largest range at the start."""
+
+
+def bands(limits: Limits, results: Mapping[str, Result]) -> Limits:
+    """Return the limits with the default position band of these runs."""
+    if limits.position is not None:
+        return limits
+    approaches = (r for r in results.values() if r.holds(*POSITION[:2]) and len(r.time))
+    return replace(limits, position=BAND * max(map(initial_range, approaches), default=0.0))
+
+
+def definitions(limits: Limits) -> Iterator[str]:
+    """Yield the definitions of the columns that need one."""
+    if not limits.position:
+        return
+    yield "settles: time after which the error stays within the band, the attitude from its release"
+    yield "  on; - if it does not. error: largest of the last fifth of the run; inside reference:"
+    yield "  largest shortfall of the range against the reference; saturated: share of rows with a"
+    yield "  limit reached; margin: least of a rule of the safety monitor, between rows too"
+
+
+# ---- errors against the reference
+
+POSITION = (derived.SERVICER, derived.TARGET, derived.REFERENCE)
+ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
+
+
+def _controlled(result: Result) -> tuple[Array, Array]:
+    """Time and attitude error [deg] since the beginning of attitude control."""
+    begun = result.time >= release_time(result)
+    return result.time[begun], np.degrees(attitude_error(result)[begun])
+
+
+def _range_settles(result: Result, limits: Limits) -> float:
+    return settling_time(result.time, range_error(result), limits.position or 0.0)
+
+
+def _position_settles(result: Result, limits: Limits) -> float:
+    return settling_time(result.time, position_error(result), limits.position or 0.0)
+
+
+def _attitude_settles(result: Result, limits: Limits) -> float:
+    time, error = _controlled(result)
+    return settling_time(time, error, limits.attitude) if len(time) else float("nan")
+
+
+def _attitude_steady(result: Result, _: Limits) -> float:
+    time, error = _controlled(result)
+    return steady_error(time, error) if len(time) else float("nan")
+
+
+def _estimate_error(result: Result, part: int) -> float:
+    """Return the largest error of a part of the estimate in the last fifth, in m or deg: 0:
+    position of S from T, 2: attitude of T.
+    """
+    true, _ = estimates.rows(result)
+    error = np.linalg.norm(estimates.errors(result)[part].error, axis=1)
+    size = steady_error(result.time[true], np.asarray(error))
+    return size if part == 0 else float(np.degrees(size))
+
+
+def _estimate_nees(result: Result, _: Limits) -> float:
+    """Return the squared errors of the relative motion over their variances, summed over its 12
+    elements, mean of the last fifth: 12 for a consistent filter.
+    """
+    true, _rows = estimates.rows(result)
+    total = np.sum([estimates.normalised(part) for part in estimates.errors(result)], axis=0)
+    time = result.time[true]
+    return float(np.mean(total[time >= time[-1] - STEADY * (time[-1] - time[0])]))
+
+
+# ---- safety
+
+
+def _inside_reference(result: Result, _: Limits) -> float:
+    """Return the largest amount by which the range falls below the range of the reference [m]."""
+    return float(max(0.0, np.max(reference_range(result) - range_(result))))
+
+
+def _inside_keep_out(result: Result, limits: Limits) -> float:
+    """Return the largest amount by which the range falls below the keep-out radius [m]; NaN without
+    one.
+    """
+    depth = limits.keep_out - float(np.min(range_(result)))
+    return max(0.0, depth) if limits.keep_out else float("nan")
+
+
+def _margin(rule: str, result: Result, _: Limits) -> float:
+    """Return the least margin of a rule of the monitor since the start, in its unit."""
+    return safety.least_margin(result, rule)
+
+
+def _violated(result: Result, _: Limits) -> float:
+    """Return the number of the first violated rule, 0: none."""
+    return float(result[safety.VIOLATED][-1])
+
+
+def _first_violation(result: Result, _: Limits) -> float:
+    return safety.first_violation(result)
+
+
+# ---- cost
+
+TORQUE_IMPULSE = "propulsion.torque_impulse"
+TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
+LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible", "saturated")
+"""Outputs of actuators, allocation and controllers that are 1 where a limit is reached."""
+
+
+def _delta_v(result: Result, _: Limits) -> float:
+    """Return the impulse of all thrusters or axes over the mass [m/s]."""
+    impulse = result["propulsion.impulse"]
+    spent = total(minus(impulse[1:], impulse[:-1]))
+    return float(np.sum(spent / result["servicer.mass"][1:]))
+
+
+def _acting(result: Result) -> slice:
+    """Return the rows from the release of the attitude on: torque before acts on nothing."""
+    return slice(int(np.searchsorted(result.time, release_time(result))), None)
+
+
+def _wheel_torque_steps(result: Result) -> Array:
+    """Return the change of the momentum of the wheels from row to row since the release,
+    (rows - 1, 3) [N m s].
+    """
+    speed = result["servicer.wheel_speed"][_acting(result)]
+    return np.asarray(np.diff(speed, axis=0) @ result.parameter("servicer.A_w").T)
+
+
+def _torque_impulse(result: Result, _: Limits) -> float:
+    """Return the integral of the torque of thrusters and wheels on the body since the release of
+    its attitude, summed over the axes [N m s].
+
+    As the propulsion counts it, else from the torques of the rows; the wheels always from the
+    speeds of the rows.
+    """
+    acting = _acting(result)
+    if not len(result.time[acting]):
+        return 0.0
+    if TORQUE_IMPULSE in result:
+        thrusters = np.ptp(result[TORQUE_IMPULSE][acting], axis=0)
+    else:
+        steps = np.diff(result.time[acting])[:, None]
+        thrusters = np.abs(result["propulsion.M_S"][acting][1:]) * steps
+    return float(np.sum(thrusters) + np.sum(np.abs(_wheel_torque_steps(result))))
+
+
+def _peak_force(result: Result, _: Limits) -> float:
+    return float(np.linalg.norm(result["propulsion.F_S"], axis=1).max())
+
+
+def _peak_torque(result: Result, _: Limits) -> float:
+    """Return the largest torque of thrusters and wheels on the body since the release of its
+    attitude [N m]; the torque of the wheels is the mean from row to row.
+    """
+    acting = _acting(result)
+    steps = np.diff(result.time[acting])[:, None]
+    if not len(steps):
+        return float("nan")
+    torque = result["propulsion.M_S"][acting][1:] - _wheel_torque_steps(result) / steps
+    return float(np.linalg.norm(torque, axis=1).max())
+
+
+def _saturated(result: Result, _: Limits) -> float:
+    """Return the share of rows with an actuator, allocation or controller at a limit [%]."""
+    flags = [result[n] for n in result.vectors if n.rpartition(".")[2] in LIMIT_FLAGS]
+    if not flags:
+        return float("nan")
+    raised = np.column_stack([flag.reshape(len(result.time), -1) for flag in flags])
+    return float(100 * np.mean(raised.any(axis=1)))
+
+
+def _within(limits: Limits, _: Mapping[str, Result]) -> str:
+    """Return the limit of the position, which applies to range and position, as text."""
+    return f"within {limits.position or 0.0:.3g} m"
+
+
+def _turned_within(limits: Limits, results: Mapping[str, Result]) -> str:
+    """Return the band of the attitude, and from when on it counts."""
+    begins = {release_time(r) for r in results.values() if r.holds(*ATTITUDE)}
+    since = f"from {begins.pop():g} s" if len(begins) == 1 else "from release"
+    return f"{limits.attitude:.3g} deg {since}"
+
+
+SATURATED = Metric("saturated", "%", (), _saturated)
+METRICS = (
+    Metric("range settles", "s", POSITION, _range_settles, about=_within),
+    Metric("position settles", "s", POSITION, _position_settles, about=_within),
+    Metric("attitude settles", "s", ATTITUDE, _attitude_settles, about=_turned_within),
+    Metric("range error", "m", POSITION, lambda r, _: steady_error(r.time, range_error(r))),
+    Metric("position error", "m", POSITION, lambda r, _: steady_error(r.time, position_error(r))),
+    Metric("attitude error", "deg", ATTITUDE, _attitude_steady),
+    Metric("minimum range", "m", POSITION[:2], lambda r, _: float(np.min(range_(r)))),
+    Metric("inside reference", "m", POSITION, _inside_reference),
+    Metric("inside keep-out", "m", POSITION[:2], _inside_keep_out),
+    Metric("estimate error", "m", estimates.MOTION, lambda r, _: _estimate_error(r, 0)),
+    Metric("estimate attitude", "deg", estimates.MOTION, lambda r, _: _estimate_error(r, 2)),
+    Metric("estimate NEES", "", estimates.MOTION, _estimate_nees),
+    *(
+        Metric(f"{r.name} margin", r.unit, safety.FOUND, partial(_margin, r.name), beside=True)
+        for r in safety.RULES
+    ),
+    Metric(
+        "first violated",
+        "1",
+        safety.FOUND,
+        lambda r, _: float(r[safety.VIOLATED][-1]),
+        beside=True,
+        words=("none", *(rule.name for rule in safety.RULES)),
+    ),
+    Metric(
+        "first violation", "s", safety.FOUND, lambda r, _: safety.first_violation(r), beside=True
+    ),
+    Metric("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
+    Metric("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
+    Metric("peak force", "N", ("propulsion.F_S",), _peak_force, apart=APART),
+    Metric("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",), apart=APART),
+    SATURATED,
+)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Metrics of a docked assembly: momentum of its gyros, attitude, tracking."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.mission import Limits, Metric
+from harness.results.histories import rotation_angle
+from harness.results.result import Array, Result
+
+from ..shared.metrics import SATURATED
+
+MOMENTUM, TURN = "assembly.h_cmg", "assembly.rotation"
+ASSEMBLY = ("assembly.q_SH", "guidance.q_DH")
+
+
+def attitude_error(result: Result) -> Array:
+    """Return the angle between the attitude of the assembly and its reference, relative to H,
+    (rows,) [rad].
+
+    The guidance samples at the beginning of a step, so the reference for a row is in the next row.
+    """
+    errors = rotation_angle(result[ASSEMBLY[0]][:-1], result[ASSEMBLY[1]][1:])
+    return np.concatenate((errors, errors[-1:]))
+
+
+def _saturates(result: Result, _: Limits) -> float:
+    """Return the time at which the gyros first have less momentum left than commanded [s]; NaN if
+    never.
+    """
+    rows = np.flatnonzero(result["assembly.saturated"])
+    return float(result.time[rows[0]]) if len(rows) else float("nan")
+
+
+def _tracking_error(result: Result, _: Limits) -> float:
+    return float(np.degrees(attitude_error(result)).max())
+
+
+METRICS = (
+    SATURATED,
+    Metric("saturates at", "s", ("assembly.saturated",), _saturates),
+    Metric("peak momentum", "N m s", (MOMENTUM,), lambda r, _: float(r[MOMENTUM].max())),
+    Metric("largest rotation", "deg", (TURN,), lambda r, _: float(np.degrees(r[TURN]).max())),
+    Metric("tracking error", "deg", ASSEMBLY, _tracking_error),
+)
