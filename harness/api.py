@@ -12,6 +12,7 @@ from harness.files.cache import with_second_try
 from harness.master.changes import Changes, Pairs, pairs, timely
 from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer
+from harness.master.remainder import rest
 from harness.results.files import save
 from harness.results.requirements import log_inconsistencies
 from harness.results.result import Result
@@ -60,7 +61,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     def work() -> Result:
         pacer = None if realtime is None else Pacer(realtime)
         with load(system) as found:
-            changed = timely(found, changes, realtime, late)
+            changed = rest(timely(found, changes, realtime, late))
             log_warnings(changed)
             log_inconsistencies(changed)
             return simulate(

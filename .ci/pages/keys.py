@@ -18,7 +18,10 @@ SYSTEM: Keys = {
         "description": ("text", "One line for `harness list`"),
         "experiment": ("table", "Time span, macro step and order of execution"),
         "components": ("table", "FMU of every component, by name or by path from this file; with "
-                       "Gauss-Seidel, components run in this order"),
+                       "Gauss-Seidel, components run in this order; in a file that extends, "
+                       "`controller = false` adds a component to `without`"),
+        "without": ("list", "Components that another tool runs: their outputs are inputs of the "
+                    "system, with start values from the whole system"),
         "schedule": ("table", "`[schedule.COMPONENT]`: rate and delay of a component"),
         "connections": ("table", "Connections between signals of different names: "
                         "`\"target.r_TN_N\" = \"filter.r_N\"`; signals of the same name are "

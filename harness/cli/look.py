@@ -125,11 +125,12 @@ def draw_command(*, system: SystemArgument, output: DiagramOption = None, change
     """Draw the N2 diagram of a system: components on the diagonal, signals between them."""
     from harness.exports.draw import draw
     from harness.master.changes import apply
+    from harness.master.remainder import rest
     from harness.ssp.library import load
 
     with load(system) as found:
         path = output or Path(f"{file_stem(found.name)}.svg")
-        draw(apply(found, **changes), path)
+        draw(rest(apply(found, **changes)), path)
     typer.echo(path)
 
 

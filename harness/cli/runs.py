@@ -184,6 +184,7 @@ def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | N
     from harness.files.signals import held
     from harness.master.changes import timely
     from harness.master.isolated import simulate
+    from harness.master.remainder import rest
     from harness.results.requirements import log_inconsistencies
     from harness.ssp.library import load
     from harness.system.graph import log_warnings
@@ -191,7 +192,8 @@ def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | N
     began = perf_counter()
     with load(wanted.system) as found:
         pacer = how.get("pacer")
-        changed = timely(found, wanted.changes, None if pacer is None else pacer.factor, late)
+        pace = None if pacer is None else pacer.factor
+        changed = rest(timely(found, wanted.changes, pace, late))
         log_warnings(changed)
         log_inconsistencies(changed)
         file.accept(changed)

@@ -56,6 +56,7 @@ def _system_lines(path: Path) -> list[str]:
             f"{system.name}: {system.description}",
             f"  runs        {_time(system.experiment)}, {system.experiment.algorithm}",
             f"  components  {', '.join(f'{c.name} ({c.fmu.stem})' for c in system.components)}",
+            *(f"  without     {name}" for name in system.without),
             f"  sets        {', '.join(set_names(system))}",
             *(f"    {s.name}: {s.description}" for s in system.sets if s.description),
             *(f"  swaps       {c}={','.join(fmus)}" for c, fmus in swaps.items()),

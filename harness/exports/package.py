@@ -2,17 +2,13 @@
 """Export of a run as one file: an .ssp with all its parts, or the whole system as one FMU. The FMU
 is compiled from its models if all are C sources of this project; otherwise it is a container of the
 FMUs.
-
-A system can lack some of its components, which another tool is to run: inputs that these have
-driven are inputs of the rest, with the start values of the whole system.
 """
 
 from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Collection, Mapping
-from dataclasses import replace
+from collections.abc import Collection
 from pathlib import Path
 from typing import Unpack
 
@@ -22,14 +18,12 @@ from harness.files.output import PrivateFolder, written
 from harness.master.changes import Changes, apply
 from harness.master.fused import NotFusedError, write_whole
 from harness.master.isolated import guarded
-from harness.master.simulation import Simulation
-from harness.results.expressions import parsed
-from harness.spelling import did_you_mean, file_stem
+from harness.master.remainder import remainder, rest
+from harness.spelling import file_stem
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
-from harness.system.conversion import way
-from harness.system.graph import Graph, checked, log_warnings, read_interfaces
-from harness.system.model import Parameter, System
+from harness.system.graph import Graph, checked, log_warnings
+from harness.system.model import System
 
 _log = logging.getLogger("harness")
 
@@ -56,7 +50,7 @@ def export(  # noqa: PLR0913 - one argument per option
     before its first step, or ResultsError.
     """
     with load(system) as found:
-        changed = apply(found, **changes)
+        changed = rest(apply(found, **changes))
         if without:
             changed = remainder(changed, without)
         log_warnings(changed)
@@ -107,65 +101,3 @@ def _file(target: Path, name: str) -> Path:
     except OSError as error:
         raise ResultsError(f"{folder}: cannot be created as a folder ({error.strerror})") from error
     return target if is_file else folder / f"{file_stem(name)}.ssp"
-
-
-# ---- systems without some of their components
-
-
-def remainder(system: System, names: Collection[str]) -> System:
-    """Return a system without the named components. Texts and parameter sets that need one of them
-    go with it. Raises UsageError for an unknown name or if nothing remains.
-    """
-    known = [component.name for component in system.components]
-    for name in names:
-        if name not in known:
-            close = did_you_mean(name, known)
-            raise UsageError(f"--open {name}: {system.name} has no such component{close}")
-    if not set(known) - set(names):
-        raise UsageError(f"--open: no component of {system.name} remains")
-    starts = guarded([c.fmu for c in system.components], _starts, system, names)
-
-    def remaining(texts: Mapping[str, str]) -> dict[str, str]:
-        return {name: text for name, text in texts.items() if not _needs(text, names)}
-
-    return replace(
-        system,
-        components=tuple(
-            replace(c, parameters={**c.parameters, **starts.get(c.name, {})})
-            for c in system.components
-            if c.name not in names
-        ),
-        connections=tuple(
-            c for c in system.connections if not {c.source.component, c.target.component} & {*names}
-        ),
-        sets=tuple(
-            replace(s, parameters={n: p for n, p in s.parameters.items() if n not in names})
-            for s in system.sets
-        ),
-        alternatives=tuple(a for a in system.alternatives if a.component not in names),
-        requirements=remaining(system.requirements),
-        consistency=remaining(system.consistency),
-        sliders={n: r for n, r in system.sliders.items() if n.partition(".")[0] not in names},
-        strict=False,
-    )
-
-
-def _starts(system: System, names: Collection[str]) -> dict[str, dict[str, Parameter]]:
-    """Return the first values of the inputs that the named components drive, by component."""
-    interfaces = read_interfaces(system)
-    with Simulation(system, executor="python") as simulation:
-        simulation.initialize()
-        first = simulation.result()
-    starts: dict[str, dict[str, Parameter]] = {c.name: {} for c in system.components}
-    for each in system.connections:
-        if each.source.component in names and each.target.component not in names:
-            value = float(first[str(each.source)][0])
-            change = way(each, interfaces)
-            starts[each.target.component][each.target.variable] = Parameter(change(value))
-    return starts
-
-
-def _needs(text: str, names: Collection[str]) -> bool:
-    """Return whether a condition reads a variable or a parameter of one of these components."""
-    read = (path.rpartition(" ")[2] for path in parsed(text).variables)
-    return any(path.partition(".")[0] in names for path in read)

@@ -99,6 +99,8 @@ class Simulation:
         self._files: ExitStack | None = None
         self._folder: Path | None = None
         changed = apply(system, **changes)
+        if changed.without:
+            raise UsageError(f"{changed.name}: a Simulation needs harness.master.remainder.rest()")
         self._lay_out(changed, checked(changed))
 
     def _lay_out(

@@ -21,6 +21,7 @@ from harness.errors import UsageError
 from harness.master.changes import Changes, apply
 from harness.master.fused import Module, module_of
 from harness.master.isolated import guarded
+from harness.master.remainder import rest
 from harness.report import run
 from harness.report.arrays import Arrays, Canvas
 from harness.report.template import render
@@ -51,7 +52,7 @@ def of_run(result: Result) -> str:
         raise UsageError("the result does not name its system, which a live page needs")
     changes: Changes = known.changes()  # type: ignore[assignment]
     with load(known.source) as found:
-        return _page(result, apply(found, **changes))
+        return _page(result, rest(apply(found, **changes)))
 
 
 def _page(result: Result, system: System) -> str:

@@ -115,6 +115,7 @@ class Source(Struct, frozen=True):
     description: Text = ""
     mission: Text = ""
     extends: Text = ""
+    without: list[Text] = []
     schedule: dict[str, Timing] = {}
     connections: dict[str, Text] = {}
     open: dict[str, Any] = {}
@@ -217,6 +218,7 @@ class _Builder:
             },
             starts=source.start,
             mission=source.mission,
+            without=tuple(source.without),
         )
         self._check(system, wiring.problems)
         return replace(system, alternatives=tuple(self._alternatives(system)))
@@ -271,6 +273,7 @@ class _Builder:
     def _check(self, system: System, wiring: Sequence[str]) -> None:
         """Raise everything that was found."""
         self._note("schedule", _unknown(self.source.schedule, self.interfaces))
+        self._note("without", _unknown(system.without, self.interfaces))
         self._note("compare", _unknown(filter(None, [system.compared]), self.source.sets))
         self._note("live.sliders", sliders.problems(system.sliders, self.interfaces))
         self._note("requirements", requirements.rejected(system, system.requirements))
@@ -346,7 +349,12 @@ def read(source: Path, fmus: Mapping[str, Path]) -> System:
 def build(source: Path, fmus: Path, output: Path) -> None:
     """Write the .ssp of a TOML with the FMUs of a folder. Raises HarnessError."""
     known = {path.stem: path for path in sorted(fmus.glob("*.fmu"))}
-    write_ssp(read(source, known), output)
+    system = read(source, known)
+    if system.without:
+        left_out = ", ".join(system.without)
+        line = f"{source.name}: without {left_out}, it is written by `harness export` only"
+        raise StructureError([line])
+    write_ssp(system, output)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -28,7 +28,7 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
         under = extended(path, chain)
         if not source.with_name(FILE).is_file():
             mission = under["mission"]
-        table = _over({k: v for k, v in under.items() if k != "name"}, table)
+        table = _over({k: v for k, v in under.items() if k != "name"}, _without(under, table))
     table.setdefault("name", folder if source.name == SYSTEM else f"{folder}_{source.stem}")
     return table | {"mission": mission}
 
@@ -52,6 +52,21 @@ def _read(source: Path) -> dict[str, Any]:
             if isinstance(text, str) and "\n" not in text.strip():
                 files[name] = str(source.resolve().parent / text)
     return table
+
+
+def _without(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table with the components of its base that it sets to false in the entry `without`,
+    where another FMU in a file that extends removes them.
+    """
+    given = own.get("components")
+    given = given if isinstance(given, dict) else {}
+    out = [name for name, fmu in given.items() if fmu is False]
+    if unknown := [name for name in out if name not in base["components"]]:
+        close = did_you_mean(unknown[0], base["components"])
+        raise StructureError([f"components.{unknown[0]}: there is none to leave out{close}"])
+    before = [name for name in base.get("without", ()) if name not in given]
+    fmus = {name: base["components"][name] if name in out else fmu for name, fmu in given.items()}
+    return {**own, **({"components": fmus} if fmus else {}), "without": [*before, *out]}
 
 
 def _base(source: Path, name: str) -> Path:

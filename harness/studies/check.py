@@ -29,6 +29,7 @@ from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
 from harness.master.isolated import in_child, timed
 from harness.master.messages import as_typed, noted, without
+from harness.master.remainder import rest
 from harness.master.simulation import Simulation
 from harness.mission.library import SYSTEM
 from harness.remote.firmware import PROCESSORS, missing
@@ -109,7 +110,7 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
     values, and its time span.
     """
     with noted() as notes, examined(path) as (found, problems):
-        system = apply(found, **changes) if changes and not problems else found
+        system = found if problems else rest(apply(found, **changes) if changes else found)
         sets = [""] if changes else set_names(system)
         chosen = [choose_set(system, name) if name else system for name in sets]
         errors = [*problems, *_system_errors(system, chosen)]

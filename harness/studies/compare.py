@@ -21,6 +21,7 @@ from harness.master.changes import apply
 from harness.master.executors import known_executor
 from harness.master.isolated import PATIENCE
 from harness.master.messages import logged_once
+from harness.master.remainder import rest
 from harness.mission import Limits
 from harness.mission.fields import several
 from harness.mission.library import of_result
@@ -258,7 +259,7 @@ def _check(work: ComparisonRuns, variants: Sequence[Variant], file: ResultFile) 
 def _applied(system: System, variant: Variant) -> System:
     """Return the system of a variant. An error names the option that gave the value."""
     try:
-        return apply(system, **variant.changes)
+        return rest(apply(system, **variant.changes))
     except UsageError as error:
         raise UsageError(_as_given(variant, str(error))) from error.__cause__
 

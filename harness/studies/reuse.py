@@ -21,6 +21,7 @@ from harness.files.cache import with_second_try
 from harness.master import fused, isolated
 from harness.master.changes import Changes, apply
 from harness.master.executors import FUSED
+from harness.master.remainder import rest
 from harness.master.simulation import Simulation
 from harness.results.requirements import log_inconsistencies
 from harness.results.result import Result
@@ -134,7 +135,7 @@ class ReusedSimulation:
     def _run(
         self, changes: Changes, every: int, patience: float, needed: Collection[str] | None
     ) -> Result:
-        changed = self._changed(changes)
+        changed = rest(self._changed(changes))
         if isolated.all_ours(changed):
             result, pace = self._here(changed, every, needed)
         else:

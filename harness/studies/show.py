@@ -16,6 +16,7 @@ import numpy as np
 from harness.errors import UsageError
 from harness.files import paths
 from harness.master.changes import Changes, apply
+from harness.master.remainder import rest
 from harness.mission import Plan
 from harness.mission.library import everything, mission
 from harness.spelling import did_you_mean
@@ -86,7 +87,7 @@ def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) 
         found = _of_fmu(name, changes)
     else:
         with load(place[0]) as system:
-            changed = apply(system, **changes)
+            changed = rest(apply(system, **changes))
             found = _of_component(changed, place[1]) if place[1] else _of_system(changed)
     if word is None:
         return found

@@ -160,7 +160,8 @@ class System:
     that a comparison uses by default ("": none); sliders: names and ranges (None: range of the FMU)
     of the parameters that the reader of a live page may change; mission: name of its mission;
     starts: file or elements of `[start]` by component, from which the values of the parameters
-    follow; origin: source and changes of the system.
+    follow; without: components that another tool is to run, which
+    harness.master.remainder leaves out; origin: source and changes of the system.
     """
 
     name: str
@@ -176,6 +177,7 @@ class System:
     compared: str = ""
     sliders: Mapping[str, Range] = field(default_factory=dict)
     mission: str = ""
+    without: tuple[str, ...] = ()
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
     starts: Mapping[str, str] = field(default_factory=dict, compare=False)
     origin: Origin = field(default_factory=Origin, compare=False)

@@ -9,9 +9,10 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 
 from harness import export, load, run
-from harness.errors import UsageError
-from harness.exports.package import remainder
+from harness.errors import StructureError, UsageError
 from harness.files import paths
+from harness.master.remainder import remainder, rest
+from harness.ssp.build import build
 
 SYSTEM, STEPS = "sync_approach", 50
 
@@ -85,6 +86,7 @@ def test_start_values_and_texts_follow_the_components_that_remain():
     start = rest.component("propulsion").parameters["F_cmd_S[1]"].value
     assert start == first["controller.F_cmd_S[1]"][0] != 0
     assert not any("controller" in s.parameters for s in rest.sets)
+    assert all(s.parameters["propulsion"]["F_cmd_S[1]"].value == start for s in rest.sets)
     assert "controller.Gamma_m" in system.sliders
     assert set(rest.sliders) == {n for n in system.sliders if not n.startswith("controller.")}
     assert rest.requirements == system.requirements  # none of them reads the controller
@@ -98,3 +100,35 @@ def test_unknown_names_and_nothing_left_are_rejected():
             remainder(system, ["controlle"])
         with pytest.raises(UsageError, match="no component of sync_approach remains"):
             remainder(system, [component.name for component in system.components])
+
+
+def test_a_file_that_extends_leaves_out_what_it_sets_to_false(tmp_path):
+    """A component comes back with an FMU in a further file."""
+    file = tmp_path / "env.toml"
+    file.write_text(f'extends = "{SYSTEM}"\nname = "{SYSTEM}"\n[components]\ncontroller = false\n')
+    again = tmp_path / "again.toml"
+    again.write_text(
+        'extends = "env"\n[components]\nguidance = false\ncontroller = "adaptive_controller"\n'
+    )
+    with load(SYSTEM) as system, load(file) as env, load(again) as other:
+        short, whole = rest(env), remainder(system, ["controller"])
+        assert env.without == ("controller",)
+        assert other.without == ("guidance",)
+        assert other.component("controller").fmu == paths.fmus()["adaptive_controller"]
+    assert [c.name for c in short.components] == [c.name for c in whole.components]
+    assert short.connections == whole.connections
+    parameters = [
+        {
+            c.name: c.parameters["F_cmd_S[1]"].value
+            for c in each.components
+            if "F_cmd_S[1]" in c.parameters
+        }
+        for each in (short, whole)
+    ]
+    assert parameters[0] == parameters[1]
+    assert set(parameters[0]) == {"monitor", "propulsion"}
+    with pytest.raises(StructureError, match=r"env.toml: without controller, .* `harness export`"):
+        build(file, paths.fmus()["target"].parent, tmp_path / "env.ssp")
+    file.write_text(f'extends = "{SYSTEM}"\n[components]\nguidances = false\n')
+    with pytest.raises(StructureError, match=r"components.guidances: .* leave out.*guidance"):
+        load(file).__enter__()

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Systems without some of their components, which another tool is to run: inputs that these have
+driven are inputs of the rest, with the start values of the whole system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from harness.errors import UsageError
+from harness.master.isolated import guarded
+from harness.master.simulation import Simulation
+from harness.results.expressions import parsed
+from harness.spelling import did_you_mean
+from harness.system.conversion import way
+from harness.system.graph import read_interfaces
+from harness.system.model import Parameter, Parameters, System
+
+
+def rest(system: System) -> System:
+    """Return the remainder of a system without the components that its file leaves out."""
+    out = system.without
+    return remainder(replace(system, without=()), out) if out else system
+
+
+def remainder(system: System, names: Collection[str]) -> System:
+    """Return a system without the named components. Texts and parameter sets that need one of them
+    go with it. Raises UsageError for an unknown name or if nothing remains.
+    """
+    known = [component.name for component in system.components]
+    for name in names:
+        if name not in known:
+            close = did_you_mean(name, known)
+            raise UsageError(f"--open {name}: {system.name} has no such component{close}")
+    if not set(known) - set(names):
+        raise UsageError(f"--open: no component of {system.name} remains")
+    starts = guarded([c.fmu for c in system.components], _starts, system, names)
+
+    def begun(parameters: Mapping[str, Parameters]) -> dict[str, Parameters]:
+        return {n: {**p, **starts[n]} for n, p in parameters.items() if n not in names}
+
+    def remaining(texts: Mapping[str, str]) -> dict[str, str]:
+        return {name: text for name, text in texts.items() if not _needs(text, names)}
+
+    return replace(
+        system,
+        components=tuple(
+            replace(c, parameters=begun({c.name: c.parameters})[c.name])
+            for c in system.components
+            if c.name not in names
+        ),
+        connections=tuple(
+            c for c in system.connections if not {c.source.component, c.target.component} & {*names}
+        ),
+        sets=tuple(replace(s, parameters=begun(s.parameters)) for s in system.sets),
+        alternatives=tuple(a for a in system.alternatives if a.component not in names),
+        requirements=remaining(system.requirements),
+        consistency=remaining(system.consistency),
+        sliders={n: r for n, r in system.sliders.items() if n.partition(".")[0] not in names},
+        strict=False,
+    )
+
+
+def _starts(system: System, names: Collection[str]) -> dict[str, dict[str, Parameter]]:
+    """Return the first values of the inputs that the named components drive, by component."""
+    interfaces = read_interfaces(system)
+    with Simulation(system, executor="python") as simulation:
+        simulation.initialize()
+        first = simulation.result()
+    starts: dict[str, dict[str, Parameter]] = {c.name: {} for c in system.components}
+    for each in system.connections:
+        if each.source.component in names and each.target.component not in names:
+            value = float(first[str(each.source)][0])
+            change = way(each, interfaces)
+            starts[each.target.component][each.target.variable] = Parameter(change(value))
+    return starts
+
+
+def _needs(text: str, names: Collection[str]) -> bool:
+    """Return whether a condition reads a variable or a parameter of one of these components."""
+    read = (path.rpartition(" ")[2] for path in parsed(text).variables)
+    return any(path.partition(".")[0] in names for path in read)
