@@ -87,7 +87,7 @@ static const Variable variables[] = {
     INPUT(joint_angle_ref, "rad", "reference of the joint angles"),
     INPUT(joint_rate_ref, "rad/s", "reference of the joint rates"),
     INPUT(joint_accel_ref, "rad/s2", "reference of the joint accelerations"),
-    INPUT(arm_mode, "1", "0 STOWED, 1 DEPLOY, 2 ALIGN, 3 CLOSE, 4 REST, 5 FOLD"),
+    MODE_INPUT(arm_mode, "mode of the arm", "stowed|deploy|align|close|rest|fold"),
     INPUT(F_cmd_S, "N", "force commanded by the controller of the base, body axes"),
     INPUT(M_cmd_S, "N.m", "torque commanded by the controller of the base, body axes"),
     INPUT(wheel_accel_cmd, "rad/s2", "wheel acceleration commanded by the controller of the base"),

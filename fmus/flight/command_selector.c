@@ -82,9 +82,8 @@ static const Variable variables[] = {
                    "largest torque of unloading in laws 1 to 3, per body axis"),
     PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "target wheel speeds of the unloading"),
 
-    INPUT(select_force, "1",
-          "source of the force: 0 none, 1 far, 2 close, 3 sync, 4 none, 5 retreat"),
-    INPUT(select_torque, "1", "source of the torque: 0 none, 1 far, 2 close, 3 sync, 4 stack"),
+    MODE_INPUT(select_force, "source of the force", "none|far|close|sync|none|retreat"),
+    MODE_INPUT(select_torque, "source of the torque", "none|far|close|sync|stack"),
     INPUT(push, "1", "1: push after contact"),
     INPUT(throttle, "1", "throttles of the relay controller: P1..P8, P'1..P'4, P'5, none"),
     INPUT(F_close_S, "N", "force commanded by the law of the closing, servicer axes"),
@@ -101,10 +100,10 @@ static const Variable variables[] = {
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
     OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),
-    NONNEGATIVE_OUTPUT(force_law, "1",
-                       "source of the commanded force; an invalid selection is rejected"),
-    NONNEGATIVE_OUTPUT(torque_law, "1",
-                       "source of the commanded torque; an invalid selection is rejected"),
+    MODE(force_law, "source of the commanded force; an invalid selection is rejected",
+         "none|far|close|sync|none|retreat"),
+    MODE(torque_law, "source of the commanded torque; an invalid selection is rejected",
+         "none|far|close|sync|stack"),
     FLAG(wheels_unloading, "1: the wheels are unloaded in laws 1 to 3"),
 };
 

@@ -179,19 +179,15 @@ static const Variable variables[] = {
 
     MISSION_INPUTS,
 
-    NONNEGATIVE_OUTPUT(phase, "1",
-                       "0 far, 1 hold 1, 2 closing, 3 hold 2, 4 fly-around, 5 final, 6 hold 3, 7 "
-                       "mating, 8 rigidise, 9 detumble, 10 stack, 11 back-off, 12 retreat, 13 "
-                       "safe, 14 aborted"),
+    MODE(phase, "phase of the mission",
+         "far|hold 1|closing|hold 2|fly-around|final|hold 3|mating|rigidise|detumble|stack|"
+         "back-off|retreat|safe|aborted"),
     OUTPUT(t_phase, "s", "time at which the phase began"),
-    NONNEGATIVE_OUTPUT(reason, "1",
-                       "what ended the phase before: 0 its condition, 1 abort, 2 ground, 3 "
-                       "navigation, 4 propellant, 5 error, 6 too fast, 7 time-out, 8 attempts"),
+    MODE(reason, "what ended the phase before",
+         "its condition|abort|ground|navigation|propellant|error|too fast|time-out|attempts"),
     NONNEGATIVE_OUTPUT(attempt, "1", "attempts to mate since the start"),
-    NONNEGATIVE_OUTPUT(select_force, "1",
-                       "source of the force: 0 nobody, 1 far, 2 close, 3 sync, 5 retreat"),
-    NONNEGATIVE_OUTPUT(select_torque, "1",
-                       "source of the torque: 0 nobody, 1 far, 2 close, 3 sync, 4 stack"),
+    MODE(select_force, "source of the force", "nobody|far|close|sync||retreat"),
+    MODE(select_torque, "source of the torque", "nobody|far|close|sync|stack"),
     FLAG(active_far, "1: guidance and controller of the far approach are active"),
     FLAG(active_close, "1: guidance and controller of the closing are active"),
     FLAG(active_sync, "1: guidance and controller of the synchronised approach are active"),
@@ -206,9 +202,7 @@ static const Variable variables[] = {
     FLAG(latch_enable, "1: the latch is armed"),
     FLAG(release, "1: the latch releases"),
     FLAG(push, "1: push after contact"),
-    NONNEGATIVE_OUTPUT(
-        arm_mode_cmd, "1",
-        "commanded mode of the arm: 0 stow, 1 deploy, 2 grasp, 3 rest; 0 without by_arm"),
+    MODE(arm_mode_cmd, "commanded mode of the arm; 0 without by_arm", "stow|deploy|grasp|rest"),
     NONNEGATIVE_OUTPUT(momentum, "N.m.s",
                        "angular momentum of servicer and target about their common centre of mass, "
                        "without wheels"),

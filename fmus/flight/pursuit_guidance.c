@@ -108,7 +108,7 @@ static const Variable variables[] = {
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     FLAG(translate, "1: translational thrust permitted"),
-    NONNEGATIVE_OUTPUT(mode, "1", "0 coast, 1 align, 2 burn (scalar law: always 2)"),
+    MODE(mode, "mode of the thrust; scalar law: always 2", "coast|align|burn"),
     NONNEGATIVE_OUTPUT(range, "m", "distance between the centres of mass"),
     OUTPUT(q_DS, "1",
            "transition quaternion from the present to the required attitude, scalar first"),

@@ -97,7 +97,7 @@ static const Variable variables[] = {
     OUTPUT(e_H, "m", "position error, Hill axes"),
     OUTPUT(de_H, "m/s", "derivative of e_H as seen in the Hill frame"),
     OUTPUT(q_SD, "1", "attitude of the servicer relative to its reference, scalar first"),
-    OUTPUT(phase, "1", "phase: 1 to 3 with thrust, 4 passive"),
+    MODE(phase, "phase of the approach", "|thrust 1|thrust 2|thrust 3|passive"),
     FLAG(approaching, "1: in the last phase with thrust that is reached by distance (0: far away "
                       "or passive)"),
 };

@@ -77,9 +77,9 @@ static const Variable variables[] = {
     OUTPUT(eps_ref, "1",
            "reference attitude relative to the flight attitude, vector part of the quaternion"),
     ANGLE_OUTPUT(rotation_ref, "angle of the reference rotation from the flight attitude"),
-    NONNEGATIVE_OUTPUT(status, "1",
-                       "0 planned, 1 flight attitude requested, 2 not below the limit, 3 rotation "
-                       "would exceed rotation_max"),
+    MODE(status, "outcome of the plan",
+         "planned|flight attitude requested|not below the limit|rotation would exceed "
+         "rotation_max"),
     ALARM(no_plan, "1: no history with the momentum below the limit, the reference is the flight "
                    "attitude; see status"),
     NONNEGATIVE_OUTPUT(iterations, "1", "steps that the plan took"),

@@ -68,7 +68,7 @@ static const Variable variables[] = {
            "angular velocity of the probe relative to the drogue, drogue axes"),
     ANGLE_OUTPUT(misalignment, "angle between the axes of probe and drogue, 0 when mated"),
     NONNEGATIVE_OUTPUT(offset, "m", "distance of the tip from the axis of the drogue"),
-    OUTPUT(phase, "1", "0 free, 1 contact, 2 soft capture, 3 hard capture, 4 released, 5 broken"),
+    MODE(phase, "phase of the capture", "free|contact|soft capture|hard capture|released|broken"),
     FLAG(contact, "1: contact"),
     FLAG(soft, "1: soft capture"),
     FLAG(hard, "1: hard capture"),

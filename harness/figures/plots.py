@@ -188,13 +188,22 @@ def _panels(
 
 
 def _prepare(axes: Any, panel: Panel, result: Result) -> None:
-    """Set the scale of axes, and draw the level of the panel."""
+    """Set the scale of axes with the names of a mode, and draw the level of the panel."""
     if panel.log:
         axes.set_yscale("log")
+    if names := _modes(panel, result):
+        axes.set_yticks(range(len(names)), names, fontsize="x-small")
     if line := panel.line(result):
         height, text = line
         look = {"color": "0.3", "linestyle": "--", "linewidth": 0.8, "zorder": 1}
         axes.axhline(height, label=text, **look)
+
+
+def _modes(panel: Panel, result: Result) -> tuple[str, ...]:
+    """Return the names of the values of a panel that shows one mode."""
+    held = list(panel.held(result))
+    source = held[0].source if len(held) == 1 else None
+    return result.mode_names(source) if isinstance(source, str) and source in result else ()
 
 
 def _shade(axes: Any, panel: Panel, results: Iterable[Result], seconds: float) -> None:

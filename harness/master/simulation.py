@@ -397,14 +397,14 @@ class Simulation:
         """
         slots = self.graph.slots
         recorded = slots if self.recorded is None else tuple(slots[i] for i in self.recorded)
-        names, units, texts = columns(recorded)
+        names, units, texts, modes = columns(recorded)
         time = np.asarray(
             self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=float
         )
         name, rows, complete = self.system.name, self.recorder.rows, self.step == self.steps
         made = run_provenance(self.system, self._executor_name, self.recorder.every, self.timing)
         about = complete, message, self.parameters(), made
-        return Result(name, time, names, units, rows, texts, *about)
+        return Result(name, time, names, units, rows, texts, *about, modes=modes)
 
     def last(self) -> NDArray[np.float64]:
         """Return the present values of all slots of the system, recorded or not."""
@@ -418,9 +418,10 @@ class Simulation:
         """Return all parameters as a table of one row."""
         found = list(constants(self.graph))
         slots, values = zip(*found, strict=True) if found else ((), ())
-        names, units, texts = columns(slots)
+        names, units, texts, modes = columns(slots)
         start = np.array([self.clock.start])
-        return Result(self.system.name, start, names, units, np.array([values]), texts)
+        rows = np.array([values])
+        return Result(self.system.name, start, names, units, rows, texts, modes=modes)
 
 
 def simulate(

@@ -12,7 +12,6 @@ Missions import the engine; the engine knows no mission.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -115,22 +114,9 @@ class WatchedMetric(BaseMetric):
         except (TypeError, ValueError, IndexError):
             text = f"expected rows of numbers or a text, got {values!r:.60}"
             raise HarnessError(f"{place_of(self.compute)}metric {self.name}: {text}") from None
-        if len(self.needs) == 1 and (names := modes(result.description(self.needs[0]))):
-            return names.get(f"{value:g}", f"{value:g}")
+        if len(self.needs) == 1 and result.mode_names(self.needs[0]):
+            return result.mode(self.needs[0], value)
         return f"{value:.4g} {self.unit}".rstrip()
-
-
-MODE = r"\d+ [^,;:()]+"
-MODES = re.compile(rf"(?:.*: )?(0 [^,;:()]+, 1 [^,;:()]+(?:, {MODE})*)(?: \(.*\)|; .*)?")
-"""Description of a mode: `0 coast, 1 hold 1, 3 burn`, after a text that ends in a colon, before a
-remark in parentheses or after a semicolon.
-"""
-
-
-def modes(description: str) -> dict[str, str]:
-    """Return the names of modes by number from the description of a variable; {} if it is none."""
-    found = MODES.fullmatch(description)
-    return dict(re.findall(r"(\d+) ([^,]+)", found[1])) if found else {}
 
 
 class Start(NamedTuple):

@@ -87,6 +87,7 @@ def drawable(result: Result, needs: Iterable[str]) -> Result:
         columns=tuple(result.columns[k] for k in shown),
         units=tuple(result.units[k] for k in shown),
         descriptions=tuple(result.descriptions[k] for k in shown if result.descriptions),
+        modes=tuple(result.modes[k] for k in shown if result.modes),
         values=result.values[np.ix_(rows, shown)],
     )
 

@@ -109,9 +109,9 @@ def _inconsistencies(system: System, graph: Graph) -> Iterator[str]:
     swapped FMU lacks are ignored.
     """
     given = list(constants(graph))
-    names, units, texts = columns([slot for slot, _ in given])
+    names, units, texts, modes = columns([slot for slot, _ in given])
     values = np.array([[value for _, value in given]])
-    table = Result(system.name, np.zeros(1), names, units, values, texts)
+    table = Result(system.name, np.zeros(1), names, units, values, texts, modes=modes)
     nothing = np.empty((1, 0))
     result = Result(system.name, np.zeros(1), (), (), nothing, parameters=table)
     for name, text in system.consistency.items():

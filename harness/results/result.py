@@ -31,7 +31,8 @@ class Result:
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
     unknown); values: (rows, columns), read-only like time; complete: False if the run ended early,
     `message` then contains the reason; parameters: all parameters of all components as set, a table
-    of one row (None if unknown); provenance: the system, its files and changes (None if unknown).
+    of one row (None if unknown); provenance: the system, its files and changes (None if unknown);
+    modes: per column the names of the values 0, 1, .. of a mode, "far|hold 1|closing", else "".
     """
 
     system: str
@@ -44,6 +45,7 @@ class Result:
     message: str = ""
     parameters: Result | None = None
     provenance: Provenance | None = None
+    modes: tuple[str, ...] = ()
 
     plot: ClassVar[Callable[..., Any]]
     save: ClassVar[Callable[..., Any]]
@@ -97,6 +99,19 @@ class Result:
     def description(self, name: str) -> str:
         """Return the description of a variable; "" if unknown."""
         return self.descriptions[self._first(name)] if self.descriptions else ""
+
+    def mode_names(self, name: str) -> tuple[str, ...]:
+        """Return the names of the values 0, 1, .. of a mode, "" for a value that does not occur; ()
+        for other variables.
+        """
+        names = self.modes[self._first(name)] if self.modes else ""
+        return tuple(names.split("|")) if names else ()
+
+    def mode(self, name: str, value: float) -> str:
+        """Return the name of a value of a mode, or the value."""
+        names = self.mode_names(name)
+        known = value in range(len(names)) and names[int(value)]
+        return known or f"{value:g}"
 
     def _first(self, name: str) -> int:
         return self._column[name] if name in self._column else int(self.vectors[name].flat[0])
@@ -204,6 +219,8 @@ def variables(
     for name in table.names:
         values = table[name]
         about = {"units": table.unit(name), "long_name": table.description(name)}
+        if names := table.mode_names(name):
+            about["modes"] = "|".join(names)
         if name in table.vectors:
             given = [table.columns[i] for i in table.vectors[name].flat]
             if given != element_names(name, values.shape[1:]):

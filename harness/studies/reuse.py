@@ -186,11 +186,11 @@ class Reading(Result):
 
     def __init__(self, recorded: Result, slots: Sequence[Slot], last: NDArray[np.float64]) -> None:
         self.__dict__.update(recorded=recorded, last=last, read=set())
-        names, units, texts = columns(slots)
+        names, units, texts, modes = columns(slots)
         r = recorded
         super().__init__(
             r.system, r.time, names, units, r.values, texts, r.complete, r.message,
-            r.parameters, r.provenance,
+            r.parameters, r.provenance, modes,
         )  # fmt: skip
         self.read.clear()
 

@@ -27,21 +27,22 @@ _log = logging.getLogger("harness")
 
 class Slot(NamedTuple):
     """One place of the bus: the output it holds (`component.variable[i]`), its unit ("" if
-    undeclared) and meaning.
+    undeclared), meaning, and names of the values of a mode.
     """
 
     name: str
     unit: str
     description: str
+    modes: str = ""
 
 
 Texts = tuple[str, ...]
 
 
-def columns(slots: Sequence[Slot]) -> tuple[Texts, Texts, Texts]:
-    """Return names, units and descriptions of slots in the form of a result."""
-    names, units, descriptions = zip(*slots, strict=True) if slots else ((), (), ())
-    return names, units, descriptions
+def columns(slots: Sequence[Slot]) -> tuple[Texts, Texts, Texts, Texts]:
+    """Return names, units, descriptions and modes of slots in the form of a result."""
+    names, units, descriptions, modes = zip(*slots, strict=True) if slots else ((), (), (), ())
+    return names, units, descriptions, modes
 
 
 class Wire(NamedTuple):
@@ -233,7 +234,7 @@ def log_warnings_of(interface: Interface) -> None:
 
 
 def _slot(port: Port, variable: Variable) -> Slot:
-    return Slot(str(port), variable.unit or "", variable.description)
+    return Slot(str(port), variable.unit or "", variable.description, variable.modes)
 
 
 Drives = Mapping[Port, tuple[int, Affine]]

@@ -47,6 +47,9 @@ OPTIONAL = (
 )
 """Where a description names the inputs that a system need not drive, in FMI 2.0 and FMI 3.0."""
 
+MODES = "Annotations/Tool/Modes|Annotations/Annotation/Modes"
+"""Element of a variable with the names of the values 0, 1, .. of a mode."""
+
 
 @dataclass(frozen=True)
 class Interface:
@@ -266,6 +269,7 @@ def _whole(d: Description, v: Declared, optional: bool) -> Variable:
         high=v.number("max") if has_limits else None,
         optional=v.type == "Binary" or (optional and v.causality == "input" and bool(v.starts)),
         access=v.access, size=len(d.elements(v)),
+        modes="".join(str(each.get("names", "")) for each in v.element.xpath(MODES)),
     )  # fmt: skip
 
 

@@ -317,7 +317,8 @@ class Variable:
 
     items: values of an enumeration by name; type_name: name of its type; start: None if it has none
     or is a String; low, high: declared limits; begin: start value of any type; optional: input that
-    an annotation permits to stay at its start value when unconnected.
+    an annotation permits to stay at its start value when unconnected; modes: names of the values 0,
+    1, .. of a mode, "far|hold 1|closing", "" for other variables.
     """
 
     name: str
@@ -337,6 +338,7 @@ class Variable:
     access: str = ""
     element: int = 0
     size: int = 1
+    modes: str = ""
 
 
 def resting(variable: Variable) -> Scalar:

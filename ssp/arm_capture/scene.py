@@ -17,14 +17,12 @@ from harness.results.result import Array, Result, Rows
 
 from ..shared import bodies
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
-from ..shared.docking_scene import DOCKING, LATCH, drogue, floor
+from ..shared.docking_scene import DOCKING, drogue, floor
 from .kinematics import ARM, Arm, arm_of
 from .metrics import MODE, TIP
 
 ANGLES, CAPTURE, LOAD = "servicer.joint_angle", "mechanism.phase", "mechanism.load_force"
-MODES = ("stowed", "deploying", "aligning", "closing", "at rest", "folding")
-"""What the mode of the arm means."""
-SHOWN = ((CAPTURE, LATCH, "latch"), (TIP, (), "tip error"), (LOAD, (), "contact force"))
+SHOWN = ((CAPTURE, "latch"), (TIP, "tip error"), (LOAD, "contact force"))
 PATHS = (("end effector", "servicer.r_EN_N", "servicer.q_EN"),)
 
 
@@ -53,8 +51,8 @@ def gripper(arm: Arm) -> list[Part]:
 
 def events(result: Result) -> list[Data]:
     """Return every change of the mode of the arm and of the latch."""
-    arm = runs_of(result[MODE], result.time, MODES)
-    latch = runs_of(result[CAPTURE], result.time, LATCH)[1:]
+    arm = runs_of(result[MODE], result.time, result.mode_names(MODE))
+    latch = runs_of(result[CAPTURE], result.time, result.mode_names(CAPTURE))[1:]
     return [event(each["begin"], f"arm {each['text']}", "phase") for each in arm] + [
         event(each["begin"], f"latch: {each['text']}", "capture") for each in latch
     ]
@@ -69,7 +67,7 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     arm = arm_of(result)
     if not len(arm.axis):
         return None
-    words = tuple(f"arm {mode}" for mode in MODES)
+    words = tuple(f"arm {mode}" for mode in result.mode_names(MODE))
     lengths: Array = np.linalg.norm([*arm.offset, arm.tip], axis=1)
     return Outfit(
         [],
@@ -78,7 +76,7 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
         tuple(links(arm, arrays.sample(result, rows, ANGLES))),
         float(lengths.sum()),
         arm.offset[0],
-        tuple(number(result, arrays, rows, *each) for each in SHOWN),
+        tuple(number(result, arrays, rows, n, result.mode_names(n), text) for n, text in SHOWN),
         tuple(events(result)),
         PATHS,
         tuple(runs_of(result[MODE], result.time, words)),

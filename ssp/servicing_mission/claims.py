@@ -65,7 +65,7 @@ def _capture(result: Result, what: str) -> float:
 
 def soft_after_mating(result: Result) -> tuple[float, ...]:
     """Return the time from the last mating to soft capture [s]."""
-    last = [s for s in stays(result) if s.phase == "MATING"][-1]
+    last = [s for s in stays(result) if s.phase == "mating"][-1]
     return (_capture(result, "soft capture") - last.begin,)
 
 
@@ -101,7 +101,7 @@ def all_increments(result: Result) -> tuple[float, ...]:
 
 def least_before_mating(result: Result) -> tuple[float, ...]:
     """Return the least range before the first mating [m]."""
-    return (float(range_(result)[: stay(result, "MATING").row].min()),)
+    return (float(range_(result)[: stay(result, "mating").row].min()),)
 
 
 def least_margin(result: Result) -> tuple[float, ...]:
@@ -131,14 +131,14 @@ def after(phase: str, before: str, there: str, low: float, high: float) -> Claim
 
 
 CLAIMS = (
-    claim("HOLD_1", "1421 s", reached("HOLD_1"), "{0:.0f} s", "s", Band(1100, 2200)),
-    claim("range at HOLD_1", "103.8 m", range_at("HOLD_1"), "{0:.1f} m", "m", Band(95, 105)),
-    after("CLOSING", "HOLD_1", "60 s after", 60, 70),
-    after("HOLD_2", "CLOSING", "509 s after, 20.7 m", 350, 900),
-    after("FLYAROUND", "HOLD_2", "30 s after", 30, 90),
-    after("FINAL", "FLYAROUND", "435 s after (where the axis stands)", 200, 800),
-    after("HOLD_3", "FINAL", "329 s after", 320, 400),
-    claim("soft capture", "52 s after MATING", soft_after_mating, "{0:.1f} s", "s", Band(45, 75)),
+    claim("hold 1", "1421 s", reached("hold 1"), "{0:.0f} s", "s", Band(1100, 2200)),
+    claim("range at hold 1", "103.8 m", range_at("hold 1"), "{0:.1f} m", "m", Band(95, 105)),
+    after("closing", "hold 1", "60 s after", 60, 70),
+    after("hold 2", "closing", "509 s after, 20.7 m", 350, 900),
+    after("fly-around", "hold 2", "30 s after", 30, 90),
+    after("final", "fly-around", "435 s after (where the axis stands)", 200, 800),
+    after("hold 3", "final", "329 s after", 320, 400),
+    claim("soft capture", "52 s after mating", soft_after_mating, "{0:.1f} s", "s", Band(45, 75)),
     claim("speed at soft capture", "0.029 m/s", at_soft("mechanism.dtip_Q"), "{0:.3f} m/s", "m/s",
           at_most(0.06), "mechanism.dtip_Q"),
     claim("off the axis at soft capture", "0.2 mm", at_soft("mechanism.offset"), "{0:.2g} m", "m",
@@ -146,11 +146,11 @@ CLAIMS = (
     claim("hard capture", "30 s after soft", hard_after_soft, "{0:.1f} s", "s", Band(30, 32)),
     claim("peak contact force", "4.8 N", largest(PEAK), "{0:.2f} N", "N", Band(3, 40), PEAK),
     claim("peak load", "3.8 N", largest(LOAD), "{0:.2f} N", "N", at_most(60), LOAD),
-    after("STACK", "DETUMBLE", "110 s after", 60, 300),
+    after("stack", "detumble", "110 s after", 60, 300),
     claim("rate at the end", "1e-5 rad/s and falling", rate_at_end, "{0:.2g} rad/s", "rad/s",
           at_most(2e-4), RATE),
     claim("velocity increments", "5.9 m/s", all_increments, "{0:.2f} m/s", "m/s", Band(4, 10)),
-    claim("least range before MATING", "3.00 m", least_before_mating, "{0:.3f} m", "m",
+    claim("least range before mating", "3.00 m", least_before_mating, "{0:.3f} m", "m",
           at_least(2.9)),
     claim("margins of keep-out, corridor, speed", "above 0", least_margin,
           "{1:.3g} m, {2:.3g} m, {3:.3g} m/s", "", at_least(0), LEAST),

@@ -16,15 +16,6 @@ from ..shared.relative_motion import SERVICER, TARGET, range_
 PHASE, REASON, BEGUN = "manager.phase", "manager.reason", "manager.t_phase"
 DOCKING, MASS, MISSED = "mechanism.phase", "servicer.mass", "mechanism.missed"
 NEEDS = (PHASE, REASON, BEGUN, DOCKING, MASS, SERVICER, TARGET)
-PHASES = (
-    "FAR", "HOLD_1", "CLOSING", "HOLD_2", "FLYAROUND", "FINAL", "HOLD_3", "MATING",
-    "RIGIDISE", "DETUMBLE", "STACK", "BACKOFF", "RETREAT", "SAFE", "ABORTED",
-)  # fmt: skip
-REASONS = (
-    "", "abort of the monitor", "ordered by ground", "navigation lost", "propellant",
-    "error near the target", "too fast", "time-out", "attempts used up",
-)  # fmt: skip
-CAPTURE = {2: "soft capture", 3: "hard capture", 4: "release", 5: "latch broken"}
 ISP, G_0 = "propulsion.Isp", 9.80665
 TOUCHING, BESIDE = 1.5, 2.0
 """Range below which the bodies have met [m]: docked it is 1.58 m, with the probe askew in the cone
@@ -44,12 +35,18 @@ class Stay(NamedTuple):
 
 def stays(result: Result) -> list[Stay]:
     """Return the phases in their order."""
-    phase = result[PHASE]
+    phase, reason = result[PHASE], result[REASON]
     rows = [0, *(np.flatnonzero(np.diff(phase)) + 1)]
     begun = [float(result[BEGUN][row]) for row in rows]
     ends = [*begun[1:], float(result.time[-1])]
     return [
-        Stay(PHASES[int(phase[row])], begin, end, REASONS[int(result[REASON][row])], int(row))
+        Stay(
+            result.mode(PHASE, phase[row]),
+            begin,
+            end,
+            result.mode(REASON, reason[row]) if reason[row] else "",
+            int(row),
+        )
         for row, begin, end in zip(rows, begun, ends, strict=True)
     ]
 
@@ -72,7 +69,7 @@ def outcome(result: Result) -> str:
     monitor), retreated, or under way.
     """
     phases = {s.phase for s in stays(result)}
-    ends = {"STACK": "captured", "ABORTED": "aborted", "RETREAT": "retreated"}
+    ends = {"stack": "captured", "aborted": "aborted", "retreat": "retreated"}
     found = [word for phase, word in ends.items() if phase in phases]
     return "collided" if collided(result) else found[0] if found else "under way"
 
@@ -96,7 +93,7 @@ def captures(result: Result) -> Iterator[tuple[float, str]]:
         yield float(result.time[touched[0]]), "first contact"
     for row in np.flatnonzero(np.diff(docking)) + 1:
         if docking[row] > 1:
-            yield float(result.time[row]), CAPTURE[int(docking[row])]
+            yield float(result.time[row]), result.mode(DOCKING, docking[row])
 
 
 def events(result: Result) -> list[tuple[float, str]]:

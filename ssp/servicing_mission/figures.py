@@ -13,7 +13,7 @@ from harness.results.histories import turned
 from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET, range_
-from .events import ISP, NEEDS, PHASES, increments, stays
+from .events import ISP, NEEDS, PHASE, increments, stays
 
 HALF_ANGLE = "monitor.corridor_half_angle"
 IN_TARGET = (SERVICER, TARGET, "target.q_TN")
@@ -53,12 +53,13 @@ def _corridor(canvas: Axes, result: Result) -> None:
     """
     p = in_target_axes(result)
     axis = np.asarray(result.parameter("guidance.p_T"))
-    along, phase = p @ axis, result["manager.phase"]
+    along, phase = p @ axis, result[PHASE]
     off = np.linalg.norm(p - along[:, None] * axis, axis=1)
     axes = canvas.add_subplot()
-    for number in np.unique(phase[(phase >= PHASES.index("FLYAROUND")) & (range_(result) < CLOSE)]):
+    first = result.mode_names(PHASE).index("fly-around")
+    for number in np.unique(phase[(phase >= first) & (range_(result) < CLOSE)]):
         shown = (phase == number) & (range_(result) < CLOSE)
-        axes.plot(np.where(shown, along, np.nan), off, label=PHASES[int(number)])
+        axes.plot(np.where(shown, along, np.nan), off, label=result.mode(PHASE, number))
     cone = np.array([0, CLOSE])
     axes.plot(cone, cone * np.tan(float(result.parameter(HALF_ANGLE))), "k--", lw=0.8)
     axes.set(xlabel="along the grasp axis [m]", ylabel="off the axis [m]")

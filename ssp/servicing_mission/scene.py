@@ -17,30 +17,23 @@ from harness.results.result import Result, Rows
 
 from ..arm_capture.scene import fit as arm
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
-from ..shared.docking_scene import DOCKING, LATCH, drogue, floor, probe
+from ..shared.docking_scene import DOCKING, drogue, floor, probe
 from .events import DOCKING as CAPTURE
 from .events import ISP, NEEDS, PHASE, captures, stays
 
 LOAD = "mechanism.load_force"
-PHASES = (
-    "far approach", "hold 1", "closing", "hold 2", "fly-around", "final approach", "hold 3",
-    "mating", "rigidising", "detumbling", "stack at rest", "backing off", "retreat", "safe",
-    "aborted",
-)  # fmt: skip
-"""What the phases of the manager mean."""
-ALARMS = ("backing off", "retreat", "safe", "aborted")
+ALARMS = ("back-off", "retreat", "safe", "aborted")
 
 
 def _events(result: Result) -> list[dict[str, object]]:
     """Return the phases, each with the reason why the previous phase ended, then contacts and
     latches.
     """
-    words = {s.begin: PHASES[int(result[PHASE][s.row])] for s in stays(result)}
     begun = [
         event(
             s.begin,
-            words[s.begin] + (f" ({s.reason})" if s.reason else ""),
-            "abort" if words[s.begin] in ALARMS else "phase",
+            s.phase + (f" ({s.reason})" if s.reason else ""),
+            "abort" if s.phase in ALARMS else "phase",
         )
         for s in stays(result)
     ]
@@ -53,8 +46,9 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     """
     if not result.holds(*NEEDS, LOAD, parameters=(*DOCKING, ISP)):
         return None
-    captured, phases = _events(result), tuple(runs_of(result[PHASE], result.time, PHASES))
-    course = {"values": arrays.sample(result, rows, PHASE), "words": PHASES, "alarms": ALARMS}
+    names = result.mode_names(PHASE)
+    captured, phases = _events(result), tuple(runs_of(result[PHASE], result.time, names))
+    course = {"values": arrays.sample(result, rows, PHASE), "words": names, "alarms": ALARMS}
     if (outfit := arm(result, rows, arrays)) is not None:
         both = sorted((*captured, *outfit.events), key=lambda each: each["time"])
         return outfit._replace(events=tuple(both), phases=phases, course=course)
@@ -63,7 +57,7 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
         drogue(result),
         floor(result),
         numbers=(
-            number(result, arrays, rows, CAPTURE, LATCH, "latch"),
+            number(result, arrays, rows, CAPTURE, result.mode_names(CAPTURE), "latch"),
             number(result, arrays, rows, LOAD, text="contact force"),
         ),
         events=tuple(captured),

@@ -22,8 +22,6 @@ DOCKING = tuple(
         *("mouth_radius", "floor_radius", "cone_depth", "face_radius"),
     )
 )
-LATCH = ("free", "contact", "soft capture", "hard capture", "released", "broken")
-"""What mechanism.phase means."""
 X = np.array([[1.0, 0.0, 0.0]])
 
 

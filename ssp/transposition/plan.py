@@ -21,14 +21,9 @@ from harness.system.model import Parameter, System
 PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation_largest")
 """Outputs by which a planning guidance is known, all of component `guidance`."""
 
-STATUS = (
-    "planned: the momentum stays below the limit",
-    "the flight attitude was requested, nothing is planned",
-    "not planned: the momentum does not fall below the limit; more steps (iterations_max), a "
-    "longer window, or a larger momentum_share",
-    "not planned: the rotation would exceed rotation_max",
-)
-"""What the output status of the guidance means."""
+STATUS = "guidance.status"
+ADVICE = {2: "; more steps (iterations_max), a longer window, or a larger momentum_share"}
+"""What to change, by status."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +37,8 @@ class Plan:
 
     @property
     def status(self) -> int:
-        """Return 0 if a plan exists, else an index of STATUS."""
-        return int(self.after["guidance.status"][0])
+        """Return 0 if a plan exists, else the number of the reason."""
+        return int(self.after[STATUS][0])
 
     @property
     def histories(self) -> Mapping[str, Result]:
@@ -67,7 +62,8 @@ class Plan:
         for k in range(int(first["iterations"]) + 1):
             peak, rotation = first["peak"][k], np.degrees(first["rotation"][k])
             yield f"{k:4}   {peak:24.1f}   {peak / saturation:13.3f}   {rotation:22.2f}"
-        yield f"saturation {saturation:g} N m s, limit {limit:g} N m s: {STATUS[self.status]}"
+        outcome = self.after.mode(STATUS, self.status) + ADVICE.get(self.status, "")
+        yield f"saturation {saturation:g} N m s, limit {limit:g} N m s: {outcome}"
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:

@@ -127,8 +127,12 @@ def test_value_references_are_a_thousand_per_row_and_one_per_element(about):
 
 def test_causality_variability_and_initial_are_one_of_three_kinds(about):
     kinds = {(v.causality, v.variability, v.initial, v.start is None) for v in about.variables}
-    parameter, given = ("parameter", "fixed", "exact", False), ("input", "continuous", None, False)
-    assert kinds <= {parameter, given, ("output", "continuous", "calculated", True)}
+    varying = [
+        kind
+        for changes in ("continuous", "discrete")
+        for kind in (("input", changes, None, False), ("output", changes, "calculated", True))
+    ]
+    assert kinds <= {("parameter", "fixed", "exact", False), *varying}
 
 
 def test_every_variable_has_a_text_that_states_more_than_its_name(about):

@@ -16,17 +16,17 @@ from ssp.servicing_mission.events import increments, stays
 
 MU = 3.986004415e14
 NOMINAL = [
-    "FAR", "HOLD_1", "CLOSING", "HOLD_2", "FLYAROUND", "FINAL", "HOLD_3", "MATING", "RIGIDISE",
-    "DETUMBLE", "STACK",
+    "far", "hold 1", "closing", "hold 2", "fly-around", "final", "hold 3", "mating", "rigidise",
+    "detumble", "stack",
 ]  # fmt: skip
-TRY_AGAIN = ["BACKOFF", "HOLD_3", "MATING"]
+TRY_AGAIN = ["back-off", "hold 3", "mating"]
 ENDS = {
     "no_go": (NOMINAL[:4], "time-out"),
-    "dropout": (NOMINAL[:8], "navigation lost"),
-    "bounce": (NOMINAL[:8] + TRY_AGAIN, "attempts used up"),
-    "thruster_stuck": (NOMINAL[:6], "error near the target"),
-    "manoeuvre": (NOMINAL[:6], "error near the target"),
-    "ground_retreat": (NOMINAL[:7], "ordered by ground"),
+    "dropout": (NOMINAL[:8], "navigation"),
+    "bounce": (NOMINAL[:8] + TRY_AGAIN, "attempts"),
+    "thruster_stuck": (NOMINAL[:6], "error"),
+    "manoeuvre": (NOMINAL[:6], "error"),
+    "ground_retreat": (NOMINAL[:7], "ground"),
 }
 """Phases before the retreat, and its reason."""
 
@@ -135,7 +135,7 @@ def test_every_set_ends_in_a_safe_drift_for_the_reason_in_its_name(name):
     before, reason = ENDS[name]
     result = run("servicing_mission", params=name)
     simulated = stays(result)
-    assert [s.phase for s in simulated] == [*before, "RETREAT", "SAFE"]
+    assert [s.phase for s in simulated] == [*before, "retreat", "safe"]
     assert simulated[-2].reason == reason
     assert (result["monitor.least_margin"][-1, :3] > 0).all()
     assert drift_of_a_day(result) > 150
@@ -150,4 +150,4 @@ def test_a_safe_drift_is_resumed_when_ground_states_so():
     changes = {"timeline.times": times, "timeline.rows": rows}
     result = run("servicing_mission", set=changes, stop=6000)
     phases = [s.phase for s in stays(result)]
-    assert phases[:5] == ["FAR", "HOLD_1", "RETREAT", "SAFE", "FAR"]
+    assert phases[:5] == ["far", "hold 1", "retreat", "safe", "far"]

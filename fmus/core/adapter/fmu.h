@@ -47,6 +47,7 @@ typedef struct {
     const char *text;
     Rule rule;
     Kind kind;
+    const char *names; /* of the values 0, 1, .. of a mode: "far|hold 1|closing", else NULL */
 } Variable;
 
 #define MODEL_STRUCT  \
@@ -57,16 +58,19 @@ typedef struct {
         Output y;     \
     } Model
 
+#define ROW_OF(causality, part, name, member, columns, unit, text, rule, kind, names) \
+    {causality,                                                                       \
+     name,                                                                            \
+     offsetof(Model, part.member),                                                    \
+     sizeof(((Model *)0)->part.member) / (sizeof(double)),                            \
+     columns,                                                                         \
+     unit,                                                                            \
+     text,                                                                            \
+     rule,                                                                            \
+     kind,                                                                            \
+     names}
 #define ROW(causality, part, name, member, columns, unit, text, rule, kind) \
-    {causality,                                                             \
-     name,                                                                  \
-     offsetof(Model, part.member),                                          \
-     sizeof(((Model *)0)->part.member) / (sizeof(double)),                  \
-     columns,                                                               \
-     unit,                                                                  \
-     text,                                                                  \
-     rule,                                                                  \
-     kind}
+    ROW_OF(causality, part, name, member, columns, unit, text, rule, kind, NULL)
 #define ROW_AS(causality, part, name, member, columns, unit, text, rule) \
     ROW(causality, part, name, member, columns, unit, text, rule, PLAIN_ROW)
 
@@ -109,6 +113,15 @@ typedef struct {
 #define FLAG(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, SWITCH_VALUE)
 /* flag; its change from 0 to 1 is logged as a warning */
 #define ALARM(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, ALARM_VALUE)
+/* number of a mode: the build writes its names, limits and the end of its description; a value that
+ * does not occur has an empty name */
+#define MODE(member, text, names) \
+    ROW_OF(OUTPUT_ROW, y, #member, member, 1, "1", text, NONNEGATIVE_VALUE, PLAIN_ROW, names)
+#define MODE_INPUT(member, text, names) \
+    ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, PLAIN_ROW, names)
+/* -1 may mean that nothing is commanded */
+#define OPTIONAL_MODE(member, text, names) \
+    ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, OPTIONAL_ROW, names)
 #define ANGLE_OUTPUT(member, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, "rad", text, ANGLE_VALUE)
 

@@ -17,7 +17,7 @@
 static void check_row(size_t row)
 {
     const Variable *v = &fmu_model.variables[row];
-    if (!*v->text) report_fault(v->name, "the description is missing");
+    if (!*v->text && !v->names) report_fault(v->name, "the description is missing");
     if (row > 0 && v->causality < fmu_model.variables[row - 1].causality)
         report_fault(v->name, "rows must be in the order parameters, inputs, outputs");
     if (strcmp(v->name, "time") == 0)

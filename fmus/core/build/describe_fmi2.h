@@ -5,30 +5,28 @@
 
 #include "describe_text.h"
 
-/* annotation of an input that may stay unconnected (harness/system/interface.py reads it) */
-#define OPTIONAL_MARK \
-    "<Annotations><Tool name=\"servicing-fmus\"><OptionalInput/></Tool></Annotations>"
-
 static void print_variable(size_t row, size_t element, const void *model)
 {
     static const char *const kind[] = {
-        "causality=\"parameter\" variability=\"fixed\" initial=\"exact\"",
-        "causality=\"input\" variability=\"continuous\"",
-        "causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
+        "parameter\" initial=\"exact",
+        "input",
+        "output\" initial=\"calculated",
     };
     char name[NAME_SIZE];
     const Variable *v = &fmu_model.variables[row];
     Scalar s = {v, element};
     const double *values = values_from(model, (Scalar){v, 0});
 
-    printf("    <ScalarVariable name=\"%s\" valueReference=\"%u\" %s description=\"",
-           element_name(name, s), (unsigned)(VR_STRIDE * row + element), kind[v->causality]);
-    print_text(v->text);
-    printf("\">\n      <Real");
+    printf("    <ScalarVariable name=\"%s\" valueReference=\"%u\" causality=\"%s\" "
+           "variability=\"%s\"",
+           element_name(name, s), (unsigned)(VR_STRIDE * row + element), kind[v->causality],
+           variability(v));
+    print_description(v);
+    printf(">\n      <Real");
     print_real_attributes(v, values);
     if (v->causality != OUTPUT_ROW) print_attribute("start", value_of(fmu_model.start, s));
     printf("/>\n");
-    if (v->kind == OPTIONAL_ROW) printf("      " OPTIONAL_MARK "\n");
+    print_annotations(v, "Tool name", "Tool");
     printf("    </ScalarVariable>\n");
 }
 

@@ -6,9 +6,6 @@
 
 #include "describe_text.h"
 
-#define OPTIONAL_MARK_3 \
-    "<Annotations><Annotation type=\"servicing-fmus\"><OptionalInput/></Annotation></Annotations>"
-
 static unsigned row_reference(size_t row) { return (unsigned)(VR_STRIDE * row); }
 
 /* a flag is a number (0 or 1) as in FMI 2.0, so that FMUs of both versions can replace each
@@ -40,28 +37,20 @@ static void print_dimensions(const Variable *v)
     printf("      <Dimension start=\"%u\"/>\n", (unsigned)(v->columns > 1 ? v->columns : v->size));
 }
 
-static const char *variability(const Variable *v)
-{
-    if (v->causality == PARAMETER_ROW) return "fixed";
-    return is_flag(v->rule) ? "discrete" : "continuous";
-}
-
 static void print_row(size_t row, const void *model)
 {
     static const char *const causality[] = {"parameter", "input", "output"};
     const Variable *v = &fmu_model.variables[row];
-    bool plain = v->size == 1 && v->kind != OPTIONAL_ROW;
+    bool plain = v->size == 1 && !is_annotated(v);
 
     printf("    <Float64 name=\"%s\" valueReference=\"%u\" causality=\"%s\" variability=\"%s\"",
            v->name, row_reference(row), causality[v->causality], variability(v));
-    printf(" description=\"");
-    print_text(v->text);
-    putchar('"');
+    print_description(v);
     if (is_flag(v->rule)) printf(" declaredType=\"Flag\"");
     print_real_attributes(v, values_from(model, (Scalar){v, 0}));
     if (v->causality != OUTPUT_ROW) print_row_start(v);
     printf(plain ? "/>\n" : ">\n");
-    if (v->kind == OPTIONAL_ROW) printf("      " OPTIONAL_MARK_3 "\n");
+    print_annotations(v, "Annotation type", "Annotation");
     if (v->size > 1) print_dimensions(v);
     if (!plain) printf("    </Float64>\n");
 }

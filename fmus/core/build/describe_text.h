@@ -147,10 +147,75 @@ static double nominal(const Variable *v, const double *values)
     return up > 10 || down > 10 ? up / down : 1;
 }
 
-static void print_bounds(Rule rule)
+/* ---- names of the values of a mode, separated by | ---- */
+static int last_mode(const char *names)
 {
-    if (lowest(rule) > -DBL_MAX) print_attribute("min", lowest(rule));
-    if (highest(rule) < DBL_MAX) print_attribute("max", highest(rule));
+    int count = 0;
+    for (; *names; names++) count += *names == '|';
+    return count;
+}
+
+/* description; of a mode with its numbers and names: "cause: 0 none, 1 abort" */
+static void print_description(const Variable *v)
+{
+    printf(" description=\"");
+    print_text(v->text);
+    const char *between = *v->text ? ": " : "";
+    int number = 0;
+    for (const char *name = v->names; name; number++) {
+        const size_t length = strcspn(name, "|");
+        if (length) printf("%s%d %.*s", between, number, (int)length, name);
+        if (length) between = ", ";
+        name = name[length] ? name + length + 1 : NULL;
+    }
+    putchar('"');
+}
+
+static void print_bounds(const Variable *v, double value)
+{
+    const double low = v->names ? smaller(value, 0) : lowest(v->rule);
+    const double high = v->names ? last_mode(v->names) : highest(v->rule);
+    if (low > -DBL_MAX) print_attribute("min", low);
+    if (high < DBL_MAX) print_attribute("max", high);
+}
+
+/* a row is sampled if it is an output of software or of a sensor, which have a sample period: in a
+ * system the period of the component "controller." */
+static bool is_sampled(const Variable *v)
+{
+    const char *point = strrchr(v->name, '.');
+    const size_t length = point ? (size_t)(point - v->name) + 1 : 0;
+    if (v->causality != OUTPUT_ROW) return false;
+    for (size_t i = 0; i < fmu_model.variable_count; i++) {
+        const char *name = fmu_model.variables[i].name;
+        if (strncmp(name, v->name, length) == 0 && strcmp(name + length, "sample_period") == 0)
+            return true;
+    }
+    return false;
+}
+
+static const char *variability(const Variable *v)
+{
+    if (v->causality == PARAMETER_ROW) return "fixed";
+    return is_flag(v->rule) || v->names || is_sampled(v) ? "discrete" : "continuous";
+}
+
+/* whether a row has annotations for the harness (harness/system/interface.py): an input that may stay
+ * unconnected, the names of a mode */
+static bool is_annotated(const Variable *v) { return v->kind == OPTIONAL_ROW || v->names; }
+
+/* each annotation has one element; begin: begin of its start tag up to the name of this project */
+static void print_annotations(const Variable *v, const char *begin, const char *end)
+{
+    if (!is_annotated(v)) return;
+    printf("      <Annotations>");
+    if (v->kind == OPTIONAL_ROW) printf("<%s=\"servicing-fmus\"><OptionalInput/></%s>", begin, end);
+    if (v->names) {
+        printf("<%s=\"servicing-fmus.modes\"><Modes names=\"", begin);
+        print_text(v->names);
+        printf("\"/></%s>", end);
+    }
+    printf("</Annotations>\n");
 }
 
 /* data of the build for the root element and the list of sources */
@@ -190,7 +255,7 @@ static void print_real_attributes(const Variable *v, const double *values)
 {
     printf(" unit=\"%s\"", v->unit);
     if (display_unit(v->unit)) printf(" displayUnit=\"%s\"", display_unit(v->unit));
-    print_bounds(v->rule);
+    print_bounds(v, *values);
     if (nominal(v, values) != 1) print_attribute("nominal", nominal(v, values));
 }
 

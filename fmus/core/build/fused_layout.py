@@ -8,7 +8,7 @@ memory.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 PARAMETER, INPUT, OUTPUT = range(3)
@@ -36,6 +36,7 @@ class Row:
     unit: str
     name: str
     text: str
+    names: str = ""
 
     def elements(self) -> Iterator[str]:
         """Yield the names of the elements, as element_name() of interface.h forms them."""
@@ -46,6 +47,11 @@ class Row:
                 else f"{i // self.columns + 1},{i % self.columns + 1}"
             )
             yield self.name if self.size == 1 else f"{self.name}[{place}]"
+
+    def scalars(self) -> Iterator[Row]:
+        """Yield a row per element."""
+        for k, name in enumerate(self.elements()):
+            yield replace(self, first=self.first + k, size=1, columns=1, name=name)
 
 
 @dataclass(frozen=True)
@@ -182,7 +188,7 @@ def _named(part: Part, row: Row, first: int, causality: int | None = None) -> Ro
     """Return the row of a part as a row of the system."""
     own = row.causality if causality is None else causality
     name = f"{part.name}.{row.name}"
-    return Row(own, first, row.size, row.columns, row.rule, row.kind, row.unit, name, row.text)
+    return replace(row, causality=own, first=first, name=name)
 
 
 def _free(part: Part) -> Iterator[Row]:
@@ -195,7 +201,4 @@ def _free(part: Part) -> Iterator[Row]:
         if row.causality == PARAMETER or (row.causality == INPUT and not any(driven)):
             yield row
         elif row.causality == INPUT:
-            for k, name in enumerate(names):
-                if not driven[k]:
-                    one = (row.first + k, 1, 1, row.rule, row.kind, row.unit, name, row.text)
-                    yield Row(INPUT, *one)
+            yield from (one for one in row.scalars() if one.name not in part.driven)

@@ -165,9 +165,11 @@ def _table(name: str, rows: list[Row]) -> Iterator[str]:
         return
     yield f"static const Variable {name}[] = {{"
     for r in rows:
+        names = _literal(r.names) if r.names else "NULL"
         yield (
             f'    {{{CAUSALITY[r.causality]}, "{r.name}", {r.first} * sizeof(double), {r.size}, '
-            f'{r.columns}, "{r.unit}", {_literal(r.text)}, {RULES[r.rule]}, {KINDS[r.kind]}}},'
+            f'{r.columns}, "{r.unit}", {_literal(r.text)}, {RULES[r.rule]}, {KINDS[r.kind]}, '
+            f"{names}}},"
         )
     yield "};"
     yield ""

@@ -4,7 +4,8 @@
  * parts.inc lists them as MODEL(symbol). There is one line per model: symbol, number of doubles of
  * the model and of its workspace, first double of inputs, states, outputs; then one line with the
  * start values of its parameters and inputs, and one line per row: causality, first double, size,
- * columns, rule, kind, unit, name, text. Columns are separated by tabs. */
+ * columns, rule, kind, unit, name, text,
+ * names of a mode. Columns are separated by tabs. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 
@@ -24,9 +25,9 @@ static void print_model(const char *symbol, const ModelInterface *m, size_t inpu
     for (size_t i = 0; i < states; i++) printf("\t%a", start[i]);
     printf("\n");
     for (const Variable *v = m->variables; v < m->variables + m->variable_count; v++)
-        printf("row\t%d\t%zu\t%zu\t%zu\t%d\t%d\t%s\t%s\t%s\n", (int)v->causality,
+        printf("row\t%d\t%zu\t%zu\t%zu\t%d\t%d\t%s\t%s\t%s\t%s\n", (int)v->causality,
                v->offset / sizeof(double), v->size, v->columns, (int)v->rule, (int)v->kind, v->unit,
-               v->name, v->text);
+               v->name, v->text, v->names ? v->names : "");
 }
 
 int main(void)

@@ -56,7 +56,8 @@ def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
         yield f"{kind}s: expected {rows} rows of {width} values, got {table.values.shape}"
     if twice := [name for name, times in Counter(table.columns).items() if times > 1]:
         yield f"{kind} {twice[0]} occurs twice"
-    for about, texts in (("unit", table.units), ("description", table.descriptions)):
+    given = {"unit": table.units, "description": table.descriptions, "mode": table.modes}
+    for about, texts in given.items():
         if texts and len(texts) != width:
             yield f"{kind}s: {len(texts)} {about}s for {width} names"
         for name, text in zip(table.columns, texts, strict=False):
@@ -122,7 +123,7 @@ def restored(
 
 def flat_columns(system: str, time: Array, histories: Variables) -> Result:
     """Return variables with their attributes as flat columns."""
-    columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
+    columns, blocks, units, descriptions, modes = [], [np.empty((len(time), 0))], [], [], []
     for name, (values, about) in histories.items():
         given = about.get(ELEMENTS)
         if len(values) != len(time):
@@ -132,8 +133,9 @@ def flat_columns(system: str, time: Array, histories: Variables) -> Result:
         blocks.append(values.reshape(len(values), -1))
         units += [about.get("units", "")] * len(names)
         descriptions += [about.get("long_name", "")] * len(names)
-    values = np.hstack(blocks)
-    return Result(system, time, tuple(columns), tuple(units), values, tuple(descriptions))
+        modes += [about.get("modes", "")] * len(names)
+    values, texts = np.hstack(blocks), tuple(descriptions)
+    return Result(system, time, tuple(columns), tuple(units), values, texts, modes=tuple(modes))
 
 
 def _from_lines(text: str) -> list[str]:
@@ -157,13 +159,18 @@ def check_nul(result: Result) -> None:
     """Raise ValueError if a text of a result contains NUL, which ends texts in C libraries."""
     tables = [table for table in (result, result.parameters) if table is not None]
     texts = [result.message, result.system]
-    texts += [t for table in tables for t in (*table.columns, *table.units, *table.descriptions)]
+    texts += [t for table in tables for t in _all_texts(table)]
     if result.provenance is not None:
         texts += [t for t in provenance.flat(result.provenance).values() if isinstance(t, str)]
     if bad := next((text for text in texts if "\0" in text), None):
         raise ValueError(
             f"a text contains a NUL character, which this format cannot store: {bad!r}"
         )
+
+
+def _all_texts(table: Result) -> Iterator[str]:
+    for texts in (table.columns, table.units, table.descriptions, table.modes):
+        yield from texts
 
 
 # ---- texts and parameters of a bare table
@@ -185,8 +192,8 @@ def content(result: Result) -> dict[str, Any]:
 
 
 def _texts(result: Result) -> dict[str, Any]:
-    """Return units and descriptions by column, without empty ones."""
-    given = {"units": result.units, "descriptions": result.descriptions}
+    """Return units, descriptions and modes by column, without empty ones."""
+    given = {"units": result.units, "descriptions": result.descriptions, "modes": result.modes}
     return {
         kind: {name: text for name, text in zip(result.columns, texts, strict=False) if text}
         for kind, texts in given.items()
@@ -212,12 +219,11 @@ def _table(about: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def _named(result: Result, texts: Mapping[str, Any]) -> Result:
-    units, descriptions = (_table(texts, kind) for kind in ("units", "descriptions"))
-    return replace(
-        result,
-        units=tuple(units.get(name, "") for name in result.columns),
-        descriptions=tuple(descriptions.get(name, "") for name in result.columns),
-    )
+    found: dict[str, Any] = {
+        kind: tuple(_table(texts, kind).get(name, "") for name in result.columns)
+        for kind in ("units", "descriptions", "modes")
+    }
+    return replace(result, **found)
 
 
 def _parameters(result: Result, table: Mapping[str, Any]) -> Result:

@@ -17,7 +17,9 @@ from harness.results.formats import check_nul, check_size, numbers, restored
 from harness.results.provenance import flat
 from harness.results.result import ELEMENTS, Array, Result, element_names, in_lines, variables
 
-ATTRIBUTES = {"units": "units", "long_name": "descriptions", ELEMENTS: "columns"}
+ATTRIBUTES = {
+    "units": "units", "long_name": "descriptions", "modes": "modes", ELEMENTS: "columns"
+}  # fmt: skip
 """Structs of a .mat with texts about its variables, by attribute."""
 OF_FIXED = "parameter_"
 """Begin of the names of these structs where they are about parameters."""
@@ -60,7 +62,8 @@ def _structs(result: Result) -> dict[str, Any]:
 def _described(table: Result | None) -> Iterator[tuple[str, Array, dict[str, str]]]:
     """Yield variables with their attributes, including the names of their elements."""
     for name, _, values, about in variables(table):
-        yield name, values, {ELEMENTS: in_lines(element_names(name, values.shape[1:])), **about}
+        elements = in_lines(element_names(name, values.shape[1:]))
+        yield name, values, {ELEMENTS: elements, "modes": "", **about}
 
 
 def read(path: Path) -> Result:

@@ -255,7 +255,7 @@ def _blank(system: System, found: Checked, every: int) -> Result:
 
 def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:
     """Return names, units and texts without values, before the first run."""
-    names, units, texts = columns(slots)
+    names, units, texts, modes = columns(slots)
     values = np.empty((1, len(slots))) if values is None else values
     time = np.arange(len(values), dtype=np.float64)
-    return Result("", time, names, units, values, texts, parameters=parameters)
+    return Result("", time, names, units, values, texts, parameters=parameters, modes=modes)

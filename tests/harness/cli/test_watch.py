@@ -15,9 +15,10 @@ import pytest
 from harness import read, run
 from harness.cli import watch
 from harness.cli.app import main
+from harness.figures.choice import figure_of
+from harness.figures.plots import paint
 from harness.files import paths
 from harness.master.simulation import Simulation
-from harness.mission import mission
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.system.interface import read_interface
@@ -51,24 +52,6 @@ def test_modes_have_the_names_of_their_description():
     assert look["mode"] == names[int(result["guidance.mode"][20])]
 
 
-@pytest.mark.parametrize(
-    ("description", "names"),
-    [
-        ("0 far, 1 hold 1, 2 fly-around", ["far", "hold 1", "fly-around"]),
-        ("source of the force: 0 none, 1 far, 3 sync", ["none", "far", "sync"]),
-        ("0 coast, 1 burn (scalar law: always 1)", ["coast", "burn"]),
-        ("0 stow, 1 deploy; -1 by the clock", ["stow", "deploy"]),
-        ("phase: 1 to 3 with thrust, 4 passive", []),
-        ("0 or 1, per thruster: P1, 2 none", []),
-        ("step: at most 0.1 s with torques, 10 s in free drift", []),
-        ("part of the thrust, clipped to 0..1", []),
-        ("0 only", []),
-    ],
-)
-def test_a_description_that_lists_modes_names_them(description, names):
-    assert list(mission.modes(description).values()) == names
-
-
 LISTED = re.compile(r"\b0\W+[A-Za-z].*[,;] 1\W+[A-Za-z]")
 """A description that lists what 0 and 1 mean, in any grammar."""
 
@@ -78,15 +61,32 @@ def test_every_mode_of_every_fmu_has_names_by_number():
     for component, path in paths.fmus().items():
         for name, variable in read_interface(path).variables.items():
             if variable.causality != "parameter" and LISTED.search(variable.description):
-                found[f"{component}.{name}"] = mission.modes(variable.description)
-    assert all(found.values()), [name for name, names in found.items() if not names]
+                found[f"{component}.{name}"] = variable.modes.split("|")
+    assert all(map(any, found.values())), [name for name, names in found.items() if not any(names)]
     phases = found["mission_manager.phase"]
-    assert list(phases) == [str(k) for k in range(15)]
-    assert [phases[k] for k in ("1", "3", "6")] == ["hold 1", "hold 2", "hold 3"]
-    assert [phases[k] for k in ("4", "11")] == ["fly-around", "back-off"]
-    assert found["docking_mechanism.phase"]["2"] == "soft capture"
-    assert found["pursuit_guidance.mode"] == {"0": "coast", "1": "align", "2": "burn"}
-    assert len(found) >= 9
+    assert len(phases) == 15
+    assert [phases[k] for k in (1, 3, 6)] == ["hold 1", "hold 2", "hold 3"]
+    assert [phases[k] for k in (4, 11)] == ["fly-around", "back-off"]
+    assert found["docking_mechanism.phase"][2] == "soft capture"
+    assert found["pursuit_guidance.mode"] == ["coast", "align", "burn"]
+    assert len(found) >= 15
+
+
+def test_names_of_modes_survive_every_format(tmp_path):
+    result = run("relay_approach", stop=1.0)
+    assert result.mode_names("guidance.mode") == ("coast", "align", "burn")
+    assert result.mode("guidance.mode", 2.0) == "burn"
+    assert result.mode("guidance.mode", 7.0) == "7"
+    assert not result.mode_names("guidance.range")
+    for ending in ("nc", "mat", "csv", "parquet"):
+        again = read(result.save(tmp_path / f"r.{ending}"))
+        assert again.modes == result.modes, ending
+
+
+def test_the_axis_of_a_mode_shows_its_names():
+    result = run("relay_approach", stop=1.0)
+    axes = paint(figure_of(result, ["guidance.mode"]), result).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["coast", "align", "burn"]
 
 
 def test_the_latch_of_the_mission_has_its_whole_name():
