@@ -2,9 +2,12 @@
 """Files that only an archive of FMI 3.0 contains: build description and terminals."""
 
 import html
+import io
 import re
 from collections import defaultdict
 from collections.abc import Iterable
+
+from PIL import Image, ImageDraw, ImageFont
 
 COMPILER_OPTIONS = "-std=c99 -O2 -ffp-contract=off -fno-tree-slp-vectorize -fno-math-errno"
 """Options with which the sources give the bits of the binary, see SAME_BITS of build_fmu.py."""
@@ -19,8 +22,21 @@ PLATFORMS = {
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
-BODY = re.compile(r"(?:r|v|omega|sigma)_([A-Z])[A-Z]?(?:_[A-Z])?")
-"""Names of the motion of a body relative to another: letter of each, letter of the axes."""
+BODY = re.compile(r"(r|v|omega|q)_([A-Z])([A-Z])(?:_([A-Z]))?(_hat)?")
+"""Motion of a body relative to another: quantity, letters of both, letter of the axes."""
+
+WRENCH = re.compile(r"([FM])_((?:[a-z]+_)?[A-Z])")
+"""Force or torque: quantity, purpose and axes."""
+
+AXES = {"r": 3, "v": 3, "omega": 2, "q": 0}
+"""Group of BODY whose letter names the axes of a quantity: position and velocity have the axes of
+the other body, the angular velocity has the axes of the body itself."""
+
+BODY_STATE, WRENCHES, SIGNAL = (f"servicing-fmus.{n}" for n in ("body-state", "wrench", "signal"))
+"""Kinds of terminals: members r, v, q, omega; members F, M; the member signal."""
+
+ICONS = {"icon": (), "output": ((4, 4), (28, 16), (4, 28)), "input": ((4, 4), (28, 16), (4, 28))}
+"""Corners of the triangle in each picture of terminalsAndIcons/."""
 
 
 def build_description(identifier: str, sources: Iterable[str]) -> str:
@@ -37,33 +53,78 @@ def build_description(identifier: str, sources: Iterable[str]) -> str:
 
 
 def terminals(rows: Iterable[dict[str, str]]) -> str:
-    """Return terminalsAndIcons.xml, with a terminal per body and direction that has at least two of
-    position, velocity, angular velocity and attitude; "" without a terminal.
+    """Return terminalsAndIcons.xml. Inputs and outputs form terminals that join by the names of
+    their members: the state of a body, force and torque, or a single signal. What reads less than
+    what another FMU offers has fewer members of the same kind.
     """
-    plugs: dict[str, list[str]] = defaultdict(list)
+    plugs: dict[tuple[str, str], dict[str, str]] = defaultdict(dict)
     for row in rows:
-        prefix, _, name = row["name"].rpartition(".")
-        body = BODY.fullmatch(name)
-        if body and row["causality"] in ("input", "output"):
-            direction = "in" if row["causality"] == "input" else "out"
-            motion = name.split("_")[1]
-            plugs[f"{prefix and prefix + '.'}{motion}_{direction}"].append(row["name"])
-    text = "".join(_terminal(name, members) for name, members in plugs.items() if len(members) > 1)
-    if not text:
+        if row["causality"] in ("input", "output"):
+            kind, name, member = _place(row["name"])
+            plugs[kind, f"{name}_{row['causality'].removesuffix('put')}"][member] = row["name"]
+    if not plugs:
         return ""
+    sides = {side: [p for p in plugs if p[1].endswith(f"_{side}")] for side in ("in", "out")}
+    text = "".join(
+        _terminal(*plug, members, sides[side].index(plug), len(sides[side]))
+        for plug, members in plugs.items()
+        for side in [plug[1].rpartition("_")[2]]
+    )
     return (
-        f'{HEAD}<fmiTerminalsAndIcons fmiVersion="3.0">\n  <Terminals>\n{text}'
-        "  </Terminals>\n</fmiTerminalsAndIcons>\n"
+        f'{HEAD}<fmiTerminalsAndIcons fmiVersion="3.0">\n  <GraphicalRepresentation>\n'
+        '    <CoordinateSystem x1="-100" y1="-100" x2="100" y2="100"'
+        ' suggestedScalingFactorTo_mm="0.1"/>\n'
+        '    <Icon x1="-100" y1="-100" x2="100" y2="100"/>\n  </GraphicalRepresentation>\n'
+        f"  <Terminals>\n{text}  </Terminals>\n</fmiTerminalsAndIcons>\n"
     )
 
 
-def _terminal(name: str, members: list[str]) -> str:
+def _place(variable: str) -> tuple[str, str, str]:
+    """Return kind and name of the terminal of a variable, and its member there."""
+    prefix, point, name = variable.rpartition(".")
+    if (found := BODY.fullmatch(name)) and _is_motion(found):
+        return BODY_STATE, f"{prefix}{point}{found[2]}{found[3]}{found[5] or ''}", found[1]
+    if found := WRENCH.fullmatch(name):
+        return WRENCHES, f"{prefix}{point}wrench_{found[2]}", found[1]
+    return SIGNAL, variable, "signal"
+
+
+def _is_motion(found: re.Match[str]) -> bool:
+    axes = AXES[found[1]]
+    return found[4] == (found[axes] if axes else None)
+
+
+def _terminal(kind: str, name: str, members: dict[str, str], place: int, count: int) -> str:
+    """Return a terminal, drawn as one of `count` at the left (inputs) or right edge."""
     lines = "".join(
-        f'      <TerminalMemberVariable variableName="{html.escape(member)}" '
-        f'memberName="{html.escape(member.rpartition(".")[2])}" variableKind="signal"/>\n'
-        for member in members
+        f'      <TerminalMemberVariable variableName="{html.escape(variable)}" '
+        f'memberName="{member}" variableKind="signal"/>\n'
+        for member, variable in members.items()
     )
+    is_input = name.endswith("_in")
+    left, middle = (-110 if is_input else 90), 100 - 200 * (place + 0.5) / count
+    half = min(10.0, 80 / count)
     return (
-        f'    <Terminal name="{html.escape(name)}" matchingRule="bus" '
-        f'terminalKind="servicing-fmus.body-state">\n{lines}    </Terminal>\n'
+        f'    <Terminal name="{html.escape(name)}" matchingRule="bus" terminalKind="{kind}">\n'
+        f'{lines}      <TerminalGraphicalRepresentation x1="{left}" y1="{middle - half:.4g}"'
+        f' x2="{left + 20}" y2="{middle + half:.4g}"'
+        f' iconBaseName="{"input" if is_input else "output"}"/>\n    </Terminal>\n'
     )
+
+
+def icons(name: str) -> dict[str, bytes]:
+    """Return the pictures of terminalsAndIcons/: the block with its name, and its terminals."""
+    found = {}
+    for kind, corners in ICONS.items():
+        image = Image.new("RGBA", (32, 32) if corners else (200, 200), "#0000")
+        draw = ImageDraw.Draw(image)
+        if corners:
+            draw.polygon(corners, fill="#204a87" if kind == "output" else "#729fcf")
+        else:
+            draw.rectangle((2, 2, 197, 197), fill="white", outline="#204a87", width=3)
+            draw.text((100, 100), name.replace("_", "\n"), fill="#204a87", anchor="mm",
+                      align="center", font=ImageFont.load_default(24))  # fmt: skip
+        stream = io.BytesIO()
+        image.save(stream, "PNG")
+        found[f"terminalsAndIcons/{kind}.png"] = stream.getvalue()
+    return found

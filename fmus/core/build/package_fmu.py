@@ -18,7 +18,7 @@ import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-from package_fmi3 import PLATFORMS, build_description, terminals
+from package_fmi3 import PLATFORMS, build_description, icons, terminals
 from PIL import Image, ImageDraw, ImageFont
 from reference_trace import reference_files
 from typeset import NotationError, page
@@ -236,6 +236,7 @@ class Files:
         files["sources/buildDescription.xml"] = listed.encode()
         if plugs := terminals(read_rows(description)):
             files["terminalsAndIcons/terminalsAndIcons.xml"] = plugs.encode()
+            files.update(icons(identifier))
         return files
 
 
