@@ -88,6 +88,12 @@ HintsOption = Annotated[
 ]
 
 
+ScalarsOption = Annotated[
+    bool,
+    option("--scalars", "Write an FMU of FMI 3.0 without arrays, for tools that cannot read them"),
+]
+
+
 OpenOption = Annotated[
     Texts,
     option(
@@ -110,6 +116,7 @@ def export_command(  # noqa: PLR0913 - one argument per option
     fmi: FmiOption = None,
     ssp: SspOption = None,
     hints: HintsOption = False,
+    scalars: ScalarsOption = False,
     without: OpenOption = None,
     changes: Any,
 ) -> None:
@@ -119,7 +126,8 @@ def export_command(  # noqa: PLR0913 - one argument per option
     """
     from harness.exports.package import export
 
-    typer.echo(export(system, target, fmi, ssp, hints=hints, without=without or (), **changes))
+    own: Any = {"hints": hints, "scalars": scalars, "without": without or ()}
+    typer.echo(export(system, target, fmi, ssp, **own, **changes))
 
 
 @command("linearize")

@@ -35,6 +35,7 @@ def export(  # noqa: PLR0913 - one argument per option
     ssp: int | None = None,
     *,
     hints: bool = False,
+    scalars: bool = False,
     without: Collection[str] = (),
     **changes: Unpack[Changes],
 ) -> Path:
@@ -44,6 +45,7 @@ def export(  # noqa: PLR0913 - one argument per option
     of FMI of an .fmu, 2 (default) or 3; ssp: version of SSP of an .ssp, 1 or 2 (default 1, with
     FMUs of FMI 3.0 2); hints: write the periods of slow components for libcosim and ecos, which
     otherwise step every component at every macro step, into a file that OMSimulator rejects;
+    scalars: an .fmu of FMI 3.0 has no arrays, for tools that cannot read them;
     without: components that another tool is to run: what they drive are inputs of the rest;
     changes: as for run(). Running the .ssp gives the bits of running the system
     with the same changes; the same changes give the same bytes. Raises the exceptions of run()
@@ -61,9 +63,11 @@ def export(  # noqa: PLR0913 - one argument per option
                 raise UsageError(f"{file}: --{kind.lower()} applies only to {ending} output")
         if hints and file.suffix != ".ssp":
             raise UsageError(f"{file}: --hints applies only to .ssp output")
+        if scalars and (file.suffix != ".fmu" or fmi != 3):
+            raise UsageError(f"{file}: --scalars applies only to .fmu output with --fmi 3")
         try:
             if file.suffix == ".fmu":
-                _write_fmu(changed, graph, file, fmi or 2)
+                _write_fmu(changed, graph, file, fmi or 2, scalars)
             else:
                 write_ssp(changed, file, ssp, hints=hints)
         except ValueError as error:  # lxml: control characters, which XML has no way to write
@@ -71,14 +75,16 @@ def export(  # noqa: PLR0913 - one argument per option
     return file
 
 
-def _write_fmu(system: System, graph: Graph, file: Path, fmi: int) -> None:
+def _write_fmu(system: System, graph: Graph, file: Path, fmi: int, scalars: bool) -> None:
     """Write one model of all models, or a container with a log line that states the reason. FMI 3.0
     has no container.
     """
     with PrivateFolder() as folder:
         made = folder / file.name
         try:
-            guarded([c.fmu for c in system.components], write_whole, system, graph, made, fmi)
+            guarded(
+                [c.fmu for c in system.components], write_whole, system, graph, made, fmi, scalars
+            )
         except NotFusedError as reason:
             if fmi != 2:
                 line = f"{file}: a container of FMUs is of FMI 2.0, and nothing else can be made"

@@ -55,13 +55,17 @@ class NotFusedError(HarnessError):
     """System that cannot be one FMU of the project. str() gives the reason in one line."""
 
 
-def write_whole(system: System, graph: Graph, path: Path, fmi: int = 2) -> None:
+def write_whole(
+    system: System, graph: Graph, path: Path, fmi: int = 2, scalars: bool = False
+) -> None:
     """Write a checked system as one FMU of a version of FMI with its values as start values, its
     name, the version of this package and its provenance; raise NotFusedError.
+
+    scalars: elements of vectors and matrices are variables also in FMI 3.0.
     """
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     plan = _plan(system, graph, system.name) | whole_provenance(system, interfaces)._asdict()
-    _make(plan, path, _command(COMPILER), fmi)
+    _make(plan | {"scalars": scalars}, path, _command(COMPILER), fmi)
 
 
 class Whole:

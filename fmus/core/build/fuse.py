@@ -128,6 +128,8 @@ class Build:
         models = [self.folder / f"part_{stem}.c" for stem in stems]
         objects = self._objects(models, list(fmus.values()))
         whole = self._laid_out(symbols, self._models(fmus, objects))
+        if self.spec.get("scalars"):
+            whole.rows = [one for row in whole.rows for one in row.scalars()]
         system = self.folder / "system.c"
         digest = hashlib.sha256(json.dumps(self._structure()).encode()).hexdigest()
         system.write_text(system_c(self.spec, whole, digest), encoding="utf-8")
