@@ -30,7 +30,7 @@ C_FILES := $(shell find $(CODE) -name '*.[ch]')
         validation gallery sanitize lint warnings format coverage bench wheel dist clean
 help:
 	@echo "make demo | test | test-browser | test-wasm | test-wheel | test-interop | test-long |"
-	@echo "     oms OMSIMULATOR=CHECKOUT |"
+	@echo "     oms OMSIMULATOR=CHECKOUT | clients |"
 	@echo "     test-processors | pil |"
 	@echo "     validation | gallery | quoted-values | lint | warnings | format | coverage | sanitize |"
 	@echo "     tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
@@ -105,7 +105,18 @@ oms: build
 	  -DCMAKE_POLICY_VERSION_MINIMUM=3.5
 	$(RUN) cmake --build $(OMSIMULATOR)/build --target OMSimulator
 	OMSIMULATOR=$(OMSIMULATOR)/build/src/OMSimulator/OMSimulator \
-	  $(BIN)/pytest -m interop -rs tests/interop/test_omsimulator.py
+	  $(BIN)/pytest -m interop -rs --tool-table=docs/tools.md tests/interop/test_omsimulator.py
+
+# Python clients of FMUs, each in a virtual environment in the folder CLIENTS, whose packages
+# exclude each other
+.PHONY: clients
+CLIENTS ?= build/clients
+clients: build
+	@for client in fmuloader cofmupy; do test -d $(CLIENTS)/$$client || \
+	  { $(PYTHON) -m venv $(CLIENTS)/$$client && \
+	    $(CLIENTS)/$$client/bin/pip install --quiet --disable-pip-version-check $$client; } || exit 1; done
+	CLIENTS=$(abspath $(CLIENTS)) $(BIN)/pytest -m interop -rs --tool-table=docs/tools.md \
+	  tests/interop/test_clients.py
 
 # flight software on emulated processors; on Debian (and Ubuntu) the packages are installed
 PIL_PACKAGES := gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm \
@@ -280,6 +291,7 @@ release: build site dist sdist
 	  --no-deps --wheel-dir dist -C build-dir=build/release .
 	mkdir -p dist/ssp && cp build/release/ssp/*.ssp dist/ssp
 	$(BIN)/python .ci/reference_systems.py dist
+	$(BIN)/python .ci/reference_set.py dist
 	$(BIN)/python .ci/traceability.py dist -o dist/traceability.zip
 	$(BIN)/python .ci/release.py dist
 	$(BIN)/python .ci/release.py dist --check

@@ -24,7 +24,7 @@ STYLE = "body{font-family:sans-serif;margin:2em}td,th{padding:.2em .6em;text-ali
 KINDS = {
     ".fmu": "FMUs",
     ".ssp": "Systems",
-    ".zip": "Traceability",
+    ".zip": "Reference systems, traceability",
     ".whl": "Python",
     ".gz": "Python",
 }
@@ -136,7 +136,13 @@ def expected() -> dict[str, str]:
     systems = sorted(p.stem for p in (ROOT / "build/ssp").glob("*.ssp"))
     names = [f"{folder}/{fmu}.fmu" for folder in ("fmus", "fmus3") for fmu in fmus]
     names += [f"ssp/{system}{end}" for system in systems for end in (".ssp", ".fmi3.ssp")]
-    names += [f"{kernel}.tar.gz", "traceability.zip", "SHA256SUMS", "index.html"]
+    names += [
+        f"{kernel}.tar.gz",
+        "traceability.zip",
+        "reference-ssps.zip",
+        "SHA256SUMS",
+        "index.html",
+    ]
     return {f"{kernel}-*.whl": f"{kernel}-*.whl"} | {name: name for name in names}
 
 

@@ -14,6 +14,7 @@ from harness.system.interface import read_interface
 SYSTEM, STEPS = "arch_rendezvous", 20
 
 
+@pytest.mark.long
 def test_elements_are_variables_with_the_bits_of_the_arrays(tmp_path):
     """FMPy reads every scalar by a reference of its own."""
     path = export(SYSTEM, tmp_path / "whole.fmu", 3, scalars=True)

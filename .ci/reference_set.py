@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Write reference-ssps.zip for makers of tools: every system in all standards, with the trace that
+a tool must give, tolerances with their reasons, and the script that compares.
+
+python .ci/reference_set.py dist        # make release
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+import tempfile
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from harness import load
+from harness.master.simulation import Simulation
+from harness.results.result import Result
+from harness.ssp.writer import write_ssp
+from harness.system.model import System
+from harness.system.values import base
+
+ENDING = ".fmi3.ssp"
+"""Of the twins that reference_systems.py writes."""
+STEPS, EVERY = 200, 10
+"""Macro steps of a trace, and macro steps per row."""
+DIGITS = 1e-11
+"""Tolerance as a share of the largest element of a vector within the trace."""
+REASONS = {
+    True: "equal bits: every instant has its digits; a CSV file has twelve",
+    False: "zero throughout: nothing may appear",
+}
+FIXED_DATE = (1980, 1, 1, 0, 0, 0)
+README = """Reference systems of servicing-fmus
+
+ssp1/NAME.ssp        SSP 1.0, FMUs of FMI 2.0
+ssp2/NAME.ssp        SSP 2.0, FMUs of FMI 2.0
+ssp2-fmi3/NAME.ssp   SSP 2.0, FMUs of FMI 3.0 (SSP 1.0 cannot hold them)
+traces/NAME.csv      what all three give: Jacobi (all FMUs read, then all step), every FMU at every
+                     macro step, {steps} macro steps, each {every}th row
+traces/tolerances.csv  per trace and variable: tolerance and its reason
+compare.py           python compare.py traces/NAME.csv ROWS_OF_YOUR_TOOL.csv
+
+The page "Test your tool in ten minutes" of the documentation has the steps.
+"""
+
+
+def traced(system: System) -> Result:
+    """Return the trace of a system: Jacobi, all components at all macro steps."""
+    start, step = system.experiment.start, system.experiment.step or 0.0
+    components = tuple(replace(c, every=1, latency=0) for c in system.components)
+    times = replace(system.experiment, stop=start + STEPS * step, algorithm="jacobi", every=EVERY)
+    with Simulation(replace(system, components=components, experiment=times)) as simulation:
+        simulation.advance()
+        return simulation.result()
+
+
+def table(rows: list[tuple[object, ...]]) -> bytes:
+    """Return rows as CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
+
+
+def trace_csv(result: Result) -> bytes:
+    """Return the trace; a number is the shortest text that reads back as the same double."""
+    head: tuple[object, ...] = ("time", *result.columns)
+    values = np.column_stack((result.time, result.values)).tolist()
+    return table([head, *(tuple(map(repr, row)) for row in values)])
+
+
+def tolerances(result: Result) -> list[tuple[object, ...]]:
+    """Return trace, variable, tolerance and reason; a vector has one tolerance."""
+    largest: dict[str, float] = {}
+    for name, column in zip(result.columns, np.abs(result.values).T, strict=True):
+        largest[base(name)] = max(largest.get(base(name), 0.0), float(column.max()))
+    return [
+        (result.system, name, repr(DIGITS * largest[base(name)]), REASONS[largest[base(name)] > 0])
+        for name in result.columns
+    ]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the files of the archive by name, from the systems in ssp/ of a release."""
+    limits: list[tuple[object, ...]] = [("trace", "variable", "tolerance", "reason")]
+    files = {"README.txt": README.format(steps=STEPS, every=EVERY).encode()}
+    files["compare.py"] = Path(__file__).with_name("compare.py").read_bytes()
+    for path in sorted((folder / "ssp").glob("*.ssp")):
+        if path.name.endswith(ENDING):
+            files[f"ssp2-fmi3/{path.name.removesuffix(ENDING)}.ssp"] = path.read_bytes()
+            continue
+        with load(path) as system, tempfile.TemporaryDirectory() as place:
+            second = Path(place) / path.name
+            write_ssp(system, second, 2)
+            files[f"ssp2/{path.name}"] = second.read_bytes()
+            result = traced(system)
+        files[f"ssp1/{path.name}"] = path.read_bytes()
+        files[f"traces/{path.stem}.csv"] = trace_csv(result)
+        limits += tolerances(result)
+    return files | {"traces/tolerances.csv": table(limits)}
+
+
+def write(folder: Path) -> Path:
+    """Write reference-ssps.zip and return its path. The same systems give the same bytes."""
+    output = folder / "reference-ssps.zip"
+    with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in sorted(contents(folder).items()):
+            entry = zipfile.ZipInfo(name, FIXED_DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, content)
+    return output
+
+
+if __name__ == "__main__":
+    print(write(Path(sys.argv[1])))
