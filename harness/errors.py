@@ -50,13 +50,13 @@ def _rebuilt(
 
 
 class UsageError(HarnessError):
-    """The request is not valid."""
+    """Request that is not valid."""
 
     exit_status = 2
 
 
 class ArchiveError(HarnessError):
-    """A zip archive is damaged, or unpacking it would write where it must not."""
+    """Zip archive that is damaged, or that would write outside of its folder."""
 
 
 class StructureError(HarnessError):
@@ -68,7 +68,7 @@ class StructureError(HarnessError):
 
 
 class FmuError(HarnessError):
-    """An FMU cannot be read, loaded or instantiated on this machine."""
+    """FMU that cannot be read, loaded or instantiated on this machine."""
 
 
 class RunError(HarnessError):
@@ -96,7 +96,7 @@ class RunError(HarnessError):
 
 
 class InterruptionError(RunError):
-    """The user stopped the run."""
+    """Stop of a run by the user."""
 
     def __init__(self, system: str, time: float) -> None:
         super().__init__(system, time, "interrupted")
@@ -126,7 +126,7 @@ class RequirementError(HarnessError):
 
 
 class ResultsError(HarnessError):
-    """A results file cannot be written or read."""
+    """Results file that cannot be written or read."""
 
 
 # ---- libraries that only some need
@@ -160,8 +160,9 @@ _LIMITS: dict[Any, tuple[str, str, str, int]] = {
     **dict.fromkeys(("new thread", "map segment", "allocate memory"), _MEMORY),
     **dict.fromkeys((errno.EMFILE, errno.ENFILE), _FILES),
 }
-"""What is exhausted, by the number, the class or a part of the text of an error: its name, its
-limit in the module `resource`, the command that shows the limit, and the unit of that command.
+"""Limits of the machine, by the number, the class or a part of the text of the error that exceeds
+them: the exhausted resource, its limit in the module `resource`, the command that shows the limit,
+and the unit of that command.
 """
 
 

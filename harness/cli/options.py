@@ -150,7 +150,7 @@ MissionOption = Annotated[
     Path | None, option("--mission FOLDER", "Use figures and claims of the mission in this folder")
 ]
 PlaceOption = Annotated[
-    Text, option("--for SYSTEM.COMPONENT", "Give it the ports of this component", _shown)
+    Text, option("--for SYSTEM.COMPONENT", "Replace this component, with its ports", _shown)
 ]
 RequireOption = Annotated[
     Texts, option("--require 'C.NAME >= 4 m'", "Require this in every row, else exit status 1")

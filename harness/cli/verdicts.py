@@ -54,8 +54,8 @@ def insist(
     strict: bool = False,
     claims: bool = False,
 ) -> None:
-    """Raise RequirementError with a line for everything that gives the exit status 1, see missed();
-    results: by the label of the run; claims: include the claims of papers.
+    """Raise RequirementError with a line for every outcome that gives the exit status 1, see
+    missed(); results: by the label of the run; claims: include the claims of papers.
     """
     lines = [
         f"{label}: {line}" if label else line

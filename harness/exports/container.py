@@ -68,7 +68,7 @@ def _problems(system: System) -> Iterator[str]:
     for c in system.components:
         if c.every != 1 or c.latency != 0:
             pace = f"steps every {c.every} macro steps with a latency of {c.latency}"
-            yield f"{c.name}: {pace}, a container cannot"
+            yield f"{c.name}: {pace}, which a container cannot express"
     for each in system.connections:
         if way(each, interfaces) != IDENTITY:
             yield f"{each.target}: a container cannot transform the signal from {each.source}"

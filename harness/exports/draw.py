@@ -29,7 +29,7 @@ LEAST = 60
 FORMATS = ("svg", "pdf", "png")
 INK, PAPER, GREY = "#34506b", "#eef3f8", "#5a6b7c"
 PIXELS = 96.0
-"""Per inch, as of CSS."""
+"""Pixels per inch, as in CSS."""
 FONT: Any = {
     "font.family": "monospace",
     "font.monospace": ["DejaVu Sans Mono"],

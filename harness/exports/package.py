@@ -87,7 +87,7 @@ def _write_fmu(system: System, graph: Graph, file: Path, fmi: int, scalars: bool
             )
         except NotFusedError as reason:
             if fmi != 2:
-                line = f"{file}: a container of FMUs is of FMI 2.0, and nothing else can be made"
+                line = f"{file}: must be a container of its FMUs, which has FMI 2.0; omit --fmi"
                 raise UsageError(f"{line}: {reason}") from reason
             _log.warning("%s: is a container of its FMUs: %s", file.name, reason)
             write_container(system, file)

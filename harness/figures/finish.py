@@ -31,8 +31,8 @@ LEAST_TICKS = 3
 STEPS = (1, 2, 5)
 """Ticks of a decade where whole decades are too few."""
 ROUNDING = 1e-10
-"""Rounding: a curve smaller than this part of the curves in the same unit beside it, or that varies
-by less than this part of its own mean.
+"""Ratio below which a curve is rounding: its size to the curves in the same unit beside it, or its
+variation to its own mean.
 """
 DECADES = 1e-9
 """Smallest ratio of the lower to the upper end of a logarithmic axis."""

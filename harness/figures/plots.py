@@ -207,7 +207,9 @@ def _modes(panel: Panel, result: Result) -> tuple[str, ...]:
 
 
 def _shade(axes: Any, panel: Panel, results: Iterable[Result], seconds: float) -> None:
-    """Shade the time in which what is drawn acts in none of the runs."""
+    """Shade the time in which no drawn quantity acts in any run, such as torques on a frozen
+    attitude.
+    """
     if idle := panel.idle(results):
         begin, end = idle
         axes.axvspan(begin / seconds, end / seconds, color="0.5", alpha=0.15, label=IDLE)

@@ -41,7 +41,7 @@ MAX_ENTRY = 64 * 1024**2
 """Largest single file that is read into memory [bytes]."""
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, OSError)
-"""What zipfile raises for damaged, encrypted or exotically compressed archives."""
+"""Exceptions of zipfile for damaged, encrypted or exotically compressed archives."""
 
 
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFILE, errno.EFBIG)
@@ -97,8 +97,8 @@ def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
     with _opened(path, "read") as archive:
         found = [entry for entry in archive.infolist() if entry.filename == name]
         if len(found) != 1:
-            number = f"{len(found)} files" if found else "no"
-            raise ArchiveError(f"{path}: it holds {number} {name}")
+            number = f"{len(found)} files" if found else "no file"
+            raise ArchiveError(f"{path}: contains {number} {name}, expected one")
         if found[0].file_size > limit:
             raise ArchiveError(f"{path}: {name} is longer than the limit of {limit} bytes")
         return archive.read(found[0])

@@ -99,7 +99,7 @@ except ImportError:  # Windows has no such lock
 
 
 class Taken(Exception):  # noqa: N818 - what has happened, not a mistake
-    """Somebody else holds the file."""
+    """File that another process has locked."""
 
 
 @contextmanager

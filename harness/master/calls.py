@@ -49,7 +49,9 @@ CTYPES: Mapping[int, Mapping[str, Any]] = {
 """Types in C by version of FMI; values go in this order, and loop.c uses the order of 3.0."""
 
 NEEDED = ("DoStep", "Terminate", "FreeInstance")
-"""Functions that are called when there are rows to lose."""
+"""Functions whose absence would be noticed only at the end of a run, which would then lose its
+rows.
+"""
 
 
 def layout(*types: tuple[Any, str]) -> list[tuple[str, Any]]:
@@ -81,8 +83,8 @@ def _types(function: str) -> tuple[list[Any], Any]:
 
 
 class Calls:
-    """One instance. FMI 3.0 without event mode, early return and intermediate update, so that an
-    FMU handles its events by itself.
+    """Calls of one instance. In FMI 3.0 without event mode, early return and intermediate update,
+    so that an FMU handles its events by itself.
     """
 
     def __init__(

@@ -265,7 +265,7 @@ def _parameter_file(system: System, path: Path) -> System:
     if path.suffix not in (".toml", ".ssv"):
         names = set_names(system)
         hint = did_you_mean(str(path), names) or f", only {', '.join(names)}"
-        raise UsageError(f"--params {path}: {system.name} has no such set{hint}")
+        raise UsageError(f"--params {path}: {system.name} has no such parameter set{hint}")
     if not is_file(path):
         raise UsageError(f"--params {path}: no such file")
     values = Assignments(read_interfaces(system))

@@ -37,7 +37,7 @@ from harness.master.messages import NOTE_SIZE, Notes, noted_call, share_note
 _log = logging.getLogger("harness")
 
 FORK = sys.platform == "linux"
-"""Whether children are forks, which begin at once; elsewhere they are fresh interpreters."""
+"""True where children are forks, which begin at once; elsewhere they are new interpreters."""
 
 Block = Any
 """Shared bytes that can be handed to a child."""

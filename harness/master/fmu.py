@@ -41,7 +41,7 @@ REASONS = {
     TERMINATION: "requested termination",
     EARLY_RETURN: "returned early although that was not allowed",
 }
-"""What a step of FMI 3.0 may say although it has not failed."""
+"""Reasons why a step of FMI 3.0 ends a run although its status is not an error."""
 
 DOING = {
     Verb.SET: "setting inputs failed",

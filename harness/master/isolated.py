@@ -32,12 +32,12 @@ from harness.system.model import System
 _log = logging.getLogger("harness")
 
 PATIENCE = 60.0
-"""How long an FMU that is not ours may take for one call where many runs wait for it [s]."""
+"""Limit for one call into a third-party FMU where many runs wait for it [s]."""
 
 BEGUN, OVER = "begun", "over"
-"""Messages: the initial row stands, with the names of the calls of a macro step; the last row
-stands, or here is the error that has ended the run, with the time of a macro step [s] and how well
-the pacer was followed.
+"""Messages of the child. BEGUN: the initial row is recorded; with the names of the calls of a macro
+step. OVER: the last row is recorded, or the run has ended with an error; with the error or None,
+the time of a macro step [s] and the timing of the pacer.
 """
 
 

@@ -189,7 +189,7 @@ _ALL = re.compile(rf"{_ONE}(?:; {_ONE})*", re.DOTALL)
 _EACH = re.compile(rf"{_ONE}(?:; (?=[^;=]+ = )|$)", re.DOTALL)
 _NAME = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
 _ARTICLE = re.compile(r"\ba (?=[a-z])")
-"""Before a word, for a parameter may be called `a` too."""
+"""Article before a word; the letter alone may be a parameter called `a`."""
 
 
 class Rejection(NamedTuple):

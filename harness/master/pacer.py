@@ -13,7 +13,7 @@ import numpy as np
 from harness.errors import UsageError
 
 SLICE = 0.1
-"""Longest sleep between two looks at the keyboard [s]."""
+"""Longest sleep between two checks for Ctrl-C [s]."""
 
 
 class Timing(NamedTuple):

@@ -13,7 +13,7 @@ from harness.system.model import System
 
 
 class Running(Protocol):
-    """A run as those who watch it see it."""
+    """Run in progress, as its displays see it."""
 
     system: System
     steps: int
@@ -23,9 +23,9 @@ class Running(Protocol):
 
 
 Show = Callable[[int], None]
-"""Called now and then with the number of complete steps."""
+"""Function that is called repeatedly with the number of complete steps."""
 Watch = Callable[[Running], AbstractContextManager[Show]]
-"""What is shown of a run as long as it lasts."""
+"""Function that opens the display of a run, until the end of the `with` block."""
 
 
 @contextmanager

@@ -25,7 +25,7 @@ from harness.system.interface import binaries, binary_problem, read_interface
 TARGET = b"this machine"
 
 Receive = Callable[[int], bytes]
-"""At most so many bytes; b"" when there will be no more."""
+"""Function that returns at most the given number of bytes, b"" at the end of the stream."""
 
 Send = Callable[[bytes], object]
 

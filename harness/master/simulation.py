@@ -35,7 +35,7 @@ from harness.system.model import System
 from harness.system.schedule import Verb, schedule
 
 CHUNK_SECONDS = 0.1
-"""Wall-clock time between two looks at the keyboard and two updates of the progress bar."""
+"""Wall-clock time between two checks for Ctrl-C and two updates of the progress bar [s]."""
 
 MAX_ROUNDS = 200
 """Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after
@@ -90,12 +90,12 @@ class Simulation:
         self.every = every
         self.pacer = pacer
         self.timing = ""
-        """How well the pacer was followed, in a line."""
+        """Delays of the macro steps under a pacer, in one line."""
         self.instances: list[Instance] = []
         self._executor_name = known_executor(executor)
         self._whole: Whole | None = None
         self._apart = executor != FUSED
-        """Whether the FMUs are loaded one by one; else there is one for the whole system."""
+        """True if the FMUs are loaded one by one; else one FMU holds the whole system."""
         self._files: ExitStack | None = None
         self._folder: Path | None = None
         changed = apply(system, **changes)

@@ -88,7 +88,7 @@ Evaluation = Callable[[Result], tuple[float, ...]]
 raise NotJudgedError.
 """
 ROUNDING = 1e-6
-"""Times closer than this [s] are the same."""
+"""Largest distance of times that count as the same [s]."""
 
 
 class NotJudgedError(Exception):
@@ -96,7 +96,7 @@ class NotJudgedError(Exception):
 
 
 class NotExercisedError(NotJudgedError):
-    """The run ended before the time that a claim is about."""
+    """End of a run before the time that a claim is about."""
 
 
 @dataclass(frozen=True)
@@ -280,8 +280,8 @@ def at(result: Result, time: float) -> int:
 
 
 class RuleFinding(NamedTuple):
-    """A rule: its name, the least margin since the start and its unit, the time of the first
-    violation [s] (NaN: none), what the margin is, and the limit in words.
+    """Finding about a safety rule: its name, the least margin since the start and its unit, the
+    time of the first violation [s] (NaN: none), the meaning of the margin, and the limit in words.
     """
 
     name: str

@@ -51,7 +51,7 @@ def use(folder: Path, always: bool = False) -> str:
     """
     place = folder.resolve()
     if not place.is_dir():
-        raise UsageError(f"{folder}: there is no such folder of a mission")
+        raise UsageError(f"{folder}: there is no such folder")
     if not any((place / name).is_file() for name in (FILE, SYSTEM)):
         raise UsageError(f"{folder}: is not a mission: it holds neither {FILE} nor {SYSTEM}")
     packages = {p.folder: p.package for p in installed().values()}

@@ -94,8 +94,8 @@ def apart(
             most, least = (pick(values, key=values.__getitem__) for pick in (max, min))
             yield (
                 f"{metric.name}: {most} {values[most]:.3g} {metric.unit}, {least} "
-                f"{values[least]:.3g} {metric.unit}: more than {metric.apart:g} times apart, not "
-                "the same actuators"
+                f"{values[least]:.3g} {metric.unit} differ by more than a factor of "
+                f"{metric.apart:g}: the actuators are not the same"
             )
 
 

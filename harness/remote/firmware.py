@@ -26,7 +26,7 @@ from harness.system.interface import Interface, read_interface, unpacked_sources
 
 
 SPECS = "picolibc.specs"
-"""Of the C library, with start-up code and linker script."""
+"""Specs of gcc for the C library picolibc: start-up code and linker script."""
 
 
 class Processor(NamedTuple):
@@ -101,8 +101,9 @@ FLAGS = (
     *("-ffunction-sections", "-fdata-sections"),
     "-DLONGEST_CALL=64",
 )
-"""As for every other machine (the same bits), only what is used goes into the image, and what an
-instance stores of a master's calls is small: 2 kB instead of 20.
+"""Flags of the compiler: the first line as for every other machine, for the same bits; the second
+so that the image contains only used functions; LONGEST_CALL so that an instance stores calls of at
+most 64 bytes, 2 kB in all instead of 20.
 """
 
 LIBRARY = f"--specs={SPECS}"
@@ -112,7 +113,7 @@ BOARD = ("board.c", "firmware.c", "soft_double.c")
 
 
 class Part(NamedTuple):
-    """A component that goes into the firmware."""
+    """Component of a firmware."""
 
     name: str
     fmu: Path
@@ -134,7 +135,7 @@ KINDS = {
     **dict.fromkeys(("rodata", "srodata"), "constants"),
     **dict.fromkeys(("data", "sdata", "bss", "sbss"), "data"),
 }
-"""What the sections of an image hold, by their first names."""
+"""Kind of content of the sections of an image, by the beginning of their names."""
 
 
 @cache

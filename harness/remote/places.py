@@ -52,7 +52,7 @@ OPTIONS = {
     "baud": ("a number", _count),
     "late": ("wait, hold or stop", LATE.__contains__),
 }
-"""Options of a place: what is expected, and whether a text is that."""
+"""Options of a place: the expected value in words, and a function that checks a text."""
 
 
 class Place(NamedTuple):

@@ -94,7 +94,7 @@ class Arrays:
 
 
 REDUCED = {"mean": np.add, "least": np.minimum, "largest": np.maximum}
-"""What is taken over the rows from one instant to the next."""
+"""Reductions of the rows from one instant to the next, by name."""
 
 
 def thinned_rows(values: Array, points: int) -> Rows:
@@ -125,7 +125,7 @@ PER_POINT = 8 * 4 / 3
 
 
 def points_of(curves: int, least: int, most: int) -> int:
-    """Return the number of points per curve with which so many curves fit a page."""
+    """Return the number of points per curve with which this number of curves fits a page."""
     return int(np.clip(NUMBERS / PER_POINT / max(1, curves), least, most))
 
 

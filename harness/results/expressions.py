@@ -304,7 +304,7 @@ class _Reader:
                 return self._called(name, arguments, node)
             case ast.Subscript(value=a, slice=index):
                 return self._element(a, _index_of(index), node)
-        raise ValueError(f"an expression cannot hold `{ast.unparse(given)}`")
+        raise ValueError(f"an expression cannot contain `{ast.unparse(given)}`")
 
     def _operation(self, op: ast.AST, given: Sequence[ast.expr], node: Make) -> Node:
         parts = self._all(given)

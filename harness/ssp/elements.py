@@ -168,8 +168,8 @@ class Tree:
         """Return a connection of the system at a place; raise ValueError."""
         (start, gives), (end, takes) = (self._end(element, side, place) for side in SIDES)
         if gives is not None and gives == takes:
-            both = "give" if gives else "take"
-            raise ValueError(f"is a connection between two that {both} a value")
+            both = "outputs" if gives else "inputs"
+            raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
         is_last = target.point.place in self.components  # then the FMU gives the unit
@@ -259,7 +259,7 @@ class Tree:
         """Return a file inside the archive; record a problem if it is missing."""
         name = source or ""
         if urlsplit(name).scheme:
-            self.problems.append(f"{label}: {name} is not read, only files in the archive are")
+            self.problems.append(f"{label}: {name} is outside of the archive and is not read")
             return self.folder
         path = (self.folder / unquote(name)).resolve()
         if not path.is_relative_to(self.folder.resolve()) or not is_file(path):

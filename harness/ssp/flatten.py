@@ -23,7 +23,7 @@ from harness.system.values import Index, Name
 Hops = tuple[Hop, ...]
 
 MAX_CHAIN = 200
-"""Connectors of systems in a row that are followed."""
+"""Largest number of connectors of systems that a signal may pass."""
 
 
 class Flat:
@@ -168,7 +168,7 @@ def _one(scalars: dict[Index, str], array: Point, index: Index) -> str:
 
 def _unequal(a: Index, b: Index | None) -> str:
     ends = f"joins {size_text(a)} with {size_text(b)}"
-    return f"{ends}; one element has its startIndices or endIndices"
+    return f"{ends}; select one element by startIndices or endIndices"
 
 
 def _names(places: list[Place]) -> dict[Place, str]:

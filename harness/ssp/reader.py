@@ -41,7 +41,7 @@ MAX_COMPONENTS = 10_000
 """Largest number of components of a system."""
 
 MOST_KNOWN = 16
-"""Systems that a process remembers."""
+"""Number of systems that a process caches."""
 
 _log = logging.getLogger("harness")
 

@@ -45,7 +45,7 @@ FMU_TYPE = "application/x-fmu-sharedlibrary"
 
 
 def tag(name: str) -> str:
-    """Name that lxml gives to an element written with a prefix: `ssd:System` gives
+    """Return the name that lxml gives to an element written with a prefix: `ssd:System` gives
     `{http://...}System`.
     """
     prefix, local = name.split(":")
@@ -80,7 +80,7 @@ OPTIONAL = (
     "unit",
     "prefix",
 )
-"""Attributes that say nothing when they are empty."""
+"""Attributes that are ignored when they are empty."""
 
 
 def first(element: XmlElement, path: str) -> XmlElement | None:

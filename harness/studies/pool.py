@@ -57,7 +57,7 @@ Ready = Callable[[], AbstractContextManager[object]]
 
 
 class LostWorkerError(Exception):
-    """The process of a task was ended."""
+    """End of the process of a task."""
 
 
 class WorkerPool(Executor):

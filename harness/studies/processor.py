@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Cost of an FMU on a group processor, and comparison of its bits.
+"""Cost of an FMU on a flight processor, and comparison of its bits.
 
 FMUs of one system perform its default run together, each on an emulated processor of its own. All
 published signals are compared with the run in the simulation. A completed run is stored in the

@@ -238,7 +238,7 @@ def _slot(port: Port, variable: Variable) -> Slot:
 
 
 Drives = Mapping[Port, tuple[int, Affine]]
-"""Slots that drive inputs, and what changes on the way."""
+"""Slot and conversion of the signal that drives an input, by input."""
 
 
 def _node(

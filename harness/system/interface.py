@@ -45,7 +45,9 @@ OPTIONAL = (
     "ModelVariables/ScalarVariable[Annotations/Tool/OptionalInput]/@name"
     "|ModelVariables/*[Annotations/Annotation/OptionalInput]/@name"
 )
-"""Where a description names the inputs that a system need not drive, in FMI 2.0 and FMI 3.0."""
+"""Paths to the inputs that a description declares as optional, in FMI 2.0 and FMI 3.0: a system
+need not connect them.
+"""
 
 MODES = "Annotations/Tool/Modes|Annotations/Annotation/Modes"
 """Element of a variable with the names of the values 0, 1, .. of a mode."""
@@ -121,7 +123,7 @@ class Interface:
 
 
 Interfaces = Mapping[str, Interface]
-"""By component."""
+"""Interfaces by the name of the component."""
 
 
 def read_interface(path: Path) -> Interface:

@@ -23,10 +23,10 @@ Names = dict[str, str]
 """Our name of a scalar variable by theirs."""
 
 LEAST_LIKENESS = 0.5
-"""Of names and descriptions that are offered for each other."""
+"""Smallest likeness of two signals that are suggested for each other."""
 
 MOST_GUESSED = 60
-"""Signals that are compared with each other: the work goes with the square."""
+"""Largest number of signals that are compared with each other: the work grows with its square."""
 
 
 class Family(NamedTuple):
@@ -65,7 +65,7 @@ def families(names: Collection[str]) -> dict[str, Family]:
 
 
 def _read(text: str) -> tuple[str, str, Index]:
-    """Name of the signal, style of its indices, and place in it."""
+    """Return the name of the signal, the style of its indices, and its place in the signal."""
     name = Name.read(text)
     if name.element:
         return name.variable, "[", name.element

@@ -41,7 +41,8 @@ def sliders(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[Sli
 
 
 BOUND = 1e300
-"""A limit beyond that is none."""
+"""Limits of at least this size count as no limit: FMUs without limits declare the largest double.
+"""
 
 
 def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:

@@ -80,7 +80,7 @@ class _Exchange:
         others = (i for component, i in self.before.items() if component != name)
         outputs = {n: v for interface in others for n, v in interface.outputs().items()}
         self.signals = {**outputs, **_ports(self.before[name])}
-        """What the component can be connected to: its ports, and the outputs of the others."""
+        """Signals to which the component can be connected: its ports, and outputs of the others."""
         self.names = self._names(given)
 
     # ---- names
@@ -101,7 +101,7 @@ class _Exchange:
 
     def _say_styled(self, taken: Mapping[mapping.Family, mapping.Family]) -> None:
         shown = some([f"{a.elements[0]}.. for {b.elements[0]}.." for a, b in taken.items()])
-        note = "%s: %s writes indices in its own way, taken: %s"
+        note = "%s: %s writes indices in another style; ports connected by it: %s"
         if taken:
             _log.warning(note, self.name, self.path.name, shown)
 

@@ -41,7 +41,7 @@ from harness.system.values import (
 SHARED = "shared"
 
 LONGEST = 16 * 1024**2
-"""Bytes of a TOML file."""
+"""Largest size of a TOML file [bytes]."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -29,7 +29,7 @@ Base = Mapping[str, float]
 
 
 class UndefinedUnitError(ValueError):
-    """A unit has a name, but no meaning."""
+    """Unit with a name but without a definition."""
 
 
 class Unit(NamedTuple):

@@ -52,7 +52,7 @@ def _read(text: str) -> Name:
 
 
 def base(text: str) -> str:
-    """Name of the vector or matrix that a scalar variable is an element of."""
+    """Return the name of the vector or matrix that a scalar variable is an element of."""
     return _read(text).variable
 
 
@@ -132,7 +132,7 @@ def parse(text: str) -> Value:
 
 
 DEEPEST = 50
-"""Tables and lists within each other."""
+"""Largest depth of nested tables and lists."""
 
 
 def too_deep(value: Any) -> bool:
@@ -231,7 +231,7 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
     if isinstance(value, str):
         return f"; write [{value}]" if "," in value else ""
     if isinstance(value, Sequence):
-        return "; the FMU has so many and no other number"
+        return "; the number of elements of an FMU is fixed"
     is_vector = len(index(elements[0])) == 1
     return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]" if is_vector else ""
 
@@ -284,7 +284,7 @@ def _float(value: float) -> float:
     try:
         return float(value)
     except OverflowError:
-        raise ValueError("it is beyond all numbers that a variable can hold") from None
+        raise ValueError("it exceeds the range of a double, about 1.8e308") from None
 
 
 def _checked_text(text: str) -> str:
@@ -303,7 +303,7 @@ def _quoted(text: str) -> str:
 # ---- variables of an FMU, in any version of FMI
 
 EXACT = 2**53
-"""Whole numbers up to here are the same as a double, which is what the bus carries."""
+"""Largest number up to which all whole numbers are exact as doubles, which the bus carries."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ ARM = (
         ),
     ),
 )
-"""What every system with an arm shows."""
+"""Variables of every system with an arm."""
 FIGURES = (
     *ARM,
     Figure(

@@ -22,7 +22,8 @@ POSTURE = 0.2
 REACHED = 1e-3
 """Largest errors of position and attitude of a place that counts as reached [m, rad]."""
 APART = 3
-"""Links that are so many apart along the arm can touch; nearer ones share a joint block."""
+"""Smallest difference of the numbers of two links that can touch; nearer links share a joint block.
+"""
 
 
 class Limits(NamedTuple):
@@ -34,8 +35,9 @@ class Limits(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Joint angles (rows, n), error of place and direction (rows,) [m, rad], singular values of J_m
-    (rows, 6), the velocity of E that costs most, unit vectors (rows, 3), base axes.
+    """Reach of an arm: joint angles (rows, n), errors of place and direction (rows,) [m, rad],
+    singular values of J_m (rows, 6), and the direction of the velocity of E that needs the largest
+    joint rates, unit vectors (rows, 3), base axes.
     """
 
     angle: Array
@@ -65,7 +67,7 @@ def shortest_arc(x: Array, to: Array) -> Array:
 
 
 def errors(at: Pose, place: Array, frame: Array) -> Array:
-    """Place and small rotation that are still to go, (rows, 6) [m, rad]."""
+    """Return the distance and the small rotation still to go, (rows, 6) [m, rad]."""
     turned = frame @ at.frame.transpose(0, 2, 1)
     vector = np.stack([turned[:, k, j] - turned[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], 1)
     sine, cosine = np.linalg.norm(vector, axis=1) / 2, (np.trace(turned.T) - 1) / 2

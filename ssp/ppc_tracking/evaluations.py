@@ -53,7 +53,9 @@ def last_rows(result: Result) -> NDArray[np.intp]:
 
 
 def convergence(result: Result) -> tuple[float, ...]:
-    """Time after which the range error stays within 2 % of the first [s]; that band [m]."""
+    """Return the time after which the range error stays within 2 % of the first [s], and that band
+    [m].
+    """
     error = np.abs(range_error(result))
     band = BAND * error[0]
     outside = np.flatnonzero(error > band)

@@ -80,7 +80,7 @@ def arrival(result: Result) -> tuple[float, ...]:
 
 
 def speed_ripple(result: Result) -> tuple[float, ...]:
-    """Spread of the speed of the first leg relative to its mean [%]; mean [m/s]."""
+    """Return the spread of the speed of the first leg over its mean [%]; the mean [m/s]."""
     leg = speeds(result)[0][first_leg(result)]
     return 100 * np.ptp(leg) / leg.mean(), leg.mean()
 

@@ -15,7 +15,7 @@ from harness.results.result import Array, Result
 from ..shared.relative_motion import SERVICER, SPEED, TARGET, range_
 
 PURSUIT = ("guidance.q_DS",)
-"""What only the guidance of this system publishes."""
+"""Variable that only the guidance of this system publishes."""
 HOLD = "guidance.zeta1"
 """Parameter: range at which the servicer shall stay [m]."""
 IN_ORBIT = 1e6

@@ -38,12 +38,12 @@ from .relative_motion import (
 ETA = "controller.eta_hat"
 """Elements 11 12 13 22 23 33 of the inertia of the body, then of the wheels."""
 MAIN, OFF = (0, 3, 5), (1, 2, 4)
-"""Which of six elements are on the diagonal, and which are not."""
+"""Elements of the six on the diagonal, and off the diagonal."""
 BODY, WHEELS = "servicer.J_S", "servicer.A_w"
 FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
 TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 PURSUIT = "guidance.q_DS"
-"""What only the guidance with the thrusters of the paper publishes."""
+"""Variable that only the guidance with the thrusters of the paper publishes."""
 DIRECTION = "propulsion.thruster_direction"
 ENGINES = (*(f"P{i}" for i in range(1, 9)), *(f"P'{i}" for i in range(1, 6)))
 """The thrusters of the paper: attitude, brakes, main engine."""

@@ -23,7 +23,7 @@ DISTANCES = {
     "guidance.rho_f": "hover distance",
     "guidance.zeta1": "distance to reach",
 }
-"""What the guidance holds, in the order of choice where there is no monitor."""
+"""Distances that the guidance holds, in the order of choice where there is no monitor."""
 HOLDS, VIOLATED = 1, 2
 """States of a rule; 0: it rests."""
 PLUS_X = np.array([[1.0, 0.0, 0.0]])

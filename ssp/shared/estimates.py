@@ -87,7 +87,9 @@ def errors(result: Result) -> tuple[Errors, ...]:
 
 
 def normalised(part: Errors) -> Array:
-    """Sum of squares over variances, (rows,); NaN where nothing is claimed."""
+    """Return the sum of squares over variances, (rows,); NaN where no standard deviation is
+    published.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.sum((part.error / part.sigma) ** 2, axis=1))
 

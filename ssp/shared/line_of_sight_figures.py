@@ -24,7 +24,7 @@ from ..shared.relative_motion import (
 
 QUATERNION = "Actual and desired attitude relative to N: vector part q1, q2, q3 of the quaternion"
 LOS = ("guidance.los.elevation",)
-"""What only the line-of-sight guidance publishes."""
+"""Variable that only the line-of-sight guidance publishes."""
 CHANNELS = (("range", "m"), ("elevation", "rad"), ("azimuth", "rad"))
 
 

@@ -61,7 +61,7 @@ ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
 
 
 def _controlled(result: Result) -> tuple[Array, Array]:
-    """Time and attitude error [deg] since the beginning of attitude control."""
+    """Return time and attitude error [deg] since the beginning of attitude control."""
     begun = result.time >= release_time(result)
     return result.time[begun], np.degrees(attitude_error(result)[begun])
 

@@ -41,7 +41,7 @@ from .relative_motion import (
 
 
 def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
-    """Sum over the elements first .. last - 1 of a vector."""
+    """Return the curve of the sum over the elements first .. last - 1 of a vector."""
     return Curve(lambda r: np.asarray(r[name][:, first:last].sum(axis=1)), needs=(name,))
 
 

@@ -30,7 +30,7 @@ FORCE_H = ("propulsion.F_S", ATTITUDE, TARGET, VELOCITIES[1])
 RELEASE = "servicer.t_att"
 """Parameter: the attitude of the servicer is frozen before this time [s]."""
 RATE = "servicer.omega_SN_S"
-"""Published as zero as long as the attitude is frozen."""
+"""Variable that is published as zero as long as the attitude is frozen."""
 
 
 def position_error(result: Result) -> Array:
@@ -89,7 +89,7 @@ def force_H(result: Result) -> Array:
 
 
 def release_time(result: Result) -> float:
-    """Time from which on torques turn the servicer [s]; infinite if that is never.
+    """Return the time from which on torques turn the servicer [s]; infinite if that is never.
 
     The parameter t_att of the servicer; where the result does not hold parameters, the row before
     the first angular velocity that is not zero.

@@ -39,7 +39,7 @@ RULES = (
     Rule("plume", "m", "monitor.plume_margin"),
     Rule("navigation", "s", "monitor.navigation_margin"),
 )
-"""In the order of the elements of monitor.least_margin."""
+"""Rules in the order of the elements of monitor.least_margin."""
 
 
 def findings(result: Result) -> Iterator[RuleFinding]:
@@ -66,7 +66,7 @@ def least_margin(result: Result, name: str) -> float:
 
 
 def first_violation(result: Result) -> float:
-    """Time of the first violation of any rule [s]; NaN if there was none."""
+    """Return the time of the first violation of any rule [s]; NaN if there was none."""
     times = [f.violated for f in findings(result) if np.isfinite(f.violated)]
     return min(times, default=float("nan"))
 

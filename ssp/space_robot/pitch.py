@@ -17,7 +17,7 @@ from ..shared.metrics import SATURATED
 PITCH, RATE, ANOMALY = "robot.pitch", "robot.pitch_rate", "robot.true_anomaly"
 TURN = 2 * np.pi
 NEWTON_STEPS = 6
-"""From the linear interpolation on, each doubles the digits."""
+"""Steps from the linear interpolation on; each doubles the number of correct digits."""
 
 
 def orbits(result: Result) -> float:

@@ -67,8 +67,8 @@ def safe_distance(result: Result) -> float:
 
 
 def attitude_start(result: Result) -> float:
-    """Time at which the attitude is released [s]; NotExercisedError if the run ends before,
-    NotJudgedError if that is never.
+    """Return the time at which the attitude is released [s]; raise NotExercisedError if the run
+    ends before, NotJudgedError if that is never.
     """
     start = derived.release_time(result)
     end = float(result.time[-1])
@@ -203,8 +203,8 @@ def inertia_offset(result: Result) -> tuple[float, ...]:
 
 
 def grasp_share(result: Result) -> tuple[float, ...]:
-    """Share of the last 200 s in which the target can be grasped [%], largest beta_p meanwhile
-    [deg].
+    """Return the share of the last 200 s in which the target can be grasped [%], and the largest
+    beta_p meanwhile [deg].
 
     Range within 5 cm of rho_M, relative position within 1 deg of the grasp axis, arm within 5 deg
     of the target.

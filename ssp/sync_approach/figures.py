@@ -25,7 +25,7 @@ from ..shared.relative_motion import (
 ETA = "controller.eta_hat"
 """Elements 11 12 13 22 23 33 of the inertia of the body, then of the wheels."""
 MAIN, OFF = (0, 3, 5), (1, 2, 4)
-"""Which of six elements are on the diagonal, and which are not."""
+"""Elements of the six on the diagonal, and off the diagonal."""
 BODY, WHEELS = "servicer.J_S", "servicer.A_w"
 FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
 TURNED = (ATTITUDE, REFERENCE_ATTITUDE)

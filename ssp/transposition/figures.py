@@ -43,7 +43,9 @@ ITERATIONS, SATURATION, MARGIN = (
 )
 GIMBALS = tuple(f"gyro {k}" for k in range(1, 7))
 EDGES = np.array([[a, b] for a in range(8) for b in range(a) if (a ^ b) in (1, 2, 4)])
-"""Edges of a box whose corner k lies on the sides that the bits of k say."""
+"""Pairs of corners of a box that an edge joins; bit i of the number of a corner gives its side
+along axis i.
+"""
 FORM = ("hinge", "module", "box_0", "box_1")
 PANELS = ("panel_area", "panel_body", "panel_position", "panel_normal")
 SHAPE = tuple(f"assembly.{name}" for name in (*FORM, *PANELS))
@@ -91,7 +93,9 @@ def _body(result: Result, body: int) -> Array:
 
 
 def _placed(result: Result) -> Iterator[tuple[float, Array, Array]]:
-    """Time and the segments of base and module in flight axes, at instants from start to end."""
+    """Return times and the segments of base and module in flight axes, at instants from start to
+    end.
+    """
     rows = np.linspace(0, len(result.time) - 1, SNAPSHOTS).round().astype(int)
     base, module = _body(result, 0), _body(result, 1)
     hinge, centre = result.parameter("assembly.hinge"), result.parameter("assembly.module")

@@ -20,7 +20,7 @@ NUMBERS = {
     "h_cmg": "momentum of the gyros",
     "momentum_share": "share of what they can hold",
 }
-"""What runs along, in words."""
+"""Values shown during the replay, with their names."""
 
 
 def assembly(result: Result, arrays: Arrays) -> Scene:

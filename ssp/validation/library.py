@@ -82,7 +82,7 @@ class Instance:
         return port.values.copy()
 
     def step(self, h: float) -> None:
-        """Draw one communication step [s]."""
+        """Take one communication step [s]."""
         self._slave.doStep(self.time, h)
         self.time += h
 

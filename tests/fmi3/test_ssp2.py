@@ -276,7 +276,7 @@ def test_arrays_are_mapped_and_fill_the_schema_of_2_0(simulate, tmp_path, violat
     [
         (
             pair("source.z sink.u"),
-            "source.z to sink.u: joins an array of 3 with an array of 2; one element has its "
+            "source.z to sink.u: joins an array of 3 with an array of 2; select one element by "
             "startIndices or endIndices",
         ),
         (pair("source.y sink.x"), "source.y to sink.x: joins an array of 2 with a scalar"),

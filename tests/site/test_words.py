@@ -57,8 +57,8 @@ def test_other_words_are_not(words, text):
 
 def test_docstrings_that_hide_their_subject_are_found(words):
     source = '"""What it is."""\nclass A:\n    """Of two."""\ndef f():\n    """Return whether."""\n'
-    lines = list(words.in_python("harness/a.py", ast.parse(source)))
-    assert [line.split(":")[1] for line in lines] == ["1", "2"]
+    lines = list(words.in_python("harness/a.py", ast.parse(source + 'X = 1\n"""How many."""\n')))
+    assert [line.split(":")[1] for line in lines] == ["1", "7", "3"]
 
 
 def test_help_texts_begin_with_a_capital(words):

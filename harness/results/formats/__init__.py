@@ -75,8 +75,8 @@ SMALL = 64 * 1024**2
 
 
 def check_size(unpacked: int, packed: int | None = None) -> None:
-    """Raise ValueError if so many bytes of numbers exceed half of the memory of this machine, or
-    the plausible content of a file of `packed` bytes.
+    """Raise ValueError if the unpacked numbers exceed half of the memory of this machine, or the
+    plausible content of a file of `packed` bytes.
     """
     if unpacked > SMALL and unpacked > _memory() / 2:
         raise ValueError(

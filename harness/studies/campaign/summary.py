@@ -122,9 +122,9 @@ def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> d
 
 
 def chance(factors: int, runs: int) -> float:
-    """Return the size that the largest rank correlation of so many factors without effect exceeds
-    in one campaign of twenty (Fieller et al. 1957: artanh(r) is normal, of variance 1.06 / (runs -
-    3)).
+    """Return the size that the largest rank correlation of this number of factors without effect
+    exceeds in one campaign of twenty (Fieller et al. 1957: artanh(r) is normal, of variance 1.06 /
+    (runs - 3)).
     """
     if runs <= 3 or not factors:
         return 1.0

@@ -25,7 +25,7 @@ from .bodies import Bodies, Body, bodies, instants
 ROWS = 5000
 """Rows that Cesium interpolates between; more are thinned to this number."""
 COLOURS = ([0, 114, 178, 255], [213, 94, 0, 255], [0, 158, 115, 255])
-"""Of Okabe & Ito: blue, vermilion, green."""
+"""Colours of bodies, of Okabe & Ito: blue, vermilion, green."""
 LEAP_SECONDS = 37.0
 """TAI - UTC since 2017 [s]; the matrix turns by less than 0.01 arcsec per second of this
 difference.

@@ -142,7 +142,7 @@ def test_the_head_of_a_module_lists_its_own_commands():
         (["run", "demo", "--set", "twice.k"], "--set twice.k: expected name=value"),
         (
             ["run", "demo", "--params", "cold"],
-            "--params cold: demo has no such set, only default, hot",
+            "--params cold: demo has no such parameter set, only default, hot",
         ),
         (["run", "demo", "--swap", "count=nothing"], "nothing: there is no such FMU"),
         (

@@ -166,7 +166,7 @@ def test_without_fmucontainer_one_line_states_what_to_install(demo, tmp_path, mo
     monkeypatch.setitem(sys.modules, "fmu_manipulation_toolbox.assembly", None)
     with pytest.raises(
         StructureError,
-        match="store: steps every 2 macro steps with a latency of 0, a container cannot",
+        match="store: steps every 2 macro steps with a latency of 0, which a container",
     ):
         export(demo, tmp_path / "x.fmu")
     with pytest.raises(UsageError, match="pip install fmu-manipulation-toolbox"):

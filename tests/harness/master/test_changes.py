@@ -99,7 +99,7 @@ def test_single_values_are_numbers_vectors_matrices_or_elements(system):
         ("third.k=fast", r"--set third\.k: 'fast' is not a number"),
         (
             "second.J=[1, 2]",
-            r"--set second\.J: expected 2 x 2 elements, got 2 elements; the FMU has so many .*",
+            r"--set second\.J: expected 2 x 2 elements, got 2 elements; the number of elements .*",
         ),
     ],
 )
@@ -184,11 +184,11 @@ def test_a_mistaken_file_of_parameters_is_rejected(system, tmp_path, name, text,
 
 def test_an_unknown_set_or_file_is_wrong_use(system):
     with pytest.raises(
-        UsageError, match=r"--params triple: demo has no such set \(close: tripled\)"
+        UsageError, match=r"--params triple: demo has no such parameter set \(close: tripled\)"
     ):
         apply(system, params="triple")
     with pytest.raises(
-        UsageError, match=r"--params q: demo has no such set, only default, tripled"
+        UsageError, match=r"--params q: demo has no such parameter set, only default, tripled"
     ):
         apply(system, params="q")
     with pytest.raises(UsageError, match=r"--params gone\.toml: no such file"):

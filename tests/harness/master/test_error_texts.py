@@ -83,7 +83,7 @@ def test_another_number_of_thrusters_or_wheels_is_reported_in_one_line_before_th
     )
     line = (
         f"harness: mine.toml: parameters.{place}: expected {sizes[0]} elements, got {sizes[1]} "
-        "elements; the FMU has so many and no other number"
+        "elements; the number of elements of an FMU is fixed"
     )
     for command in (["check"], ["run", "-o", tmp_path / "x.nc"]):
         assert reported(command[0], tmp_path / "mine.toml", *command[1:]) == (1, [line])
@@ -415,7 +415,7 @@ def test_doubled_names_are_offered_once():
         ),
         (
             ["run", "sync_approach", "--set", "servicer.J_S=[1,2,3]"],
-            "--set servicer.J_S: expected 3 x 3 elements, got 3 elements; the FMU has so many",
+            "--set servicer.J_S: expected 3 x 3 elements, got 3 elements; the number of elements",
         ),
         (["new", "my_pd"], "new my_pd: expected `harness new controller NAME`"),
         (["new", "plant", "x"], "new plant: expected `harness new controller NAME`"),

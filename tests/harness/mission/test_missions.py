@@ -288,7 +288,7 @@ def test_a_run_is_repeated_without_the_python_of_a_folder_that_only_the_file_nam
 
 
 def test_a_mission_is_named_by_its_folder(alone):
-    with pytest.raises(UsageError, match="no such folder of a mission"):
+    with pytest.raises(UsageError, match="there is no such folder"):
         library.use(alone / "nowhere")
     with pytest.raises(UsageError, match="holds neither"):
         library.use(alone)

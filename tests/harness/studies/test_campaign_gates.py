@@ -163,7 +163,7 @@ def test_runs_that_failed_have_no_metrics_and_count_by_their_number(holding):
         ("always(m < 3, 2 s)", "a condition on a campaign has no window of time"),
         ("metric.k < 3", "metric.k is a time series"),
         ("parameter(twice.k) < 3", "parameter twice.k is a time series"),
-        ("1 < m < 3", "an expression cannot hold"),
+        ("1 < m < 3", "an expression cannot contain"),
     ],
 )
 def test_a_condition_that_is_none_of_a_campaign_is_rejected(text, why):

@@ -153,7 +153,7 @@ def test_a_crash_inside_an_fmu_takes_no_other_run_with_it(system, fmus, crashing
 @pytest.mark.parametrize(
     ("varied", "error", "problem"),
     [
-        (("params", "hot,cold"), UsageError, "--params cold: demo has no such set"),
+        (("params", "hot,cold"), UsageError, "--params cold: demo has no such parameter set"),
         (("swap", "twice=gone,gain"), UsageError, "gone: there is no such FMU"),
         (("latency", "twice=0,7"), StructureError, "twice: latency must lie in"),
     ],

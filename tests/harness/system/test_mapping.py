@@ -103,7 +103,7 @@ def test_indices_in_another_style_are_found_and_reported_with_the_parameters(
 ):
     result = run(chain, swap={"to": others[name]}, in_process=True)
     assert result["last.w"].tolist() == EXPECTED.tolist()
-    (note,) = [m for m in caplog.messages if "writes indices in its own way" in m]
+    (note,) = [m for m in caplog.messages if "writes indices in another style" in m]
     first = {"zero": "v[0].. for v[1]..", "under": "v_1.. for v[1].."}[name]
     assert first in note
 
