@@ -21,8 +21,8 @@
 #include "portable_math.h"
 
 #define ROLL_SAMPLES 10   /* tau */
-#define AGREED       1e-6 /* rad and rad/s: D agrees with the rule */
-#define NEARLY_BACK  3.0  /* rad: beyond, D continues in its sense of rotation */
+#define AGREED       1e-6 /* rad, rad/s: largest difference of D from the rule to count as equal */
+#define NEARLY_BACK  3.0  /* rad: beyond, D turns on in its sense of rotation */
 
 typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;
 typedef struct { double rate_max, acceleration_max; } RollLimits;

@@ -110,7 +110,7 @@ class CExecutor:
     """The same loop in C, over the function pointers of the libraries that FMPy has loaded."""
 
     def __init__(self, loop: Loop) -> None:
-        self.loop = loop  # what C points into
+        self.loop = loop  # holds the arrays to which the C structs point
         self._execute = _library()
         self._origin = list(_origins(loop.plan))
         self.calls = _marked(action for action, _ in self._origin)

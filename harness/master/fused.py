@@ -288,7 +288,7 @@ def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
 
 def _core() -> Path:
     core = paths.core()
-    assert core is not None  # _command() has looked
+    assert core is not None  # _command() has checked it
     return core
 
 

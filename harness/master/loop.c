@@ -235,14 +235,14 @@ static int step_3(const Call *c, const Moment *now)
     return terminate ? TERMINATION : early ? EARLY_RETURN : status;
 }
 
-/* by kind of call; a table, so that calls of both versions are one jump away */
+/* functions by kind of call; a table makes each call one jump, in both versions of FMI */
 static int (*const perform[])(const Call *c, const Moment *now) = {
     [SET_REAL] = set_real,       [SET_INTEGER] = set_integer, [STEP] = step_2,
     [GET_REAL] = get_real,       [GET_INTEGER] = get_integer, [SET_AFFINE] = set_affine,
     [SET_FLOAT64] = set_float64, [GET_FLOAT64] = get_float64, [SET_OTHER] = set_other,
     [GET_OTHER] = get_other,     [STEP_3] = step_3,           [SET_AFFINE_3] = set_affine_3};
 
-static int due(const Call *c, long k) /* every step for most: no division then */
+static int due(const Call *c, long k) /* every step for most actions: no division */
 {
     return c->every == 1 || k % c->every == c->phase;
 }

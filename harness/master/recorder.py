@@ -44,7 +44,7 @@ class Recorder:
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
         self.steps = steps
-        self.every = min(every, steps + 1)  # larger: first and last row only
+        self.every = min(every, steps + 1)  # a larger one gives the same two rows
         self.progress: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
         rows = -(-steps // every) + 1
         self.table: NDArray[np.float64]

@@ -27,7 +27,7 @@ def write(source: Result | str | Path, path: str | Path, live: bool = False) -> 
     extra `report` is missing, ResultsError if the page cannot be written.
     """
     with catch_warnings():
-        simplefilter("ignore", RuntimeWarning)  # of numpy, about values that are not finite
+        simplefilter("ignore", RuntimeWarning)  # numpy warns of values that are not finite
         if not live:
             text = of_run(source) if isinstance(source, Result) else _of_path(Path(source))
         else:

@@ -106,7 +106,7 @@ class Requirement:
 
     def _margin(self, node: Node) -> int:
         is_true = self._add("==", self._truth(node), self._number(1))
-        if self.guarded and node.is_timing:  # states when, not how well
+        if self.guarded and node.is_timing:  # a condition on time has no margin of its own
             return self._where(is_true, math.inf, -math.inf)
         match node.kind:
             case "compare":
@@ -133,7 +133,7 @@ class Requirement:
         if node.kind != "join":
             return self._add("any", looked)
         further = [part for part in node.parts if not part.is_timing]
-        if (node.name == "or") is negated:  # all parts must hold
+        if (node.name == "or") is negated:  # `and`, or a negated `or`: all parts must hold
             parts = [self._exercised(part, looked, negated) for part in further]
             return self._fold("*", [self._number(1), *parts])
         for part in node.parts:

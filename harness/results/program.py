@@ -209,7 +209,7 @@ def _table(given: list[tuple[Any, bool]], _: None) -> Any:
 
 
 def _number(_: Any, constant: float) -> Any:
-    return constant if isinstance(constant, bool) else np.float64(constant)  # 9**9**9 ends
+    return constant if isinstance(constant, bool) else np.float64(constant)  # 9**9**9 overflows
 
 
 def _least(table: Any) -> Any:

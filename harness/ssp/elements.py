@@ -231,7 +231,7 @@ class Tree:
     def _bound(self, binding: XmlElement, label: str) -> Mapping[str, Parameter]:
         if (root := self._part(binding, VALUES, label)) is None:
             return {}
-        prefix = binding.get("prefix", "")  # which comes before any mapping
+        prefix = binding.get("prefix", "")  # is added before the mapping applies
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
         root = None if found is None else self._part(found, MAPPING, label)

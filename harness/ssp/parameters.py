@@ -144,7 +144,7 @@ def ssv(
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
-    # in files of other tools others are ignored
+    # other attributes are ignored in files of other tools
     variables = [interface.variables[name] for name in parameters if name in interface.variables]
     rows = {connector_name(interface, v): v for v in variables}
     for name, variable in rows.items():

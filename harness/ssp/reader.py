@@ -78,7 +78,7 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
     with PrivateFolder() if cached is None else nullcontext(cached) as folder:
         if cached is None:
             unpack(path, folder)
-        try:  # what is in the cache is read once: its names say its content
+        try:  # folders of the cache are named by their content: read once
             system, problems, notes = _of_folder(folder) if cached is None else _known(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error

@@ -148,7 +148,7 @@ def _made_readable(root: XmlElement) -> None:
     """Rewrite equivalent spellings of SSP 2.0 and of other tools."""
     if is_version_2(root):
         simplify(root)
-    for element in root.iter():  # as OMSimulator writes them
+    for element in root.iter():  # spellings of OMSimulator
         needed = ("source",) if element.tag == tag("ssd:Component") else ()
         for name in OPTIONAL:
             if element.get(name) == "" and name not in needed:

@@ -88,7 +88,7 @@ def linearize(
     try:
         with Simulation(alone, set=given) as simulation:
             return _Differences(simulation, at, step).model(round(steps))
-    except UsageError as error:  # without the component, as typed
+    except UsageError as error:  # the text of the user has no component
         raise UsageError(str(error).replace(f"--set {name}.", "--set ")) from error
 
 

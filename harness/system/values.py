@@ -122,7 +122,7 @@ def parse(text: str) -> Value:
         number = float(text)
     except ValueError:
         pass
-    else:  # not a number so large that it is infinite
+    else:  # a number beyond doubles stays a text
         return text if math.isinf(number) and any(c.isdigit() for c in text) else number
     try:
         value: Value = tomllib.loads(f"value = {text}")["value"]

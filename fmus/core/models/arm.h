@@ -245,7 +245,7 @@ static inline Twist tip_twist(const Tree *t, const Speeds *u)
     return sum;
 }
 
-/* ---- H ---- */
+/* ---- mass matrix H ---- */
 static inline Wrench column_at(const Tree *t, int i)
 {
     return (Wrench){vec_at(&t->F, i), vec_at(&t->M, i)};

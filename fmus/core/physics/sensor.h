@@ -65,7 +65,7 @@ static inline void check_range(Problems *problems, double range_min, double rang
     if (range_max <= range_min) reject(problems, "range_max", range_max, "must be above range_min");
 }
 
-/* ---- no measurement ---- */
+/* ---- periods and samples without a measurement ---- */
 typedef struct { double start, duration, p_drop; } Outage;
 
 #define OUTAGE_ROWS(member)                                                                \

@@ -111,7 +111,7 @@ static inline Robot robot_at(const Links *p, const double q[JOINTS], const doubl
     return robot;
 }
 
-/* ---- H and its equation ---- */
+/* ---- mass matrix H and its linear system ---- */
 typedef struct { double at[SPEEDS][SPEEDS]; } Matrix;
 typedef struct { double at[SPEEDS]; } Column;
 
