@@ -144,7 +144,7 @@ def ssv(
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
-    # other attributes are ignored in files of other tools
+    # files of other tools may have parameters without a variable, which are ignored
     variables = [interface.variables[name] for name in parameters if name in interface.variables]
     rows = {connector_name(interface, v): v for v in variables}
     for name, variable in rows.items():
