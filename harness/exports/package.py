@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Export of a run as one file: an .ssp with all its parts, or the whole system as one FMU. The FMU
-is compiled from its models if all are C sources of this project; otherwise it is a container of the
-FMUs.
+"""Export of a run as one file: an .ssp with all its parts, or the whole system as one FMU, compiled
+from its models if all are C sources of this project.
 """
 
 from __future__ import annotations
 
-import logging
 import shutil
 from collections.abc import Collection
 from pathlib import Path
 from typing import Unpack
 
 from harness.errors import ResultsError, UsageError
-from harness.exports.container import write_container
 from harness.files.output import PrivateFolder, written
 from harness.master.changes import Changes, apply
 from harness.master.fused import NotFusedError, write_whole
@@ -24,8 +21,6 @@ from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.system.graph import Graph, checked, log_warnings
 from harness.system.model import System
-
-_log = logging.getLogger("harness")
 
 
 def export(  # noqa: PLR0913 - one argument per option
@@ -76,9 +71,7 @@ def export(  # noqa: PLR0913 - one argument per option
 
 
 def _write_fmu(system: System, graph: Graph, file: Path, fmi: int, scalars: bool) -> None:
-    """Write one model of all models, or a container with a log line that states the reason. FMI 3.0
-    has no container.
-    """
+    """Write one model of all models; raise UsageError with the reason if they cannot be joined."""
     with PrivateFolder() as folder:
         made = folder / file.name
         try:
@@ -86,12 +79,8 @@ def _write_fmu(system: System, graph: Graph, file: Path, fmi: int, scalars: bool
                 [c.fmu for c in system.components], write_whole, system, graph, made, fmi, scalars
             )
         except NotFusedError as reason:
-            if fmi != 2:
-                line = f"{file}: must be a container of its FMUs, which has FMI 2.0; omit --fmi"
-                raise UsageError(f"{line}: {reason}") from reason
-            _log.warning("%s: is a container of its FMUs: %s", file.name, reason)
-            write_container(system, file)
-            return
+            line = f"{file}: the system cannot be one FMU, export it as .ssp: {reason}"
+            raise UsageError(line) from reason
         with written(file) as new:
             shutil.copyfile(made, new)
 

@@ -115,8 +115,6 @@ class Simulation:
         self.system, (self.graph, self.steps), self.recorded = system, found, recorded
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
         self.bus: NDArray[np.float64] = np.zeros(width)
-        self.settled: NDArray[np.intp] = np.zeros(width, dtype=np.intp)
-        """Per slot the round of initial propagation in which it changed last."""
         self.pace = math.inf
         """Time of a macro step so far, of the quickest stretch between two looks [s]."""
         self._initialised = False
@@ -278,13 +276,12 @@ class Simulation:
         its last values are used.
         """
         changed = np.zeros(len(self.bus), dtype=np.bool_)
-        for count in range(1, MAX_ROUNDS + 1):
+        for _ in range(MAX_ROUNDS):
             before = self.bus.copy()
             for verb in (Verb.GET, Verb.SET):
                 for instance in self.instances:
                     instance.propagate(verb, self.bus, self.clock.start)
             changed = self.bus.view(np.uint64) != before.view(np.uint64)
-            self.settled[changed] = count
             if not changed.any():
                 break
         return changed

@@ -5,9 +5,7 @@ options.
 
 from __future__ import annotations
 
-import logging
 import shutil
-import sys
 import tomllib
 import zipfile
 
@@ -161,31 +159,8 @@ def test_the_command_states_which_file_it_wrote(demo, tmp_path, monkeypatch, cap
 # ---- one FMU
 
 
-def test_without_fmucontainer_one_line_states_what_to_install(demo, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "fmu_manipulation_toolbox", None)
-    monkeypatch.setitem(sys.modules, "fmu_manipulation_toolbox.assembly", None)
-    with pytest.raises(
-        StructureError,
-        match="store: steps every 2 macro steps with a latency of 0, which a container",
-    ):
+def test_a_system_with_other_sources_is_no_single_fmu(demo, tmp_path):
+    line = r"x\.fmu: the system cannot be one FMU, export it as \.ssp: .*counter.* sources"
+    with pytest.raises(UsageError, match=line):
         export(demo, tmp_path / "x.fmu")
-    with pytest.raises(UsageError, match="pip install fmu-manipulation-toolbox"):
-        export(without_schedule(demo), tmp_path / "x.fmu")
     assert not (tmp_path / "x.fmu").exists()
-
-
-def without_schedule(path):
-    """The same system, all components stepping at every macro step."""
-    changed = path.with_name("flat.ssp")
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(changed, "w") as new:
-        for name in old.namelist():
-            new.writestr(name, old.read(name).replace(b'every="2"', b'every="1"'))
-    return changed
-
-
-def test_a_transformed_signal_cannot_go_into_a_container(fmus, tmp_path, caplog):
-    elements = [component("s", "source"), component("far", "kilometres")]
-    path = write(tmp_path / "x.ssp", system("top", elements, ["s.v[1] far.u"]), fmus)
-    with caplog.at_level(logging.ERROR), pytest.raises(StructureError) as caught:
-        export(path, tmp_path / "x.fmu")
-    assert caught.value.problems == ("far.u: a container cannot transform the signal from s.v[1]",)
