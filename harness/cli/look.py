@@ -189,8 +189,7 @@ def plot_command(  # noqa: PLR0913 - one argument per option or group of them
 ) -> None:
     """Draw the figures of a run.
 
-    Draw the figures of its system, or one figure of any variables. The print styles paper and serif
-    write captions.md and captions.tex too.
+    Draw the figures of its system, or one figure of any variables.
     """
     from harness.figures.plots import plot as draw
     from harness.results.files import read

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures.captions import mathematical, plain_number
+from harness.figures.symbols import mathematical, plain_number
 from harness.mission.figure import unit_of
 from harness.results.result import Array
 

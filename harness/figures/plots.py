@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.errors import ResultsError
-from harness.figures.captions import write_captions
 from harness.figures.choice import compared, figure_of, figures_of
 from harness.figures.finish import cut_spikes, finish, hide_rounding
 from harness.figures.style import (
@@ -54,9 +53,7 @@ def plot(
     """
     figures = _moving(result, variables)
     drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
-    files = _write(directory, ending, style, drawn)
-    captioned = style.printed and not variables
-    return files + (write_captions(directory, figures, {"": result}) if captioned else [])
+    return _write(directory, ending, style, drawn)
 
 
 def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Drawing]:
@@ -114,9 +111,7 @@ def overlay(
         _log.warning("not compared, because only one run has the variables: %s", ", ".join(alone))
     colours = _colours(list(results))
     drawn = {f.name: partial(paint_overlay, f, runs, colours, style) for f, runs in found}
-    files = _write(directory, ending, style, drawn)
-    captioned = {figure.name: figure for figure, _ in found}
-    return files + (write_captions(directory, captioned, results) if style.printed else [])
+    return _write(directory, ending, style, drawn)
 
 
 def _write(

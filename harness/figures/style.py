@@ -39,8 +39,8 @@ class Style:
 
     sheets: style sheets, the later ones override the earlier; column, page: width of a figure in
     one column and across the page [in], None: the size of the screen; stretch: height of a figure
-    in a column relative to the same figure on the screen; titled: whether figures have titles (a
-    paper has captions instead).
+    in a column relative to the same figure on the screen; titled: whether figures have titles
+    (in a paper the caption states them).
     """
 
     name: str

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Figures in print: curves that differ without colour, ticks, the end of the run, symbols, jumps,
-least values, captions, comparisons that say who is missing.
+least values, comparisons that say who is missing.
 """
 
 from __future__ import annotations
@@ -14,15 +14,13 @@ import pytest
 from matplotlib.figure import Figure as MplFigure
 
 from harness import run
-from harness.cli.app import main
-from harness.figures.captions import _escaped, mathematical, plain_number, symbols
 from harness.figures.choice import figures_of, named
 from harness.figures.finish import finish, look_of
-from harness.figures.plots import overlay, paint, plot
-from harness.figures.style import PAPER, SCREEN, SERIF, style_of
+from harness.figures.plots import overlay, paint
+from harness.figures.style import PAPER, SERIF, style_of
+from harness.figures.symbols import mathematical, plain_number
 from harness.mission import Curve, Figure, Level, Panel
 from harness.report.html import of_run
-from harness.results.files import ResultFile
 from harness.results.result import Result
 from tests.each import Each
 from tests.harness.report_page import Page
@@ -193,7 +191,7 @@ def test_letters_of_stix_on_demand():
             assert label.get_text() == r"$\rho_{\mathrm{ref}}$ [m]"
 
 
-def test_titles_and_captions_have_symbols_too():
+def test_titles_have_symbols_too():
     canvas = MplFigure()
     axes = canvas.subplots()
     axes.set_title("Reach, X_E along x")
@@ -201,32 +199,9 @@ def test_titles_and_captions_have_symbols_too():
     finish(canvas, None, distinct=True)
     assert axes.get_title() == "Reach, $X_{E}$ along x"
     assert [text.get_text() for text in axes.texts] == [r"$\rho_{M}$ 4 m"]
-    text = symbols("error of rho_ref [m/s2], 5 % of sync_approach")
-    assert text == r"error of $\rho_{\mathrm{ref}}$ [m/s2], 5 % of sync_approach"
-    escaped = r"error of $\rho_{\mathrm{ref}}$ [m/s2], 5 \% of sync\_approach"
-    assert _escaped(text) == escaped
 
 
-# ---- captions, comparisons
-
-
-def test_captions_are_beside_the_figures_of_a_paper(tmp_path, capsys, sketches):
-    file = tmp_path / "out.nc"
-    ResultFile(file).write(result_of(PLAIN))
-    assert main(["plot", str(file), "-o", str(tmp_path), "--style", "serif"]) == 0
-    drawn = {path.stem for path in tmp_path.glob("*.png")}
-    plain, tex = ((tmp_path / f"captions.{end}").read_text() for end in ("md", "tex"))
-    assert {line.split(".**")[0][2:] for line in plain.splitlines() if line} == drawn
-    assert {line[2:] for line in tex.splitlines() if line.startswith("% ")} == drawn
-    least = result_of(PLAIN)["guidance.range"].min()
-    assert f"Smallest value {least:.4g} m at" in plain
-    assert "sync\\_approach" in tex
-    assert "captions.md" in capsys.readouterr().out
-    assert not [
-        p
-        for p in plot(result_of(PLAIN), tmp_path / "s", style=SCREEN, variables=["guidance.range"])
-        if "captions" in p.stem
-    ]
+# ---- comparisons
 
 
 def test_variables_of_one_run_alone_are_not_compared_and_the_missing_run_is_named(
