@@ -6,12 +6,12 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import typer
 
-from harness.figures.style import Style, get_ready, save
+from harness.figures.style import Style, save
 from harness.report.campaign import drawings
 from harness.spelling import file_stem
 from harness.studies.campaign.campaign import Progress
@@ -53,20 +53,6 @@ def counting(title: str, wanted: bool) -> Iterator[Show | None]:
             bar.update(line, completed=now.done, total=now.runs, failed=now.failed, rate=rate)
 
         yield show
-
-
-def drawing_soon(show: Show | None) -> Show:
-    """Return the same display, which loads the drawing libraries after its first call, while runs
-    are in progress.
-    """
-
-    def shown(now: Progress) -> None:
-        with suppress(ImportError):  # reported after the last run
-            get_ready()
-        if show is not None:
-            show(now)
-
-    return shown
 
 
 def _lines(title: str) -> Show:

@@ -172,19 +172,13 @@ VariablesOption = Annotated[
 ]
 
 
-WideOption = Annotated[
-    bool, option("--wide", "Make all figures of --style paper or serif 7 in wide")
-]
-
-
 @command("plot")
-def plot_command(  # noqa: PLR0913 - one argument per option or group of them
+def plot_command(
     *,
     file: FileArgument,
     output: Annotated[Path | None, output("Folder for the figures (default: FILE_figures)")] = None,
     variables: VariablesOption = None,
     drawing: Drawing,
-    wide: WideOption = False,
     mission: MissionOption = None,
 ) -> None:
     """Draw the figures of a run.
@@ -197,7 +191,7 @@ def plot_command(  # noqa: PLR0913 - one argument per option or group of them
     names = [n.strip() for n in re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")]
     _use(mission)
     result = read(file)  # before figures_of(): an unreadable file names no folder
-    ending, style = drawing.how(wide)
+    ending, style = drawing.how()
     for path in draw(result, output or figures_of(file), ending, style, names):
         typer.echo(path)
 

@@ -199,14 +199,14 @@ class Drawing:
     ] = "png"
     style: Annotated[
         Literal["screen", "paper", "serif"],
-        option("--style", "Set the style; paper: 3.5 or 7 in wide, 8 pt, 300 dpi"),
+        option("--style", "Set the style; paper: 3.5 in (one column), 8 pt, 300 dpi"),
     ] = "screen"
 
-    def how(self, wide: bool = False) -> tuple[str, Any]:
+    def how(self) -> tuple[str, Any]:
         """Return ending and style as arguments of the drawing functions."""
         from harness.figures.style import style_of
 
-        return self.ending, style_of(self.style, wide)
+        return self.ending, style_of(self.style)
 
 
 @dataclass(frozen=True)

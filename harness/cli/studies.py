@@ -230,8 +230,7 @@ class Campaign:
         problem = None
         with campaigns.counting(definition.stem, not self.quiet) as show:
             try:
-                seen = campaigns.drawing_soon(show) if self.pictures.figures else show
-                found = campaign(definition, folder, progress=seen, notify=notify, **how)
+                found = campaign(definition, folder, progress=show, notify=notify, **how)
             except RequirementError as error:  # the dataset is complete
                 found, problem = error.partial, error
         drawn = ""

@@ -36,13 +36,6 @@ variation to its own mean.
 """
 DECADES = 1e-9
 """Smallest ratio of the lower to the upper end of a logarithmic axis."""
-BODY, EDGE = 99.0, 1.5
-"""Percentile of all values that is the body of the runs, and its factor for the edge of the panel.
-"""
-SPIKE, TOWER, FEW = 5.0, 1e-3, 5
-"""Spikes: their smallest ratio to the body, the smallest ratio of the body to them, and their
-largest number in a run.
-"""
 
 
 def finish(canvas: Any, end: float | None, distinct: bool) -> Any:
@@ -101,24 +94,6 @@ def _limit_decades(axes: Any) -> None:
         low, high = axes.get_ylim()
         if low < DECADES * high:
             axes.set_ylim(DECADES * high, high)
-
-
-def cut_spikes(axes: Any, histories: Sequence[Array]) -> None:
-    """Limit a panel of several runs to the body of their values, and note the largest value beyond.
-
-    A train of pulses is not a spike.
-    """
-    sizes = np.concatenate([np.abs(h[np.isfinite(h)]) for h in histories])
-    body = float(np.percentile(sizes, BODY)) if len(sizes) else 0.0
-    largest = float(sizes.max(initial=0.0))
-    beyond = [np.abs(np.nan_to_num(h)) > EDGE * body for h in histories]
-    pulses = max((np.count_nonzero(np.diff(each)) // 2 for each in beyond), default=0)
-    flattened = TOWER * largest < body < largest / SPIKE
-    if axes.get_yscale() == "log" or not flattened or pulses > FEW:
-        return
-    low, high = axes.get_ylim()
-    axes.set_ylim(max(low, -EDGE * body), min(high, EDGE * body))
-    _note(axes, f"cut: up to {largest:.3g}")
 
 
 def _note(axes: Any, text: str) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from harness.errors import ResultsError
 from harness.figures.choice import compared, figure_of, figures_of
-from harness.figures.finish import cut_spikes, finish, hide_rounding
+from harness.figures.finish import finish, hide_rounding
 from harness.figures.style import (
     MANY,
     SCREEN,
@@ -307,8 +307,8 @@ def _together(figure: Figure, runs: _Runs, style: Style) -> Canvas:
     """Draw panels with a curve of every run."""
     canvas, panels = _panels(figure, list(runs.results.values()), style)
     for axes, panel in panels:
-        histories = [h for curve in panel.curves for h in _draw_runs(axes, panel, curve, runs)]
-        cut_spikes(axes, histories)
+        for curve in panel.curves:
+            _draw_runs(axes, panel, curve, runs)
         _shade(axes, panel, runs.results.values(), runs.seconds)
         legend_above(axes)
     hide_rounding([(axes, panel.ylabel) for axes, panel in panels])
@@ -327,8 +327,8 @@ def _name_runs(canvas: Canvas, runs: _Runs) -> None:
     canvas.legend(lines, names, loc="outside lower center", ncols=columns)
 
 
-def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array]:
-    """Draw one curve of every run, and return the histories."""
+def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> None:
+    """Draw one curve of every run."""
     histories = {label: curve.history(result) for label, result in runs.results.items()}
     if panel.log:  # zeros cannot be drawn
         histories = {label: np.where(h > 0, h, np.nan) for label, h in histories.items()}
@@ -340,7 +340,6 @@ def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array
             axes.plot(time, values, label=f"_{name}", **look)
     if runs.many:
         _draw_band(axes, list(histories.values()), runs)
-    return list(histories.values())
 
 
 def _draw_band(axes: Any, histories: Sequence[Array], runs: _Runs) -> None:

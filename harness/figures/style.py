@@ -82,14 +82,11 @@ SERIF = replace(PAPER, name="serif", sheets=("paper.mplstyle", "serif.mplstyle")
 STYLES = {style.name: style for style in (SCREEN, PAPER, SERIF)}
 
 
-def style_of(name: str, wide: bool = False) -> Style:
-    """Return the style of a name; wide: every figure across the page. Raises UsageError if
-    there is no such style.
-    """
+def style_of(name: str) -> Style:
+    """Return the style of a name; raise UsageError if there is no such style."""
     if name not in STYLES:
         raise UsageError(f"there is no style {name}, only {', '.join(STYLES)}")
-    style = STYLES[name]
-    return replace(style, column=style.page, stretch=0.6) if wide else style
+    return STYLES[name]
 
 
 def get_ready() -> tuple[Any, Any]:
