@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Options that several commands share, with their completions for the shell."""
+"""Options that several commands share, with the completion of names of systems."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -25,77 +25,14 @@ def figures_of(results: Path) -> Path:
     return results.with_name(f"{results.stem}_figures")
 
 
-# ---- completion in the shell
-
-Completion = Callable[[typer.Context, str], list[str]]
-
-
-def _completed(known: Callable[[typer.Context, str], Iterable[str]]) -> Completion:
-    """Return a completion for the shell, which offers nothing if the names cannot be determined."""
-
-    def complete(context: typer.Context, incomplete: str) -> list[str]:
-        try:
-            return [name for name in known(context, incomplete) if name.startswith(incomplete)]
-        except Exception:  # completion must not print a traceback
-            return []
-
-    return complete
-
-
-def _of_system(names: Callable[[Any], Iterable[str]]) -> Completion:
-    """Return a completion with names of the system on the command line."""
-
-    def known(context: typer.Context, _: str) -> list[str]:
-        from harness.ssp.library import load, of_component
-
-        name = context.params.get("system") or ""
-        place = of_component(name)
-        with load(place[0] if place else name) as system:
-            return list(names(system))
-
-    return _completed(known)
-
-
-@_completed
-def systems(_context: typer.Context, _incomplete: str) -> Iterable[str]:
-    """Return the names of all systems."""
-    return paths.systems()
-
-
-@_completed
-def _shown(_: typer.Context, incomplete: str) -> Iterable[str]:
-    """Return systems and FMUs, and the components of a named system."""
-    from harness.ssp.library import load, of_component
-
-    if "." not in incomplete or not (place := of_component(incomplete)):
-        return [*paths.systems(), *paths.fmus()]
-    with load(place[0]) as system:
-        stem = incomplete.removesuffix(place[1])
-        return [f"{stem}{c.name}" for c in system.components]
-
-
-@_of_system
-def _sets(system: Any) -> Iterable[str]:
-    from harness.master.changes import set_names
-
-    return set_names(system)
-
-
-@_of_system
-def _components(system: Any) -> Iterable[str]:
-    return (f"{c.name}=" for c in system.components)
-
-
-@_of_system
-def _settable(system: Any) -> Iterable[str]:
-    from harness.system.graph import read_interfaces
-    from harness.system.values import base
-
-    interfaces = read_interfaces(system)
-    return dict.fromkeys(f"{c}.{base(v)}=" for c, i in interfaces.items() for v in i.settable())
-
-
 # ---- arguments and options
+
+Completion = Callable[[str], list[str]]
+
+
+def systems(incomplete: str) -> list[str]:
+    """Return the names of systems with a beginning, for the completion of the shell."""
+    return [name for name in paths.systems() if name.startswith(incomplete)]
 
 
 def argument(metavar: str, text: str, completed: Completion | None = None) -> Any:
@@ -103,14 +40,14 @@ def argument(metavar: str, text: str, completed: Completion | None = None) -> An
     return typer.Argument(metavar=metavar, help=text, autocompletion=completed)
 
 
-def option(usage: str, text: str, completed: Completion | None = None, **more: Any) -> Any:
+def option(usage: str, text: str, **more: Any) -> Any:
     """Return an option from its form on a command line, `--output -o FILE`, with its help text.
     Without a name it has the name of its parameter. more: further settings of typer.
     """
     words = usage.split(" ")
     names = [word for word in words if word.startswith("-")]
     metavar = " ".join(words[len(names) :]) or None
-    return typer.Option(*names, metavar=metavar, help=text, autocompletion=completed, **more)
+    return typer.Option(*names, metavar=metavar, help=text, **more)
 
 
 def output(text: str) -> Any:
@@ -138,9 +75,7 @@ Texts = list[str] | None
 """Values of an option that may be given several times."""
 
 SystemArgument = Annotated[str, argument("SYSTEM", "System: name, or path of an .ssp", systems)]
-ShownArgument = Annotated[
-    str, argument("WHAT", "SYSTEM, SYSTEM.component or FMU, by name or path", _shown)
-]
+ShownArgument = Annotated[str, argument("WHAT", "SYSTEM, SYSTEM.component or FMU, by name or path")]
 FmuArgument = Annotated[str, argument("FMU", "FMU: name, or path of a .fmu")]
 FileArgument = Annotated[Path, argument("FILE", "Results of `harness run`")]
 ReportArgument = Annotated[
@@ -150,7 +85,7 @@ MissionOption = Annotated[
     Path | None, option("--mission FOLDER", "Use figures and claims of the mission in this folder")
 ]
 PlaceOption = Annotated[
-    Text, option("--for SYSTEM.COMPONENT", "Replace this component, with its ports", _shown)
+    Text, option("--for SYSTEM.COMPONENT", "Replace this component, with its ports")
 ]
 RequireOption = Annotated[
     Texts, option("--require 'C.NAME >= 4 m'", "Require this in every row, else exit status 1")
@@ -168,20 +103,16 @@ ExecutorOption = Annotated[
 QuietOption = Annotated[bool, option("--quiet -q", "Print no progress bar and no summary")]
 
 CHANGES: dict[str, Any] = {
-    "params": Annotated[Text, option("SET_OR_FILE", "Use a parameter set, .toml or .ssv", _sets)],
-    "set": Annotated[Texts, option("C.NAME=VALUE", "Set one parameter", _settable)],
-    "swap": Annotated[
-        Texts, option("C=FMU", "Use another FMU (name or path) for component C", _components)
-    ],
+    "params": Annotated[Text, option("SET_OR_FILE", "Use a parameter set, .toml or .ssv")],
+    "set": Annotated[Texts, option("C.NAME=VALUE", "Set one parameter")],
+    "swap": Annotated[Texts, option("C=FMU", "Use another FMU (name or path) for component C")],
     "map": Annotated[
         Texts, option("THEIRS=OURS", "Connect a port (or vector) of that FMU by our name")
     ],
     "on": Annotated[
-        Texts, option("C=PLACE", "Run component C on a processor: cortex-m7, tcp://..", _components)
+        Texts, option("C=PLACE", "Run component C on a processor: cortex-m7, tcp://..")
     ],
-    "latency": Annotated[
-        Texts, option("C=N", "Delay the outputs of component C by N macro steps", _components)
-    ],
+    "latency": Annotated[Texts, option("C=N", "Delay the outputs of component C by N macro steps")],
     "step": Annotated[float | None, option("SECONDS", "Set the macro step [s]", parser=seconds)],
     "stop": Annotated[float | None, option("SECONDS", "Set the stop time [s]", parser=seconds)],
     "algorithm": Annotated[Text, option("", "Set the order of execution: gauss-seidel or jacobi")],
