@@ -2,31 +2,21 @@
 """Mapping of ports of a third-party FMU with other names to the ports of a component.
 
 A mapping from the user is applied. Names that differ only in the style of their indices (`r[0]`,
-`r_1`, `r(1)` for `r[1]`) are mapped as well. Other names are guessed from size, unit, name and
-description, and only suggested.
+`r_1`, `r(1)` for `r[1]`) are mapped as well.
 """
 
 from __future__ import annotations
 
-import difflib
 import re
-import shlex
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
-from harness.system.interface import units_agree
-from harness.system.values import Index, Name, Variable, grid
+from harness.system.values import Index, Name, grid
 
 Names = dict[str, str]
 """Our name of a scalar variable by theirs."""
-
-LEAST_LIKENESS = 0.5
-"""Smallest likeness of two signals that are suggested for each other."""
-
-MOST_GUESSED = 60
-"""Largest number of signals that are compared with each other: the work grows with its square."""
 
 
 class Family(NamedTuple):
@@ -128,77 +118,3 @@ def by_style(theirs: Collection[str], ours: Collection[str]) -> dict[Family, Fam
         and each.shape == mine[name].shape
         and each.elements != mine[name].elements
     }
-
-
-# ---- guessed names
-
-
-def guesses(
-    theirs: Mapping[str, Variable], ours: Mapping[str, Variable]
-) -> Iterator[tuple[str, str]]:
-    """Yield the most similar pairs of names (theirs, ours) of equal size and unit, each name once.
-    If only one signal of a size and unit is at each end, the two are a pair.
-    """
-    mine, others = list(families(ours).values()), list(families(theirs).values())
-    fitting = [
-        (a, b)
-        for a in others[:MOST_GUESSED]
-        for b in mine[:MOST_GUESSED]
-        if _fit(a, b, theirs, ours)
-    ]
-    counts = Counter(name for a, b in fitting for name in (("theirs", a.name), ("ours", b.name)))
-    scores = []
-    for a, b in fitting:
-        alone = counts["theirs", a.name] == counts["ours", b.name] == 1
-        score = _likeness(a, b, ours)
-        scores.append((max(score, LEAST_LIKENESS) if alone else score, a.name, b.name))
-    taken: set[tuple[str, str]] = set()
-    for score, their, our in sorted(scores, key=lambda each: -each[0]):
-        ends = {("theirs", their), ("ours", our)}
-        if score >= LEAST_LIKENESS and not taken & ends:
-            taken |= ends
-            yield their, our
-
-
-def options(pairs: Sequence[tuple[str, str]]) -> str:
-    """Return pairs in the form of command-line options."""
-    return " ".join(f"--map {shlex.quote(f'{their}={our}')}" for their, our in pairs)
-
-
-def _fit(
-    a: Family, b: Family, theirs: Mapping[str, Variable], ours: Mapping[str, Variable]
-) -> bool:
-    """Return whether two signals have equal size, type, unit and direction."""
-    their, our = theirs[a.elements[0]], ours[b.elements[0]]
-    return (
-        len(a.elements) == len(b.elements)
-        and (their.type, their.causality) == (our.type, our.causality)
-        and units_agree(their.unit, our.unit)
-    )
-
-
-def _likeness(a: Family, b: Family, ours: Mapping[str, Variable]) -> float:
-    """Return a similarity from 0 (nothing in common) to 1: the share of the words of their name
-    that occur in our name or description.
-    """
-    our = ours[b.elements[0]]
-    letters = difflib.SequenceMatcher(None, _plain(a.name), _plain(b.name)).ratio()
-    words = _words(a.name) or {a.name}
-    text = _words(f"{b.name} {our.description}") | {b.name}
-    shared = sum(any(_same(word, each) for each in text) for word in words)
-    return max(letters, 0.98 * shared / len(words) + 0.02 * shared / len(text))
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[\W_]", "", name[:100]).casefold()
-
-
-def _words(text: str) -> set[str]:
-    """Return the words of a name or description: parts between underscores, blanks and capitals."""
-    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text[:300]).replace("_", " ")
-    return {word for word in re.findall(r"\w+", parted.casefold()) if len(word) > 1}
-
-
-def _same(a: str, b: str) -> bool:
-    """Return whether words are equal or one is the beginning of the other, as pos and position."""
-    return a == b or (min(len(a), len(b)) > 2 and (a.startswith(b) or b.startswith(a)))

@@ -52,7 +52,7 @@ def exchange(
     The FMU takes over the parameters that it shares with its predecessor, and then the parameters
     that the system has for an FMU of its model name. For an FMU unknown to the system a warning
     names the parameters that are dropped. Raises UsageError (unknown component, FMU or port),
-    FmuError, or StructureError with all missing ports and suggestions.
+    FmuError, or StructureError with all missing ports.
     """
     known = [c.name for c in system.components]
     if name not in known:
@@ -106,14 +106,10 @@ class _Exchange:
             _log.warning(note, self.name, self.path.name, shown)
 
     def _offered(self) -> list[str]:
-        """Return options for ports of the new FMU that match nothing yet, with suggestions."""
-        ends = (port for c in self.system.connections for port in c[:2])
-        wired = {port.variable for port in ends if port.component == self.name}
-        done = {self.names.get(n, n) for n in self.ports}
-        free = {n: v for n, v in self.ports.items() if self.names.get(n, n) not in self.signals}
-        missing = {n: v for n, v in self.signals.items() if n in wired - done}
-        pairs = list(mapping.guesses(free, missing))
-        return [f"perhaps {mapping.options(pairs)}"] if pairs else []
+        """Return a line with the ports of the new FMU that match nothing yet, [] without any."""
+        free = mapping.families([n for n in self.ports if self.names.get(n, n) not in self.signals])
+        line = f"its ports {', '.join(free)} match no signal; connect each by --map PORT=SIGNAL"
+        return [line] if free else []
 
     # ---- connections
 

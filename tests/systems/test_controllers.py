@@ -199,4 +199,6 @@ def test_a_controller_without_the_ports_gets_a_list_of_what_is_missing(tmp_path)
         "--swap controller=lame.fmu: it has no output M_cmd_S, which propulsion.M_cmd_S needs",
         "--swap controller=lame.fmu: it has no output wheel_accel_cmd, "
         "which servicer.wheel_accel_cmd needs",
+        "--swap controller=lame.fmu: its ports beacon match no signal; connect each by --map "
+        "PORT=SIGNAL",
     ]

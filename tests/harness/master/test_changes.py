@@ -276,6 +276,7 @@ def test_missing_ports_and_units_of_a_swapped_fmu_come_all_at_once(make, tmp_pat
         "--swap c=odd.fmu: its input lost: no output of this name drives it",
         "--swap c=odd.fmu: it has no output n, which g.u needs",
         "--swap c=odd.fmu: its output t_last is in m, v.u expects s",
+        "--swap c=odd.fmu: its ports lost match no signal; connect each by --map PORT=SIGNAL",
     ]
 
 
