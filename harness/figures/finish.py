@@ -6,6 +6,7 @@ without colour, and symbols as in formulas.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from itertools import product
 from operator import itemgetter
@@ -13,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures.symbols import mathematical, plain_number
 from harness.mission.figure import unit_of
 from harness.results.result import Array
 
@@ -36,6 +36,16 @@ variation to its own mean.
 """
 DECADES = 1e-9
 """Smallest ratio of the lower to the upper end of a logarithmic axis."""
+
+GREEK = (
+    "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|rho|sigma|tau|phi|chi|psi"
+    "|omega|Delta|Gamma|Omega"
+)
+SYMBOL = re.compile(rf"(?<![\w$\\.])(?P<base>{GREEK}|[A-Za-z])_(?P<index>\w+)(?![\w.])|"
+                    rf"(?<![\w$\\.])(?P<alone>{GREEK})(?![\w.])")  # fmt: skip
+POWERS = str.maketrans(
+    "0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b"
+)
 
 
 def finish(canvas: Any, end: float | None, distinct: bool) -> Any:
@@ -212,3 +222,38 @@ def _set_symbols(canvas: Any) -> None:
 
     for text in canvas.findobj(Text):
         text.set_text(mathematical(text.get_text()))
+
+
+# ---- symbols and numbers
+
+
+def mathematical(text: str) -> str:
+    """Return a label as `rho_ref [m]` with symbols as in formulas and powers of units raised."""
+    if "$" in text:
+        return text
+    parts = re.split(r"(\[[^\]]*\])", text)
+    return "".join(_unit(p) if p.startswith("[") else SYMBOL.sub(_formula, p) for p in parts)
+
+
+def _unit(text: str) -> str:
+    """Return a unit in brackets with raised powers."""
+    raised = re.sub(r"(?<=[a-z])(-?\d)", lambda m: m[1].translate(POWERS), text)
+    return raised.replace(".", "\u00b7")
+
+
+def _formula(found: re.Match[str]) -> str:
+    base = found["base"] or found["alone"]
+    name = f"\\{base}" if len(base) > 1 else base
+    index = (found["index"] or "").replace("_", ",")
+    upright = index if len(index) < 2 else rf"\mathrm{{{index}}}"
+    return f"${name}_{{{upright}}}$" if index else f"${name}$"
+
+
+def plain_number(value: float) -> str:
+    """Return the number of a tick without the mark-up of formulas."""
+    if 1e-4 < abs(value) < 1e5:
+        return f"{value:.4g}"
+    power = int(np.floor(np.log10(abs(value))))
+    part = f"{value / 10.0**power:.3g}"
+    front = "" if part == "1" else f"{part}\u00d7"
+    return f"{front}10{str(power).translate(POWERS)}"

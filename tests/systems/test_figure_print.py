@@ -15,10 +15,9 @@ from matplotlib.figure import Figure as MplFigure
 
 from harness import run
 from harness.figures.choice import figures_of, named
-from harness.figures.finish import finish, look_of
+from harness.figures.finish import finish, look_of, mathematical, plain_number
 from harness.figures.plots import overlay, paint
 from harness.figures.style import PAPER, SERIF
-from harness.figures.symbols import mathematical, plain_number
 from harness.mission import Curve, Figure, Level, Panel
 from harness.report.html import of_run
 from harness.results.result import Result
