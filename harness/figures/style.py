@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Appearance of figures on a screen or in a paper: style sheets of matplotlib and what these cannot
-state (widths, titles), the axis of time, legends, paths in space.
+state (widths, titles), the axis of time, legends.
 """
 
 from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +17,6 @@ import numpy as np
 
 from harness.errors import UsageError
 from harness.files.output import written
-from harness.mission.figure import Axes, Colour
 from harness.results.result import Array
 
 SHEETS = Path(__file__).parent / "styles"
@@ -27,8 +26,6 @@ from which on it is shown in hours.
 """
 TITLE = 0.75
 """Width of a title as part of the width of its figure, in characters of the text."""
-SHORTEST = 0.35
-"""Shortest axis of a view in space, as part of the longest."""
 MANY = 10
 """Number of runs from which on their names do not fit into a legend."""
 
@@ -89,19 +86,13 @@ def style_of(name: str) -> Style:
     return STYLES[name]
 
 
-def get_ready() -> tuple[Any, Any]:
-    """Return figure and canvas class of matplotlib, whose import takes half a second."""
+def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
+    """Return a figure of matplotlib without a window and without pyplot's global state."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    return Figure, FigureCanvasAgg
-
-
-def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
-    """Return a figure of matplotlib without a window and without pyplot's global state."""
-    figure, surface = get_ready()
-    canvas = figure(layout="constrained", figsize=style.size(size))
-    surface(canvas)
+    canvas = Figure(layout="constrained", figsize=style.size(size))
+    FigureCanvasAgg(canvas)
     if style.titled:
         lines = (wrapped(line, TITLE * size[0]) for line in title.splitlines())
         canvas.suptitle("\n".join(lines))
@@ -186,56 +177,3 @@ def legend_above(axes: Any, handles: Sequence[Any] | None = None) -> None:
             borderaxespad=0.1,
             ncols=fitting(names, 0.85 * width),
         )
-
-
-# ---- paths in space
-
-
-def draw_paths(
-    canvas: Axes,
-    paths: Mapping[str, tuple[Array, str]],
-    names: tuple[str, str, str],
-    plane: tuple[int, int],
-    colours: Mapping[str, Colour] | None = None,
-) -> Axes:
-    """Draw paths (rows, 3) with a style each, in space and seen along one axis, both to scale;
-    return the axes of the plane.
-
-    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view;
-    colours: by label.
-    """
-    from matplotlib import rcParams
-
-    space = canvas.add_subplot(1, 2, 1, projection="3d")
-    flat = canvas.add_subplot(1, 2, 2)
-    dashes = rcParams["axes.prop_cycle"].by_key().get("linestyle", ["-"])
-    for k, (label, (path, style)) in enumerate(paths.items()):
-        look = {"linewidth": 1, "label": label}
-        look |= {"color": colours[label]} if colours and label in colours else {}
-        look |= {"linestyle": dashes[k % len(dashes)]} if style == "-" else {}
-        given = () if style == "-" else (style,)
-        space.plot(*path.T, *given, **look)
-        flat.plot(path[:, plane[0]], path[:, plane[1]], *given, **look)
-    space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])
-    _to_scale(space)
-    flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]])
-    flat.set_aspect("equal", adjustable="datalim")
-    return flat
-
-
-def _to_scale(space: Axes) -> None:
-    """Set the same scale and the same ticks along all three axes, none of them so short that its
-    labels overlap.
-    """
-    from matplotlib.ticker import MaxNLocator, MultipleLocator
-
-    limits = space.xy_viewLim.intervalx, space.xy_viewLim.intervaly, space.zz_viewLim.intervalx
-    longest = max(limits, key=np.ptp)
-    step = float(np.diff(MaxNLocator(4).tick_values(*longest))[0])
-    axes = (space.xaxis, space.yaxis, space.zaxis)
-    for axis, (low, high) in zip(axes, limits, strict=True):
-        middle, half = (low + high) / 2, max(high - low, SHORTEST * np.ptp(longest)) / 2
-        space.set(**{f"{axis.axis_name}lim": (middle - half, middle + half)})
-        axis.set_major_locator(MultipleLocator(step))
-    space.set_aspect("equal", adjustable="box")
-    space.tick_params(pad=0)

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.figures.style import draw_paths, legend_above
+from harness.figures.style import legend_above
 from harness.mission.figure import Axes, Curve, Drawing, Figure, Panel
 from harness.results.result import Result
+from ssp.shared.paths_in_space import draw_paths
 
 from ..shared.relative_motion import DISTANCE, SPEED
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures.style import MANY, draw_paths, legend_above
+from harness.figures.style import MANY, legend_above
 from harness.mission.figure import (
     AXES,
     Axes,
@@ -24,6 +24,7 @@ from harness.mission.figure import (
     degrees,
 )
 from harness.results.result import Result
+from ssp.shared.paths_in_space import draw_paths
 
 from .line_of_sight_figures import LOS, QUATERNION, quaternion
 from .relative_motion import (

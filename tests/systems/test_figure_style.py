@@ -22,7 +22,6 @@ from harness.figures.plots import overlay, paint, paint_overlay, plot
 from harness.figures.style import (
     PAPER,
     SCREEN,
-    draw_paths,
     legend_above,
     new_canvas,
     save,
@@ -31,6 +30,7 @@ from harness.figures.style import (
 from harness.mission import Curve, Figure, Level, Panel
 from harness.results.files import ResultFile
 from harness.results.result import Result
+from ssp.shared.paths_in_space import draw_paths
 from tests.missions import FIGURES
 
 OKABE_ITO = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442"}
