@@ -25,7 +25,7 @@ from harness.system.instants import epoch_of, written
 from harness.system.interface import read_interface
 from harness.system.mapping import has_port
 from harness.system.model import DEFAULT_SET, Origin, Parameters, Port, Swap, System
-from harness.system.swap import exchange, find_fmu
+from harness.system.swap import exchange, existing, find_fmu
 from harness.system.tables import SHARED, Assignments, read_toml
 from harness.system.values import base, plain
 from harness.system.wiring import split
@@ -80,7 +80,7 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
         system = _parameter_file(system, Path(params))
     system = _delayed(_single_values(system, given["set"]), given["latency"])
     if on := given["on"]:
-        found = {_known(system, "--on", name): read_place(name, str(on[name])) for name in on}
+        found = {existing(system, "--on", name): read_place(name, str(on[name])) for name in on}
         system = move(system, found)
     timing = {name: options.get(name) for name in ("step", "stop", "algorithm")} | {"epoch": date}
     given_timing: Any = {name: value for name, value in timing.items() if value is not None}
@@ -152,15 +152,6 @@ def _once(option: str, given: Pairs) -> dict[str, Any]:
             raise UsageError(f"{option} {name}: is given twice")
         found[name] = value
     return found
-
-
-def _known(system: System, option: str, name: str) -> str:
-    """Return the name of an existing component; raise UsageError."""
-    known = [c.name for c in system.components]
-    if name not in known:
-        hint = did_you_mean(name, known)
-        raise UsageError(f"{option} {name}: {system.name} has no such component{hint}")
-    return name
 
 
 def joined(own: Changes, further: Changes) -> Changes:
@@ -331,7 +322,7 @@ def _delayed(system: System, given: Given) -> System:
     checks the limits.
     """
     for name, steps in given.items():
-        _known(system, "--latency", name)
+        existing(system, "--latency", name)
         try:
             count = int(steps)
         except (TypeError, ValueError) as error:

@@ -54,14 +54,19 @@ def exchange(
     names the parameters that are dropped. Raises UsageError (unknown component, FMU or port),
     FmuError, or StructureError with all missing ports.
     """
-    known = [c.name for c in system.components]
-    if name not in known:
-        close = did_you_mean(name, known)
-        raise UsageError(f"--swap {name}: {system.name} has no such component{close}")
-    new = _Exchange(system, name, find_fmu(fmu), given)
+    new = _Exchange(system, existing(system, "--swap", name), find_fmu(fmu), given)
     connections = tuple(new.connections())
     rest = tuple(a for a in system.alternatives if a.component != name)
     return replace(new.system_with_values(), connections=connections, alternatives=rest)
+
+
+def existing(system: System, option: str, name: str) -> str:
+    """Return the name of an existing component; raise UsageError that names the option."""
+    known = [c.name for c in system.components]
+    if name not in known:
+        close = did_you_mean(name, known)
+        raise UsageError(f"{option} {name}: {system.name} has no such component{close}")
+    return name
 
 
 class _Exchange:
