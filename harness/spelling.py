@@ -16,7 +16,7 @@ LONGEST = 100
 """Longest name that is compared: the time goes with the square of the length."""
 
 CANDIDATES = 20
-"""Names that are compared letter by letter, on each side of each order."""
+"""Number of names that are compared letter by letter, on each side of each order."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -52,7 +52,7 @@ def _ordered(known: tuple[str, ...]) -> tuple[list[str], list[str]]:
 
 
 SHOWN = 5
-"""Things that a line names."""
+"""Largest number of things that a line names."""
 
 
 def some(things: Sequence[object]) -> str:

@@ -161,7 +161,7 @@ def processor_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ] = None,
     stop: Annotated[float | None, option("", "Set the stop time [s]")] = None,
     clock: Annotated[float | None, option("", "Set the clock of the processor [Hz]")] = None,
-    write: Annotated[Path | None, option("", "Write the rows to this page")] = None,
+    write: Annotated[Path | None, option("", "Write the rows as Markdown to this file")] = None,
 ) -> None:
     """Compute the cost of FMUs on a flight processor.
 

@@ -24,7 +24,7 @@ from harness.studies.campaign.worker import PENDING
 Array = NDArray[np.float64]
 
 ARCHIVED = 12
-"""Worst runs of an archive with which every candidate is evaluated."""
+"""Number of worst runs of an archive with which every candidate is evaluated."""
 
 
 class Tuned(NamedTuple):
