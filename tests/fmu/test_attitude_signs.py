@@ -21,6 +21,7 @@ CONSUMERS = (
     "relay_controller",
     "switched_controller",
     "safety_monitor",
+    "safety_filter",
 )
 ATTITUDES = ("q_TN", "q_SN", "q_DN")
 

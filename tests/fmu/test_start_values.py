@@ -24,6 +24,7 @@ from ..reference import (
     paper_case,
     ppc,
     relay,
+    safety_filter,
     theta_d,
 )
 from ..reference.arm_software import CONTROL, GUIDANCE
@@ -234,6 +235,10 @@ CONTROLLERS = {
     | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1}
     | {"use_range": 0, "range_at_zero": 1, "range_slope": 0.01, "range_patience": 5}
     | {"range_tau": 10, "range_alone": 0, "range_meas": 0, "range_time": -1, "range_valid": 0},
+    "safety_filter": TARGET
+    | BEHIND
+    | {k: v for k, v in asdict(safety_filter.Settings()).items() if v}
+    | {"approaching": 1, "relative_valid": 1},
 }
 CONTROLLERS |= {
     name: CONTROLLERS[name] | {"active": 1} for name in CONTROLLERS if name.endswith("_controller")

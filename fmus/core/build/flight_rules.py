@@ -29,6 +29,9 @@ CALL = 8
 """Size of a return address [bytes]."""
 
 LOOPS = (
+    (r"< (before|number|rows->count);", "rows of the safety filter, at most 26"),
+    (r"j <=? f(->|\.)count;|j < faces;", "points of the drift, at most 33, or faces, 9"),
+    (r"failure <= 2 \* MOST_ROWS", "twice the 26 rows of the safety filter"),
     (r"< joints;|= joints; \w+-- > 0", "joints of the arm, at most 7"),
     (r"pass < ARM_JOINTS && ", "7 joints, of which every pass fixes one"),
     (r"Sample s = first_sample", "samples between two communication points: h/period, rounded up"),

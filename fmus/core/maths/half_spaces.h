@@ -1,0 +1,71 @@
+/* half_spaces.h - the point nearest to a given one in the intersection of half spaces n.u >= c.
+ *
+ * Half spaces are added one after the other. If the new one excludes the point, the nearest point
+ * lies on its plane, there by the same argument on a line with one of the half spaces before, and
+ * on a line between two bounds (Seidel's incremental method in three dimensions, in a fixed order).
+ * The work is bounded: at most n planes, n^2/2 lines and n^3/6 points for n half spaces. Equations:
+ * docs/models.md M.5. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef HALF_SPACES_H
+#define HALF_SPACES_H
+
+#include "vec3.h"
+
+enum { MOST_ROWS = 26, ALL_SATISFIED = -1 };
+#define END_OF_LINE 1e30 /* in both directions */
+
+typedef struct {
+    vec3 n; /* unit vector */
+    double c, rule, failed;
+} Row; /* rule: what the half space is for; failed: it has been relaxed */
+typedef struct {
+    Row row[MOST_ROWS];
+    int count;
+} Rows;
+
+static inline int excludes(const Row *r, vec3 u, double tol) { return dot(r->n, u) < r->c - tol; }
+
+/* point of the line nearest to `from` that the first rows leave; 0: they leave none */
+static inline int nearest_on_line(const Row row[], int before, vec3 from, vec3 along, double tol,
+                                  vec3 *u)
+{
+    double lo = -END_OF_LINE, hi = END_OF_LINE, parallel = 1e-18 * dot(along, along);
+    for (int k = 0; k < before; k++) {
+        double q = dot(row[k].n, along), e = row[k].c - dot(row[k].n, from);
+        if (q * q < parallel) {
+            if (e > tol) return 0;
+        } else if (q > 0) lo = larger(lo, e / q);
+        else hi = smaller(hi, e / q);
+    }
+    if (lo > hi + tol) return 0;
+    *u = add(from, scale(smaller(larger(0, lo), hi), along));
+    return 1;
+}
+
+/* point of the plane of row `before` nearest to u_0 that the rows before it leave; 0: none */
+static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double tol, vec3 *u)
+{
+    vec3 n = row[before].n, p = add(u_0, scale(row[before].c - dot(n, u_0), n));
+    *u = p;
+    for (int j = 0; j < before; j++) {
+        if (!excludes(&row[j], *u, tol)) continue;
+        vec3 h = sub(row[j].n, scale(dot(n, row[j].n), n)); /* in the plane, towards row j */
+        double square = dot(h, h);
+        if (square < 1e-12) return 0;
+        vec3 from = add(p, scale((row[j].c - dot(row[j].n, p)) / square, h));
+        if (!nearest_on_line(row, j, from, cross(n, row[j].n), tol, u)) return 0;
+    }
+    return 1;
+}
+
+/* (21): the point nearest to u_0 in the first `number` rows. Returns ALL_SATISFIED, or the index of the
+ * first row that the rows before it exclude. */
+static inline int nearest_point(const Row row[], int number, vec3 u_0, double tol, vec3 *u)
+{
+    *u = u_0;
+    for (int i = 0; i < number; i++)
+        if (excludes(&row[i], *u, tol) && !nearest_on_plane(row, i, u_0, tol, u)) return i;
+    return ALL_SATISFIED;
+}
+
+#endif

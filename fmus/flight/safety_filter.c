@@ -1,0 +1,344 @@
+/* safety_filter.c - the least change of a commanded force that satisfies keep-out sphere,
+ * corridor, speed limit, drift, plume and force box, for any controller.
+ *
+ * Every rule is a row n.u >= c on the force u that is held for one sample period: with it the gap
+ * to the edge stays open during the hold, and at its end the braking distance still fits.
+ *
+ *   min |u - F_cmd_S|   subject to   n_i.u >= c_i for all rows i
+ *
+ * filter 3: the nearest force. Rank of the rules: box, keep-out, speed, corridor, plume, drift.
+ * Where no force satisfies all, the first row that the rows before exclude is relaxed to the most
+ * that these leave. The drift gets rows only where the result would drift into the sphere, at most
+ * four times.
+ * filter 1: F_cmd_S as long as all rows hold and the servicer can stop after it, evaluated along
+ * the line to the target; else the servicer brakes, until F_cmd_S has been safe for dwell.
+ * filter 2: the same, evaluated along the whole way to the stop.
+ * filter 0: F_cmd_S. The barriers are computed.
+ *
+ * A force that violates no row leaves as it came, to the last bit. Without a valid state F_cmd_S
+ * passes at every call, and barriers retain their values. Rows: filter_rows.h, filter_drift.h.
+ * Nearest point: half_spaces.h. Equations, reasons, sources: docs/models.md M. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "filter_drift.h"
+#include "earth.h"
+#include "time_grid.h"
+
+#define RESTING 1e9   /* barrier of a rule that is off or rests */
+#define DROPPED -1e30 /* c of a row that has failed twice */
+
+typedef FilterParameters Parameters;
+typedef FilterInput Input;
+
+typedef struct {
+    double slope;          /* of the faces of the corridor: tan(half angle) cos(pi/8) */
+    double backup, passed; /* simplex: braking; time for which the command has been safe */
+    double least[BARRIERS];
+} State;
+typedef struct {
+    vec3 F_safe_S;
+    double mode, active, intervention, feasible, relaxed, barrier[BARRIERS], least[BARRIERS];
+} Output;
+MODEL_STRUCT;
+
+static const Model start = {
+    .p = {.filter = ASIF,
+          .mu = MU_JGM3,
+          .mass = 100,
+          .mass_error = 0.1,
+          .F_max = {2, 1, 1},
+          .a_dist = 1e-4,
+          .keep_out_radius = 4,
+          .brake_keep_out = 4.5e-3,
+          .corridor_half_angle = PI / 18,
+          .corridor_axis = {1, 0, 0},
+          .brake_corridor = 3e-3,
+          .alpha_T_max = 2e-5,
+          .speed_at_zero = 0.02,
+          .speed_slope = 0.0185,
+          .speed_max = 1e9,
+          .passive_points = 20,
+          .passive_margin = 0.15,
+          .plume_force = 0.5,
+          .recover_speed = 0.02,
+          .dwell = 5,
+          .sample_period = 0.1},
+    .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .approaching = 1,
+          .relative_valid = 1},
+};
+
+static const Variable variables[] = {
+    FILTER_PARAMETERS,
+
+    FILTER_INPUTS,
+
+    OUTPUT(F_safe_S, "N", "force to be passed on, servicer axes"),
+    NONNEGATIVE_OUTPUT(mode, "1",
+                       "0 F_cmd_S passes, 1 filtered, 2 backup, 3 a rule relaxed, 4 no state"),
+    NONNEGATIVE_OUTPUT(active, "1",
+                       "rule whose edge decides: 1 keep-out, 2 corridor, 3 speed, 4 drift, "
+                       "5 plume, 6 box; 0: none"),
+    NONNEGATIVE_OUTPUT(intervention, "N", "size of the change of the force"),
+    FLAG(feasible, "0: no force satisfies all rules"),
+    NONNEGATIVE_OUTPUT(relaxed, "1", "first rule that was relaxed; 0: none"),
+    OUTPUT(barrier, "1",
+           "what is left after braking: keep-out [m], corridor [m], speed [m/s], drift [m]; "
+           "distance beyond plume_range [m]; 1e9: off"),
+    ROW_AS(OUTPUT_ROW, y, "least_barrier", least, 1, "1", "least barrier since the start",
+           ANY_VALUE),
+};
+
+static void check(const Parameters *p, Problems *problems) { check_filter(p, problems); }
+
+static int equal(vec3 a, vec3 b) { return memcmp(&a, &b, sizeof a) == 0; } /* to the last bit */
+
+/* numerical tolerance of a row */
+static double tolerance(const Parameters *p) { return 1e-9 * norm(p->F_max); }
+
+/* ---- filter 3: the nearest force ---- */
+/* the row requires what the rows before leave; a row that fails twice is dropped */
+static void relax(const Parameters *p, Rows *rows, int i)
+{
+    Row *r = &rows->row[i];
+    double tol = tolerance(p);
+    vec3 best, far = scale(1e3 * norm(p->F_max), r->n);
+    int possible = !r->failed && nearest_point(rows->row, i, far, tol, &best) == ALL_SATISFIED;
+    r->c = possible ? dot(r->n, best) - 2 * tol : DROPPED;
+    r->failed = 1;
+}
+
+/* a longer command is shortened to this many times |F_max|: beyond, rounding hides the rows */
+#define FAR_COMMAND 1e5
+static vec3 shortened(const Parameters *p, vec3 F)
+{
+    double most = FAR_COMMAND * norm(p->F_max);
+    double largest = larger(fabs(F.x), larger(fabs(F.y), fabs(F.z)));
+    return largest > most ? scale(most / largest, F) : F;
+}
+
+/* 3.6: relaxed: the first rule that was, if there was none before */
+static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, double *relaxed)
+{
+    vec3 command = shortened(p, u->F_cmd_S), F = command;
+    for (int failure = 0; failure <= 2 * MOST_ROWS; failure++) {
+        int i = nearest_point(rows->row, rows->count, command, tolerance(p), &F);
+        if (i == ALL_SATISFIED) break;
+        if (!*relaxed) *relaxed = rows->row[i].rule;
+        relax(p, rows, i);
+    }
+    return F;
+}
+
+/* rows of the drift, added where the result would drift into the sphere */
+enum { DRIFT_ROUNDS = 4 };
+static vec3 with_drift(const Parameters *p, const Input *u, const DriftFan *f, vec3 F, Rows *rows,
+                       double *relaxed)
+{
+    for (int round = 0; round < DRIFT_ROUNDS; round++) {
+        Worst w = worst_drift(p, f, F);
+        if (w.margin >= 0) break;
+        add_drift_rows(p, f, w.chord, rows);
+        F = nearest_by_rank(p, u, rows, relaxed);
+    }
+    return F;
+}
+
+static double deciding_rule(const Parameters *p, const Rows *rows, vec3 F)
+{
+    double near = 10 * tolerance(p);
+    for (int i = 0; i < rows->count; i++) {
+        const Row *r = &rows->row[i];
+        if (r->rule != BOX && dot(r->n, F) <= r->c + near) return r->rule;
+    }
+    return BOX;
+}
+
+static void filter_least(const Parameters *p, const Input *u, const Geometry *g, Rows *rows,
+                         Output *y)
+{
+    vec3 F = nearest_by_rank(p, u, rows, &y->relaxed);
+    if (g->drift) {
+        DriftFan f = drift_fan(p, u, g);
+        y->barrier[DRIFT - 1] = worst_chord(&f, f.free).margin;
+        F = with_drift(p, u, &f, F, rows, &y->relaxed);
+    }
+    int same = equal(F, u->F_cmd_S);
+    y->F_safe_S = F;
+    y->feasible = !y->relaxed;
+    y->mode = same ? PASSES : y->relaxed ? RELAXED : FILTERED;
+    y->active = same ? NO_RULE : deciding_rule(p, rows, F);
+}
+
+/* ---- filters 1 and 2: pass or brake ---- */
+static vec3 boxed(const Parameters *p, vec3 F)
+{
+    vec3 most = p->F_max;
+    return vec(clamp(F.x, -most.x, most.x), clamp(F.y, -most.y, most.y),
+               clamp(F.z, -most.z, most.z));
+}
+
+/* (22): state after one hold of a force, in the frame in which the servicer stops, and how
+ * uncertain it is */
+typedef struct {
+    vec3 x, v;
+    double e, brakes; /* brakes: time to the stop */
+} Held;
+
+static Held after_hold(const Parameters *p, const Geometry *g, vec3 F)
+{
+    double P = g->P, a_b = p->brake_keep_out;
+    vec3 a_F = scale(1 / p->mass, tmul(g->C_SN, F)), v = g->corridor ? g->v_T : g->v;
+    vec3 a = add(g->corridor ? g->a_T : g->g, a_F);
+    double unknown = p->a_dist + g->turn + norm(a_F) * p->mass_error;
+    if (g->corridor) a_b = smaller(a_b, p->brake_corridor);
+    Held h = {.x = sum3(g->rho, scale(P, v), scale(P * P / 2, a)), .v = add(v, scale(P, a))};
+    double s = norm(h.v) + p->velocity_error + P * unknown;
+    h.e = p->position_error + P * P / 2 * unknown;
+    h.brakes = s / (2 * a_b);
+    return h;
+}
+
+/* (23), (24) */
+static int stops_outside(const Parameters *p, const Held *h)
+{
+    double clear = p->keep_out_radius + h->e, distance = norm(h->x);
+    if (p->filter == SIMPLEX_IMPLICIT)
+        return norm(nearest_of_chord(h->x, add(h->x, scale(h->brakes, h->v)))) >= clear;
+    double closing = distance > 0 ? smaller(dot(h->x, h->v) / distance, 0) : 0;
+    return distance - clear + closing * h->brakes >= 0;
+}
+
+static int stops_inside(const Parameters *p, const Geometry *g, double slope, const Held *h)
+{
+    Face face[FACES];
+    int faces = corridor_faces(p, g->C_TN, slope, face), inside = 1;
+    vec3 x = from_apex(p, g, h->x);
+    for (int j = 0; j < faces; j++) {
+        double closing = smaller(dot(face[j].n, h->v) - p->rate_error * g->R, 0);
+        double gap = face[j].offset + dot(face[j].n, x) - h->e - p->attitude_error * g->R;
+        inside = inside && gap + closing * h->brakes >= 0;
+    }
+    return inside;
+}
+
+static int can_stop(const Parameters *p, const Geometry *g, double slope, vec3 F)
+{
+    Held h = after_hold(p, g, F);
+    return (!g->sphere || stops_outside(p, &h)) && (!g->corridor || stops_inside(p, g, slope, &h));
+}
+
+/* (25): the force that brakes in one hold, shortened into the box */
+static vec3 braking(const Parameters *p, const Geometry *g)
+{
+    vec3 v = g->corridor ? g->v_T : g->v, a = g->corridor ? g->a_T : g->g, most = p->F_max;
+    vec3 F = scale(-p->mass, mul(g->C_SN, add(scale(1 / g->P, v), a)));
+    double x = fabs(F.x) / most.x, y = fabs(F.y) / most.y, z = fabs(F.z) / most.z;
+    return scale(1 / larger(1, larger(x, larger(y, z))), F);
+}
+
+static double first_broken(const Parameters *p, const Rows *rows, vec3 F)
+{
+    for (int i = 0; i < rows->count; i++)
+        if (excludes(&rows->row[i], F, tolerance(p))) return rows->row[i].rule;
+    return NO_RULE;
+}
+
+/* backup from the first sample that does not pass until the command has passed for dwell */
+static int stays_in_backup(const Parameters *p, State *x, int passes, double P)
+{
+    x->passed = passes && x->backup ? x->passed + P : 0;
+    x->backup = !passes || (x->backup && !reached(x->passed, p->dwell));
+    return x->backup != 0;
+}
+
+static void filter_simplex(const Parameters *p, const Input *u, const Geometry *g, Rows *rows,
+                           State *x, Output *y)
+{
+    vec3 F = boxed(p, u->F_cmd_S);
+    double broken = first_broken(p, rows, F);
+    int stops = !broken && can_stop(p, g, x->slope, F), drifts_clear = 1;
+    if (g->drift) {
+        DriftFan f = drift_fan(p, u, g);
+        y->barrier[DRIFT - 1] = worst_chord(&f, f.free).margin;
+        drifts_clear = worst_drift(p, &f, F).margin >= 0;
+    }
+    if (!stays_in_backup(p, x, stops && drifts_clear, g->P)) {
+        y->F_safe_S = F;
+        y->mode = equal(F, u->F_cmd_S) ? PASSES : FILTERED;
+        y->active = equal(F, u->F_cmd_S) ? NO_RULE : BOX;
+        return;
+    }
+    int only_drift = stops && !drifts_clear;
+    y->F_safe_S = only_drift ? vec(0, 0, 0) : braking(p, g);
+    y->mode = BACKUP;
+    y->active = only_drift ? DRIFT : broken;
+}
+
+/* ---- samples ---- */
+static void observe(const Parameters *p, const Input *u, const Geometry *g, Output *y)
+{
+    if (!g->drift) return;
+    DriftFan f = drift_fan(p, u, g);
+    y->barrier[DRIFT - 1] = worst_chord(&f, f.free).margin;
+}
+
+static void let_pass(const Input *u, State *x, Output *y, double mode)
+{
+    y->F_safe_S = u->F_cmd_S;
+    y->mode = mode;
+    x->passed = 0;
+}
+
+static void sample(const Parameters *p, const Input *inputs, State *x, Output *y, double P)
+{
+    Input bounded = *inputs, *u = &bounded;
+    u->T = body_in(u->T);
+    u->S = body_in(u->S);
+    y->active = y->relaxed = 0;
+    y->feasible = 1;
+    if (!u->relative_valid || P == 0) {
+        let_pass(u, x, y, u->relative_valid ? PASSES : NO_STATE);
+    } else {
+        for (int rule = 0; rule < BARRIERS; rule++) y->barrier[rule] = RESTING;
+        Geometry g = geometry(p, u, P);
+        Rows rows = all_rows(p, u, &g, x->slope, y->barrier);
+        if (p->filter == ASIF) filter_least(p, u, &g, &rows, y);
+        else if (p->filter != NO_FILTER) filter_simplex(p, u, &g, &rows, x, y);
+        else let_pass(u, x, y, PASSES), observe(p, u, &g, y);
+    }
+    y->intervention = norm(bounded3(sub(y->F_safe_S, u->F_cmd_S)));
+    for (int rule = 0; rule < BARRIERS; rule++)
+        y->least[rule] = x->least[rule] = smaller(x->least[rule], y->barrier[rule]);
+}
+
+static State initial_state(const Parameters *p)
+{
+    SineCosine half = sine_and_cosine(p->corridor_half_angle);
+    State x = {.slope = half.s / half.c * (sqrt(2 + sqrt(2.0)) / 2)};
+    for (int rule = 0; rule < BARRIERS; rule++) x.least[rule] = RESTING;
+    return x;
+}
+
+/* While the initial values of a system are computed, inputs may have any value: nothing of the
+ * first sample is stored. With sample_period 0 the hold has no length yet, and F_cmd_S passes. */
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    State first = initial_state(p);
+    (void)t;
+    *x = first;
+    for (int rule = 0; rule < BARRIERS; rule++) y->barrier[rule] = RESTING;
+    sample(p, u, &first, y, p->sample_period);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        sample(p, u, x, y, s.period);
+    if (p->filter != NO_FILTER && y->mode != NO_STATE) return;
+    y->F_safe_S = u->F_cmd_S;
+    y->intervention = 0;
+}
+
+FMU_MODEL("safety_filter",
+          "Safety filter: the least change of a force for sphere, corridor, speed and drift");
