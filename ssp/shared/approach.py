@@ -9,6 +9,7 @@ from harness.mission import Drawing, Figure, Mission, Overlay, Paper, Scene
 from harness.results.result import Result
 
 from . import (
+    filtering,
     flexible,
     line_of_sight_figures,
     navigation_claims,
@@ -40,9 +41,12 @@ FURTHER = (
     *line_of_sight_figures.FIGURES,
     *navigation_figures.FIGURES,
     *safety_figures.FIGURES,
+    *filtering.FIGURES,
     *flexible.FIGURES,
 )
 """Figures of what may take the place of a component: actuators, controllers, sensors, monitor."""
+IDLE = (LEAST, *(rule.history for rule in RULES), filtering.BARRIER, filtering.LEAST)
+"""Margins and barriers."""
 
 
 def approach(
@@ -55,13 +59,13 @@ def approach(
         figures=(*COMMON, *figures, *FURTHER),
         overlays=(*OVERLAYS, *overlays),
         phases=PHASES,
-        metrics=(*METRICS, *flexible.METRICS),
+        metrics=(*METRICS, *filtering.METRICS, *flexible.METRICS),
         claims=(*claims, navigation_claims.PAPER),
         watched=WATCHED,
         scene=(Scene(PAIR, (), pair, pairs),),
-        rules=(findings,),
-        idle=tuple((name, RESTING) for name in (LEAST, *(rule.history for rule in RULES))),
-        notes=(notes, flexible.notes),
+        rules=(findings, filtering.findings),
+        idle=tuple((name, RESTING) for name in IDLE),
+        notes=(notes, filtering.notes, flexible.notes),
         bands=(bands,),
         definitions=(definitions,),
         exchange=(ORBITS,),

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Work of the safety filter in a run (docs/models.md M): least barriers, and when, by how much and
+for which rule it changed the force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from harness.figures.style import legend_above, time_axis
+from harness.mission import Limits, Metric, RuleFinding
+from harness.mission.figure import Axes, Drawing
+from harness.results.histories import norm
+from harness.results.result import Array, Result
+
+MODE, ACTIVE, CHANGE = "filter.mode", "filter.active", "filter.intervention"
+BARRIER, LEAST, RELAXED = "filter.barrier", "filter.least_barrier", "filter.relaxed"
+NEEDS = (MODE, ACTIVE, CHANGE, BARRIER, LEAST, RELAXED)
+ERRORS = ("filter.position_error", "filter.velocity_error", "filter.reaction")
+RESTING = 1e9
+"""Barrier of a rule that is off, or has rested since the start."""
+RULES = (("keep-out", "m"), ("corridor", "m"), ("speed", "m/s"), ("drift", "m"))
+"""Rules with a barrier that must not be negative, and its unit."""
+WORDS = ("stop", *(name for name, _ in RULES), "plume", "box")
+"""Rules by the value of filter.active; 0 in the backup of a simplex filter."""
+SHOWN = 4
+"""Episodes in the notes: the largest impulses."""
+
+
+class Episode(NamedTuple):
+    """Time without a gap in which the filter changed the force, for one rule [s, N, N s]."""
+
+    rule: str
+    begin: float
+    end: float
+    largest: float
+    impulse: float
+
+
+def impulses(result: Result) -> Array:
+    """Return the changed impulse per row [N s]."""
+    steps = np.diff(result.time, append=result.time[-1])
+    return np.asarray(result[CHANGE] * steps)
+
+
+def episodes(result: Result) -> list[Episode]:
+    """Return the episodes in their order."""
+    time, change = result.time, impulses(result)
+    rule = np.where(result[CHANGE] > 0, result[ACTIVE], -1)
+    edges = np.flatnonzero(np.diff(rule, prepend=np.nan, append=np.nan))
+    return [
+        Episode(
+            WORDS[int(rule[a])],
+            float(time[a]),
+            float(time[min(int(b), len(time) - 1)]),
+            float(result[CHANGE][a:b].max()),
+            float(change[a:b].sum()),
+        )
+        for a, b in pairwise(edges)
+        if rule[a] >= 0
+    ]
+
+
+def notes(result: Result) -> Iterator[str]:
+    """Yield a line on the work of the filter, and one per large episode."""
+    if not (result.holds(*NEEDS) and len(result.time)):
+        return
+    found = episodes(result)
+    changed = int(np.count_nonzero(result[CHANGE]))
+    yield (
+        f"filter: {changed} of {len(result.time)} rows changed, {impulses(result).sum():.4g} N s"
+        f" of {passed(result):.4g} N s"
+    )
+    largest = sorted(found, key=lambda e: -e.impulse)[:SHOWN]
+    for e in sorted(largest, key=lambda e: e.begin):
+        yield (
+            f"filter: {e.begin:.1f} to {e.end:.1f} s, {e.rule}: up to {e.largest:.3g} N, "
+            f"{e.impulse:.3g} N s"
+        )
+    if len(found) > SHOWN:
+        yield f"filter: {len(found) - SHOWN} further episodes"
+
+
+def passed(result: Result) -> float:
+    """Return the impulse of the filtered force [N s]."""
+    steps = np.diff(result.time, append=result.time[-1])
+    return float(np.sum(norm(result["filter.F_safe_S"]) * steps))
+
+
+# ---- rules
+
+
+def findings(result: Result) -> Iterator[RuleFinding]:
+    """Yield the least barrier of each rule that was in force. With errors or a delay among the
+    parameters of the filter a barrier may be negative within them, and is a violation only
+    where the rule was relaxed.
+    """
+    if not (result.holds(*NEEDS, parameters=ERRORS) and len(result.time)):
+        return
+    exact = not any(result.parameter(name) for name in ERRORS)
+    for rule, (name, unit) in enumerate(RULES):
+        least = float(result[LEAST][-1, rule])
+        if least >= RESTING:
+            continue
+        broken = (result[BARRIER][:, rule] < 0) & (exact | (result[RELAXED] == rule + 1))
+        when = float(result.time[np.argmax(broken)]) if broken.any() else float("nan")
+        text, limit = "what is left after braking", "the filter leaves a way out"
+        yield RuleFinding(f"{name} (filter)", least, unit, when, text, limit)
+
+
+# ---- metrics
+
+
+def _least(rule: int, result: Result, _: Limits) -> float:
+    least = float(result[LEAST][-1, rule])
+    return least if least < RESTING else float("nan")
+
+
+METRICS = (
+    Metric(
+        "filter changes",
+        "%",
+        NEEDS,
+        lambda r, _: float(100 * np.mean(r[CHANGE] > 0)),
+        beside=True,
+    ),
+    Metric("filter impulse", "N s", NEEDS, lambda r, _: float(impulses(r).sum()), beside=True),
+    *(
+        Metric(f"{name} barrier", unit, NEEDS, partial(_least, rule), beside=True)
+        for rule, (name, unit) in enumerate(RULES)
+    ),
+)
+
+
+# ---- figure
+
+
+def _draw(canvas: Axes, result: Result) -> None:
+    time, barrier = result.time / time_axis(result.time).seconds, result[BARRIER]
+    above, below = canvas.subplots(2, 1, sharex=True)
+    for rule, (name, unit) in enumerate(RULES):
+        if result[LEAST][-1, rule] < RESTING:
+            shown = np.where(barrier[:, rule] < RESTING, barrier[:, rule], np.nan)
+            above.plot(time, shown, lw=0.9, label=f"{name} [{unit}]")
+    above.axhline(0, ls="--", lw=0.8, color="k")
+    above.set_yscale("symlog", linthresh=0.1)
+    above.set_ylabel("barrier")
+    if above.get_legend_handles_labels()[0]:
+        legend_above(above)
+    below.plot(time, result[CHANGE], lw=0.9)
+    below.set_ylabel("intervention [N]")
+    below.set_xlabel(time_axis(result.time).label)
+
+
+FIGURES: tuple[Drawing, ...] = (
+    Drawing("filter", "Barriers and interventions of the safety filter", NEEDS, _draw, (11, 7)),
+)
