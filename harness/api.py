@@ -52,7 +52,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     limit for one call into a third-party FMU [s] (docs/robustness.md); realtime: simulated seconds
     per second; late: `wait`, `hold` or `stop` if a remote component misses this pace
     (docs/processors.md); changes: deviations from the system, see harness.master.changes.Changes
-    (params, set, swap, map, on, latency, step, stop, algorithm, epoch, require).
+    (params, set, swap, map, on, latency, step, stop, algorithm, epoch, require, open).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` holds
     the rows recorded before the failure.
@@ -92,6 +92,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     step: float | None = None,
     stop: float | None = None,
     require: Sequence[str] | Mapping[str, str] = (),
+    open: Sequence[str] = (),
     limits: Limits | None = None,
     every: int | None = None,
     patience: float = PATIENCE,
@@ -102,8 +103,9 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
 
     folder: for the results and the table comparison.csv; params: parameter sets or files; swap:
     FMUs by component; latency: macro steps by component; vary: values by `component.parameter`;
-    algorithm: names; set, map, on, step, stop, require: as for run(), the same for all; limits:
-    bands and keep-out radius; every: record every N-th macro step (default: at most 20 000 rows);
+    algorithm: names; set, map, on, step, stop, require, open: as for run(), the same for all;
+    limits: bands and keep-out radius; every: record every N-th macro step (default: at most 20 000
+    rows);
     patience: limit for one call into a third-party FMU [s]; progress: called with the number of
     completed runs; executor: `c`, `python` or `fused`, as for run().
 
@@ -118,7 +120,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
 
-    fixed: Changes = {"set": set, "map": map, "on": on, "require": require}
+    fixed: Changes = {"set": set, "map": map, "on": on, "require": require, "open": open}
     chosen = combinations({**fixed, "step": step, "stop": stop}, varied)
     return comparison.compare(
         system,

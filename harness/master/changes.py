@@ -51,6 +51,7 @@ class Changes(TypedDict, total=False):
     algorithm: str | None
     epoch: str | None
     require: Sequence[str] | Mapping[str, str]
+    open: Sequence[str]
 
 
 NAMED = ("set", "swap", "map", "on", "latency")
@@ -86,6 +87,7 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
     given_timing: Any = {name: value for name, value in timing.items() if value is not None}
     return replace(
         _required(system, changes.get("require", ())),
+        without=_opened(system, changes.get("open", ())),
         experiment=replace(system.experiment, **given_timing),
         origin=_origin(before, params, is_set, given),
     )
@@ -314,7 +316,12 @@ def _driven(system: System, values: Assignments) -> Iterator[str]:
         yield f"{port}: is driven by {drivers[port]}, so a start value has no effect"
 
 
-# ---- latency, requirements
+# ---- open components, latency, requirements
+
+
+def _opened(system: System, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the components whose outputs the user sets."""
+    return tuple(dict.fromkeys([*system.without, *(existing(system, "--open", n) for n in names)]))
 
 
 def _delayed(system: System, given: Given) -> System:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.files.paths import built
-from harness.master.calls import layout
+from harness.master.calls import OK, WARNING, layout
 from harness.master.fmu import Instance
 from harness.master.recorder import Recorder
 from harness.master.transfer import Transfer
@@ -33,12 +33,16 @@ class Clock(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """Input of an executor: the plan of a macro step, one bus, and one table."""
+    """Input of an executor: the plan of a macro step, one bus, and one table; pause: actions of the
+    next macro step that are performed with this one, so that the run pauses where an open component
+    would read its inputs.
+    """
 
     plan: Sequence[Action[Instance]]
     bus: NDArray[np.float64]
     recorder: Recorder
     clock: Clock
+    pause: int = 0
 
 
 class PythonExecutor:
@@ -56,13 +60,22 @@ class PythonExecutor:
         """Run the macro steps first .. last - 1 and record each; raise RunError naming the instance
         that failed.
         """
-        plan, bus, recorder, clock = self.loop
         for k in range(first, last):
-            for i, action in enumerate(plan):
-                if action.due(k):
-                    recorder.progress[1] = i
-                    action.instance.act(action.verb, bus, clock.time(k), clock.step)
-            recorder.record(k + 1, bus)
+            self._act(k, self.loop.pause, None)
+            self.loop.recorder.record(k + 1, self.loop.bus)
+            if k + 1 < self.loop.recorder.steps:
+                self.prepare(k + 1)
+
+    def prepare(self, k: int) -> None:
+        """Perform the actions of macro step k before the pause; raise RunError."""
+        self._act(k, 0, self.loop.pause)
+
+    def _act(self, k: int, begin: int, end: int | None) -> None:
+        plan, bus, recorder, clock, _ = self.loop
+        for i, action in list(enumerate(plan))[begin:end]:
+            if action.due(k):
+                recorder.progress[1] = i
+                action.instance.act(action.verb, bus, clock.time(k), clock.step)
 
 
 _KINDS = {
@@ -100,10 +113,23 @@ class _Run(ctypes.Structure):
     )
 
 
-class _Stop(ctypes.Structure):
+class Stop(ctypes.Structure):
     """Struct Stop of loop.c."""
 
     _fields_ = layout((ctypes.c_long, "done"), (ctypes.c_size_t, "call"), (ctypes.c_int, "status"))
+
+
+class Stretch(ctypes.Structure):
+    """Struct Stretch of loop.c."""
+
+    _fields_ = layout(
+        (ctypes.c_void_p, "calls"),
+        (ctypes.c_size_t, "count"),
+        (ctypes.c_void_p, "run"),
+        (ctypes.c_long, "first last"),
+        (ctypes.c_size_t, "pause"),
+        (Stop, "stop"),
+    )
 
 
 class CExecutor:
@@ -111,7 +137,7 @@ class CExecutor:
 
     def __init__(self, loop: Loop) -> None:
         self.loop = loop  # holds the arrays to which the C structs point
-        self._execute = _library()
+        self._execute = library().execute
         self._origin = list(_origins(loop.plan))
         self.calls = _marked(action for action, _ in self._origin)
         self._calls = (_Call * len(self._origin))(*(_call(*origin) for origin in self._origin))
@@ -119,14 +145,31 @@ class CExecutor:
         numbers = (*clock, len(bus), recorder.every, recorder.steps)
         arrays = bus, recorder.table, recorder.progress
         self._run = _Run(*numbers, *(array.ctypes.data for array in arrays))
+        self._pause = len(list(_origins(loop.plan[: loop.pause])))
 
     def run(self, first: int, last: int) -> None:
         """Run the macro steps first .. last - 1 and record each; raise RunError naming the instance
         that failed.
         """
-        stop = self._execute(self._calls, len(self._calls), ctypes.byref(self._run), first, last)
+        self._execute_until(first, last, 1)
+
+    def prepare(self, k: int) -> None:
+        """Perform the calls of macro step k before the pause; raise RunError."""
+        self._execute_until(k, k, 0)
+
+    def stretch(self, first: int, last: int) -> Stretch:
+        """Return macro steps first .. last - 1 for execute_all()."""
+        calls, run = ctypes.addressof(self._calls), ctypes.addressof(self._run)
+        return Stretch(calls, len(self._calls), run, first, last, self._pause)
+
+    def _execute_until(self, first: int, last: int, ready: int) -> None:
+        count, run = len(self._calls), ctypes.byref(self._run)
+        self.finish(self._execute(self._calls, count, run, first, last, self._pause, ready))
+
+    def finish(self, stop: Stop) -> None:
+        """Note how far the calls came; raise RunError naming the instance that failed."""
         self.loop.recorder.done = stop.done
-        if stop.done < last:
+        if stop.status not in (OK, WARNING):
             action, transfer = self._origin[stop.call]
             time = self.loop.clock.time(stop.done)
             action.instance.raise_if_failed(action.verb, stop.status, time, transfer)
@@ -163,17 +206,25 @@ def _address(function: Any) -> int | None:
     return ctypes.cast(function, ctypes.c_void_p).value
 
 
-def _library() -> Any:
+def library() -> Any:
+    """Return loop.c as a library; raise UsageError if it has not been built."""
     path = built("loop")
     if path is None:
         raise UsageError(
             "the C executor has not been built: build the project, or choose --executor python"
         )
-    execute = ctypes.CDLL(str(path)).execute
-    execute.restype = _Stop
+    found = ctypes.CDLL(str(path))
+    found.execute.restype = Stop
     calls, run = (ctypes.c_void_p, ctypes.c_size_t), ctypes.c_void_p
-    execute.argtypes = [*calls, run, ctypes.c_long, ctypes.c_long]
-    return execute
+    steps = ctypes.c_long, ctypes.c_long
+    found.execute.argtypes = [*calls, run, *steps, ctypes.c_size_t, ctypes.c_int]
+    found.execute_all.restype = None
+    return found
+
+
+def execute_all(stretches: ctypes.Array[Stretch]) -> None:
+    """Perform stretches of several simulations without Python between them; each has its `stop`."""
+    library().execute_all(stretches, ctypes.c_size_t(len(stretches)))
 
 
 Executor = PythonExecutor | CExecutor

@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import secrets
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -29,7 +29,7 @@ from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
 from harness.system.interface import Interface, binaries, binary_problem
 from harness.system.schedule import EARLY_RETURN, TERMINATION, Verb
-from harness.system.values import Scalar, Variable, base, resting
+from harness.system.values import Scalar, Variable, base, coerce, resting
 
 HEARD = (
     *("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal"),
@@ -183,6 +183,12 @@ class Instance:
             names = [v.name for v in row if v.name in given]
             name = names[0] if len(names) == 1 else base(row[0].name)
             yield row, [given.get(v.name, resting(v)) for v in row], name
+
+    def put(self, variables: Sequence[Variable], values: NDArray[np.float64], time: float) -> None:
+        """Set inputs of one variable between steps; raise RunError if the FMU rejects them."""
+        given = [coerce(float(x), v.type, v.access) for v, x in zip(variables, values, strict=True)]
+        if (status := self.calls.put(variables, given)) not in (OK, WARNING):
+            raise self._failure(status, f"set{variables[0].access} rejected {given}", time)
 
     def enter_initialization(self, start: float, stop: float) -> None:
         """Make the calls that lead to initialization mode."""

@@ -256,19 +256,64 @@ static void record(const Run *run, long done)
     run->progress[0] = done;
 }
 
-/* Macro steps first .. last - 1; stops at the first call whose status is neither fmi2OK nor
+/* Calls i .. end - 1 of macro step k; stops at the first call whose status is neither fmi2OK nor
  * fmi2Warning. */
-EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first, long last)
+static Stop part(const Call *calls, size_t i, size_t end, const Run *run, long k)
 {
-    for (long k = first; k < last; k++) {
-        const Moment now = {run->bus, run->start + (double)k * run->step, run->step};
-        for (size_t i = 0; i < count; i++) {
-            if (!due(&calls[i], k)) continue;
-            run->progress[1] = (int64_t)i;
-            int status = perform[calls[i].kind](&calls[i], &now);
-            if (status < fmi2OK || status > fmi2Warning) return (Stop){k, i, status};
-        }
-        record(run, k + 1);
+    const Moment now = {run->bus, run->start + (double)k * run->step, run->step};
+    for (; i < end; i++) {
+        if (!due(&calls[i], k)) continue;
+        run->progress[1] = (int64_t)i;
+        int status = perform[calls[i].kind](&calls[i], &now);
+        if (status < fmi2OK || status > fmi2Warning) return (Stop){k, i, status};
     }
-    return (Stop){last, 0, fmi2OK};
+    return (Stop){k, end, fmi2OK};
+}
+
+/* Macro steps first .. last - 1. The run pauses before call `pause` of macro step `last`, where
+ * the outputs of an open component are set; `ready`: it pauses there in macro step `first`. */
+EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first, long last,
+                    size_t pause, int ready)
+{
+    Stop stop = {first, pause, fmi2OK};
+    if (!ready) stop = part(calls, 0, pause, run, first);
+    for (long k = first; k < last && stop.call == pause; k++) {
+        stop = part(calls, pause, count, run, k);
+        if (stop.call < count) break;
+        record(run, k + 1);
+        stop = (Stop){k + 1, pause, fmi2OK};
+        if (k + 1 < run->steps) stop = part(calls, 0, pause, run, k + 1);
+    }
+    return stop;
+}
+
+typedef struct {
+    const Call *calls;
+    size_t count;
+    const Run *run;
+    long first, last;
+    size_t pause;
+    Stop stop;
+} Stretch;
+
+/* Stretches of several simulations, one after the other. */
+EXPORT void execute_all(Stretch *stretches, size_t count)
+{
+    for (Stretch *s = stretches; s < stretches + count; s++)
+        s->stop = execute(s->calls, s->count, s->run, s->first, s->last, s->pause, 1);
+}
+
+/* fmi2GetReal and fmi3GetFloat64 of an open component: its buffers hold what the user has set. */
+EXPORT fmi2Status held_2(fmi2Component component, const fmi2ValueReference reference[],
+                         size_t count, fmi2Real value[])
+{
+    (void)component, (void)reference, (void)count, (void)value;
+    return fmi2OK;
+}
+
+EXPORT fmi3Status held_3(fmi3Instance component, const fmi3ValueReference reference[], size_t count,
+                         fmi3Float64 value[], size_t values)
+{
+    (void)component, (void)reference, (void)count, (void)value, (void)values;
+    return fmi3OK;
 }

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import math
 from collections.abc import Collection
@@ -27,12 +28,13 @@ from harness.master.messages import as_typed
 from harness.master.pacer import Pacer
 from harness.master.progress import Show, Watch, shown
 from harness.master.recorder import Recorder
+from harness.master.steering import Ports, steered
 from harness.results.provenance import now, run_provenance
 from harness.results.result import Result
 from harness.spelling import some
 from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
 from harness.system.model import System
-from harness.system.schedule import Verb, schedule
+from harness.system.schedule import Verb
 
 CHUNK_SECONDS = 0.1
 """Wall-clock time between two checks for Ctrl-C and two updates of the progress bar [s]."""
@@ -57,6 +59,8 @@ class Snapshot:
     step: int
     bus: NDArray[np.float64]
     states: tuple[Any, ...]
+    held: tuple[bytes, ...] = ()
+    """Outputs of open components that they publish next."""
 
 
 class Simulation:
@@ -99,8 +103,9 @@ class Simulation:
         self._files: ExitStack | None = None
         self._folder: Path | None = None
         changed = apply(system, **changes)
-        if changed.without:
-            raise UsageError(f"{changed.name}: a Simulation needs harness.master.remainder.rest()")
+        if changed.without and executor == FUSED:
+            names = ", ".join(changed.without)
+            raise UsageError(f"open {names}: needs the executor c or python, not {executor}")
         self._lay_out(changed, checked(changed))
 
     def _lay_out(
@@ -114,7 +119,9 @@ class Simulation:
         self.recorder = Recorder(found.steps, width, chosen, getattr(self, "recorder", None))
         self.system, (self.graph, self.steps), self.recorded = system, found, recorded
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
-        self.bus: NDArray[np.float64] = np.zeros(width)
+        if len(getattr(self, "bus", ())) != width:  # views of ports remain valid
+            self.bus: NDArray[np.float64] = np.zeros(width)
+        self.bus[:] = 0.0
         self.pace = math.inf
         """Time of a macro step so far, of the quickest stretch between two looks [s]."""
         self._initialised = False
@@ -221,9 +228,11 @@ class Simulation:
         finally:
             for left in before.values():
                 left.close()
-        plan = schedule(self.system.experiment.algorithm, self.instances)
-        loop = Loop(plan, self.bus, self.recorder, self.clock)
+        without = self.system.without
+        plan, pause = steered(self.system.experiment.algorithm, self.instances, without)
+        loop = Loop(plan, self.bus, self.recorder, self.clock, pause)
         self._executor = EXECUTORS[self._executor_name](loop)
+        self._ports = Ports(self.graph, self.instances, self.bus, without)
 
     def _instance(self, node: Node, before: dict[str, Instance]) -> Instance:
         """Return the earlier instance with that name if it can be reset, else a new one."""
@@ -267,6 +276,7 @@ class Simulation:
             _log.warning(note, self.system.name, some(names))
         self._initialised = True
         self.recorder.record(0, self.bus)
+        self._executor.prepare(0)
 
     def _settle(self) -> NDArray[np.bool_]:
         """Repeat GET and SET until nothing changes, and return which slots did not settle (NaN
@@ -364,6 +374,40 @@ class Simulation:
         """
         return self._executor.calls
 
+    # ---- steering
+
+    def port(self, name: str) -> NDArray[Any]:
+        """Return an output `component.variable` as an array that shows its present value. Of an
+        open component it is what the component publishes next, to be written to.
+
+        The array remains valid until the FMUs are closed or exchanged. Raises UsageError.
+        """
+        return self._steerable().view(name)
+
+    def get(self, name: str) -> NDArray[np.float64]:
+        """Return the present value of an output or of a connected input; raise UsageError."""
+        return self._steerable().get(name)
+
+    def set(self, name: str, value: Any) -> None:
+        """Set an output of an open component, or an unconnected input, from the next macro step on.
+
+        value: a number, or an array in the shape of the variable. Raises UsageError, or RunError if
+        the FMU rejects the value.
+        """
+        self._steerable().set(name, value, self.time)
+
+    def _steerable(self) -> Ports:
+        if self._files is None:
+            raise UsageError("a Simulation can be steered inside its `with` block only")
+        if not self._initialised:
+            self.advance(to=0)
+        return self._ports
+
+    def _held(self) -> list[Any]:
+        """Return the buffers of open components."""
+        opened = (i for i in self.instances if i.name in self.system.without)
+        return [transfer.values for i in opened for transfer in i.transfers[Verb.GET]]
+
     # ---- rollback
 
     def save(self) -> Snapshot:
@@ -371,13 +415,15 @@ class Simulation:
         FMU cannot save its state.
         """
         states = tuple(instance.save(self.time) for instance in self.instances)
-        return Snapshot(self.step, self.bus.copy(), states)
+        return Snapshot(self.step, self.bus.copy(), states, tuple(map(bytes, self._held())))
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to a saved state; later rows are recorded again."""
         for instance, state in zip(self.instances, snapshot.states, strict=True):
             instance.restore(state, self.time)
         self.bus[:] = snapshot.bus
+        for values, saved in zip(self._held(), snapshot.held, strict=True):
+            ctypes.memmove(values, saved, len(saved))
         self.recorder.done = snapshot.step
 
     def free(self, snapshot: Snapshot) -> None:

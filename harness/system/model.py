@@ -160,8 +160,8 @@ class System:
     that a comparison uses by default ("": none); sliders: names and ranges (None: range of the FMU)
     of the parameters that the reader of a live page may change; mission: name of its mission;
     starts: file or elements of `[start]` by component, from which the values of the parameters
-    follow; without: components that another tool is to run, which
-    harness.master.remainder leaves out; origin: source and changes of the system.
+    follow; without: components whose outputs the user sets during a run (harness.master.steering);
+    origin: source and changes of the system.
     """
 
     name: str

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Steering of a simulation from outside: open components, whose outputs the user sets between macro
+steps, and unconnected inputs.
+
+An open component is loaded and initialised, which gives the start values of its outputs. It is not
+stepped: it publishes what the user has set when it would have published its own values, and the run
+pauses where it would have read its inputs. Its own outputs, set again, give the bits of its run.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Sequence
+from copy import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+from harness.master.executors import library
+from harness.master.fmu import Instance
+from harness.spelling import did_you_mean
+from harness.system.graph import Graph
+from harness.system.model import Port
+from harness.system.schedule import Action, Verb, schedule
+from harness.system.values import Variable, elements_of, grid, index, with_arrays
+from harness.system.wiring import split
+
+
+def steered(
+    algorithm: str, instances: Sequence[Instance], names: Collection[str]
+) -> tuple[list[Action[Instance]], int]:
+    """Return the actions of a macro step in which the named components are open, and the number of
+    actions before the first of them would read its inputs (0: none is open).
+    """
+    plan = schedule(algorithm, [_held(i) if i.name in names else i for i in instances])
+    opened = [action.instance.name in names for action in plan]
+    reads = [k for k, a in enumerate(plan) if opened[k] and a.verb is Verb.SET]
+    remain = [not opened[k] or a.verb is Verb.GET for k, a in enumerate(plan)]
+    rest = [action for action, remains in zip(plan, remain, strict=True) if remains]
+    return rest, sum(remain[: min(reads, default=0)])
+
+
+def _held(instance: Instance) -> Instance:
+    """Return an instance that shares the buffers of another one and publishes what they hold."""
+    other, function = copy(instance), f"held_{instance.node.interface.fmi}"
+    outputs = [copy(transfer) for transfer in instance.transfers[Verb.GET]]
+    for transfer in outputs:
+        transfer.function = getattr(library(), function)
+    other.transfers = {Verb.SET: [], Verb.STEP: [], Verb.GET: outputs}
+    other.ours = False  # the executors check values that are not of the FMU
+    return other
+
+
+class Ports:
+    """Outputs and inputs of a system by the names that users write."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        instances: Sequence[Instance],
+        bus: NDArray[np.float64],
+        names: Collection[str],
+    ) -> None:
+        self._bus, self._open = bus, names
+        self._instances = {instance.name: instance for instance in instances}
+        self._nodes = {node.component.name: node for node in graph.nodes}
+        self._slots = {slot.name: i for i, slot in enumerate(graph.slots)}
+
+    def view(self, name: str) -> NDArray[Any]:
+        """Return an output, as an array that shows its present value; of an open component what it
+        publishes next. Raise UsageError.
+        """
+        component, elements = self._elements(name, "output")
+        if component not in self._open:
+            slots = [self._slots[str(Port(component, e))] for e in elements]
+            return _part(self._bus, slots, name, elements)
+        for transfer in self._instances[component].transfers[Verb.GET]:
+            if elements[0] in transfer.names:
+                places = [int(transfer.at[transfer.names.index(e)]) for e in elements]
+                return _part(transfer.view, places, name, elements)
+        raise UsageError(f"{name}: has no number that can be set")
+
+    def get(self, name: str) -> NDArray[np.float64]:
+        """Return the present value of an output or of a connected input; raise UsageError."""
+        try:
+            return np.array(self.view(name), dtype=np.float64)
+        except UsageError:
+            component, elements = self._elements(name, "input", "output")
+        wires = {w.variable.name: w for w in self._nodes[component].inputs}
+        if missing := [e for e in elements if e not in wires]:
+            raise UsageError(f"{name}: {missing[0]} is not connected, so only set() concerns it")
+        values = [wires[e].change(float(self._bus[wires[e].slot])) for e in elements]
+        return np.array(values).reshape(_shape(elements))
+
+    def set(self, name: str, value: Any, time: float) -> None:
+        """Set an output of an open component or an unconnected input; raise UsageError for another
+        name or shape, RunError if the FMU rejects the value.
+        """
+        component, elements = self._elements(name, "input", "output")
+        given = np.asarray(value, dtype=np.float64)
+        if given.shape not in ((), shape := _shape(elements)):
+            raise UsageError(f"{name}: expected shape {shape}, got {given.shape}")
+        if component in self._open and elements[0] in self._interface(component).outputs():
+            self.view(name)[...] = given
+            return
+        wired = {w.variable.name for w in self._nodes[component].inputs}
+        variables = self._interface(component).named("input")
+        if not set(elements) <= variables.keys() - wired:
+            hint = f"open=[{component!r}]" if elements[0] not in variables else "its source"
+            raise UsageError(f"{name}: is neither open nor an unconnected input; set {hint}")
+        chosen = [variables[e] for e in elements]
+        self._instances[component].put(chosen, np.broadcast_to(given, shape).ravel(), time)
+
+    def _interface(self, component: str) -> Any:
+        return self._nodes[component].interface
+
+    def _elements(self, name: str, *causalities: str) -> tuple[str, list[str]]:
+        """Return component and scalar variables of a name; raise UsageError."""
+        try:
+            component, variable = split(name, self._nodes)
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+        known: dict[str, Variable] = {}
+        for causality in causalities:
+            known |= self._interface(component).named(causality)
+        if not (elements := elements_of(variable, known)):
+            words = " or ".join(causalities)
+            close = did_you_mean(variable, with_arrays(known))
+            raise UsageError(f"{name}: there is no such {words}{close}")
+        return component, elements
+
+
+def _shape(elements: Sequence[str]) -> tuple[int, ...]:
+    whole = grid(map(index, elements))
+    return (len(elements),) if whole is None else whole.shape
+
+
+def _part(
+    values: NDArray[Any], places: Sequence[int], name: str, elements: Sequence[str]
+) -> NDArray[Any]:
+    """Return neighbours in an array as a view in the shape of the variable."""
+    if any(b - a != 1 for a, b in itertools.pairwise(places)):
+        raise UsageError(f"{name}: its elements are not neighbours in the FMU; name one element")
+    return values[places[0] : places[-1] + 1].reshape(_shape(elements))
