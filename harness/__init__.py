@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from harness.api import build as build
     from harness.api import compare as compare
+    from harness.api import environment as environment
     from harness.api import linearize as linearize
     from harness.api import run as run
     from harness.errors import HarnessError as HarnessError
@@ -45,6 +46,7 @@ _HOMES = {
     "build": "harness.api",
     "campaign": "harness.studies.campaign.campaign",
     "compare": "harness.api",
+    "environment": "harness.api",
     "export": "harness.exports.package",
     "linearize": "harness.api",
     "load": "harness.ssp.library",

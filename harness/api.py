@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from harness.errors import HarnessError
 from harness.files.cache import with_second_try
-from harness.master.changes import Changes, Pairs, pairs, timely
-from harness.master.isolated import PATIENCE, guarded, simulate
+from harness.master.changes import Changes, Pairs, apply, pairs, timely
+from harness.master.isolated import PATIENCE, all_ours, guarded, simulate
 from harness.master.pacer import Pacer
 from harness.master.remainder import rest
 from harness.results.files import save
@@ -24,6 +26,8 @@ from harness.system.swap import find_fmu
 from harness.system.values import plain
 
 if TYPE_CHECKING:
+    from harness.learning.apart import Apart
+    from harness.learning.environment import Environment
     from harness.mission import Limits
     from harness.studies.compare import Comparison
     from harness.studies.linearize import LinearModel
@@ -147,6 +151,39 @@ def build(
     from harness.authoring import build as authoring
 
     return authoring.build(name, output, compiler, fmi).path
+
+
+def environment(system: str | Path, **how: Any) -> Environment | Apart:
+    """Return a system as an environment of Gymnasium: an agent in the place of components.
+
+    open: the components (default: chosen by the mission); observe: variables that the agent reads
+    (default: the inputs of the components); act: outputs that it sets (default: those that others
+    read), bounded by the limits of the actuators, in the parameter set for comparisons, or by
+    bounds: x for -x to x, or (least, largest), by name; every: macro steps per action (default: of
+    the components); scale: numbers by which observations are divided, by name; with it, actions lie
+    in -1 to 1.
+
+    Reward of a step: the expression `reward` at its end, less the increase of the expression `cost`
+    (default of approaches: delta-v [m/s]), less the violations of requirements times `weights` (a
+    number, or by name; default 1). An episode ends by itself if an FMU fails, a requirement is
+    violated or a condition of the mission holds; ends: names of requirements and conditions, which
+    take the place of all requirements. shield: component whose abort ends the episode (`monitor`),
+    or that changes actions (`filter`).
+
+    factors: campaign file; episode k starts as its run k. record: each N-th macro step is recorded
+    (default: every). render_mode: `rgb_array`; further arguments: changes as for run(). Third-party
+    FMUs run in a child process. Raises UsageError, and the errors of run() before its first step.
+    """
+    if importlib.util.find_spec("gymnasium") is None:
+        text = "an environment needs gymnasium: pip install 'servicing-fmus[learn]' (or gymnasium)"
+        raise HarnessError(text)
+    from harness.learning.apart import Apart
+    from harness.learning.environment import Environment
+
+    given: Changes = {"swap": how.get("swap", ()), "map": how.get("map", ())}
+    with load(system) as found:
+        ours = all_ours(apply(found, **given))
+    return Environment(system, **how) if ours else Apart(system, **how)
 
 
 def _texts(given: Several) -> list[str]:

@@ -20,7 +20,7 @@ import threading
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.sharedctypes import RawArray
@@ -79,9 +79,14 @@ Send = Callable[[str, Any], None]
 
 
 class Child:
-    """Process that calls function(send, *arguments); a context manager that ends it."""
+    """Process that calls function(send, *arguments); a context manager that ends it.
 
-    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+    open_files: numbers of files that the arguments need.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], *arguments: Any, open_files: Collection[int] = ()
+    ) -> None:
         note = block(NOTE_SIZE)
         self._note = array(note, (NOTE_SIZE,), "uint8")
         self._code: int | None = None
@@ -92,7 +97,7 @@ class Child:
         how: Any = multiprocessing.get_context("fork" if FORK else "spawn")
         self.process = how.Process(
             target=_work,
-            args=((theirs, terminal), _open_files(), note, function, arguments),
+            args=((theirs, terminal), _open_files() - {*open_files}, note, function, arguments),
             daemon=True,
         )
         # a daemonic process, as a worker of dask is, may have this child: it ends with its parent

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -213,6 +215,11 @@ def library() -> Any:
         raise UsageError(
             "the C executor has not been built: build the project, or choose --executor python"
         )
+    return _loaded(path)
+
+
+@cache
+def _loaded(path: Path) -> Any:
     found = ctypes.CDLL(str(path))
     found.execute.restype = Stop
     calls, run = (ctypes.c_void_p, ctypes.c_size_t), ctypes.c_void_p

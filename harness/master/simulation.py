@@ -21,7 +21,15 @@ from harness.files import signals
 from harness.files.output import PrivateFolder
 from harness.master import messages
 from harness.master.changes import Changes, apply
-from harness.master.executors import EXECUTORS, FUSED, Clock, Loop, known_executor
+from harness.master.executors import (
+    EXECUTORS,
+    FUSED,
+    CExecutor,
+    Clock,
+    Loop,
+    Stretch,
+    known_executor,
+)
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.messages import as_typed
@@ -327,6 +335,22 @@ class Simulation:
             raise typed from error.__cause__
         except RunError as error:
             raise self._partial(error) from error.__cause__
+
+    def forward(self, to: int) -> None:
+        """Perform macro steps without progress, pace and interrupts, for loops of single steps;
+        raise RunError without the recorded rows.
+        """
+        self._executor.run(self.step, to)
+
+    def stretch(self, to: int) -> Stretch:
+        """Return the macro steps up to `to` for execute_all() of harness.master.executors."""
+        assert isinstance(self._executor, CExecutor)
+        return self._executor.stretch(self.step, to)
+
+    def finish(self, stretch: Stretch) -> None:
+        """Note how far a stretch came; raise RunError."""
+        assert isinstance(self._executor, CExecutor)
+        self._executor.finish(stretch.stop)
 
     def _in_words(self, to: int, progress: Show | None) -> None:
         """Perform _advance(). If a fused system fails, repeat the run with separate FMUs, so that

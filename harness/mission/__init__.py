@@ -27,6 +27,7 @@ from harness.mission.mission import (
     Plan,
     Scene,
     Start,
+    Steering,
     WatchedMetric,
 )
 from harness.results.verdict import Verdict
@@ -52,6 +53,7 @@ __all__ = [
     "RuleFinding",
     "Scene",
     "Start",
+    "Steering",
     "Verdict",
     "WatchedMetric",
     "at_least",

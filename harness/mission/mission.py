@@ -168,6 +168,19 @@ class Scene(NamedTuple):
     several: Callable[[Mapping[str, Result], Any], dict[str, Any] | None] | None = None
 
 
+class Steering(NamedTuple):
+    """Agent in the place of components: the components, macro steps per action (0: their own
+    period), a quantity whose increase is the cost of a step, conditions that end an episode, and
+    bounds of outputs by name in place of the limits of the actuators.
+    """
+
+    open: tuple[str, ...]
+    every: int = 0
+    cost: str = ""
+    ends: tuple[str, ...] = ()
+    bounds: tuple[tuple[str, float | tuple[float, float]], ...] = ()
+
+
 class Plan(Protocol):
     """Answer of a planner before a run; histories: by label, for figures."""
 
@@ -195,7 +208,7 @@ class Mission(Checked):
     variables with the value from which on nothing is in force; validations: cases with published
     reference values; exchange: files of other tools; restarts: a parameter that contains a state,
     another parameter, and its value that enables the state; examples: sources that can replace a
-    component.
+    component; steering: components that an agent replaces, the first choice first.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()
@@ -215,6 +228,7 @@ class Mission(Checked):
     exchange: tuple[Exchange, ...] = ()
     restarts: tuple[tuple[str, str, float], ...] = ()
     examples: tuple[Example, ...] = ()
+    steering: tuple[Steering, ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:
         """Return the limits, completed by the bands that these results suggest."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from harness.mission import WatchedMetric
 
 from ..shared.approach import approach
+from ..shared.conventions import STEERED
 from .claims import PAPERS
 from .figures import FIGURES
 from .metrics import METRICS
@@ -16,11 +17,14 @@ from .plan_figures import OVERLAYS
 from .scene import SCENE
 
 APPROACH = approach(FIGURES, PAPERS, OVERLAYS)
+GRASPED = "mechanism.hard >= 1"
+
 MISSION = replace(
     APPROACH,
     metrics=(*METRICS, *APPROACH.metrics),
     scene=(SCENE,),
     plans=(plan,),
+    steering=(STEERED._replace(open=("controller", "arm_controller"), every=10, ends=(GRASPED,)),),
     watched=(
         WatchedMetric("arm mode", "", (), "arm_guidance.arm_mode"),
         WatchedMetric("tip error", "mm", (), "1000 * arm_guidance.position_error"),

@@ -12,6 +12,7 @@ from ..arm_capture.claims import PAPERS as OF_ARMS
 from ..arm_capture.figures import ARM
 from ..arm_capture.metrics import METRICS as BY_ARM
 from ..shared.approach import approach
+from ..shared.conventions import STEERED
 from ..shared.watched import WATCHED as OF_APPROACHES
 from .claims import PAPER
 from .events import METRICS, notes
@@ -32,10 +33,23 @@ WATCHED = (
     WatchedMetric("latch", "", (), "mechanism.phase"),
 )
 _APPROACH = approach((*FIGURES, *ARM), (PAPER, *OF_ARMS))
+COMMANDED = (
+    ("selector.F_cmd_S", 2.0),
+    ("selector.M_cmd_S", 0.5),
+    ("selector.wheel_accel_cmd", 0.01),
+    ("selector.throttle", (0.0, 1.0)),
+)
+"""Bounds of what the selector passes on: the thrusters and wheels of the servicer."""
+
 MISSION = replace(
     _APPROACH,
     watched=(*WATCHED, *OF_APPROACHES),
     metrics=(*_APPROACH.metrics, *METRICS, *BY_ARM),
     notes=(*_APPROACH.notes, notes),
     scene=(SCENE,),
+    steering=(
+        STEERED._replace(
+            open=("selector",), every=10, ends=("mechanism.hard >= 1",), bounds=COMMANDED
+        ),
+    ),
 )

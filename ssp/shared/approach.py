@@ -27,7 +27,7 @@ from .approach_figures import (
     WHEEL_SPEEDS,
 )
 from .approach_scene import PAIR, pair, pairs
-from .conventions import CONTROLLER, ORBITS, RESTARTS
+from .conventions import CONTROLLER, ORBITS, RESTARTS, STEERED
 from .metrics import METRICS, bands, definitions
 from .overlays import FIGURES as OVERLAYS
 from .relative_motion import release_time
@@ -71,6 +71,7 @@ def approach(
         exchange=(ORBITS,),
         restarts=RESTARTS,
         examples=(CONTROLLER,),
+        steering=(STEERED,),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.mission.mission import Example
+from harness.mission.mission import Example, Steering
 
 from .exchange import orbits
 from .exchange.bodies import Bodies
@@ -35,3 +35,12 @@ The attitude of the servicer is frozen until `servicer.t_att`, 1200 s in `sync_a
 and wheel accelerations have no effect until then. `--set servicer.t_att=0` releases it at once.
 """,
 )
+
+DELTA_V = "total(propulsion.impulse) / servicer.mass"
+WHEELS = ("controller.wheel_accel_cmd", 0.02)  # wheels of 0.2 to 0.3 N m, as in the sets `limited`
+FLAGS = tuple((f"controller.{name}", (0.0, 1.0)) for name in ("throttle", "translation_firing"))
+LIMITS = tuple((f"controller.{n}", x) for n, x in (("F_cmd_S", 1.0), ("M_cmd_S", 0.5)))
+STEERED = Steering(("controller",), every=10, cost=DELTA_V, bounds=(WHEELS, *FLAGS, *LIMITS))
+"""An agent in the place of the controller of an approach, which pays for delta-v [m/s]; bounds of
+the thrusters of 0.5 N of the synchronised approach, where an allocation hides them.
+"""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from harness.mission import Mission, Phase, Scene, WatchedMetric
+from harness.mission import Mission, Phase, Scene, Steering, WatchedMetric
 
 from ..shared.conventions import ORBITS, RESTARTS
 from .claims import PAPERS
@@ -36,6 +36,7 @@ MISSION = Mission(
     ),
     metrics=METRICS,
     claims=PAPERS,
+    steering=(Steering(("joints",), bounds=(("joints.joint_torque", 1.0),)),),
     watched=(
         WatchedMetric("pitch", "deg", (), f"degrees({PITCH})"),
         WatchedMetric("pitch rate", "deg/s", (), f"degrees({RATE})"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.mission import Mission, Phase, Scene, WatchedMetric
+from harness.mission import Mission, Phase, Scene, Steering, WatchedMetric
 
 from .claims import PAPER
 from .figures import FIGURES, OVERLAYS, SHAPE
@@ -38,4 +38,5 @@ MISSION = Mission(
     ),
     scene=(Scene(ASSEMBLY, (*SHAPE, "assembly.R_C"), assembly),),
     plans=(plan,),
+    steering=(Steering(("steering",)),),
 )

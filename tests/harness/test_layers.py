@@ -20,7 +20,7 @@ LAYERS = (
     ("__init__", "__main__"),
     ("cli",),
     ("api",),
-    ("authoring", "report"),
+    ("authoring", "report", "learning"),
     ("studies", "exports", "figures", "claims"),
     ("master",),
     ("ssp",),
@@ -39,6 +39,7 @@ FLOOR = {package: len(LAYERS) - i for i, layer in enumerate(LAYERS) for package 
 ONLY = {
     "lxml": {"ssp", "exports", "remote", "conformance", "files", "authoring"},
     "ctypes": {"master"},
+    "gymnasium": {"learning"},
     "fmpy": {"master", "ssp", "remote", "system", "studies", "conformance"},
     "matplotlib": {"figures", "exports"},
     "typer": {"cli"},

@@ -77,7 +77,7 @@ def test_a_port_shows_what_is_set_and_what_is_published(steered):
     np.testing.assert_array_equal(steered.get("controller.r_SN_N"), seen)
 
 
-def test_start_values_are_those_of_the_whole_system(steered):
+def test_start_values_come_from_the_whole_system(steered):
     whole = run("ppc_tracking", stop=1.0, every=1)
     np.testing.assert_array_equal(steered.get("controller.F_cmd_S"), whole["controller.F_cmd_S"][0])
 

@@ -1,0 +1,382 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A system as an environment of Gymnasium: an agent in the place of some components.
+
+One step of the environment sets the outputs of these components and performs macro steps up to the
+instant at which the components would read their inputs again. An episode under the actions that a
+component has recorded is the run of the system, bit for bit.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
+
+from harness.errors import RunError, UsageError
+from harness.learning import rows
+from harness.master.changes import Changes, apply, joined
+from harness.master.executors import Stretch
+from harness.master.simulation import Simulation
+from harness.mission.library import mission
+from harness.mission.mission import Steering
+from harness.results.requirements import findings
+from harness.results.result import Result
+from harness.spelling import did_you_mean
+from harness.ssp.library import load
+from harness.studies.campaign.draft import read_plan
+from harness.system.graph import Wire, build_graph, constants
+from harness.system.model import System
+from harness.system.values import base, elements_of, with_arrays
+from harness.system.wiring import split
+
+FAR = 1e12
+"""Bound of an observation for which the FMU declares none."""
+
+Array = NDArray[np.float64]
+
+Bound = float | tuple[float, float]
+"""Bounds of an action: -x to x, or the least and the largest value."""
+
+Limits = Sequence[Mapping[str, Bound]]
+"""Bounds by name: of the user, of actuators, of the mission; the first that is there counts."""
+
+
+class Signal(NamedTuple):
+    """One number that an agent reads or sets: its name, unit, place, and bounds."""
+
+    name: str
+    unit: str
+    wire: Wire
+    low: float
+    high: float
+
+
+class Environment(gymnasium.Env[Array, Array], EzPickle):
+    """Environment of one system, see harness.environment()."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
+
+    def __init__(  # noqa: PLR0913 - see harness.environment()
+        self,
+        system: str | Path,
+        *,
+        open: Sequence[str] = (),
+        observe: Sequence[str] = (),
+        act: Sequence[str] = (),
+        every: int = 0,
+        reward: str = "",
+        cost: str | None = None,
+        weights: Mapping[str, float] | float = 1.0,
+        ends: Sequence[str] | None = None,
+        shield: str = "",
+        bounds: Mapping[str, Bound] | None = None,
+        scale: Mapping[str, float] | None = None,
+        factors: str | Path | None = None,
+        stride: int = 1,
+        record: int = 0,
+        render_mode: str | None = None,
+        **changes: Any,
+    ) -> None:
+        EzPickle.__init__(
+            self, system, open=open, observe=observe, act=act, every=every, reward=reward,
+            cost=cost, weights=weights, ends=ends, shield=shield, bounds=bounds, scale=scale,
+            factors=factors, stride=stride, record=record, render_mode=render_mode, **changes,
+        )  # fmt: skip
+        self.render_mode = render_mode
+        self._plan = read_plan(factors)[0] if factors else None
+        self._life = ExitStack()
+        found = self._life.enter_context(load(system))
+        usual = _usual(found, open)
+        given: Any = {**changes, "open": usual.open}
+        self._changes: Changes = joined(self._plan.fixed, given) if self._plan else given
+        self.every = every or usual.every or max(found.component(n).every for n in usual.open)
+        if self.every % (record or self.every):
+            raise UsageError(f"record {record}: must divide every, {self.every} macro steps")
+        changed = apply(found, **self._changes)
+        self.simulation = self._life.enter_context(
+            Simulation(found, every=record or self.every, **self._changes)
+        )
+        self.simulation.initialize()
+        self._system = changed
+        nodes = self.simulation.graph.nodes
+        saves = all(n.interface.model.coSimulation.canGetAndSetFMUstate for n in nodes)
+        self._first = self.simulation.save() if saves else None
+        self._run, self._stride = -stride, stride
+        self._spaces(observe, act, (bounds or {}, _limits(found), dict(usual.bounds)), scale)
+        self._rewards(changed, reward, usual.cost if cost is None else cost, weights)
+        self._ends_of(ends, usual.ends, shield)
+
+    # ---- spaces
+
+    def _spaces(
+        self,
+        observe: Sequence[str],
+        act: Sequence[str],
+        limits: Limits,
+        scale: Mapping[str, float] | None,
+    ) -> None:
+        seen, acted = self._observed(observe), self._acted(act, limits)
+        self.observation_names = [f"{s.name} [{s.unit}]" for s in seen]
+        self.action_names = [f"{s.name} [{s.unit}]" for s in acted]
+        sizes = np.array([dict(scale or {}).get(base(s.name), 1.0) for s in seen])
+        self._slots = np.array([s.wire.slot for s in seen], dtype=np.intp)
+        self._factors = np.array([s.wire.change.factor for s in seen]) / sizes
+        self._offsets = np.array([s.wire.change.offset for s in seen]) / sizes
+        low, high = np.array([(s.low, s.high) for s in seen]).reshape(-1, 2).T / sizes
+        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
+        self._low, self._high = np.array([(s.low, s.high) for s in acted]).T
+        one = np.ones(len(acted))
+        self._ends = (-one, one) if scale is not None else (self._low, self._high)
+        self.action_space = gymnasium.spaces.Box(*self._ends, dtype=np.float64)
+        self._scaled = scale is not None
+        names = list(dict.fromkeys(base(s.name) for s in acted))
+        ports = [self.simulation.port(name).reshape(-1) for name in names]
+        last = np.cumsum([port.size for port in ports]).tolist()
+        self._ports = [(p, slice(n - p.size, n)) for p, n in zip(ports, last, strict=True)]
+
+    def _observed(self, names: Sequence[str]) -> list[Signal]:
+        """Return what is observed: these variables, or all connected inputs of the open
+        components.
+        """
+        nodes = {n.component.name: n for n in self.simulation.graph.nodes}
+        if not names:
+            opened = [(c, w) for c in self.simulation.system.without for w in nodes[c].inputs]
+            return [_signal(f"{c}.{w.variable.name}", w) for c, w in opened]
+        found = []
+        for name in names:
+            try:
+                component, variable = split(name, nodes)
+            except ValueError as error:
+                raise UsageError(f"observe {error}") from None
+            wired = (*nodes[component].inputs, *nodes[component].outputs)
+            wires = {wire.variable.name: wire for wire in wired}
+            if not (elements := elements_of(variable, wires)):
+                close = did_you_mean(variable, with_arrays(wires))
+                raise UsageError(f"observe {name}: no output or connected input{close}")
+            found += [_signal(f"{component}.{e}", wires[e]) for e in elements]
+        return found
+
+    def _acted(self, names: Sequence[str], limits: Limits) -> list[Signal]:
+        """Return what the agent sets: these outputs of the open components, or outputs of which
+        other components read an element.
+        """
+        without, nodes = self.simulation.system.without, self.simulation.graph.nodes
+        read = {
+            wire.slot: (node.component.name, wire.variable)
+            for node in nodes
+            if node.component.name not in without
+            for wire in node.inputs
+        }
+        outputs = [
+            (f"{node.component.name}.{wire.variable.name}", wire)
+            for node in nodes
+            if node.component.name in without
+            for wire in node.outputs
+        ]
+        chosen = {*names} or {base(name) for name, wire in outputs if wire.slot in read}
+        known = {base(name) for name, _ in outputs}
+        if unknown := sorted(chosen - known):
+            close = did_you_mean(unknown[0], known)
+            raise UsageError(f"act {unknown[0]}: no output of an open component{close}")
+        return [
+            _bounded(name, wire, read.get(wire.slot, ("", wire.variable)), limits)
+            for name, wire in outputs
+            if base(name) in chosen
+        ]
+
+    # ---- rewards and ends
+
+    def _rewards(
+        self, system: System, reward: str, cost: str, weights: Mapping[str, float] | float
+    ) -> None:
+        self._kinds = self.simulation.result()
+        found = {n: rows.margin(self._kinds, t) for n, t in system.requirements.items()}
+        self._margins = {name: row for name, row in found.items() if row is not None}
+        given = weights if isinstance(weights, Mapping) else dict.fromkeys(self._margins, weights)
+        self._weights = [(name, w) for name in self._margins if (w := given.get(name, 0.0))]
+        self._reward, self._cost = (self._row(text or "0") for text in (reward, cost))
+
+    def _row(self, text: str) -> rows.Row:
+        try:
+            found = rows.value(self._kinds, text)
+        except (ValueError, KeyError) as error:
+            raise UsageError(f"{text}: {error.args[0]}") from error
+        if found is None:
+            raise UsageError(f"{text}: depends on other rows than the present one")
+        return found
+
+    def _ends_of(self, ends: Sequence[str] | None, usual: Sequence[str], shield: str) -> None:
+        """Note what ends an episode: requirements, conditions, and the abort of a shield."""
+        given = [*usual, *(self._margins if ends is None else ends)]
+        self._shield = -1
+        columns = self._kinds.columns
+        if shield:
+            if not {f"{shield}.abort", f"{shield}.intervention"} & {*columns}:
+                raise UsageError(
+                    f"shield {shield}: {self._kinds.system} has no such component that aborts or "
+                    "intervenes; systems with a filter are called NAME_filtered"
+                )
+            given += [f"{shield}.abort"] if f"{shield}.abort" in columns else []
+            if f"{shield}.intervention" in columns:
+                self._shield = columns.index(f"{shield}.intervention")
+        self._lost = [name for name in given if name in self._margins]
+        self._over = {text: self._row(text) for text in given if text not in self._margins}
+
+    # ---- episodes
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode; with `factors` run k of the campaign: options {"run": k}, or the seed,
+        or the run after the last one.
+        """
+        super().reset(seed=seed)
+        plan, given = self._plan, (options or {}).get("run", seed)
+        self._run = self._run + self._stride if given is None else int(given)
+        simulation, info = self.simulation, {}
+        if plan is None and self._first:
+            simulation.restore(self._first)
+        elif plan is None:
+            simulation.begin(self._system)
+            simulation.initialize()
+        else:
+            self._run %= plan.runs
+            drawn = plan.values(self._run)
+            info = {"run": self._run, "factors": drawn}
+            changes = joined(plan.changes(drawn), self._changes)
+            simulation.begin(apply(simulation.base, **changes))
+            simulation.initialize()
+        self._spent, self._error = self._cost(*self._now()), ""
+        return self._observation(), info
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Hold an action for `every` macro steps."""
+        try:
+            self.simulation.forward(self.act(action))
+        except RunError as error:
+            self._error = str(error)
+        return self.outcome()
+
+    def finish(self, stretch: Stretch) -> None:
+        """Note how far the macro steps of a vector came; an FMU that fails ends the episode."""
+        try:
+            self.simulation.finish(stretch)
+        except RunError as error:
+            self._error = str(error)
+
+    def act(self, action: Array) -> int:
+        """Set the outputs of the open components and return the macro step to which they are
+        held.
+        """
+        action = np.asarray(action, dtype=np.float64)
+        if self._scaled:
+            action = self._low + 0.5 * (action + 1.0) * (self._high - self._low)
+        for port, part in self._ports:
+            port[:] = action[part]
+        return min(self.simulation.step + self.every, self.simulation.steps)
+
+    def outcome(self) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Return observation, reward, whether the episode has ended by itself or at the stop time,
+        and the margins of the requirements.
+        """
+        b, t = self._now()
+        margins = {name: row(b, t) for name, row in self._margins.items()}
+        info: dict[str, Any] = {"margins": margins}
+        if self._shield >= 0:
+            info["intervention"] = b[self._shield]
+        spent = self._cost(b, t)
+        reward = self._reward(b, t) - (spent - self._spent)
+        reward -= sum(w * -m for name, w in self._weights if (m := max(margins[name], -FAR)) < 0)
+        self._spent = spent
+        ended = [name for name in self._lost if margins[name] < 0]
+        ended += [text for text, row in self._over.items() if row(b, t)]
+        ended += [self._error] if self._error else []
+        over = self.simulation.step >= self.simulation.steps
+        if ended:
+            info["ended"] = ended
+        if ended or over:
+            info["requirements"] = {f.name: f for f in findings(self.result())}
+        return self._observation(), reward, bool(ended), over and not ended, info
+
+    def _now(self) -> tuple[Any, float]:
+        """Return the last recorded row and its time: what is evaluated is what is recorded."""
+        recorder, clock = self.simulation.recorder, self.simulation.clock
+        done, every = recorder.done, recorder.every
+        row, over = done // every, done == recorder.steps
+        if over:
+            row = -(-done // every)
+        time = clock.time(done if over else row * every)
+        return memoryview(recorder.table[row]), time
+
+    def _observation(self) -> Array:
+        seen: Array = self.simulation.bus[self._slots] * self._factors + self._offsets
+        return seen
+
+    def shown(self, name: str) -> Any:
+        """Return an attribute, for an environment in another process."""
+        return getattr(self, name)
+
+    def result(self) -> Result:
+        """Return the episode so far as the result of a run."""
+        found = self.simulation.result(self._error)
+        return replace(found, values=found.values.copy())
+
+    def close(self) -> None:
+        """Free the FMUs."""
+        self._life.close()
+
+
+def _usual(system: System, given: Sequence[str]) -> Steering:
+    """Return the defaults of the mission for these components; raise UsageError if it has none."""
+    offered = mission(system.mission) if system.mission else None
+    names = {c.name for c in system.components}
+    for usual in offered.steering if offered else ():
+        if {*usual.open} <= names and (not given or tuple(given) == usual.open):
+            return usual
+    if not given:
+        raise UsageError(f"open: name the components of {system.name} that the agent replaces")
+    return Steering(tuple(given))
+
+
+def _limits(system: System) -> dict[str, Bound]:
+    """Return limits of actuators, `component.name_max` or its elements, in the parameter set for
+    comparisons; without the component for outputs that reach an actuator through others.
+    """
+    changed = apply(system, params=system.compared) if system.compared else system
+    values = ((slot.name, x) for slot, x in constants(build_graph(changed)))
+    found: dict[str, Bound] = {n: x for n, x in values if base(n).endswith("_max") and 0 < x < FAR}
+    return {name.partition(".")[2]: x for name, x in found.items()} | found
+
+
+def _signal(name: str, wire: Wire) -> Signal:
+    v = wire.variable
+    low, high = (d if x is None else x for x, d in ((v.low, -FAR), (v.high, FAR)))
+    return Signal(name, v.unit or "1", wire, low, high)
+
+
+def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> Signal:
+    """Return an action with its bounds: given by name, or declared by the FMUs, or the limit
+    `X_max` of the component that reads `X_cmd`.
+    """
+    signal, (component, target) = _signal(name, wire), reader
+    whole = base(target.name)
+    stem, element = re.sub(r"_(cmd|safe).*", "", whole), target.name.removeprefix(whole)
+    own, far = f"{component}.{stem}_max", f"{stem}_max"
+    ways = (name, base(name), f"{own}{element}", own, f"{far}{element}", far)
+    limit = next((table[way] for table in limits for way in ways if way in table), FAR)
+    least, most = (-limit, limit) if isinstance(limit, int | float) else limit
+    low = max(least, signal.low, -FAR if target.low is None else target.low)
+    high = min(most, signal.high, FAR if target.high is None else target.high)
+    if high >= FAR or low <= -FAR:
+        raise UsageError(
+            f"{name}: no limit is known; give one: bounds={{{base(name)!r}: 1.0}} [{signal.unit}]"
+        )
+    return signal._replace(low=low, high=high)
