@@ -16,25 +16,26 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from harness.authoring import policy
 from harness.errors import FmuError, UsageError
 from harness.files import paths
 from harness.files.archive import pack, parsed, read_all, serialized
 from harness.files.output import written
 from harness.system.interface import Interface, read_interface
 
-ENDINGS = (".c", ".py")
+ENDINGS = (".c", ".py", ".npz", ".onnx")
 DESCRIPTION = "modelDescription.xml"
 
 
 def build(
     name: str | Path, output: str | Path | None = None, compiler: str = "cc", fmi: int = 2
 ) -> Interface:
-    """Build an FMU from a C or Python file and return its interface.
+    """Build an FMU from a C or Python file, or from a policy, and return its interface.
 
-    name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
-    file; compiler: command for C with its arguments, quoted as in a shell; fmi: version of FMI, 2
-    or 3 (3: of a C file). Raises UsageError if the file, the compiler or a package is missing, and
-    FmuError with the message of the compiler.
+    name: the file, or a folder NAME with NAME.c or NAME.py, or a policy .npz or .onnx; output:
+    default NAME.fmu beside the file; compiler: command for C with its arguments, quoted as in a
+    shell; fmi: version of FMI, 2 or 3 (3: not of a Python file). Raises UsageError if the file, the
+    compiler or a package is missing, and FmuError with the message of the compiler.
     """
     source = _source(Path(name))
     target = Path(output) if output is not None else source.with_suffix(".fmu")
@@ -42,6 +43,10 @@ def build(
         raise UsageError(f"--output {target}: expected a file NAME.fmu")
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / f"{source.stem}.fmu"
+        if source.suffix in (".npz", ".onnx"):
+            text = policy.read(source).source(source.stem)
+            source = Path(folder) / f"{source.stem}.c"
+            source.write_text(text, encoding="utf-8")
         if source.suffix == ".c":
             _build_c(source, made, _command(compiler), fmi)
         elif fmi != 2:
@@ -62,7 +67,8 @@ def _source(path: Path) -> Path:
     if there:
         raise UsageError(f"{path}: it holds {there[0].name} and {there[1].name}: name one of them")
     raise UsageError(
-        f"{path}: expected a .c or .py file, or a folder with {inside[0].name} or {inside[1].name}"
+        f"{path}: expected a .c or .py file, a policy .npz or .onnx, or a folder with "
+        f"{inside[0].name} or {inside[1].name}"
     )
 
 

@@ -60,12 +60,14 @@ def new_command(
 
 @command("build")
 def build_command(
-    name: Annotated[Path, argument("NAME_OR_FILE", "Folder NAME, or a .c or .py file")],
+    name: Annotated[
+        Path, argument("NAME_OR_FILE", "Folder NAME, a .c or .py file, or a policy .npz or .onnx")
+    ],
     output: Annotated[Path | None, output("FMU to write (default: beside the file)")] = None,
     compiler: Annotated[str, option("--cc COMMAND", "C compiler")] = "cc",
     fmi: Annotated[int, option("--fmi", "Version of FMI: 2 or 3", min=2, max=3)] = 2,
 ) -> None:
-    """Build an FMU from a C or Python file."""
+    """Build an FMU from a C or Python file, or from a learned policy."""
     from harness.authoring.build import build
 
     built = build(name, output, compiler, fmi)

@@ -20,6 +20,7 @@ import numpy as np
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
+from harness.authoring.policy import Policy, Ports
 from harness.errors import RunError, UsageError
 from harness.learning import rows
 from harness.master.changes import Changes, apply, joined
@@ -109,7 +110,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         nodes = self.simulation.graph.nodes
         saves = all(n.interface.model.coSimulation.canGetAndSetFMUstate for n in nodes)
         self._first = self.simulation.save() if saves else None
-        self._run, self._stride = -stride, stride
+        self._run, self._stride, self._error = -stride, stride, ""
         self._spaces(observe, act, (bounds or {}, _limits(found), dict(usual.bounds)), scale)
         self._rewards(changed, reward, usual.cost if cost is None else cost, weights)
         self._ends_of(ends, usual.ends, shield)
@@ -127,6 +128,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self.observation_names = [f"{s.name} [{s.unit}]" for s in seen]
         self.action_names = [f"{s.name} [{s.unit}]" for s in acted]
         sizes = np.array([dict(scale or {}).get(base(s.name), 1.0) for s in seen])
+        self._sizes = sizes
         self._slots = np.array([s.wire.slot for s in seen], dtype=np.intp)
         self._factors = np.array([s.wire.change.factor for s in seen]) / sizes
         self._offsets = np.array([s.wire.change.offset for s in seen]) / sizes
@@ -197,7 +199,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
     def _rewards(
         self, system: System, reward: str, cost: str, weights: Mapping[str, float] | float
     ) -> None:
-        self._kinds = self.simulation.result()
+        self._kinds = self.result()
         found = {n: rows.margin(self._kinds, t) for n, t in system.requirements.items()}
         self._margins = {name: row for name, row in found.items() if row is not None}
         given = weights if isinstance(weights, Mapping) else dict.fromkeys(self._margins, weights)
@@ -254,7 +256,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
             changes = joined(plan.changes(drawn), self._changes)
             simulation.begin(apply(simulation.base, **changes))
             simulation.initialize()
-        self._spent, self._error = self._cost(*self._now()), ""
+        self._error = ""
+        self._spent = self._cost(*self._now())
         return self._observation(), info
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -329,9 +332,44 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         found = self.simulation.result(self._error)
         return replace(found, values=found.values.copy())
 
+    def policy(self, layers: Sequence[tuple[Array, Array]], activation: str = "tanh") -> Policy:
+        """Return a network as a policy with the ports of the open component, see Policy. Raises
+        UsageError with several open components, or for a name that is none in C.
+        """
+        opened, nodes = self.simulation.system.without, self.simulation.graph.nodes
+        if len(opened) > 1:
+            raise UsageError(f"a policy takes the place of one component, not of {len(opened)}")
+        seen, acted = (_ports(names) for names in (self.observation_names, self.action_names))
+        read = {wire.slot for node in nodes for wire in node.inputs}
+        commanded = {name for name, _, _ in acted}
+        starts: dict[str, tuple[str, str, list[float]]] = {}
+        for wire in next(n for n in nodes if n.component.name == opened[0]).outputs:
+            name = base(wire.variable.name)
+            if wire.slot in read or name in commanded:
+                value = float(self._kinds.values[0, wire.slot])
+                starts.setdefault(name, (name, wire.variable.unit or "1", []))[2].append(value)
+        period = self.every * (self.simulation.system.experiment.step or 0.0)
+        bounds = self._low.tolist(), self._high.tolist()
+        sizes, given = self._sizes.tolist(), [*starts.values()]
+        ports = Ports(seen, acted, sizes, *bounds, self._scaled, given, period)
+        return Policy(ports, [(np.asarray(w), np.asarray(b)) for w, b in layers], activation)
+
     def close(self) -> None:
         """Free the FMUs."""
         self._life.close()
+
+
+def _ports(names: Sequence[str]) -> list[tuple[str, str, int]]:
+    """Return variables with their units and numbers of elements, without their components."""
+    found: dict[str, tuple[str, str, int]] = {}
+    for text in names:
+        name, _, unit = text.rpartition(" ")
+        variable = base(name).partition(".")[2]
+        if not variable.isidentifier() or found.get(variable, (name,))[0] not in (name, variable):
+            raise UsageError(f"{name}: cannot be a port of a policy, which is written in C")
+        count = found.get(variable, ("", "", 0))[2] + 1
+        found[variable] = variable, unit.strip("[]"), count
+    return list(found.values())
 
 
 def _usual(system: System, given: Sequence[str]) -> Steering:

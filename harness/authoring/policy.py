@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Learned policy as flight software: a network of layers with the ports of a component, in C99 with
+its weights as constants.
+
+A policy is a file .npz that environments write, or .onnx of another tool with the same description
+of its ports in the metadata entry `ports`. `harness build` makes an FMU of either.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+
+Array = NDArray[np.float64]
+
+ACTIVATIONS: Mapping[str, tuple[Callable[[Array], Array], str]] = {
+    "tanh": (np.tanh, "hyperbolic_tangent(x)"),
+    "relu": (lambda x: np.maximum(x, 0.0), "larger(x, 0)"),
+}
+"""Activations in Python and in C."""
+
+NAMES = {"Tanh": "tanh", "Relu": "relu"}
+"""Activations by their names in ONNX."""
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Ports of a policy. inputs, outputs: name, unit and number of elements of each; sizes: numbers
+    by which the observed elements are divided; low, high: bounds of the commanded elements; scaled:
+    -1 and 1 of the network are these bounds; starts: values of all outputs by name until the first
+    sample; outputs that are not commanded hold them; period: between two samples [s].
+    """
+
+    inputs: Sequence[tuple[str, str, int]]
+    outputs: Sequence[tuple[str, str, int]]
+    sizes: Sequence[float]
+    low: Sequence[float]
+    high: Sequence[float]
+    scaled: bool
+    starts: Sequence[tuple[str, str, Sequence[float]]]
+    period: float
+
+
+@dataclass(frozen=True)
+class Policy:
+    """Network x -> W x + b in layers, with an activation between two layers."""
+
+    ports: Ports
+    layers: Sequence[tuple[Array, Array]]
+    activation: str = "tanh"
+
+    def __post_init__(self) -> None:
+        width = len(self.ports.sizes)
+        for i, (w, b) in enumerate(self.layers):
+            if np.shape(w) != (len(b), width):
+                shape = f"({len(b)}, {width})"
+                raise UsageError(f"layer {i + 1}: expected weights {shape}, got {np.shape(w)}")
+            width = len(b)
+        if width != len(self.ports.low):
+            raise UsageError(f"the last layer has {width} outputs, not {len(self.ports.low)}")
+        if self.activation not in ACTIVATIONS:
+            raise UsageError(f"activation {self.activation}: expected {' or '.join(ACTIVATIONS)}")
+
+    def __call__(self, observation: Array) -> Array:
+        """Return the action for an observation, within the bounds of the environment."""
+        x = np.asarray(observation, dtype=np.float64)
+        function, _ = ACTIVATIONS[self.activation]
+        for i, (w, b) in enumerate(self.layers):
+            x = w @ (x if i == 0 else function(x)) + b
+        p = self.ports
+        ends = (-1.0, 1.0) if p.scaled else (np.asarray(p.low), np.asarray(p.high))
+        return np.clip(x, *ends)
+
+    def save(self, path: str | Path) -> None:
+        """Write the policy to a file .npz."""
+        arrays = {f"{n}_{i}": x for i, pair in enumerate(self.layers)
+                  for n, x in zip("Wb", pair, strict=True)}  # fmt: skip
+        about = {"ports": json.dumps(asdict(self.ports)), "activation": self.activation}
+        with Path(path).open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays, **about)
+
+    # ---- C
+
+    def source(self, name: str) -> str:
+        """Return the policy as the C file of an FMU."""
+        p = self.ports
+        text = Template(Path(__file__).with_name("templates").joinpath("policy.c.template")
+                        .read_text(encoding="utf-8"))  # fmt: skip
+        rows = [f'    INPUT({n}, "{u}", "observed"),' for n, u, _ in p.inputs]
+        rows += [f'    OUTPUT({n}, "{u}", "commanded"),' for n, u, _ in p.outputs]
+        commanded = {name for name, _, _ in p.outputs}
+        held = [(n, u, len(x)) for n, u, x in p.starts if n not in commanded]
+        rows += [f'    OUTPUT({n}, "{u}", "constant"),' for n, u, _ in held]
+        reads = _copies("u->", p.inputs, "x[{i}] = {port} / size[{i}];")
+        writes = _copies("y->", p.outputs, "{port} = command(x, {i});")
+        sizes = [(len(b), np.shape(w)[1]) for w, b in self.layers]
+        return text.substitute(
+            name=name,
+            inputs=_members(p.inputs),
+            outputs=_members([*p.outputs, *held]),
+            starts="".join(f"    .y.{n} = {_c(x)},\n" for n, _, x in p.starts),
+            rows="\n".join(rows),
+            period=repr(p.period),
+            width=max(max(pair) for pair in sizes),
+            size=_c(p.sizes),
+            low=_c(p.low),
+            high=_c(p.high),
+            scaled=int(p.scaled),
+            activation=ACTIVATIONS[self.activation][1],
+            weights="\n".join(
+                f"static const double {n}_{i}[] = {_c(np.ravel(x))};"
+                for i, pair in enumerate(self.layers)
+                for n, x in zip("Wb", pair, strict=True)
+            ),
+            layers="\n".join(
+                f"    layer(W_{i}, b_{i}, {rows}, {columns}, {int(i > 0)}, x);"
+                for i, (rows, columns) in enumerate(sizes)
+            ),
+            reads=reads,
+            writes=writes,
+        )
+
+
+def _c(values: Any) -> str:
+    """Return numbers as an initializer in C, in lines."""
+    numbers = [repr(float(x)) for x in values]
+    lines = (", ".join(numbers[i : i + 8]) for i in range(0, len(numbers), 8))
+    return "{" + ",\n    ".join(lines) + "}"
+
+
+def _members(ports: Sequence[tuple[str, str, int]]) -> str:
+    return "\n".join(f"    double {name}{f'[{n}]' if n > 1 else ''};" for name, _, n in ports)
+
+
+def _copies(head: str, ports: Sequence[tuple[str, str, int]], line: str) -> str:
+    def lines() -> Iterator[str]:
+        i = 0
+        for name, _, n in ports:
+            for k in range(n):
+                port = f"{head}{name}{f'[{k}]' if n > 1 else ''}"
+                yield "    " + line.format(i=i + k, port=port)
+            i += n
+
+    return "\n".join(lines())
+
+
+# ---- files
+
+
+def read(path: Path) -> Policy:
+    """Return the policy of a file .npz or .onnx; raise UsageError."""
+    try:
+        return _onnx(path) if path.suffix == ".onnx" else _npz(path)
+    except (KeyError, ValueError, TypeError, OSError) as error:
+        raise UsageError(f"{path}: is not a policy ({error})") from error
+
+
+def _npz(path: Path) -> Policy:
+    with np.load(path, allow_pickle=False) as file:
+        count = sum(name.startswith("W_") for name in file)
+        layers = [(file[f"W_{i}"], file[f"b_{i}"]) for i in range(count)]
+        return Policy(Ports(**json.loads(str(file["ports"]))), layers, str(file["activation"]))
+
+
+def _onnx(path: Path) -> Policy:
+    """Return the policy of a chain of Gemm, MatMul, Add and one kind of activation."""
+    try:
+        import onnx
+        from onnx import numpy_helper
+    except ImportError as error:
+        raise UsageError(f"{path}: needs the package onnx: pip install onnx") from error
+    model = onnx.load(path)
+    about = {entry.key: entry.value for entry in model.metadata_props}
+    arrays = {x.name: numpy_helper.to_array(x).astype(np.float64) for x in model.graph.initializer}
+    layers: list[tuple[Array, Array]] = []
+    used = set()
+    for node in model.graph.node:
+        given = [arrays[name] for name in node.input if name in arrays]
+        match node.op_type:
+            case "Gemm":
+                flags = {a.name: a.i for a in node.attribute}
+                w = given[0] if flags.get("transB") else given[0].T
+                layers.append((w, given[1] if len(given) > 1 else np.zeros(len(w))))
+            case "MatMul":
+                layers.append((given[0].T, np.zeros(given[0].shape[1])))
+            case "Add" if given and layers:
+                layers[-1] = layers[-1][0], layers[-1][1] + given[0]
+            case op if op in NAMES:
+                used.add(NAMES[op])
+            case op if op not in ("Identity", "Flatten", "Cast"):
+                raise ValueError(f"operator {op}; expected Gemm, MatMul, Add, Tanh, Relu")
+    if len(used) > 1 or "ports" not in about:
+        raise ValueError("it needs one kind of activation, and the metadata entry `ports`")
+    return Policy(Ports(**json.loads(about["ports"])), layers, *used)
