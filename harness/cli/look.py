@@ -115,6 +115,26 @@ def check_command(
     typer.echo(printable(str(verdict)))
 
 
+@command("requirements", "params", "set", "swap", "map", "require")
+def requirements_command(
+    *,
+    system: Annotated[str, argument("SYSTEM_OR_FILE", "System, or file .stl of one formula")],
+    stl: Annotated[bool, option("--stl", "Write signal temporal logic as rtamt reads it")] = False,
+    changes: Any,
+) -> None:
+    """List the requirements of a system, or read one in the notation of rtamt.
+
+    Requirements that rtamt cannot express are comments that state why.
+    """
+    from harness.exports import stl as notation
+
+    if system.endswith(".stl"):
+        typer.echo(printable("{} = {!r}".format(*notation.read(Path(system).read_text("utf-8")))))
+        return
+    for line in notation.lines(notation.of_system(system, **changes), stl):
+        typer.echo(printable(line))
+
+
 DiagramOption = Annotated[
     Path | None, output("File to write: .svg, .pdf or .png (default: SYSTEM.svg)")
 ]
