@@ -16,8 +16,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import results
 from text import ROOT, table
+
+import results
 
 QUOTE = re.compile(r"(<!--=(\w+)-->)(.*?)(<!---->)", re.DOTALL)
 PROCESSOR_VALUES = ROOT / "docs/processor_figures.md"

@@ -27,7 +27,8 @@ typedef struct {
 typedef struct {
     double begun, phase, t_phase, reason, attempt, torque;
     double t_valid;
-    RelativeState valid;              /* the last valid one */
+    RelativeState valid;              /* the last valid one, at t_valid */
+    vec3 axis_H;                      /* grasp axis at t_valid */
     Timer good, touched, error, fast; /* hold timers: condition of the phase, contact, ... */
     Profile profile;
     vec3 dv_N;
@@ -164,6 +165,8 @@ static const Model start = {
           .mass_T = 150,
           .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
           .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},
+          .abort_relative = 1,
+          .axis_radius = 3,
           .sample_period = 0.1},
     .u = {.T = {.r = {42164000, 0, 0}, .v = {0, 3074.66, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {42164000, -100, 0}, .v = {0.00729, 3074.66, 0}, .q = {1, 0, 0, 0}},
@@ -243,6 +246,7 @@ static void update_timers(const Parameters *p, const Geometry *g, State *x, doub
 static void enter_phase(const Parameters *p, State *x, const Geometry *g, double phase,
                         double reason, double t)
 {
+    int leaves_by_axis = p->abort_relative && phases[phase_of(x)].near;
     x->phase = phase;
     x->reason = reason;
     x->t_phase = t;
@@ -253,7 +257,8 @@ static void enter_phase(const Parameters *p, State *x, const Geometry *g, double
     if (phases[phase_of(x)].torque != AS_BEFORE && phases[phase_of(x)].torque != NONE)
         x->torque = phases[phase_of(x)].torque;
     if (phase != RETREAT) return;
-    Escape escape = plan_escape(p, &x->valid);
+    RelativeState from = p->abort_relative ? drifted(&x->valid, t - x->t_valid) : x->valid;
+    Escape escape = plan_escape(p, &from, leaves_by_axis ? x->axis_H : vec(0, 0, 0));
     x->dv_N = escape.dv_N;
     x->clearance = escape.clearance;
     x->planned = 1;
@@ -379,9 +384,15 @@ static void manage(const Parameters *p, const Input *u, State *x, Output *y, dou
 {
     Geometry g = geometry(p, u);
     RelativeState seen = {g.H.C_HN, g.H.w_H, g.rho_H, g.drho_H};
+    vec3 axis_H = mul(g.H.C_HN, tmul(dcm_of_quat(canonical(u->T.q)), p->p_T));
     if (!x->begun)
-        *x = (State){.begun = 1, .t_phase = t, .torque = FAR_LAW, .t_valid = t, .valid = seen};
-    if (u->relative_valid > 0) x->t_valid = t, x->valid = seen;
+        *x = (State){.begun = 1,
+                     .t_phase = t,
+                     .torque = FAR_LAW,
+                     .t_valid = t,
+                     .valid = seen,
+                     .axis_H = axis_H};
+    if (u->relative_valid > 0) x->t_valid = t, x->valid = seen, x->axis_H = axis_H;
     update_timers(p, &g, x, t);
     change_phase(p, u, x, &g, t);
 

@@ -42,6 +42,7 @@ typedef struct {
     double d_abort[2], angle_abort, error_dwell, v_0[2], v_slope[2], speed_dwell;
     double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp */
     mat3 J_T, J_S;
+    double abort_relative, axis_radius;
     double sample_period;
 } MissionParameters;
 typedef struct {
@@ -101,6 +102,12 @@ typedef struct {
         NONNEGATIVE(mass_T, "kg", "mass of the target, for that momentum"),                        \
         MATRIX(J_T, "kg.m2", "inertia of the target, for that momentum, target axes"),             \
         MATRIX(J_S, "kg.m2", "inertia of the servicer, for that momentum, servicer axes"),         \
+        SWITCH(abort_relative,                                                                     \
+               "1: the retreat leaves from the last valid state after its drift until now, and "   \
+               "along the grasp axis near the target; 0: from the last valid state, outwards"),    \
+        NONNEGATIVE(                                                                               \
+            axis_radius, "m",                                                                      \
+            "within this range, in phases 5, 6, 7, 11, the retreat leaves along the axis"),        \
         GRID(sample_period, "sample period of the software")
 
 #define MISSION_INPUTS                                                                           \

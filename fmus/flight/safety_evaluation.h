@@ -96,11 +96,16 @@ static inline const Arc *keep_out(const Interval *i, Setting *s)
     return arc_in(i, p->keep_out_axes);
 }
 
+static inline Corridor corridor_of(const SafetyParameters *p)
+{
+    return (Corridor){p->corridor_apex, p->corridor_axis, p->corridor_half_angle,
+                      p->corridor_length};
+}
+
 static inline const Arc *corridor(const Interval *i, Setting *s)
 {
     const SafetyParameters *p = i->p;
-    s->of.corridor =
-        (Corridor){p->corridor_apex, p->corridor_axis, p->corridor_half_angle, p->corridor_length};
+    s->of.corridor = corridor_of(p);
     return p->use_corridor && i->from->approaching ? arc_in(i, p->corridor_axes) : NULL;
 }
 
@@ -143,8 +148,8 @@ static inline double plume_size(const SafetyParameters *p, double range)
     return p->plume_range;
 }
 
-/* a row per rule; PASSIVE has no arc (its drift is predicted), NAVIGATION no row (it counts
- * time) */
+/* a row per rule; PASSIVE has no arc (its drift is predicted), NAVIGATION (it counts time) and
+ * ESCAPE (it is foreseen) have no row */
 static const struct {
     InForce *in_force;
     MarginValue *value;

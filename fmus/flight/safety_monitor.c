@@ -1,5 +1,5 @@
 /* safety_monitor.c - monitoring of an approach: keep-out zone, corridor, speed, passive safety,
- * plume; commands the abort.
+ * plume, escape; commands the abort.
  *
  *   1 keep-out    ellipsoid or box about the target, Hill or target axes
  *   2 corridor    cone about the direction of approach, Hill or target axes
@@ -8,25 +8,30 @@
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
  *                 that disagrees with an independent range is invalid (range_alone: only such)
+ *   7 escape      after an abort ordered now the drift stays outside escape_radius for escape_time,
+ *                 for all states and burns within the bounds e_r, e_v, k_p, k_n
  *
  * Rules 1, 2, 3 and 5 are evaluated in continuous time: between two samples the servicer moves on
  * the cubic arc through both states, and the inputs approaching and F_cmd_S of the first sample
  * hold until the second. Published margins are the least since the last sample, never above the
  * true least of the arc and below it by no more than 1e-7; a rule that is off or does not apply has
  * margin 1e9. Rule 4 is evaluated at samples, passive_period apart or more (with passive_opens not
- * while approaching); if it fails, the instant is found by bisection of the arc. The first
- * violation of each rule is stored with its time; `abort` is latched.
+ * while approaching); if it fails, the instant is found by bisection of the arc. Rule 7 is
+ * evaluated at samples until the abort, and violated below escape_reserve, while the escape is
+ * still certain. The first violation of each rule is stored with its time; `abort` is latched.
  *
  * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the
  * abort it is abort_force along a velocity increment, until that is spent. The increment is
- * abort_dv_H or, if that is zero, abort_speed outwards along the corridor, with the axes at the
- * last valid state. While there is no valid state, and before t_armed (filters settle), rules 1 to
- * 5 are not evaluated, margins retain their values, and the next valid state begins a new arc. At
- * zero range the zone is violated, and the margins of corridor and plume are zero. The adapter
- * rejects inputs that are not finite. Equations: docs/models.md G. */
+ * abort_dv_H or, if that is zero, makes the velocity as seen in H abort_speed away from the target
+ * (abort_relative; from a last valid state that has drifted until now). With abort_relative = 0 it
+ * adds abort_speed along the corridor, with the axes at the last valid state. While there is no
+ * valid state, and before t_armed (filters settle), rules 1 to 5 and 7 are not evaluated, margins
+ * retain their values, and the next valid state begins a new arc. At zero range the zone is
+ * violated, and the margins of corridor and plume are zero. The adapter rejects inputs that are not
+ * finite. Equations: docs/models.md G. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
-#include "safety_evaluation.h"
+#include "safety_escape.h"
 #include "safety_range.h"
 
 typedef SafetyParameters Parameters;
@@ -41,20 +46,46 @@ typedef struct {
     double abort;
     vec3 dv_N;
     RangeCheck range;
+    Known known;
+    double looked_ahead, t_escape; /* rule escape has been evaluated, and when */
 } State;
 typedef struct {
-    double margin[RULES], least_margin[RULES], nearest, passive_entry;
+    double margin[RULES], least_margin[RULES], nearest, passive_entry, passive_age;
+    double escape_time_least, escape_dv;
     double abort, violated[RULES], t_first[RULES], t_violation, rule_violated;
     vec3 F_safe_S, dv_left_N;
 } Output;
 MODEL_STRUCT;
 
 static const Model start = {
-    .p = {EARTH, .use_J2 = 1, .keep_out_shape = ELLIPSOID, .keep_out_half = {2, 2, 2},
-          .corridor_axis = {0, 1, 0}, .corridor_half_angle = PI / 9, .speed_at_zero = 0.1,
-          .speed_slope = 0.01, .passive_step = 60, .plume_half_angle = PI / 9, .plume_range = 20,
-          .plume_force_min = 1e-3, .lost_time = 20, RANGE_CHECK, .abort_on = {1, 1, 1, 1, 1, 1},
-          .mass = 100, .abort_force = 20, .abort_speed = 0.1},
+    .p = {EARTH,
+          .use_J2 = 1,
+          .keep_out_shape = ELLIPSOID,
+          .keep_out_half = {2, 2, 2},
+          .corridor_axis = {0, 1, 0},
+          .corridor_half_angle = PI / 9,
+          .speed_at_zero = 0.1,
+          .speed_slope = 0.01,
+          .passive_step = 60,
+          .plume_half_angle = PI / 9,
+          .plume_range = 20,
+          .plume_force_min = 1e-3,
+          .lost_time = 20,
+          RANGE_CHECK,
+          .abort_on = {1, 1, 1, 1, 1, 1, 1},
+          .mass = 100,
+          .abort_force = 20,
+          .abort_speed = 0.1,
+          .abort_relative = 1,
+          .abort_time = 1e30,
+          .axis_radius = 3,
+          .escape_reserve = {1, 0},
+          .e_r = 0.05,
+          .e_v = 5e-3,
+          .k_p = 0.05,
+          .k_n = 0.01,
+          .r_max = 80,
+          .e_model = 1e-8},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .approaching = 1,
@@ -77,17 +108,24 @@ static const Variable variables[] = {
            "least margin of the keep-out zone during the drift, as predicted last"),
     MARGIN(PLUME, "plume", "m", "least margin of the plume since the last sample"),
     MARGIN(NAVIGATION, "navigation", "s", "time left until navigation is declared lost"),
+    MARGIN(ESCAPE, "escape", "m",
+           "least range less escape_radius after an abort ordered now, for all errors within the "
+           "bounds; a proof for linear relative motion, on orbits with e <= 0.01"),
     OUTPUT(least_margin, "1", "least margin of this rule since the start, in its unit"),
     MODE(nearest, "rule with the least margin over its own size",
          "none|keep-out|corridor|speed|passive|plume"),
     OUTPUT(passive_entry, "s",
            "time until a drift without thrust enters the zone; -1: it does not"),
+    NONNEGATIVE_OUTPUT(passive_age, "s", "time since the drift of passive_margin was predicted"),
+    OUTPUT(escape_time_least, "s",
+           "time after the abort at which escape_margin is reached; -1: none"),
+    NONNEGATIVE_OUTPUT(escape_dv, "m/s", "velocity increment of an abort ordered now"),
     ALARM(abort, "1: a rule that aborts has been violated; stays"),
     FLAG(violated, "1: this rule has been violated; stays"),
     OUTPUT(t_first, "s", "first violation of this rule; -1: none"),
     OUTPUT(t_violation, "s", "first violation of any rule; -1: none"),
     MODE(rule_violated, "rule violated first",
-         "none|keep-out|corridor|speed|passive|plume|navigation"),
+         "none|keep-out|corridor|speed|passive|plume|navigation|escape"),
     OUTPUT(F_safe_S, "N", "force to be passed on, servicer axes: F_cmd_S, or the abort manoeuvre"),
     OUTPUT(dv_left_N, "m/s", "increment of velocity left of the abort manoeuvre, N axes"),
 };
@@ -130,6 +168,12 @@ static void predict_drift(const Parameters *p, const Input *u, State *x, Output 
     x->t_foreseen = t;
 }
 
+/* 0 without a prediction */
+static double predicted_age(const State *x, double t)
+{
+    return x->margin[PASSIVE] == RESTING ? 0 : larger(0, t - x->t_foreseen);
+}
+
 static int is_armed(const Parameters *p, double t)
 {
     return p->t_armed == 0 || reached(t, p->t_armed);
@@ -154,6 +198,74 @@ static void evaluate_navigation(const Parameters *p, const Input *u, State *x, i
     record(x, NAVIGATION, (Finding){left, left < 0 ? since + p->lost_time : NEVER});
 }
 
+/* ---- increment of the abort ---- */
+static int is_relative(const Parameters *p)
+{
+    return p->abort_relative && norm(p->abort_dv_H) == 0;
+}
+
+/* u: inputs at the last valid state; without such a state the increment is 0 and the servicer
+ * drifts */
+static vec3 fixed_increment_N(const Parameters *p, const Input *u)
+{
+    if (!u->relative_valid) return vec(0, 0, 0);
+    mat3 C_HN = hill_frame(p->mu, u->T.r, u->T.v).C_HN, C_TN = dcm_of_quat(attitude_in(u->T.q));
+    if (norm(p->abort_dv_H) > 0) return tmul(C_HN, p->abort_dv_H);
+    vec3 out = scale(p->abort_speed, p->corridor_axis);
+    return tmul(p->corridor_axes == TARGET_AXES ? C_TN : C_HN, out);
+}
+
+static vec3 abort_increment_N(const Parameters *p, const State *x, double t)
+{
+    if (!is_relative(p)) return fixed_increment_N(p, &x->last);
+    if (!x->known.is_known) return vec(0, 0, 0);
+    RelativeState now = drifted(&x->known.state, t - x->known.t);
+    return tmul(now.C_HN, relative_increment(p, &now, x->known.axis_H));
+}
+
+/* ---- rule escape ---- */
+/* increment in Hill axes of an abort ordered at the last valid state */
+static vec3 increment_in_hill(const Parameters *p, const Input *u, const Known *known)
+{
+    if (is_relative(p)) return relative_increment(p, &known->state, known->axis_H);
+    return mul(known->state.C_HN, fixed_increment_N(p, u));
+}
+
+/* radius in force; 0: the rule rests, as within axis_radius while approaching, where contact is
+ * intended */
+static double radius_in_force(const Parameters *p, const Input *u, const State *x)
+{
+    int approaching = u->approaching != 0;
+    if (p->escape_time == 0 || x->abort || !x->known.is_known) return 0;
+    if (approaching && norm(sub(u->S.r, u->T.r)) <= p->axis_radius) return 0;
+    return p->escape_radius[approaching];
+}
+
+static void rest_escape(State *x, Output *y)
+{
+    x->looked_ahead = 0;
+    x->margin[ESCAPE] = RESTING;
+    y->escape_time_least = NOT_YET;
+    y->escape_dv = 0;
+}
+
+static void foresee_abort(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    double radius = radius_in_force(p, u, x), reserve = p->escape_reserve[u->approaching != 0];
+    if (radius == 0) {
+        rest_escape(x, y);
+        return;
+    }
+    if (x->looked_ahead && !reached(t, x->t_escape + p->escape_period)) return;
+    EscapeBound found = escape_bound(p, u, &x->known, increment_in_hill(p, u, &x->known));
+    double margin = found.margin - radius;
+    record(x, ESCAPE, (Finding){margin, margin < reserve ? t : NEVER});
+    y->escape_time_least = found.t;
+    y->escape_dv = found.dv;
+    x->looked_ahead = 1;
+    x->t_escape = t;
+}
+
 /* number of the rule with the least margin relative to its size, 1 keep-out ...; 0: none applies */
 static double nearest_rule(const Parameters *p, const Input *u, const State *x)
 {
@@ -168,23 +280,12 @@ static double nearest_rule(const Parameters *p, const Input *u, const State *x)
 }
 
 /* ---- abort ---- */
-/* u: inputs at the last valid state; without such a state the increment is 0 and the servicer
- * drifts */
-static vec3 abort_increment_N(const Parameters *p, const Input *u)
+static void latch_abort(const Parameters *p, State *x, double t)
 {
-    if (!u->relative_valid) return vec(0, 0, 0);
-    mat3 C_HN = hill_frame(p->mu, u->T.r, u->T.v).C_HN, C_TN = dcm_of_quat(attitude_in(u->T.q));
-    if (norm(p->abort_dv_H) > 0) return tmul(C_HN, p->abort_dv_H);
-    vec3 out = scale(p->abort_speed, p->corridor_axis);
-    return tmul(p->corridor_axes == TARGET_AXES ? C_TN : C_HN, out);
-}
-
-static void latch_abort(const Parameters *p, State *x)
-{
-    int due = 0;
+    int due = reached(t, p->abort_time);
     for (int rule = 0; rule < RULES; rule++)
         due |= p->abort_on[rule] != 0 && x->t_first[rule] != NOT_YET;
-    if (due && !x->abort) x->dv_N = abort_increment_N(p, &x->last);
+    if (due && !x->abort) x->dv_N = abort_increment_N(p, x, t);
     x->abort = x->abort || due;
 }
 
@@ -240,6 +341,8 @@ static void monitor(const Parameters *p, const Input *u, State *x, Output *y, do
         Interval i = interval(p, x->seen ? &x->last : u, u, t0, t - t0);
         evaluate(&i, x);
         predict_drift(p, u, x, y, t);
+        x->known = known_state(p, u, x->known, t);
+        foresee_abort(p, u, x, y, t);
         y->nearest = nearest_rule(p, u, x);
         x->last = *u;
     }
@@ -247,8 +350,9 @@ static void monitor(const Parameters *p, const Input *u, State *x, Output *y, do
     x->foreseen = active && !passive_is_off(p, u);
     x->t = t;
     evaluate_navigation(p, u, x, is_valid, t);
-    latch_abort(p, x);
+    latch_abort(p, x, t);
     if (p->act && x->abort) y->F_safe_S = abort_force_S(p, u, x, period);
+    y->passive_age = predicted_age(x, t);
     publish(x, y);
 }
 
@@ -257,7 +361,7 @@ static void monitor(const Parameters *p, const Input *u, State *x, Output *y, do
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0}, none = {0}, nothing = initial_state(t);
-    y->passive_entry = NOT_YET;
+    y->passive_entry = y->escape_time_least = NOT_YET;
     monitor(p, u, &first, y, t, 0);
     memcpy(nothing.margin, first.margin, sizeof first.margin);
     memcpy(nothing.least, first.least, sizeof first.least);
@@ -273,5 +377,6 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     if (!(p->act && x->abort)) y->F_safe_S = u->F_cmd_S;
 }
 
-FMU_MODEL("safety_monitor",
-          "Safety monitor of an approach: keep-out zone, corridor, speed, passive safety, plume");
+FMU_MODEL(
+    "safety_monitor",
+    "Safety monitor of an approach: keep-out zone, corridor, speed, passive safety, plume, escape");

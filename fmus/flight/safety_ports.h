@@ -8,7 +8,7 @@
 #include "safety_rules.h"
 #include "tracking.h"
 
-enum { KEEP_OUT, CORRIDOR, SPEED, PASSIVE, PLUME, NAVIGATION, RULES };
+enum { KEEP_OUT, CORRIDOR, SPEED, PASSIVE, PLUME, NAVIGATION, ESCAPE, RULES };
 enum { HILL_AXES, TARGET_AXES };
 
 typedef struct {
@@ -25,6 +25,9 @@ typedef struct {
     double abort_on[RULES];
     double act, mass, abort_force, abort_speed;
     vec3 abort_dv_H;
+    double abort_relative, axis_radius, abort_time;
+    double escape_time, escape_period, escape_radius[2], escape_reserve[2];
+    double e_r, e_v, k_p, k_n, r_max, e_model;
     double sample_period;
 } SafetyParameters;
 typedef struct {
@@ -68,12 +71,35 @@ typedef struct {
                     "start"),                                                                      \
         SWITCH(abort_on,                                                                           \
                "1: a violation of this rule aborts; order of the rules: keep-out, corridor, "      \
-               "speed, passive, plume, navigation"),                                               \
+               "speed, passive, plume, navigation, escape"),                                       \
         SWITCH(act, "1: after the abort F_safe_S is the abort manoeuvre, 0: it stays F_cmd_S"),    \
         POSITIVE(mass, "kg", "mass of the servicer as assumed for the abort manoeuvre"),           \
         NONNEGATIVE(abort_force, "N", "force of the abort manoeuvre; 0: free drift"),              \
-        NONNEGATIVE(abort_speed, "m/s", "velocity increment outwards along the corridor"),         \
-        PARAMETER(abort_dv_H, "m/s", "velocity increment in Hill axes; zero: along the corridor"), \
+        NONNEGATIVE(                                                                               \
+            abort_speed, "m/s",                                                                    \
+            "speed outwards after the abort; abort_relative 0: increment along the corridor"),     \
+        PARAMETER(abort_dv_H, "m/s", "velocity increment in Hill axes; zero: by abort_speed"),     \
+        SWITCH(abort_relative,                                                                     \
+               "1: the abort makes the velocity abort_speed away from the target, 0: it adds "     \
+               "abort_speed along the corridor"),                                                  \
+        NONNEGATIVE(axis_radius, "m",                                                              \
+                    "within this range and inside the corridor the abort leaves along its axis"),  \
+        NONNEGATIVE(abort_time, "s",                                                               \
+                    "an abort is ordered at this time, as a rehearsal; 1e30: never"),              \
+        NONNEGATIVE(escape_time, "s",                                                              \
+                    "the drift after an abort ordered now must stay outside so long; 0 = off"),    \
+        NONNEGATIVE(escape_period, "s", "the abort is foreseen that often; 0 = at every sample"),  \
+        NONNEGATIVE(escape_radius, "m",                                                            \
+                    "the abort must stay outside this radius: not approaching, approaching; 0: "   \
+                    "the rule rests"),                                                             \
+        NONNEGATIVE(escape_reserve, "m",                                                           \
+                    "the rule is violated below this margin: not approaching, approaching"),       \
+        NONNEGATIVE(e_r, "m", "largest error of the relative position, per axis"),                 \
+        NONNEGATIVE(e_v, "m/s", "largest error of the relative velocity, per axis"),               \
+        NONNEGATIVE(k_p, "1", "largest error of the burn along its increment, share"),             \
+        NONNEGATIVE(k_n, "1", "largest error of the burn across its increment, share"),            \
+        NONNEGATIVE(r_max, "m", "range up to which paths are bounded between the instants"),       \
+        NONNEGATIVE(e_model, "m/s2", "largest acceleration that the equations of drift neglect"),  \
         SAMPLE_PERIOD,                                                                             \
         SWITCH(use_range,                                                                          \
                "1: an estimate that disagrees with the independent range is no valid state"),      \

@@ -38,6 +38,7 @@ RULES = (
     Rule("passive", "m", "monitor.passive_margin"),
     Rule("plume", "m", "monitor.plume_margin"),
     Rule("navigation", "s", "monitor.navigation_margin"),
+    Rule("escape", "m", "monitor.escape_margin"),
 )
 """Rules in the order of the elements of monitor.least_margin."""
 
@@ -46,7 +47,7 @@ def findings(result: Result) -> Iterator[RuleFinding]:
     """Yield the finding of each rule that was in force, after the last row."""
     if not (result.holds(*FOUND) and len(result.time)):
         return
-    for rule, margin, time in zip(RULES, result[LEAST][-1], result[FIRST][-1], strict=True):
+    for rule, margin, time in zip(RULES, result[LEAST][-1], result[FIRST][-1], strict=False):
         if margin < RESTING:
             yield RuleFinding(
                 rule.name,
@@ -115,10 +116,17 @@ def _navigation(p: Parameter) -> str:
     return f"at most {p('lost_time'):g} s without a valid relative state"
 
 
+def _escape(p: Parameter) -> str:
+    return (
+        f"an abort ordered at any time stays outside {p('escape_radius')[0]:g} m "
+        f"for {p('escape_time'):g} s"
+    )
+
+
 LIMITS = dict(
     zip(
         [rule.name for rule in RULES],
-        (_keep_out, _corridor, _speed, _passive, _plume, _navigation),
+        (_keep_out, _corridor, _speed, _passive, _plume, _navigation, _escape),
         strict=True,
     )
 )

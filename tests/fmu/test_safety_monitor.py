@@ -26,7 +26,7 @@ PLANE = Rotation.from_euler("ZXZ", (1.1, 0.7, -0.4)).as_matrix()
 RESTING, NOT_YET = 1e9, -1
 RESOLUTION = 1e-7
 Z = np.array((0, 0, 1))
-RULES = ("keep_out", "corridor", "speed", "passive", "plume", "navigation")
+RULES = ("keep_out", "corridor", "speed", "passive", "plume", "navigation", "escape")
 OFF = {"keep_out_shape": 0, "lost_time": 0, "use_J2": 0, "mu": MU}
 SPHERE = OFF | {"keep_out_shape": 1, "keep_out_half": (3, 3, 3)}
 DEEP = {"mu": 0, "use_J2": 0}
@@ -634,6 +634,7 @@ def test_a_lost_target_is_left_in_the_axes_of_its_last_valid_state(fmu, axes, dv
     """
     axis, turn = np.array((0.6, 0, 0.8)), Rotation.from_euler("xyz", (0.3, -0.5, 1))
     p = SPHERE | {"lost_time": 20, "act": 1, "corridor_axis": axis, "corridor_axes": axes}
+    p |= {"abort_relative": 0}
     unit = fmu("safety_monitor", p | {"abort_dv_H": dv_H, "abort_speed": 0.07, "abort_force": 0})
     for k in range(40):
         spun = (Rotation.from_rotvec((0, 0, 0.05 * k)) * turn, np.zeros(3))
@@ -685,7 +686,7 @@ def test_nothing_is_evaluated_before_the_monitor_is_armed(fmu):
                 assert unit.get("F_safe_S").tolist() == [1, k, 0]
         found.append(unit.get("t_first").tolist())
     assert found[0][:4] == [0, NOT_YET, 0, 0]
-    assert found[1] == found[2] == [NOT_YET] * 5 + [10.0]
+    assert found[1] == found[2] == [NOT_YET] * 5 + [10.0, NOT_YET]
 
 
 def test_time_without_a_state_counts_from_when_the_monitor_is_armed(fmu):
@@ -744,11 +745,11 @@ def test_first_violation_stays_and_names_the_rule(fmu):
     assert unit.get("t_violation") == 0
     assert np.all(np.diff(column(rows, "abort")) >= 0)
     assert unit.get("keep_out_margin") > 0  # it has passed; the memory stays
-    assert unit.get("violated").tolist() == [1, 0, 1, 0, 0, 0]
+    assert unit.get("violated").tolist() == [1, 0, 1, 0, 0, 0, 0]
 
 
 def test_only_chosen_rules_abort(fmu):
-    p = SPHERE | DEEP | {"abort_on": (0, 1, 1, 1, 1, 1)}
+    p = SPHERE | DEEP | {"abort_on": (0, 1, 1, 1, 1, 1, 1)}
     unit, _ = watch(fmu, p, straight((-20, 0, 0), (0.8, 0, 0)), 1, 40)
     assert unit.get("violated")[0] == 1
     assert unit.get("abort") == 0
@@ -766,6 +767,7 @@ def test_abort_manoeuvre_spends_the_velocity_increment_and_no_more(fmu, dv_H, ax
     axis = np.array((0.6, 0, 0.8))
     p = SPHERE | {"act": 1, "mass": 80, "abort_force": 3, "abort_dv_H": dv_H, "abort_speed": 0.07}
     p |= {"corridor_axis": axis, "corridor_axes": axes, "sample_period": period}
+    p |= {"abort_relative": 0}
     unit, impulse, F_cmd = fmu("safety_monitor", p), np.zeros(3), np.array((1.0, 2.0, -1.0))
     for k in range(30):
         y = 20.0 if k < 5 else 1.0

@@ -231,10 +231,12 @@ CONTROLLERS = {
     | {"use_J2": 1, "keep_out_shape": 1, "keep_out_half": (2, 2, 2), "corridor_axis": (0, 1, 0)}
     | {"corridor_half_angle": radians(20), "speed_at_zero": 0.1, "speed_slope": 0.01}
     | {"passive_step": 60, "plume_half_angle": radians(20), "plume_range": 20}
-    | {"plume_force_min": 1e-3, "lost_time": 20, "abort_on": (1,) * 6, "mass": 100}
+    | {"plume_force_min": 1e-3, "lost_time": 20, "abort_on": (1,) * 7, "mass": 100}
     | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1}
     | {"use_range": 0, "range_at_zero": 1, "range_slope": 0.01, "range_patience": 5}
-    | {"range_tau": 10, "range_alone": 0, "range_meas": 0, "range_time": -1, "range_valid": 0},
+    | {"range_tau": 10, "range_alone": 0, "range_meas": 0, "range_time": -1, "range_valid": 0}
+    | {"abort_relative": 1, "axis_radius": 3, "abort_time": 1e30, "escape_reserve": (1, 0)}
+    | {"e_r": 0.05, "e_v": 5e-3, "k_p": 0.05, "k_n": 0.01, "r_max": 80, "e_model": 1e-8},
     "safety_filter": TARGET
     | BEHIND
     | {k: v for k, v in asdict(safety_filter.Settings()).items() if v}

@@ -8,7 +8,7 @@ after a retreat is the matrix exponential of the Clohessy-Wiltshire equations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, nan
 
 import numpy as np
@@ -36,6 +36,7 @@ PARAMETERS = {
     "drift_time": 86400, "drift_step": 120, "sample_period": 0.1,
     "by_arm": 0, "momentum_max": 0, "mass_T": 150,
     "J_T": np.diag((100.0, 150, 90)), "J_S": np.diag((200.0, 250, 150)),
+    "abort_relative": 1, "axis_radius": 3,
 }  # fmt: skip
 
 FORCE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, 5, 0, 0)
@@ -63,6 +64,8 @@ class Seen:
     pointing: float
     w_rel: float
     momentum: float
+    axis: Array
+    """Grasp axis, H axes."""
 
 
 def seen(p: dict, u: dict) -> Seen:
@@ -85,7 +88,7 @@ def seen(p: dict, u: dict) -> Seen:
         C_HN, w, C_HN @ rho, C_HN @ (drho - cross(w * C_HN[2], rho)), C_SN,
         np.linalg.norm(rho), rho @ a, np.linalg.norm(cross(rho, a)), angle_between(rho, a),
         np.linalg.norm(drho - cross(w_T, rho)), angle_between(C_SN[0], -a),
-        np.linalg.norm(w_S - w_T), momentum,
+        np.linalg.norm(w_S - w_T), momentum, C_HN @ a,
     )  # fmt: skip
 
 
@@ -150,9 +153,20 @@ def clearance(p: dict, n: float, rho: Array, v: Array) -> float:
     return least
 
 
-def escape(p: dict, g: Seen) -> tuple[Array, float]:
-    """dv_N and the clearance of the better sign."""
+def drifted(g: Seen, tau: float) -> Seen:
+    """The state tau later without thrust, in the Hill axes of that time."""
+    state = expm(hill_matrix(g.w) * tau) @ np.concatenate((g.rho, g.drho))
+    turn = expm(tau * g.w * np.array(((0, 1, 0), (-1, 0, 0), (0, 0, 0.0))))
+    return replace(g, C_HN=turn @ g.C_HN, rho=state[:3], drho=state[3:])
+
+
+def escape(p: dict, g: Seen, age: float, near: bool) -> tuple[Array, float]:
+    """dv_N and the clearance of the better sign; age: of the last valid state g."""
+    if p["abort_relative"]:
+        g = drifted(g, age)
     out = g.rho / np.linalg.norm(g.rho)
+    if p["abort_relative"] and near and np.linalg.norm(g.rho) <= p["axis_radius"]:
+        out = g.axis
     ways = [p["v_retreat"] * out + np.array((0, s * p["v_drift"], 0)) for s in (1, -1)]
     clear = [clearance(p, g.w, g.rho, v) for v in ways]
     best = 0 if clear[0] >= clear[1] else 1
@@ -271,6 +285,7 @@ class Manager:
             self._enter(12, 8, g, t)
 
     def _enter(self, phase: int, reason: int, g: Seen, t: float) -> None:
+        near = self.phase in NEAR
         self.phase, self.reason, self.t_phase = phase, reason, t
         self.ok_since = self.touched = nan
         self.attempt = 0 if phase == 0 else self.attempt + (phase == 7)
@@ -279,7 +294,7 @@ class Manager:
         if TORQUE[phase] > 0:
             self.torque = TORQUE[phase]
         if phase == 12:
-            self.dv, self.clear = escape(self.p, self.valid)
+            self.dv, self.clear = escape(self.p, self.valid, t - self.t_valid, near)
 
     def _burn(self, u: dict) -> Array:
         left, period = np.linalg.norm(self.dv), self.p["sample_period"]

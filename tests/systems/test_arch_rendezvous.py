@@ -92,7 +92,7 @@ def test_verdict_of_each_instance_is_the_published_one(instance):
     abort = result.parameters["controller.t_abort"] / 60
     assert instance.abort[0] <= abort <= instance.abort[1] or instance.abort[0] == NEVER
     violated = result["monitor.violated"][-1]
-    assert violated.tolist() == [0.0 if instance.safe else 1.0, 0, 0, 0, 0, 0]
+    assert violated.tolist() == [0.0 if instance.safe else 1.0, 0, 0, 0, 0, 0, 0]
 
 
 def test_report_shows_the_verdict_beside_the_published_one():

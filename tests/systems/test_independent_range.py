@@ -31,7 +31,7 @@ lost_time = 5
 range_at_zero = 0.5
 range_patience = 3
 act = 1
-abort_on = [1, 0, 0, 1, 0, 1]
+abort_on = [1, 0, 0, 1, 0, 1, 0]
 mass = 95
 abort_force = 1
 abort_speed = 0.3                       # more than the leak gives back until the end
@@ -75,7 +75,7 @@ def test_a_wrong_estimate_enters_the_zone_without_the_range_and_aborts_with_it(r
     assert distance(watched, "servicer", "target").min() > RADIUS
     assert watched["monitor.abort"][-1] == 1
     assert watched["monitor.rule_violated"][-1] == 6
-    assert watched["monitor.violated"][-1].tolist() == [0, 0, 0, 0, 0, 1]
+    assert watched["monitor.violated"][-1].tolist() == [0, 0, 0, 0, 0, 1, 0]
 
 
 def test_a_right_estimate_runs_the_same_bits_with_the_range(ranged):

@@ -46,6 +46,7 @@ LOOPS = (
     (r"while \(m\+\+ < k\)", "age of a late measurement, below HISTORY = 16 samples"),
     (r"x->(anchor_)?index < |j = x->anchor_index", "samples since the last, or in the ring of 16"),
     (r"double k = 0; k < steps", "duration/max_step of the drift, both parameters"),
+    (r"j < steps_of\[part\]", "30 or 50 steps of an escape"),
     (r"exchange < EXCHANGES", "EXCHANGES"),
     (r"bound <= THRUSTERS", "16 thrusters"),
     (r"int cut = 0;;", "CUTS: left at cut == CUTS - 1"),
