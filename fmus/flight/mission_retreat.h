@@ -24,7 +24,7 @@ static inline double least_distance(const MissionParameters *p, const RelativeSt
 {
     double steps = floor_of(p->drift_time / p->drift_step * (1 + ROUNDED_DOWN)),
            n = norm(from->w_H);
-    double least = steps > 0 ? INFINITY : norm(from->rho_H);
+    double least = steps > 0 ? INFINITE : norm(from->rho_H);
     for (double k = 0; k < steps; k++) {
         double t = (k + 1) * p->drift_step;
         Transition f = transition(n, t, sine_and_cosine(n * t));

@@ -94,7 +94,7 @@ static inline double corridor_bound(const void *rule, const Arc *part)
 {
     Corridor cone = *(const Corridor *)rule;
     double end = least_along(part, cone.axis) - dot(cone.apex, cone.axis) - cone.length;
-    double within = cone.length > 0 ? end : -INFINITY, inside = INFINITY;
+    double within = cone.length > 0 ? end : -INFINITE, inside = INFINITY;
     cone.length = 0;
     for (int i = 0; i < 4; i++)
         inside = smaller(inside, corridor_value(&cone, part->p[i], part->v[0]));

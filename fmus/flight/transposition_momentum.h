@@ -38,8 +38,9 @@ typedef struct {
     double slope[MAX_NODES + 1][MAX_UNKNOWN_NODES]; /* d eps'(node)/d eps_j */
     vec3 H_N[MAX_FINE + 1], h[MAX_FINE + 1];
     mat3 sum[MAX_UNKNOWN_NODES];
-    double jacobian[3 * MAX_NODES][MAX_UNKNOWNS], normal[MAX_UNKNOWNS][MAX_UNKNOWNS],
-        step[MAX_UNKNOWNS];
+    double jacobian[3][MAX_UNKNOWNS]; /* rows of one node */
+    double normal[MAX_UNKNOWNS][MAX_UNKNOWNS], step[MAX_UNKNOWNS];
+    double largest; /* momentum of the history */
 } Workspace;
 
 static inline void prepare_basis(const History *shape, Workspace *w)
@@ -135,19 +136,46 @@ static inline mat3 momentum_by(const Task *task, const Workspace *w, int m, Moti
     return columns_of(up, down, difference);
 }
 
-static inline void store_block(Workspace *w, int k, int j, mat3 block) /* dh_k/deps_{j+1} */
+static inline void store_block(Workspace *w, int j, mat3 block) /* dh_k/deps_{j+1} */
 {
     for (int r = 0; r < 3; r++) {
-        double *to = &w->jacobian[3 * (k - 1) + r][3 * j];
+        double *to = &w->jacobian[r][3 * j];
         to[0] = block.row[r].x;
         to[1] = block.row[r].y;
         to[2] = block.row[r].z;
     }
 }
 
+/* ---- normal equations ---- */
+static inline double weight_of(const Task *task, vec3 h, double largest) /* (|h|/max)^p */
+{
+    double weight = 1;
+    for (int i = 0; i < (int)task->weight; i++) weight *= norm(h) / largest;
+    return weight;
+}
+
+/* normal += row^T row for one row of J, lower triangle; step += row h */
+static inline void add_row(Workspace *w, int unknowns, const double *row, double weight, double h)
+{
+    for (int i = 0; i < unknowns; i++) {
+        double factor = weight * row[i];
+        for (int j = 0; j <= i; j++) w->normal[i][j] += factor * row[j];
+        w->step[i] += factor * h;
+    }
+}
+
+/* adds the three rows of node k, so that no more rows of J are stored */
+static inline void add_node(const Task *task, const History *y, Workspace *w, int k)
+{
+    vec3 h = w->h[FINE * k];
+    double values[3] = {h.x, h.y, h.z}, weight = weight_of(task, h, w->largest);
+    for (int r = 0; r < 3; r++)
+        add_row(w, 3 * (intervals(y) - 2), w->jacobian[r], weight, values[r]);
+}
+
 /* dh_k/deps_j = C_SN integral(d(C_NS tau)/deps deps/deps_j) + (dh/deps) delta_jk + (dh/deps')
  * deps'/deps_j */
-static inline void jacobian_row(const Task *task, const History *y, Workspace *w, int k)
+static inline void add_momentum_of_node(const Task *task, const History *y, Workspace *w, int k)
 {
     Motion eps = fine_motion(y, FINE * k);
     mat3 C_SN = matmul(base_motion(task->assembly, eps).C_So, w->C_oN[FINE * k]);
@@ -155,10 +183,12 @@ static inline void jacobian_row(const Task *task, const History *y, Workspace *w
          by_rate = momentum_by(task, w, FINE * k, eps, 1);
     for (int j = 0; j < intervals(y) - 2; j++) {
         mat3 block = plus(matmul(C_SN, w->sum[j]), scaled(w->slope[k][j], by_rate));
-        store_block(w, k, j, j + 1 == k ? plus(block, by_eps) : block);
+        store_block(w, j, j + 1 == k ? plus(block, by_eps) : block);
     }
+    add_node(task, y, w, k);
 }
 
+/* adds J^T W J and J^T W h */
 static inline void spline_jacobian(const Task *task, const History *y, Workspace *w)
 {
     mat3 before = torque_by_eps(task, w, 0, y->eps[0]);
@@ -169,7 +199,7 @@ static inline void spline_jacobian(const Task *task, const History *y, Workspace
             w->sum[j] =
                 plus(w->sum[j], scaled(y->dt / FINE / 2, plus(scaled(w->value[m - 1][j], before),
                                                               scaled(w->value[m][j], here))));
-        if (m % FINE == 0) jacobian_row(task, y, w, m / FINE);
+        if (m % FINE == 0) add_momentum_of_node(task, y, w, m / FINE);
         before = here;
     }
 }

@@ -73,7 +73,8 @@ static inline void patent_jacobian(const Task *task, const History *y, Workspace
             mat3 by = patent_rate_by(task, c, y->dt, i, e, w->h[FINE * k]);
             w->sum[j] = plus(w->sum[j], scaled(y->dt, by));
         }
-        for (int j = 0; j < unknown_nodes; j++) store_block(w, k + 1, j, w->sum[j]);
+        for (int j = 0; j < unknown_nodes; j++) store_block(w, j, w->sum[j]);
+        add_node(task, y, w, k + 1);
     }
 }
 

@@ -35,23 +35,6 @@ static inline double largest_momentum(const Task *task, const History *y, const 
     return largest;
 }
 
-static inline double weight_of(const Task *task, vec3 h, double largest) /* (|h|/max)^p */
-{
-    double weight = 1;
-    for (int i = 0; i < (int)task->weight; i++) weight *= norm(h) / largest;
-    return weight;
-}
-
-/* normal += row^T row for one row of J, lower triangle; step += row h */
-static inline void add_row(Workspace *w, int unknowns, const double *row, double weight, double h)
-{
-    for (int i = 0; i < unknowns; i++) {
-        double factor = weight * row[i];
-        for (int j = 0; j <= i; j++) w->normal[i][j] += factor * row[j];
-        w->step[i] += factor * h;
-    }
-}
-
 /* D2^T D2: 5 or 6 on the diagonal, -4, 1 beside it */
 static inline void add_smoothing(Workspace *w, int nodes, double strength)
 {
@@ -64,19 +47,19 @@ static inline void add_smoothing(Workspace *w, int nodes, double strength)
         }
 }
 
-static inline int descend(const Task *task, History *y, Workspace *w, double largest)
+static inline void clear_equations(Workspace *w, int unknowns)
 {
-    int nodes = intervals(y) - 2, unknowns = 3 * nodes;
     for (int i = 0; i < unknowns; i++) {
         w->step[i] = 0;
         for (int j = 0; j <= i; j++) w->normal[i][j] = 0;
     }
-    for (int k = 1; k <= intervals(y); k++) {
-        vec3 h = w->h[FINE * k];
-        double values[3] = {h.x, h.y, h.z}, weight = weight_of(task, h, largest);
-        for (int r = 0; r < 3; r++)
-            add_row(w, unknowns, w->jacobian[3 * (k - 1) + r], weight, values[r]);
-    }
+}
+
+static inline int descend(const Task *task, History *y, Workspace *w)
+{
+    int nodes = intervals(y) - 2, unknowns = 3 * nodes;
+    clear_equations(w, unknowns);
+    (task->scheme == SCHEME_SPLINE ? spline_jacobian : patent_jacobian)(task, y, w);
     add_smoothing(w, nodes, task->lambda / (y->dt * y->dt * y->dt * y->dt));
     if (!cholesky(&w->normal[0][0], unknowns, MAX_UNKNOWNS)) return 0;
     cholesky_solve(&w->normal[0][0], unknowns, MAX_UNKNOWNS, w->step);
@@ -91,19 +74,17 @@ static inline int descend(const Task *task, History *y, Workspace *w, double lar
 static inline Result iterate(const Task *task, History *y, Workspace *w)
 {
     Result r = {.status = NOT_BELOW_LIMIT};
-    int spline = task->scheme == SCHEME_SPLINE;
     for (;; r.iterations++) {
         double eps = largest_eps(y);
         r.rotation[r.iterations] =
             eps < 1 ? 2 * arc_tangent(eps, sqrt(1 - eps * eps)) : 2 * arc_tangent(1, 0);
         if (!(r.rotation[r.iterations] <= task->rotation_max))
             return r.status = ROTATION_TOO_LARGE, r;
-        (spline ? integrate : patent_history)(task, y, w);
-        double largest = r.peak[r.iterations] = largest_momentum(task, y, w);
-        if (largest < task->limit) return r.status = PLANNED, r;
+        (task->scheme == SCHEME_SPLINE ? integrate : patent_history)(task, y, w);
+        w->largest = r.peak[r.iterations] = largest_momentum(task, y, w);
+        if (w->largest < task->limit) return r.status = PLANNED, r;
         if (r.iterations >= task->max_iterations) return r;
-        (spline ? spline_jacobian : patent_jacobian)(task, y, w);
-        if (!descend(task, y, w, largest)) return r;
+        if (!descend(task, y, w)) return r;
     }
 }
 

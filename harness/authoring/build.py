@@ -48,7 +48,7 @@ def build(
             source = Path(folder) / f"{source.stem}.c"
             source.write_text(text, encoding="utf-8")
         if source.suffix == ".c":
-            _build_c(source, made, _command(compiler), fmi)
+            _build_c(source, made, compiler, fmi)
         elif fmi != 2:
             raise UsageError(f"{source}: Python FMUs support FMI 2.0 only; use --fmi 2")
         else:
@@ -72,17 +72,25 @@ def _source(path: Path) -> Path:
     )
 
 
-def _build_c(source: Path, output: Path, compiler: Sequence[str], fmi: int) -> None:
-    core = paths.core()
+def compiler_command(compiler: str) -> tuple[Path, list[str]]:
+    """Return the folder of the C code that FMUs share, and the command of a compiler; raise
+    UsageError if one of them is missing.
+    """
+    core, command = paths.core(), _command(compiler)
     if core is None:
         raise UsageError("the C sources of the project are missing: reinstall servicing-fmus")
-    if not compiler or shutil.which(compiler[0]) is None:
+    if not command or shutil.which(command[0]) is None:
         raise UsageError(
-            f"{' '.join(compiler) or '(nothing)'}: there is no such C compiler; install gcc or "
+            f"{' '.join(command) or '(nothing)'}: there is no such C compiler; install gcc or "
             "clang, or name yours with --cc"
         )
+    return core, command
+
+
+def _build_c(source: Path, output: Path, compiler: str, fmi: int) -> None:
+    core, command = compiler_command(compiler)
     helper = [sys.executable, str(core / "build" / "build_fmu.py")]
-    options = ["-o", str(output), f"--cc={shlex.join(compiler)}", f"--fmi={fmi}"]
+    options = ["-o", str(output), f"--cc={shlex.join(command)}", f"--fmi={fmi}"]
     _run([*helper, str(source), *options], source)
 
 

@@ -58,21 +58,49 @@ def new_command(
         typer.echo(printable(f"    {line}"))
 
 
+CompilerOption = Annotated[str, option("--cc COMMAND", "C compiler")]
+PlaceOfFmuOption = Annotated[
+    str | None, option("--as SYSTEM.COMPONENT", "Use the FMU as this component")
+]
+
+
 @command("build")
-def build_command(
-    name: Annotated[
-        Path, argument("NAME_OR_FILE", "Folder NAME, a .c or .py file, or a policy .npz or .onnx")
+def build_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    names: Annotated[
+        list[Path],
+        argument(
+            "NAME_OR_FILE...",
+            "Folder NAME, a .c or .py file, or a policy .npz or .onnx; FMU... DIR with --c-api",
+        ),
     ],
     output: Annotated[Path | None, output("FMU to write (default: beside the file)")] = None,
-    compiler: Annotated[str, option("--cc COMMAND", "C compiler")] = "cc",
+    compiler: CompilerOption = "cc",
     fmi: Annotated[int, option("--fmi", "Version of FMI: 2 or 3", min=2, max=3)] = 2,
+    c_api: Annotated[
+        bool, option("--c-api", "Write the C interface of FMUs without FMI into the folder DIR")
+    ] = False,
+    place: PlaceOfFmuOption = None,
 ) -> None:
-    """Build an FMU from a C or Python file, or from a learned policy."""
+    """Build an FMU from a C or Python file or a learned policy, or the C interface of FMUs."""
     from harness.authoring.build import build
+    from harness.authoring.c_api import write_components
 
-    built = build(name, output, compiler, fmi)
+    if c_api:
+        *fmus, folder = map(str, names)
+        if not fmus or output is not None:
+            raise UsageError("build --c-api: expected `harness build --c-api FMU... DIR`")
+        _report_c_api(write_components(fmus, Path(folder), place, compiler), Path(folder))
+        return
+    if len(names) > 1 or place is not None:
+        raise UsageError("build: expected one NAME_OR_FILE; several FMUs and --as need --c-api")
+    built = build(names[0], output, compiler, fmi)
     counts = [f"{len(built.named(c))} {c}s" for c in ("input", "output", "parameter")]
     typer.echo(printable(f"{built.path}: {', '.join(counts)}"))
+
+
+def _report_c_api(names: list[str], folder: Path) -> None:
+    typer.echo(printable(f"{folder}: {', '.join(names)}; compile and compare with"))
+    typer.echo(printable(f"    make -C {folder} test"))
 
 
 SspOption = Annotated[
@@ -115,6 +143,9 @@ def export_command(  # noqa: PLR0913 - one argument per option
     *,
     system: SystemArgument,
     target: Annotated[Path, argument("DIR_OR_FILE", "Folder, or file NAME.ssp or NAME.fmu")],
+    c_api: Annotated[
+        bool, option("--c", "Write the flight software as C without FMI into the folder DIR")
+    ] = False,
     fmi: FmiOption = None,
     ssp: SspOption = None,
     hints: HintsOption = False,
@@ -122,12 +153,18 @@ def export_command(  # noqa: PLR0913 - one argument per option
     without: OpenOption = None,
     changes: Any,
 ) -> None:
-    """Write a system as one .ssp or one .fmu.
+    """Write a system as one .ssp or one .fmu, or its flight software as C.
 
     The file holds all changes, FMUs and parameters.
     """
+    from harness.authoring.c_api import write_system
     from harness.exports.package import export
 
+    if c_api:
+        if fmi or ssp or hints or without or scalars:
+            raise UsageError("--c: is mutually exclusive with --fmi, --ssp, --hints, --open, --scalars")
+        _report_c_api(write_system(system, target, **changes), target)
+        return
     own: Any = {"hints": hints, "scalars": scalars, "without": without or ()}
     typer.echo(export(system, target, fmi, ssp, **own, **changes))
 
@@ -158,9 +195,7 @@ def linearize_command(
 def processor_command(  # noqa: PLR0913, PLR0917 - one argument per option
     fmus: Annotated[list[str], argument("FMU...", "FMUs: names, or paths of .fmu files")],
     on: Annotated[Texts, option("PROCESSOR", "Use this processor (default: all)")] = None,
-    place: Annotated[
-        str | None, option("--as SYSTEM.COMPONENT", "Use the FMU as this component")
-    ] = None,
+    place: PlaceOfFmuOption = None,
     stop: Annotated[float | None, option("", "Set the stop time [s]")] = None,
     clock: Annotated[float | None, option("", "Set the clock of the processor [Hz]")] = None,
     write: Annotated[Path | None, option("", "Write the rows as Markdown to this file")] = None,

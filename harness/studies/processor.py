@@ -64,11 +64,7 @@ def compute_costs(  # noqa: PLR0913 - every one is an option of the command line
         raise UsageError(f"--clock {clock:g}: expected a frequency above 0 [Hz]")
     chosen = [find_processor(name) for name in processors]
     rows = []
-    # FMUs of a system run together; an FMU that replaces another one runs alone
-    groups: dict[object, list[Place]] = {}
-    for each in _places(fmus, place):
-        groups.setdefault(each.fmu if each.swapped else each.system, []).append(each)
-    for group in groups.values():
+    for group in groups(fmus, place):
         for row in _rows(group, chosen, stop, clock):
             rows.append(row)
             notify(row)
@@ -147,6 +143,18 @@ def _version(program: str) -> bytes:
 
 
 # ---- places
+
+
+def groups(fmus: Sequence[str], place: str | None) -> list[list[Place]]:
+    """Return the places for FMUs, by name or path, that one run serves: FMUs of a system run
+    together, an FMU that replaces another one runs alone.
+
+    place: `SYSTEM.COMPONENT` (default: found by the name of the FMU). Raises UsageError.
+    """
+    found: dict[object, list[Place]] = {}
+    for each in _places(fmus, place):
+        found.setdefault(each.fmu if each.swapped else each.system, []).append(each)
+    return list(found.values())
 
 
 def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:

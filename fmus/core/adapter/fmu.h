@@ -127,7 +127,7 @@ typedef struct {
 
 /* a number for a message: zero and NaN without a sign (the sign of a NaN depends on the
  * compiler) */
-static inline double readable(double value) { return isnan(value) ? NAN : value + 0.0; }
+static inline double readable(double value) { return isnan(value) ? NOT_NUMBER : value + 0.0; }
 
 /* ---- list of rejected parameter values ---- */
 typedef struct {

@@ -1,6 +1,5 @@
 /* instance.c - memory, log and guarded evaluation of one instance. */
 /* SPDX-License-Identifier: BSD-2-Clause */
-#include "finite.h"
 #include "instance.h"
 
 const char *const log_categories[3] = {"logStatusError", "logStatusWarning", "logEvents"};
@@ -66,21 +65,6 @@ void release(const Instance *instance, void *memory)
     if (!memory) return;
     if (own) free(memory);
     else instance->call.release(memory);
-}
-
-/* checks every parameter against the rule of its row, then the rules of the model */
-static void check_parameters(void *model, Problems *problems)
-{
-    char name[NAME_SIZE];
-    for (size_t i = 0; i < fmu_model.variable_count; i++)
-        for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
-            Scalar s = {&fmu_model.variables[i], k};
-            double value = value_of(model, s);
-            const char *rule =
-                s.row->causality == PARAMETER_ROW ? violated_rule(s.row->rule, value) : NULL;
-            if (rule) reject(problems, element_name(name, s), value, rule);
-        }
-    fmu_model.check(model, problems);
 }
 
 enum { FINDING_SIZE = NAME_SIZE + 400 }; /* a name, a value, a rule and the text of the row */
@@ -191,7 +175,7 @@ static bool result_is_good(const Instance *instance, const char *function, const
 RARE static bool parameters_are_good(const Instance *instance, const char *function, void *model)
 {
     Problems problems = {{0}, 0, ""};
-    check_parameters(model, &problems);
+    check_parameters(&fmu_model, model, &problems);
     return problems.count == 0 || reject_call(instance, function, problems.text);
 }
 

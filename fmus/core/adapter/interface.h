@@ -1,13 +1,11 @@
 /* interface.h - access to the interface table of a model: scalars by value reference, names of
- * elements, rules, guid. */
+ * elements, checks of parameters, guid. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef INTERFACE_H
 #define INTERFACE_H
 
-#include "fmu.h"
+#include "rules.h"
 
-#include <float.h>
-#include <stdbool.h>
 #include <stdint.h>
 
 enum { VR_STRIDE = 1000, NAME_SIZE = 128, GUID_SIZE = 40 };
@@ -49,52 +47,26 @@ static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
     return buffer;
 }
 
-/* inclusive bounds of a rule (the adapter also rejects 0 for POSITIVE_VALUE, and all values but 0
- * and 1 for a switch) */
-static inline double lowest(Rule rule) { return rule == ANY_VALUE ? -DBL_MAX : 0; }
-static inline int is_flag(Rule rule) { return rule == SWITCH_VALUE || rule == ALARM_VALUE; }
-static inline double highest(Rule rule)
-{
-    return is_flag(rule) ? 1 : rule == ANGLE_VALUE ? PI : DBL_MAX;
-}
-static inline const char *violated_rule(Rule rule, double value) /* NULL: the value is valid */
-{
-    if (!isfinite(value)) return "must be finite";
-    if (rule == POSITIVE_VALUE && value <= 0) return "must be > 0";
-    if (is_flag(rule) && value != 0 && value != 1) return "must be 0 or 1";
-    if (value < lowest(rule)) return "must be >= 0";
-    return value > highest(rule) ? "must be <= pi" : NULL;
-}
 /* rule for setting a value; parameters are checked at the end of initialization */
 static inline Rule rule_when_set(Scalar s)
 {
     return s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE;
 }
-/* whether several finite values satisfy a rule; returns no reason */
-static inline bool all_flags(const double value[], size_t count)
+
+/* rejects every parameter that violates the rule of its row, then what the model rejects; parameters:
+ * memory of the model, of which only the parameters are read */
+static inline void check_parameters(const ModelInterface *m, void *parameters, Problems *problems)
 {
-    for (size_t i = 0; i < count; i++)
-        if (!(value[i] == 0 || value[i] == 1)) return false;
-    return true;
-}
-static inline bool all_positive(const double value[], size_t count)
-{
-    for (size_t i = 0; i < count; i++)
-        if (value[i] <= 0) return false;
-    return true;
-}
-static inline bool all_within(const double value[], size_t count, double low, double high)
-{
-    for (size_t i = 0; i < count; i++)
-        if (value[i] < low || value[i] > high) return false;
-    return true;
-}
-static inline bool satisfy_rule(Rule rule, const double value[], size_t count)
-{
-    if (rule == ANY_VALUE) return true;
-    if (is_flag(rule)) return all_flags(value, count);
-    if (rule == POSITIVE_VALUE) return all_positive(value, count);
-    return all_within(value, count, lowest(rule), highest(rule));
+    char name[NAME_SIZE];
+    for (size_t i = 0; i < m->variable_count; i++)
+        for (size_t k = 0; k < m->variables[i].size; k++) {
+            const Scalar s = {&m->variables[i], k};
+            if (s.row->causality != PARAMETER_ROW) continue;
+            const double value = value_of(parameters, s);
+            const char *rule = violated_rule(s.row->rule, value);
+            if (rule) reject(problems, element_name(name, s), value, rule);
+        }
+    m->check(parameters, problems);
 }
 
 /* 64-bit FNV-1a over names, units, shapes and start values, so that the guid depends on the

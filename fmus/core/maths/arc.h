@@ -17,7 +17,7 @@
 #include "vec3.h"
 
 #define SHORTEST_PART 0x1p-40 /* of the arc; on shorter parts the value replaces the bound */
-#define NEVER         INFINITY
+#define NEVER         INFINITE
 
 enum { MOST_PARTS = 1 << 16 };
 

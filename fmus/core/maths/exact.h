@@ -14,6 +14,10 @@ static inline double larger(double a, double b) { return a > b || isnan(b) ? a :
 
 #define PI 3.14159265358979323846
 
+/* as doubles: the constants of math.h are of type float */
+#define INFINITE   ((double)INFINITY)
+#define NOT_NUMBER ((double)NAN)
+
 #define ALL_WHOLE 4503599627370496.0 /* 2^52: this double and all larger ones are whole numbers */
 
 /* nearest whole number, ties to even; adding 2^52 rounds off the fraction */

@@ -173,7 +173,7 @@ static inline double exponential_less_1(double x) /* exp(x) - 1, exact also near
 /* ---- log ---- */
 static inline double logarithm_at_edge(double x)
 {
-    return x == 0 ? -INFINITY : x > 0 || isnan(x) ? x : NAN;
+    return x == 0 ? -INFINITE : x > 0 || isnan(x) ? x : NOT_NUMBER;
 }
 
 #define SMALLEST_NORMAL (UINT64_C(1) << 52)     /* bits of 2^-1022 */

@@ -29,7 +29,7 @@ static inline double time_tolerance(double x, double most)
 static inline double grid_number(double t, double grid)
 {
     double n = nearest_whole(t / grid);
-    return fabs(t / grid - n) <= time_tolerance(n, 1e-3) ? n : NAN;
+    return fabs(t / grid - n) <= time_tolerance(n, 1e-3) ? n : NOT_NUMBER;
 }
 
 /* ---- internal steps of a plant ----
