@@ -127,8 +127,8 @@ static vec3 relay_torque(const Parameters *p, const double th[])
 /* the selection nearest to the value; -1: invalid, which the rule of the output rejects */
 static int selection(double value, int count)
 {
-    double nearest = nearest_whole(value);
-    return nearest >= 0 && nearest < count ? (int)nearest : -1;
+    const int n = last_bits(value + ROUNDER, 0xff);
+    return n < count && nearest_whole(value) == n ? n : -1;
 }
 
 /* in law 1 the wheels have no other task and are always unloaded */

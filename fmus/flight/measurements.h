@@ -9,6 +9,7 @@
 #define MEASUREMENTS_H
 
 #include "fmu.h"
+#include "portable_math.h"
 #include "time_grid.h"
 
 enum { HISTORY = 16 }; /* a measurement must be less than this number of samples late */
@@ -77,10 +78,8 @@ static inline int is_valid(const GateParameters *p, const Track *track, double t
     return track->acquired > 0 && track->used > 0 && age(track, t) <= p->age_max;
 }
 
-/* index of a sample in a ring buffer of the last HISTORY samples */
-static inline int place_of(double index)
-{
-    return (int)(index - HISTORY * floor_of(index / HISTORY));
-}
+/* place of sample number `index`, a whole number below 2^51, in a ring buffer of the last HISTORY
+ * samples: the number modulo HISTORY, a power of 2 */
+static inline int place_of(double index) { return last_bits(index + ROUNDER, HISTORY - 1); }
 
 #endif

@@ -176,8 +176,8 @@ def arcs() -> list[str]:
         constant("PI_2", high, "the rest"),
         array(
             "arc_table",
-            [parts(mp.atan(mp.mpf(k) / TANGENTS), -53) for k in range(TANGENTS + 1)],
-            "atan(k/64) = sum of two",
+            [parts(mp.atan(mp.mpf(k) / TANGENTS), -53) for k in (TANGENTS, *range(1, TANGENTS))],
+            "atan(k/64) = sum of two, k = 1 to 64; k = 64 in row 0",
         ),
         polynomial(
             "arc_terms",

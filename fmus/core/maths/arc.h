@@ -120,7 +120,7 @@ static inline double least_on(const Margin *m, const Arc *arc)
     double best = smaller(value_at(m, arc, 0), value_at(m, arc, 1)), lowest = best;
     double tolerance = resolution(arc);
     Part x = {0, 1};
-    for (int parts = 0; x.s < 1; parts++) {
+    for (unsigned parts = 0; x.s < 1; parts++) {
         int decided = parts == MOST_PARTS;
         if (decided) x.w = 1 - x.s;
         Arc part = arc_part(arc, x.s, x.s + x.w);
@@ -137,7 +137,7 @@ static inline double least_on(const Margin *m, const Arc *arc)
 static inline double first_below_zero(const Margin *m, const Arc *arc)
 {
     Part x = {0, 1};
-    for (int parts = 0; x.s < 1; parts++) {
+    for (unsigned parts = 0; x.s < 1; parts++) {
         Arc part = arc_part(arc, x.s, x.s + x.w);
         int clear = m->bound(m->rule, &part) >= 0;
         int last = x.w < SHORTEST_PART || parts >= MOST_PARTS;

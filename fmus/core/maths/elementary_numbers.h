@@ -41,9 +41,9 @@ static const double cosine_terms[6] = {
     -0x1.8fa4999513039p-37};
 #define PI_1 0x1.921fb54442d18p+1 /* pi = sum of two */
 #define PI_2 0x1.1a62633145c07p-53 /* the rest */
-/* atan(k/64) = sum of two */
-static const double arc_table[65][2] = {
-    {0x0.0p+0, 0x0.0p+0},
+/* atan(k/64) = sum of two, k = 1 to 64; k = 64 in row 0 */
+static const double arc_table[64][2] = {
+    {0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55},
     {0x1.fff555bbb7280p-7, 0x1.ab77cf18ac803p-55},
     {0x1.ffd55bba97620p-6, 0x1.2a13bcebbb6edp-56},
     {0x1.7fb818430da30p-5, -0x1.8186ef8f794f1p-55},
@@ -106,8 +106,7 @@ static const double arc_table[65][2] = {
     {0x1.819d0b7158a4dp-1, -0x1.bf76229d3b917p-56},
     {0x1.85d69576cc2c5p-1, 0x1.6b66e7fc8b8c3p-57},
     {0x1.89ff5ff57f1f8p-1, -0x1.55b9a5e177a1bp-55},
-    {0x1.8e17aa99cc05ep-1, -0x1.ec182ab042f61p-56},
-    {0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55}};
+    {0x1.8e17aa99cc05ep-1, -0x1.ec182ab042f61p-56}};
 /* (atan(q) - q)/q^3 in powers of q^2, |q| <= 1/8 */
 static const double arc_terms[8] = {
     -0x1.5555555555555p-2,

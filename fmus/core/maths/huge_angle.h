@@ -17,10 +17,10 @@ typedef struct {
 #define DIGIT_WORDS 7
 typedef struct { uint32_t word[DIGIT_WORDS]; } Digits; /* the first word is the highest */
 
-/* m 2^e 2/pi mod 4, in units of 4/2^224 */
+/* m 2^(e - 52) 2/pi mod 4, in units of 4/2^224; 0 <= e <= 1023 */
 static inline Digits quarter_turns(uint64_t m, int e)
 {
-    int first = (e + 94) / 32, shift = (e + 94) % 32; /* e >= -52 */
+    int first = (e + 42) / 32, shift = (e + 42) % 32;
     const uint32_t low = (uint32_t)m, high = (uint32_t)(m >> 32);
     Digits p;
     uint64_t carry = 0;
@@ -38,8 +38,9 @@ static inline Digits quarter_turns(uint64_t m, int e)
 static inline uint64_t window(const Digits *p, int at)
 {
     const uint32_t *w = p->word + at / 32;
+    const int shift = at % 32;
     uint64_t two = (uint64_t)w[0] << 32 | w[1];
-    return at % 32 ? two << at % 32 | w[2] >> (32 - at % 32) : two;
+    return shift ? two << shift | w[2] >> (32 - shift) : two;
 }
 
 static inline uint64_t upper_product(uint64_t a, uint64_t b) /* a b / 2^64 */
@@ -55,7 +56,7 @@ static inline uint64_t upper_product(uint64_t a, uint64_t b) /* a b / 2^64 */
 static inline Angle reduced_by_digits(double x)
 {
     uint64_t bits = bits_of(x), m = (bits & UINT64_C(0xFFFFFFFFFFFFF)) | UINT64_C(1) << 52;
-    Digits p = quarter_turns(m, (int)(bits >> 52 & 0x7FF) - 1075);
+    Digits p = quarter_turns(m, (int)(((bits >> 52) + 1) & 0x3FF)); /* |x| >= 1: no borrow */
     int above_half = p.word[0] >> 29 & 1, quarter = (int)(p.word[0] >> 30) + above_half, at = 2;
     for (int i = 0; above_half && i < DIGIT_WORDS; i++) p.word[i] = ~p.word[i];
     while (at < 100 && !(p.word[at / 32] >> (31 - at % 32) & 1)) at++;

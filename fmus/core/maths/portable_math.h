@@ -15,6 +15,13 @@
 
 #define ROUNDER (1.5 * ALL_WHOLE) /* x + ROUNDER - ROUNDER: nearest whole number, |x| < 2^51 */
 
+/* the last bits of the nearest whole number n, from n + ROUNDER: n modulo a power of 2, also where n
+ * is negative or does not fit into an int */
+static inline int last_bits(double rounded, uint64_t mask)
+{
+    return (int)(bits_of(rounded) & mask);
+}
+
 /* ---- sin and cos ---- */
 /* x - n pi/2 with pi/2 in three parts, two of which have exact products with n (Cody & Waite 1980);
  * if the difference cancels more digits than the third part covers, the digits of 2/pi are used */
@@ -22,13 +29,14 @@ static inline Angle reduced(double x)
 {
     if (fabs(x) <= PI / 4) return (Angle){x, 0, 0};
     if (fabs(x) < 1e6) {
-        double n = x * TWO_OVER_PI + ROUNDER - ROUNDER;
+        double rounded = x * TWO_OVER_PI + ROUNDER, n = rounded - ROUNDER;
         double a = x - n * HALF_PI_1, b = n * HALF_PI_2, c = n * HALF_PI_3;
         double d = a - b, recovered = a - d, rounding = (recovered - b) + (a - (d + recovered)),
                hi = d - c;
-        if (fabs(d) > fabs(n) * 0x1p-54) return (Angle){hi, (d - hi - c) + rounding, (int)n};
+        if (fabs(d) > fabs(n) * 0x1p-54)
+            return (Angle){hi, (d - hi - c) + rounding, last_bits(rounded, 3)};
     }
-    return isfinite(x) ? reduced_by_digits(x) : (Angle){NAN, 0, 0};
+    return isfinite(x) ? reduced_by_digits(x) : (Angle){NOT_NUMBER, 0, 0};
 }
 
 static inline double sine_of(Angle r)
@@ -84,9 +92,9 @@ static inline double add_arc(double base, double base_rest, double sign, double 
         double tail = q_2 + q * z * sum, whole = base + sign * q_1;
         return whole + (sign * tail + (base - whole + sign * q_1 + base_rest));
     }
-    double n = q * 64 + ROUNDER - ROUNDER, c = n * 0.015625;
+    double rounded = q * 64 + ROUNDER, c = (rounded - ROUNDER) * 0.015625;
     double d = ((b - c * a_1) - c * a_2) / (a + c * b), z = d * d;
-    const double *k = arc_step_terms, *arc = arc_table[(int)n];
+    const double *k = arc_step_terms, *arc = arc_table[last_bits(rounded, 63)];
     double tail = arc[1] + (d + d * z * (k[0] + z * (k[1] + z * k[2])));
     double whole = base + sign * arc[0];
     return whole + (sign * tail + (base - whole + sign * arc[0] + base_rest));
@@ -123,16 +131,16 @@ static inline double arc_tangent(double y, double x)
  * |r| <= ln 2/256 (Tang 1989) */
 typedef struct {
     double a, tail;
-    int n;
+    int n; /* modulo 2^12, as the exponent of a double counts */
 } Power;
 
 static inline Power power_of_e(double x)
 {
-    double m = x * STEPS_PER_E + ROUNDER - ROUNDER, r = x - m * STEP_1 - m * STEP_2, rr = r * r;
-    int whole = (int)m, j = (int)((unsigned)whole & 127);
-    const double *k = exponential_terms, *row = power_table[j];
+    double rounded = x * STEPS_PER_E + ROUNDER, m = rounded - ROUNDER;
+    double r = x - m * STEP_1 - m * STEP_2, rr = r * r;
+    const double *k = exponential_terms, *row = power_table[last_bits(rounded, 127)];
     double tail = row[1] + (r + rr * ((k[0] + r * k[1]) + rr * (k[2] + r * k[3])));
-    return (Power){row[0], tail, (whole - j) / 128};
+    return (Power){row[0], tail, last_bits(rounded, 0x7ffff) >> 7};
 }
 
 /* exp where 2^n is out of range: 2 times half the power above, a scaled normal number below */
