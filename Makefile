@@ -283,6 +283,14 @@ traceability: build
 sdist: $(TOOLS)
 	cd "$(CURDIR)" && $(BIN)/python -c 'import scikit_build_core.build as b; b.build_sdist("dist")'
 
+# compiles examples/cfs and examples/fprime with checkouts of the frameworks; F Prime needs its
+# requirements.txt in the environment: make flight-examples CFE=... OSAL=... PSP=... ELF2CFETBL=...,
+# make flight-examples FPRIME=...
+.PHONY: flight-examples
+flight-examples: build
+	$(RUN) $(BIN)/python .ci/flight_examples.py build/flight-examples \
+	  $(if $(CFE),--cfs $(CFE) $(OSAL) $(PSP) $(ELF2CFETBL)) $(if $(FPRIME),--fprime $(FPRIME))
+
 # all files of a release that this machine can build (docs/release.md); the wheel contains the FMUs of
 # all platforms and is built in a folder of its own. Ends with a check and the commands that publish.
 .PHONY: sdist release

@@ -51,7 +51,7 @@ INSTEAD = {
 """Regular expressions of whole words, and what to write instead."""
 ALLOWED = (
     r"flight (?:software|code|attitude|axes|controllers?|computers?|boards?|processors?|path)",
-    r"flight (?:fmus?|files?|rules|project|requested|test)",
+    r"flight (?:fmus?|files?|rules|project|requested|test|apps?|examples?)",
     r"(?:plant and|hyperbolic|straight|free|along|axes of|time of|to|q) flight",
     r"fly-?(?:around|wheels?)",
     r"flown (?:trajectory|trajectories)",
