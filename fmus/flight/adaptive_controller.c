@@ -15,14 +15,11 @@
  * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4,
  * A.5, A.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "adaptive_attitude.h"
 #include "body_rows.h"
 #include "earth.h"
 #include "orbit.h"
-#include "reference_rows.h"
 #include "time_grid.h"
-
-typedef struct { double v[6]; } Symmetric; /* S11 S12 S13 S22 S23 S33 */
-typedef struct { Symmetric J, A; } Eta;
 
 typedef struct {
     double mu;
@@ -122,12 +119,6 @@ static const Variable variables[] = {
     OUTPUT(F_cmd_H, "N", "commanded force, Hill axes"),
 };
 
-static mat3 full_matrix(Symmetric s)
-{
-    return rows(vec(s.v[0], s.v[1], s.v[2]), vec(s.v[1], s.v[3], s.v[4]),
-                vec(s.v[2], s.v[4], s.v[5]));
-}
-
 static void check(const Parameters *p, Problems *problems)
 {
     if (determinant(full_matrix(p->eta_hat_0.A)) <= 0 && p->use_wheels)
@@ -201,22 +192,15 @@ static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gai
 static void control_attitude(const Parameters *p, const Input *u, State *x, Output *y,
                              double period)
 {
-    quat q_SN = canonical(u->S.q), q_DN = canonical(u->ref.q),
-         q_SD = product(conjugate(q_DN), q_SN);
-    mat3 C_SD = dcm_of_quat(q_SD), J_hat = full_matrix(x->eta_hat.J),
-         A_hat = full_matrix(x->eta_hat.A);
-    vec3 wd = mul(C_SD, u->ref.omega), wdd = mul(C_SD, u->ref.alpha), Omega = u->wheel_speed;
-    vec3 epsilon = mrp_of_quat(q_SD), dw = sub(u->S.omega, wd);
+    AttitudeError e = attitude_error(u->S.q, u->S.omega, &u->ref);
+    mat3 J_hat = full_matrix(x->eta_hat.J), A_hat = full_matrix(x->eta_hat.A);
+    vec3 wd = e.wd, wdd = e.wdd, dw = e.dw, Omega = u->wheel_speed;
+    vec3 torque = wheel_torque(p->K_att, p->P_att, J_hat, A_hat, &e, Omega);
 
-    vec3 feedback =
-        add(scale(0.25, mrp_G_transposed(epsilon, times(p->K_att, epsilon))), times(p->P_att, dw));
-    vec3 momentum = add(mul(A_hat, Omega), mul(J_hat, wd));
-    vec3 wheel_torque = sub(sub(feedback, mul(J_hat, wdd)), cross(wd, momentum));
-
-    y->epsilon = epsilon;
+    y->epsilon = e.epsilon;
     y->domega_S = dw;
-    y->wheel_accel_cmd = p->use_wheels ? solve(A_hat, wheel_torque) : vec(0, 0, 0);
-    y->M_cmd_S = p->use_wheels ? vec(0, 0, 0) : neg(wheel_torque);
+    y->wheel_accel_cmd = p->use_wheels ? solve(A_hat, torque) : vec(0, 0, 0);
+    y->M_cmd_S = p->use_wheels ? vec(0, 0, 0) : neg(torque);
 
     /* W^T dw, W = -[X(wd,wd) + Y(wdd), X(wd,Omega) + Y(dOmega)] */
     vec3 dOmega = y->wheel_accel_cmd;

@@ -11,6 +11,7 @@
 #include "interface.h"
 #include "line_of_sight.h"
 #include "motion.h"
+#include "optimal_problem.h"
 #include "riccati.h"
 #include "rigid_body.h"
 #include "small_rotation.h"
@@ -69,6 +70,58 @@ int call_solve_upper(const double *A, int n, const double *b, double *x)
         a[i][n] = b[i];
     }
     return solve_upper(a, n, x);
+}
+
+/* optimal_problem.h */
+CALL(vec3, onto_cone, (vec3 a, double t, double o, vec3 x), (a, t, o, x))
+CALL(vec3, onto_slab, (vec3 n, double low, double high, vec3 x), (n, low, high, x))
+CALL(vec3, onto_ball, (vec3 centre, double radius, vec3 x), (centre, radius, x))
+static vec3 box_projection(vec3 most, double threshold, mat3 C, vec3 x)
+{
+    Problem b = {.most = most, .threshold = threshold};
+    int near;
+    return onto_box(&b, C, x, &near);
+}
+CALL(vec3, box_projection, (vec3 most, double threshold, mat3 C, vec3 x), (most, threshold, C, x))
+
+/* gains of a table: three per node */
+void call_gains(int nodes, int has_speed_limit, double *gains);
+void call_gains(int nodes, int has_speed_limit, double *gains)
+{
+    Gains g;
+    set_gains(&g, nodes, has_speed_limit);
+    memcpy(gains, &g, 3 * sizeof(double) * (size_t)nodes);
+}
+
+/* `count` iterations from a cold start along x: corridor and slab about x, constant for all nodes;
+ * out: per node u.z, p, slab.z */
+void call_iterations(int nodes, int count, const double *setting, double *out);
+void call_iterations(int nodes, int count, const double *setting, double *out)
+{
+    static Problem b;
+    static Iterates it;
+    Gains g;
+    vec3 q[NODES], x = vec(1, 0, 0);
+    const double *s = setting; /* rho, most, p_end of 3; threshold, tangent, low, high */
+    b = (Problem){.p_end = vec(s[6], s[7], s[8]), .most = vec(s[3], s[4], s[5])};
+    b.threshold = s[9];
+    b.has_cone = 1;
+    for (int k = 0; k < nodes; k++)
+        b.node[k] = (Node){.C = identity(1),
+                           .a = x,
+                           .n = x,
+                           .tangent = s[10],
+                           .low = s[11],
+                           .high = s[12],
+                           .p_free = vec(s[0], s[1], s[2])};
+    set_gains(&g, nodes, 0);
+    start_cold(&b, nodes, &it);
+    for (int i = 0; i < count; i++) iterate(&b, &g, nodes, &it, q);
+    for (int k = 0; k < nodes; k++) {
+        memcpy(out + 9 * k, &it.u[k].z, sizeof(vec3));
+        memcpy(out + 9 * k + 3, &it.p[k], sizeof(vec3));
+        memcpy(out + 9 * k + 6, &it.slab[k].z, sizeof(vec3));
+    }
 }
 
 /* vec3.h */

@@ -36,7 +36,8 @@ LOOPS = (
     (r"pass < ARM_JOINTS && ", "7 joints, of which every pass fixes one"),
     (r"Sample s = first_sample", "samples between two communication points: h/period, rounded up"),
     (r"; \w+ <=? [A-Z_]+( [-+*/] (\d+|[A-Z_]+))*;|; \w+ < \d+;", "a constant"),
-    (r"= \d+; \w+ > 0;|= [A-Z_ 1-]+; \w+-- > 0", "a constant, downwards"),
+    (r"= \d+; \w+ > 0;|= [A-Z_ 1-]+; \w+-- > 0|= NODES - 1; k >= 0", "a constant, downwards"),
+    (r"int k = nodes - 1; k >= 0|k < nodes;", "nodes of a path, NODES in flight software"),
     (r"intervals\((y|shape)\)", "FINE = 4 times the 120 nodes that check() allows"),
     (r"< (unknowns|unknown_nodes|nodes);|j <= i;", "three times the 118 free nodes"),
     (r"\w+ = \S.*; \w+ < (n|m|j|k|i|columns|moving|length|to|m->count|D_AT);"

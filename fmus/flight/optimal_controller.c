@@ -1,0 +1,687 @@
+/* optimal_controller.c - fuel-optimal translation with constraints by a fixed number of
+ * iterations, and attitude by the law of adaptive_controller with constant estimates.
+ *
+ * Once a second (ten samples) a path of 60 nodes to the goal is improved by `iterations` steps of
+ * ADMM (optimal_problem.h), spread over nine samples, and becomes the plan in force if it is
+ * feasible. The model of prediction is a double integrator in N axes with a known acceleration:
+ *
+ *   (1) rho'' = u + d,   d = d_hat + tide(way)      u = F/m, held over a node; way: the last path
+ *   (3) d_hat += k_d (res - d_hat),   res = dv/dt - F/m - tide over the second before
+ *
+ * Goals: 1 a point on the line of holds, 2 the grasp axis at constant range, 3 along the grasp
+ * axis; 0 inactive. Arrival is fixed in time, afterwards the horizon recedes (T_min).
+ * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 first plan in work, without force.
+ * Equations, constants and figures: docs/models.md N. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "adaptive_attitude.h"
+#include "body_rows.h"
+#include "directions.h"
+#include "earth.h"
+#include "optimal_motion.h"
+#include "rigid_body.h"
+#include "time_grid.h"
+
+enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
+enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
+enum { SAMPLES = 10, MOST_SECONDS = 20, SHOWN = 6 }; /* SHOWN: nodes among the outputs */
+
+typedef struct {
+    double mu;
+    vec3 p_T;
+    mat3 J_T;
+    vec3 F_max;
+    double duration[GOALS - 1], L_end[GOALS - 1];
+    vec3 line;
+    double keep_out[2], cone, cone_hold, hold_lead, slab[2], T_min;
+    double speed_limit, v_0, v_slope;
+    double iterations, iterations_first, kappa, k_d, tol[2], bad_max, age_max, K_b, P_b;
+    double tumble_step, turn[GOALS - 1], omega_rest, relax_time, arrive_radius;
+    double use_attitude, use_wheels, t_att;
+    vec3 K_att, P_att;
+    Eta eta_hat_0;
+    double sample_period;
+} Parameters;
+typedef struct {
+    Body T, S;
+    vec3 wheel_speed;
+    Reference ref;
+    double mass, goal;
+} Input;
+typedef struct {
+    Grid grid;
+    vec3 u[NODES];
+} Plan; /* accelerations [m/s2] */
+typedef struct {
+    vec3 d_hat, rho, v, F_sum; /* estimate; state and sum of the forces since the last second */
+    double known;              /* 1: there is a last second */
+} Disturbance;
+typedef struct {
+    vec3 rho; /* where braking began, in axes of T or H */
+    double in_target;
+} Hold;
+typedef struct {
+    Gains gains;
+    double goal, t_goal, sample, seconds, warm, bad, has_plan, mode;
+    Problem problem;
+    Iterates it;
+    Grid grid; /* of the solve */
+    Progress progress;
+    double range; /* at the start of the solve [m] */
+    Plan plan;
+    Hold hold;
+    Disturbance d;
+} State;
+typedef struct {
+    vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
+    double mode, feasible, braking, dv_left, t_arrival;
+    double residual_p, residual_u, change_p, change_u, miss;
+    double count_box, count_cone, count_slab, plan_time, plan_step;
+    vec3 plan_rho_N[SHOWN], d_hat_N;
+} Output;
+MODEL_STRUCT;
+
+static const Model start = {
+    .p = {.mu = MU_JGM3,
+          .p_T = {1, 0, 0},
+          .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
+          .F_max = {1.9, 0.95, 0.95},
+          .duration = {475, 203, 600},
+          .L_end = {20, 19.5, 4.02},
+          .line = {0, -1, 0},
+          .keep_out = {12, 12.3},
+          .cone = 0.14660765716752369,
+          .cone_hold = 0.005235987755982988,
+          .hold_lead = 5,
+          .slab = {0.015, 0.015},
+          .T_min = 120,
+          .v_0 = 0.06,
+          .v_slope = 0.0185,
+          .iterations = 50,
+          .iterations_first = 50,
+          .kappa = 0.005,
+          .k_d = 0.02,
+          .tol = {0.05, 0.04},
+          .bad_max = 5,
+          .age_max = 20,
+          .K_b = 0.01,
+          .P_b = 0.2,
+          .tumble_step = 5,
+          .turn = {0, 1, 1},
+          .omega_rest = 1e-6,
+          .relax_time = 30,
+          .arrive_radius = 0.3,
+          .use_attitude = 1,
+          .use_wheels = 1,
+          .K_att = {2, 2, 2},
+          .P_att = {10, 10, 10},
+          .eta_hat_0 = {{{180, 0, 0, 240, 0, 160}}, {{14, 0, 0, 16, 0, 12}}},
+          .sample_period = 0.1},
+    .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .ref = {.rho = {0, 20, 0}, .q = {1, 0, 0, 0}},
+          .mass = 95,
+          .goal = ALONG_AXIS},
+};
+
+static const Variable variables[] = {
+    NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
+    PARAMETER(p_T, "1", "grasp axis, target axes, unit vector"),
+    MATRIX(J_T, "kg.m2", "inertia of the target as known to the software, target axes"),
+    NONNEGATIVE(F_max, "N", "largest force per servicer axis"),
+    POSITIVE(duration, "s", "time from the begin of a goal to its arrival, per goal"),
+    POSITIVE(L_end, "m", "range at the end of a goal, per goal"),
+    PARAMETER(line, "1", "line of holds, Hill axes of the target, unit vector (goal 1)"),
+    POSITIVE(keep_out, "m", "range that is kept on the way (goals 1 and 2)"),
+    POSITIVE(cone, "rad", "half angle of the cone of the plan before arrival (goal 3)"),
+    POSITIVE(cone_hold, "rad", "half angle of the cone of the plan after arrival (goal 3)"),
+    NONNEGATIVE(hold_lead, "s", "cone_hold holds from this time before arrival on"),
+    NONNEGATIVE(slab, "m", "range along the axis may be below L_end and above it by (goal 3)"),
+    POSITIVE(T_min, "s", "shortest horizon of the plan"),
+    SWITCH(speed_limit, "1: the speed as seen in the Hill frame is limited"),
+    NONNEGATIVE(v_0, "m/s", "limit of the speed at no range"),
+    NONNEGATIVE(v_slope, "1/s", "limit of the speed per range"),
+    POSITIVE(iterations, "1", "iterations of a second, a whole number, 9 to 60"),
+    POSITIVE(iterations_first, "1",
+             "iterations of the first plan of a goal, a whole multiple of iterations, at most 20"),
+    POSITIVE(kappa, "1", "weight of the impulse: step of the method, does not move the optimum"),
+    NONNEGATIVE(k_d, "1", "gain of the estimate of the disturbance, per second"),
+    POSITIVE(tol, "1", "a plan is feasible up to tol[1] (in m) + tol[2] times the range"),
+    POSITIVE(bad_max, "1", "number of plans in a row that are not feasible before a cold start"),
+    NONNEGATIVE(age_max, "s", "longest use of the last feasible plan"),
+    NONNEGATIVE(K_b, "1/s2", "position gain of braking"),
+    NONNEGATIVE(P_b, "1/s", "velocity gain of braking"),
+    POSITIVE(tumble_step, "s", "longest step of the prediction of the tumble, 4 at most a node"),
+    ROW_AS(PARAMETER_ROW, p, "turn", turn, 1, "1",
+           "1: the attitude is predicted to turn with the target, per goal", SWITCH_VALUE),
+    NONNEGATIVE(omega_rest, "rad/s", "rate below which the attitude is predicted to stay"),
+    POSITIVE(relax_time, "s", "time in which a plan returns into the constraints"),
+    POSITIVE(arrive_radius, "m", "radius about the end point after arrival (goals 1 and 2)"),
+    SWITCH(use_attitude, "1: attitude law; 0: no torque is commanded"),
+    SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
+    PARAMETER(t_att, "s", "attitude control starts at this time"),
+    NONNEGATIVE(K_att, "N.m", "attitude gain, per body axis"),
+    NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
+    PARAMETER(eta_hat_0, "kg.m2", "inertias: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
+    GRID_AS("sample_period", sample_period, "sample period of the software; a second has ten"),
+
+    BODY_INPUTS("T", T, "target"),
+    BODY_INPUTS("S", S, "servicer"),
+    OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with use_attitude"),
+    OPTIONAL_INPUT_AS("q_DN", ref.q, "1", "reference attitude relative to N, scalar first"),
+    OPTIONAL_INPUT_AS("omega_DN_D", ref.omega, "rad/s",
+                      "reference angular velocity relative to N, reference body axes"),
+    OPTIONAL_INPUT_AS("alpha_DN_D", ref.alpha, "rad/s2",
+                      "reference angular acceleration, derivative of omega_DN_D"),
+    ROW(INPUT_ROW, u, "mass", mass, 1, "kg", "mass of the servicer as known to the software",
+        NONNEGATIVE_VALUE, OPTIONAL_ROW),
+    ROW(INPUT_ROW, u, "goal", goal, 1, "1",
+        "0 inactive, 1 point on the line of holds, 2 grasp axis at constant range, 3 along it",
+        NONNEGATIVE_VALUE, OPTIONAL_ROW),
+
+    OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
+    OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
+    OUTPUT(wheel_accel_cmd, "rad/s2",
+           "commanded wheel acceleration relative to the body (0 without use_wheels)"),
+    NONNEGATIVE_OUTPUT(mode, "1",
+                       "0 plan, 1 last plan, 2 brake and hold, 3 first plan in work; an invalid "
+                       "goal and a mass of 0 are rejected"),
+    FLAG(feasible, "1: the last solve gave a feasible plan"),
+    ALARM(braking, "1: no plan, the servicer brakes and holds"),
+    NONNEGATIVE_OUTPUT(dv_left, "m/s", "velocity increment of the last solve, sum of the axes"),
+    OUTPUT(t_arrival, "s", "time at which the last solve arrives; 0: not within the horizon"),
+    NONNEGATIVE_OUTPUT(residual_p, "m", "largest violation of a position constraint by the path"),
+    NONNEGATIVE_OUTPUT(residual_u, "m/s2", "largest violation of the box by the accelerations"),
+    NONNEGATIVE_OUTPUT(change_p, "m", "largest change of a position by the last iteration"),
+    NONNEGATIVE_OUTPUT(change_u, "m/s2", "largest change of an acceleration by it"),
+    NONNEGATIVE_OUTPUT(miss, "m", "distance of the end of the path from its end point"),
+    NONNEGATIVE_OUTPUT(count_box, "1", "nodes with a force at its limit"),
+    NONNEGATIVE_OUTPUT(count_cone, "1", "nodes at the cone"),
+    NONNEGATIVE_OUTPUT(count_slab, "1", "nodes at the slab, the sphere or the ball"),
+    OUTPUT(plan_time, "s", "start of the plan in force"),
+    NONNEGATIVE_OUTPUT(plan_step, "s", "length of a node of the plan in force"),
+    ROW_AS(OUTPUT_ROW, y, "plan_rho_N", plan_rho_N, 3, "m",
+           "relative position at nodes 10, 20, .. 60 of the plan in force, N axes, a row each",
+           ANY_VALUE),
+    OUTPUT(d_hat_N, "m/s2", "estimated acceleration that is not modelled, N axes"),
+};
+
+/* ---- rules of the parameters ---- */
+static int is_whole(double value, double low, double high)
+{
+    return value == nearest_whole(value) && value >= low && value <= high;
+}
+
+static void check_goals(const Parameters *p, Problems *problems)
+{
+    for (int i = 0; i < GOALS - 1; i++)
+        if (p->duration[i] > 1200) reject(problems, "duration", p->duration[i], "must be <= 1200");
+    for (int i = 0; i < 2; i++)
+        if (p->L_end[i] < p->keep_out[i])
+            reject(problems, "L_end", p->L_end[i], "must not be below keep_out");
+    if (p->T_min < 20) reject(problems, "T_min", p->T_min, "must be >= 20");
+    if (p->tumble_step < 5)
+        reject(problems, "tumble_step", p->tumble_step, "must be >= 5: four steps a node");
+    if (p->cone <= p->cone_hold) reject(problems, "cone", p->cone, "must be above cone_hold");
+    if (p->cone >= 1.5) reject(problems, "cone", p->cone, "must be below 1.5");
+}
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_unit_vector(problems, "p_T", p->p_T);
+    check_unit_vector(problems, "line", p->line);
+    check_inertia(problems, "J_T", p->J_T);
+    check_goals(p, problems);
+    double least = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z));
+    if (least == 0) reject(problems, "F_max", least, "must be > 0 on every axis");
+    if (!is_whole(p->iterations, 9, 60))
+        reject(problems, "iterations", p->iterations, "must be a whole number in 9..60");
+    if (!is_whole(p->iterations_first / p->iterations, 1, MOST_SECONDS))
+        reject(problems, "iterations_first", p->iterations_first,
+               "must be a whole multiple of iterations, at most 20");
+    if (!is_whole(p->bad_max, 1, 1e6))
+        reject(problems, "bad_max", p->bad_max, "must be a whole number");
+    double A_det = determinant(full_matrix(p->eta_hat_0.A));
+    if (p->use_wheels && A_det <= 0)
+        reject(problems, "eta_hat_0", A_det,
+               "the wheel inertia must have a positive determinant (use_wheels = 1)");
+}
+
+static double second_of(const Parameters *p) { return SAMPLES * p->sample_period; }
+
+/* ---- states as carried through the coming seconds, (21) ---- */
+typedef struct {
+    vec3 rho, v;
+    Tumble tumble;
+    double t, after; /* time; seconds since the inputs were read */
+} Carried;
+
+static Carried carried_now(const Input *u, double t)
+{
+    return (Carried){
+        sub(u->S.r, u->T.r), sub(u->S.v, u->T.v), {canonical(u->T.q), u->T.omega}, t, 0};
+}
+
+static OrbitNow orbit_of(const Parameters *p, const Input *u)
+{
+    return orbit_now(p->mu, u->T.r, u->T.v);
+}
+static Inertia inertia_of(const Parameters *p) { return (Inertia){p->J_T, inverted(p->J_T)}; }
+
+static mat3 hold_axes(const Hold *hold, const OrbitNow *o, const Carried *s)
+{
+    return hold->in_target ? dcm_of_quat(s->tumble.q) : hill_axes(o, s->after);
+}
+
+/* mode 2: where braking began, at rest in axes of T or H; acceleration, N axes */
+static vec3 braking(const Parameters *p, const State *x, const OrbitNow *o, const Carried *s)
+{
+    mat3 C = hold_axes(&x->hold, o, s);
+    vec3 w = scale(o->rate, o->e_n), dw = vec(0, 0, 0), place = tmul(C, x->hold.rho);
+    if (x->hold.in_target) {
+        Inertia i = inertia_of(p);
+        w = tmul(C, s->tumble.w);
+        dw = tmul(C, free_rate_change(&i, s->tumble.w));
+    }
+    vec3 turned = add(cross(dw, place), cross(w, cross(w, place)));
+    vec3 known = add(tide(o, s->after, s->rho), x->d.d_hat);
+    vec3 error = scale(p->K_b, sub(s->rho, place));
+    return sub(turned, sum3(known, error, scale(p->P_b, sub(s->v, cross(w, place)))));
+}
+
+/* acceleration of the mode, N axes, before the limits */
+static vec3 acceleration(const Parameters *p, const State *x, const OrbitNow *o, const Carried *s)
+{
+    if (x->mode == FIRST_PLAN) return vec(0, 0, 0);
+    if (x->mode == BRAKE) return braking(p, x, o, s);
+    double k = floor_of((s->t - x->plan.grid.t) / x->plan.grid.dt + 1e-9);
+    return x->plan.u[(int)clamp(k, 0, NODES - 1)];
+}
+
+/* (21): over the seconds until the plan */
+static void carry(const Parameters *p, const State *x, const OrbitNow *o, int seconds, Carried *s)
+{
+    Inertia i = inertia_of(p);
+    double h = second_of(p);
+    for (int j = 0; j < MOST_SECONDS; j++) {
+        if (j == seconds) break;
+        vec3 f = sum3(acceleration(p, x, o, s), x->d.d_hat, tide(o, s->after, s->rho));
+        s->rho = sum3(s->rho, scale(h, s->v), scale(h * h / 2, f));
+        s->v = add(s->v, scale(h, f));
+        tumble_on(&i, h, &s->tumble);
+        s->t += h;
+        s->after += h;
+    }
+}
+
+/* ---- set-up of a solve, section 5.1 ---- */
+typedef struct {
+    int goal;
+    double t_arrival, range, along, across; /* of the state at plan time: |rho|, l_0, r_0 */
+    Grid grid;
+    Carried from;
+    OrbitNow orbit;
+} Task;
+
+static double end_of_node(const Task *task, int k) { return (k + 1) * task->grid.dt; }
+static double seconds_after(const Task *task, double in_plan) { return task->from.after + in_plan; }
+static int arrived(const Task *task, int k, double lead)
+{
+    return reached(task->grid.t + end_of_node(task, k), task->t_arrival - lead);
+}
+
+/* 2.2: axes C_k at the start of every node, grasp axes a at their ends; the end of the horizon */
+static Tumble set_axes(const Parameters *p, const Input *u, const Task *task, Problem *b)
+{
+    Inertia i = inertia_of(p);
+    Tumble at = task->from.tumble;
+    mat3 C_SN = dcm_of_quat(canonical(u->S.q)), C_ST = matmul_t(C_SN, dcm_of_quat(u->T.q));
+    int turns = norm(u->S.omega) >= p->omega_rest && p->turn[task->goal - 1];
+    for (int k = 0; k < NODES; k++) {
+        b->node[k].C = turns ? matmul(C_ST, dcm_of_quat(at.q)) : C_SN;
+        tumble_over_node(&i, task->grid.dt, p->tumble_step, &at);
+        b->node[k].a = tmul(dcm_of_quat(at.q), p->p_T);
+    }
+    return at;
+}
+
+/* 2.1: where the goal is at the end of every node */
+static void set_places(const Parameters *p, const Task *task, Problem *b)
+{
+    double T = task->grid.dt * NODES, L = p->L_end[task->goal - 1] / (T * T);
+    for (int k = 0; k < NODES; k++) {
+        vec3 to = b->node[k].a;
+        if (task->goal == TO_POINT) {
+            double after = seconds_after(task, end_of_node(task, k));
+            to = tmul(hill_axes(&task->orbit, after), p->line);
+        }
+        b->node[k].place = scale(L, to);
+    }
+}
+
+static vec3 orbit_rate(const OrbitNow *o) { return scale(o->rate, o->e_n); }
+
+static void set_end(const Task *task, Tumble last, Problem *b)
+{
+    vec3 turning = tmul(dcm_of_quat(last.q), last.w), orbiting = orbit_rate(&task->orbit);
+    b->p_end = b->node[NODES - 1].place;
+    b->v_end =
+        scale(task->grid.dt * NODES, cross(task->goal == TO_POINT ? orbiting : turning, b->p_end));
+}
+
+/* (4): free motion in units of a solve; way: path at the ends of the nodes [m] */
+static void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[], Problem *b)
+{
+    double T = task->grid.dt * NODES, h = 1.0 / NODES;
+    vec3 x = scale(1 / (T * T), task->from.rho), w = scale(1 / T, task->from.v);
+    vec3 before = task->from.rho;
+    for (int k = 0; k < NODES; k++) {
+        double middle = seconds_after(task, (k + 0.5) * task->grid.dt);
+        vec3 d = add(d_hat, tide(&task->orbit, middle, scale(0.5, add(before, way[k]))));
+        x = sum3(x, scale(h, w), scale(h * h / 2, d));
+        w = add(w, scale(h, d));
+        b->node[k].p_free = x;
+        b->node[k].v_free = w;
+        before = way[k];
+    }
+}
+
+/* goal 3: cone and slab, with (7) */
+static void set_corridor(const Parameters *p, const Task *task, int k, double fade, Node *node)
+{
+    double dt = task->grid.dt, sag = dot(task->from.tumble.w, task->from.tumble.w) * dt * dt / 8;
+    SineCosine edge =
+        sine_and_cosine(arrived(task, k, p->hold_lead) ? p->cone_hold : p->cone - sag);
+    double T2 = 3600 * dt * dt, L = p->L_end[ALONG_AXIS - 1];
+    double low = L - p->slab[0], high = arrived(task, k, 0) ? L + p->slab[1] : 1e6;
+    node->tangent = edge.s / edge.c;
+    node->o = larger(0, task->across - node->tangent * task->along) * fade / T2;
+    node->n = node->a;
+    node->low = (low - larger(0, low - task->along) * fade) / T2;
+    node->high = (high + larger(0, task->along - high) * fade) / T2;
+    node->has_ball = 0;
+}
+
+/* goals 1 and 2: keep-out before arrival, with (7), ball afterwards */
+static void set_keep_out(const Parameters *p, const Task *task, int k, double fade, vec3 way,
+                         Node *node)
+{
+    double dt = task->grid.dt, T2 = 3600 * dt * dt, R = p->keep_out[task->goal - 1];
+    node->has_ball = arrived(task, k, 0);
+    if (node->has_ball) {
+        node->n = node->place;
+        node->high = p->arrive_radius / T2;
+        return;
+    }
+    node->n = norm(way) < 1e-6 ? task->orbit.e_r : unit(way);
+    node->low = (R - larger(0, R - task->range) * fade) / T2;
+    node->high = 1e6 / T2;
+}
+
+static void set_speed_limit(const Parameters *p, const Task *task, vec3 way, Node *node)
+{
+    double T = task->grid.dt * NODES;
+    node->v_centre = scale(1 / T, cross(orbit_rate(&task->orbit), way));
+    node->v_max = (p->v_0 + p->v_slope * norm(way)) / T;
+}
+
+static void set_constraints(const Parameters *p, const Task *task, const vec3 way[], Problem *b)
+{
+    for (int k = 0; k < NODES; k++) {
+        Node *node = &b->node[k];
+        double fade = larger(0, 1 - end_of_node(task, k) / p->relax_time);
+        if (task->goal == ALONG_AXIS) set_corridor(p, task, k, fade, node);
+        else set_keep_out(p, task, k, fade, way[k], node);
+        set_speed_limit(p, task, way[k], node);
+    }
+}
+
+/* (8) */
+static Task task_of(const Parameters *p, const Input *u, const State *x, double t, int seconds)
+{
+    int goal = (int)x->goal;
+    Task task = {.goal = goal,
+                 .t_arrival = x->t_goal + p->duration[goal - 1],
+                 .from = carried_now(u, t),
+                 .orbit = orbit_of(p, u)};
+    carry(p, x, &task.orbit, seconds, &task.from);
+    double T = larger(task.t_arrival - task.from.t, p->T_min);
+    vec3 a = tmul(dcm_of_quat(task.from.tumble.q), p->p_T), rho = task.from.rho;
+    task.grid = (Grid){task.from.t, T / NODES};
+    task.range = norm(rho);
+    task.along = dot(rho, a);
+    task.across = norm(sub(rho, scale(task.along, a)));
+    return task;
+}
+
+static void set_first_way(const Task *task, const Problem *b, vec3 way[])
+{
+    double T = task->grid.dt * NODES;
+    vec3 end = scale(T * T, b->p_end);
+    for (int k = 0; k < NODES; k++)
+        way[k] = first_way(task->from.rho, end, task->goal == TO_AXIS, (k + 1.0) / NODES);
+}
+
+static void set_up(const Parameters *p, const Input *u, State *x, double t, int seconds, int first)
+{
+    Problem *b = &x->problem;
+    Task task = task_of(p, u, x, t, seconds);
+    double largest = larger(p->F_max.x, larger(p->F_max.y, p->F_max.z));
+    b->most = scale(1 / u->mass, p->F_max);
+    b->threshold = p->kappa * (largest / u->mass);
+    b->has_cone = task.goal == ALONG_AXIS;
+    b->has_speed_limit = p->speed_limit;
+    Tumble last = set_axes(p, u, &task, b);
+    set_places(p, &task, b);
+    set_end(&task, last, b);
+    if (first) set_first_way(&task, b, x->it.p);
+    else start_warm(&x->it, x->grid, task.grid);
+    set_free_motion(&task, x->d.d_hat, x->it.p, b);
+    set_constraints(p, &task, x->it.p, b);
+    if (!x->warm) start_cold(b, NODES, &x->it);
+    x->warm = 1;
+    x->grid = task.grid;
+    x->range = task.range;
+    x->seconds = seconds;
+}
+
+/* ---- judgement of a solve, section 5.2 ---- */
+static double horizon_of(const State *x) { return x->grid.dt * NODES; }
+
+static void publish_progress(const State *x, Output *y)
+{
+    const Progress *f = &x->progress;
+    double T2 = horizon_of(x) * horizon_of(x);
+    y->residual_p = sqrt(f->residual_p) * T2;
+    y->residual_u = sqrt(f->residual_u);
+    y->change_p = sqrt(f->change_p) * T2;
+    y->change_u = sqrt(f->change_u);
+    y->miss = norm(sub(x->it.p[NODES - 1], x->problem.p_end)) * T2;
+    y->count_box = f->count_box;
+    y->count_cone = f->count_cone;
+    y->count_slab = f->count_slab;
+}
+
+static double sum_of_sizes(vec3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
+
+static void publish_path(const Parameters *p, const State *x, Output *y)
+{
+    double T2 = horizon_of(x) * horizon_of(x), sum = 0;
+    y->t_arrival = 0;
+    for (int k = NODES - 1; k >= 0; k--) {
+        const Node *node = &x->problem.node[k];
+        double left = norm(sub(x->it.p[k], node->place)) * T2;
+        if (left <= 0.1 + p->arrive_radius) y->t_arrival = x->grid.t + (k + 1) * x->grid.dt;
+        sum += sum_of_sizes(mul(node->C, x->it.u[k].z));
+    }
+    y->dv_left = sum * x->grid.dt;
+}
+
+static void accept_plan(State *x, Output *y)
+{
+    double T2 = horizon_of(x) * horizon_of(x);
+    x->plan.grid = x->grid;
+    for (int k = 0; k < NODES; k++) x->plan.u[k] = x->it.u[k].z;
+    for (int i = 0; i < SHOWN; i++)
+        y->plan_rho_N[i] = scale(T2, x->it.p[NODES / SHOWN * (i + 1) - 1]);
+    y->plan_time = x->grid.t;
+    y->plan_step = x->grid.dt;
+    x->has_plan = 1;
+    x->mode = PLAN;
+    x->bad = 0;
+}
+
+static void begin_braking(const Parameters *p, const Input *u, State *x, double t)
+{
+    Carried now = carried_now(u, t);
+    OrbitNow o = orbit_of(p, u);
+    x->hold.in_target = x->goal == ALONG_AXIS;
+    x->hold.rho = mul(hold_axes(&x->hold, &o, &now), now.rho);
+}
+
+static void reject_plan(const Parameters *p, const Input *u, State *x, double t)
+{
+    double mode;
+    x->bad += 1;
+    if (x->has_plan) mode = t - x->plan.grid.t <= p->age_max ? LAST_PLAN : BRAKE;
+    else mode = x->bad < p->bad_max ? FIRST_PLAN : BRAKE;
+    if (mode == BRAKE && x->mode != BRAKE) begin_braking(p, u, x, t);
+    x->mode = mode;
+    double times_cold = x->bad / p->bad_max;
+    if (times_cold == floor_of(times_cold)) x->warm = 0;
+}
+
+/* (22) */
+static void judge(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    double most = p->tol[0] + p->tol[1] * x->range;
+    publish_progress(x, y);
+    publish_path(p, x, y);
+    y->feasible = isfinite(y->dv_left) && y->residual_p <= most && y->miss <= most;
+    if (y->feasible) accept_plan(x, y);
+    else reject_plan(p, u, x, t);
+}
+
+/* ---- a second, section 5 ---- */
+
+/* (3) */
+static void learn_disturbance(const Parameters *p, const Input *u, Disturbance *d, double t)
+{
+    Carried now = carried_now(u, t);
+    OrbitNow o = orbit_of(p, u);
+    if (d->known) {
+        vec3 mean = scale(1.0 / SAMPLES / u->mass, d->F_sum);
+        vec3 middle = scale(0.5, add(now.rho, d->rho));
+        vec3 res = sub(sub(scale(1 / second_of(p), sub(now.v, d->v)), mean), tide(&o, 0, middle));
+        d->d_hat = add(d->d_hat, scale(p->k_d, sub(res, d->d_hat)));
+    }
+    d->rho = now.rho;
+    d->v = now.v;
+    d->F_sum = vec(0, 0, 0);
+    d->known = 1;
+}
+
+static void begin_second(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    int first = x->seconds == 0;
+    learn_disturbance(p, u, &x->d, t);
+    y->d_hat_N = x->d.d_hat;
+    if (x->seconds > 1) { /* the first plan goes on */
+        x->seconds -= 1;
+        return;
+    }
+    if (!first) judge(p, u, x, y, t);
+    int seconds = first ? (int)(p->iterations_first / p->iterations) : 1;
+    set_up(p, u, x, t, seconds, first);
+}
+
+/* (20): at most seven iterations in a sample */
+static void improve(const Parameters *p, State *x)
+{
+    vec3 q[NODES];
+    int n = (int)p->iterations, c = (int)x->sample;
+    int count = n * c / (SAMPLES - 1) - n * (c - 1) / (SAMPLES - 1);
+    for (int i = 0; i < 7; i++)
+        if (i < count) x->progress = iterate(&x->problem, &x->gains, NODES, &x->it, q);
+}
+
+static void change_goal(State *x, double goal, double t)
+{
+    x->goal = goal;
+    x->t_goal = t;
+    x->sample = x->seconds = x->warm = x->bad = x->d.known = 0;
+}
+
+static void command_force(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    OrbitNow o = orbit_of(p, u);
+    Carried now = carried_now(u, t);
+    mat3 C_SN = dcm_of_quat(canonical(u->S.q));
+    vec3 F = mul(C_SN, scale(u->mass, acceleration(p, x, &o, &now)));
+    y->F_cmd_S = limited3(F, p->F_max);
+    x->d.F_sum = add(x->d.F_sum, tmul(C_SN, y->F_cmd_S));
+}
+
+/* (19) of A.5.2 with constant estimates */
+static void command_attitude(const Parameters *p, const Input *u, Output *y, double t)
+{
+    vec3 none = vec(0, 0, 0);
+    y->wheel_accel_cmd = y->M_cmd_S = none;
+    if (!p->use_attitude || !reached(t, p->t_att)) return;
+    AttitudeError e = attitude_error(u->S.q, u->S.omega, &u->ref);
+    mat3 J_hat = full_matrix(p->eta_hat_0.J), A_hat = full_matrix(p->eta_hat_0.A);
+    vec3 torque = wheel_torque(p->K_att, p->P_att, J_hat, A_hat, &e, u->wheel_speed);
+    if (p->use_wheels) y->wheel_accel_cmd = solve(A_hat, torque);
+    else y->M_cmd_S = neg(torque);
+}
+
+static void stay_inactive(State *x, Output *y)
+{
+    Gains gains = x->gains;
+    State first = {.mode = FIRST_PLAN};
+    Output none = {.mode = FIRST_PLAN};
+    *x = first;
+    x->gains = gains;
+    *y = none;
+}
+
+/* the goal nearest to the input; -1: none, or no mass, which the rule of the mode rejects */
+static double goal_of(const Input *u)
+{
+    double goal = nearest_whole(u->goal);
+    return goal >= INACTIVE && goal <= ALONG_AXIS && u->mass > 0 ? goal : -1;
+}
+
+static void sample(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    double goal = goal_of(u);
+    if (goal <= INACTIVE) {
+        stay_inactive(x, y);
+        if (goal < INACTIVE) y->mode = goal;
+        return;
+    }
+    if (goal != x->goal) change_goal(x, goal, t);
+    if (x->sample == 0) begin_second(p, u, x, y, t);
+    else improve(p, x);
+    command_force(p, u, x, y, t);
+    command_attitude(p, u, y, t);
+    x->sample = x->sample < SAMPLES - 1 ? x->sample + 1 : 0;
+    y->mode = x->mode;
+    y->braking = x->mode == BRAKE;
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    set_gains(&x->gains, NODES, p->speed_limit != 0);
+    stay_inactive(x, y);
+    if (goal_of(u) > INACTIVE) command_attitude(p, u, y, t);
+    if (goal_of(u) < INACTIVE) y->mode = goal_of(u);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        sample(p, u, x, y, s.t);
+}
+
+FMU_MODEL("optimal_controller",
+          "Fuel-optimal translation with constraints by a fixed number of iterations");
