@@ -29,7 +29,8 @@ SYSTEM: Keys = {
         "open": ("table", "Unconnected inputs and their values"),
         "parameters": ("table", "`[parameters.COMPONENT]`: values in SI units"),
         "start": ("table", "CCSDS OEM or two-line elements of a body, by path from this file, or "
-                  "the elements themselves"),
+                  "the elements themselves; `attitude`: frame of the start attitudes, `H` "
+                  "(default) or `N`"),
         "sets": ("table", "`[sets.NAME]`: parameter sets for `--params`"),
         "alternatives": ("table", "`[alternatives.FMU]`: parameters that apply with `--swap`"),
         "requirements": ("table", "Conditions by name: `distance = \"guidance.range >= 4 m\"`"),

@@ -20,7 +20,17 @@ from unicodedata import normalize
 
 import numpy as np
 
-from harness.results.histories import hill_attitude, minus, norm, plus, total
+from harness.results.histories import (
+    angle_between,
+    hill_attitude,
+    minus,
+    norm,
+    of_mrp,
+    orbit_attitude,
+    plus,
+    total,
+    turned,
+)
 from harness.results.result import Array
 from harness.spelling import did_you_mean
 from harness.system.units import convert, product
@@ -107,6 +117,7 @@ class Function(NamedTuple):
 FUNCTIONS: dict[str, Function] = {
     "abs": Function(np.abs, per_row=True),
     "angle": Function(_angle, ("q", "p"), "rad", {1: 0}, per_row=True),
+    "angle_between": Function(angle_between, ("u", "v"), "rad", per_row=True),
     "at": Function(row_at, ("x", "time"), takes={1: "s"}),
     "cos": Function(np.cos, unit="1", takes={0: "rad"}, per_row=True),
     "degrees": Function(np.degrees, unit=_in_degrees, per_row=True),
@@ -118,7 +129,9 @@ FUNCTIONS: dict[str, Function] = {
     "max": Function(np.max),
     "mean": Function(np.mean),
     "min": Function(np.min),
+    "mrp": Function(of_mrp, ("sigma",), "1", per_row=True),
     "norm": Function(norm, per_row=True),
+    "orbit": Function(orbit_attitude, ("inc", "argp", "raan", "nu"), "1", per_row=True),
     "percentile": Function(np.percentile, ("x", "percent"), takes={1: "%"}),
     "rms": Function(lambda x: np.sqrt(np.mean(np.square(x)))),
     "settling_time": Function(settling_time, ("time", "error", "band"), takes={2: 1}),
@@ -127,6 +140,7 @@ FUNCTIONS: dict[str, Function] = {
     "std": Function(np.std),
     "steady": Function(steady_error, ("time", "error"), 1),
     "total": Function(total, per_row=True),
+    "turned": Function(turned, ("q", "v"), 1, per_row=True),
 }
 """Functions of expressions. The number of arguments is checked, because functions of numpy write to
 further ones.

@@ -86,9 +86,35 @@ def rotation_angle(a: Array, b: Array) -> Array:
 
 
 def turned(q: Array, v: Array) -> Array:
-    """Return v_N = q v_B q* for quaternions (rows, 4), scalar first, and vectors (rows, 3)."""
-    t = 2 * np.cross(q[:, 1:], v)
-    return np.asarray(v + q[:, :1] * t + np.cross(q[:, 1:], t))
+    """Return v_N = q v_B q* for quaternions (..., 4), scalar first, and vectors (..., 3)."""
+    t = 2 * np.cross(q[..., 1:], v)
+    return np.asarray(v + q[..., :1] * t + np.cross(q[..., 1:], t))
+
+
+def of_mrp(sigma: Any) -> Array:
+    """Return the quaternions (..., 4) of modified Rodrigues parameters (..., 3)."""
+    s = np.asarray(sigma, dtype=np.float64)
+    square = np.sum(s * s, axis=-1, keepdims=True)
+    return np.asarray(np.concatenate((1 - square, 2 * s), axis=-1) / (1 + square))
+
+
+def angle_between(u: Any, v: Any) -> Array:
+    """Return the angle between vectors (..., 3), 0 to pi [rad]."""
+    return np.asarray(np.arctan2(norm(np.cross(u, v)), total(np.asarray(u) * v)))
+
+
+def orbit_attitude(inc: Any, argp: Any, raan: Any, nu: Any) -> Array:
+    """Return the quaternions (..., 4) of the Hill frame of an orbit relative to N by inclination,
+    argument of perigee, right ascension and true anomaly [rad].
+    """
+    half, sum_, difference = inc / 2, (raan + argp + nu) / 2, (raan - argp - nu) / 2
+    parts = (
+        np.cos(half) * np.cos(sum_),
+        np.sin(half) * np.cos(difference),
+        np.sin(half) * np.sin(difference),
+        np.cos(half) * np.sin(sum_),
+    )
+    return np.stack(parts, axis=-1)
 
 
 def hill_attitude(r: Any, v: Any) -> Array:

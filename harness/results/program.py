@@ -187,7 +187,7 @@ def _element(given: list[tuple[Any, bool]], constant: tuple[int, str]) -> Any:
     return vector[..., index]
 
 
-OF_VECTORS = ("angle", "hill", "norm", "total")
+OF_VECTORS = ("angle", "angle_between", "hill", "mrp", "norm", "total", "turned")
 """Functions of the elements of every row."""
 OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "+": plus, "-": minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow,

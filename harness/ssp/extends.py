@@ -49,7 +49,7 @@ def _read(source: Path) -> dict[str, Any]:
     tables: list[Any] = [table.get("start"), isinstance(scene, dict) and scene.get("models")]
     for files in tables:
         for name, text in files.items() if isinstance(files, dict) else ():
-            if isinstance(text, str) and "\n" not in text.strip():
+            if name != "attitude" and isinstance(text, str) and "\n" not in text.strip():
                 files[name] = str(source.resolve().parent / text)
     return table
 

@@ -16,6 +16,7 @@ BODIES = Bodies(
     attitude="q_{}N",
     components=("servicer", "target", "robot"),
     start=("r_0_N", "v_0_N"),
+    attitude_start="sigma_{}N_0",
     semi_major_axis="a",
     elements=("e", "inc", "argp", "raan", "nu"),
     field="mu",

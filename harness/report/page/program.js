@@ -93,12 +93,28 @@ const Program = (() => {
     }
     return out;
   };
+  /* a function of the elements of a row, with a row of m elements */
+  const perRow = (m, f) => (...given) => {
+    const out = table(Math.max(...given.map((x) => x.n)), m);
+    for (let k = 0; k < out.n; k++) {
+      out.data.set(f(...given.map((x) => Array.from(x.data.subarray(x.n > 1 ? x.m * k : 0, (x.n > 1 ? x.m * k : 0) + x.m)))), m * k);
+    }
+    return out;
+  };
+  const dot = (u, v) => sum(Float64Array.from(u, (x, k) => x * v[k]));
+  const mrp = perRow(4, (s) => [1 - dot(s, s), ...s.map((x) => 2 * x)].map((x) => x / (1 + dot(s, s))));
+  const turned = perRow(3, ([w, ...u], v) => { const t = cross(u, v).map((x) => 2 * x), c = cross(u, t); return v.map((x, k) => x + w * t[k] + c[k]); });
+  const between = perRow(1, (u, v) => { const c = cross(u, v); return [Math.atan2(Math.sqrt(dot(c, c)), dot(u, v))]; });
+  const orbit = perRow(4, ([i], [w], [o], [n]) => {
+    const h = i / 2, a = (o + w + n) / 2, b = (o - w - n) / 2;
+    return [Math.cos(h) * Math.cos(a), Math.sin(h) * Math.cos(b), Math.sin(h) * Math.sin(b), Math.cos(h) * Math.sin(a)];
+  });
   const element = (x, [k, text]) => {
     if (k >= x.m) throw new Error(`\`${text}\` has ${x.m} elements`);
     return table(x.n, 1, Float64Array.from({ length: x.n }, (_, i) => x.data[i * x.m + k]));
   };
   const WHOLE = {
-    angle, at, element, first: () => scalar(0), hill, last: () => scalar(-1), max: ({ data }) => scalar(data.reduce(largest)),
+    angle, angle_between: between, at, element, mrp, orbit, turned, first: () => scalar(0), hill, last: () => scalar(-1), max: ({ data }) => scalar(data.reduce(largest)),
     mean: (x) => scalar(mean(x)), min: ({ data }) => scalar(data.reduce(least)), norm, number: (constant) => scalar(Number(constant)), percentile,
     rms: (x) => scalar(Math.sqrt(mean(square(x)))), settling_time: settling,
     std: (x) => { const middle = mean(x); return scalar(Math.sqrt(mean(map((v) => (v - middle) ** 2, x)))); },

@@ -30,7 +30,9 @@ class Bodies(NamedTuple):
     start, all without the component.
 
     position [m], velocity [m/s], attitude: relative to an inertial frame; components: components
-    that are bodies, in their order; start: position [m] and velocity [m/s]; semi_major_axis: 0 if
+    that are bodies, in their order; start: position [m] and velocity [m/s]; attitude_start:
+    attitude at the start, modified Rodrigues parameters, of bodies and of estimates alike;
+    semi_major_axis: 0 if
     these two count; elements: the other five of an orbit, eccentricity, inclination, argument of
     perigee, right ascension and true anomaly [rad]; field: of gravity [m3/s2]; beside: position and
     velocity relative to another body in its Hill frame; sun: parameter with the direction of the
@@ -42,6 +44,7 @@ class Bodies(NamedTuple):
     attitude: str
     components: tuple[str, ...]
     start: tuple[str, str]
+    attitude_start: str
     semi_major_axis: str
     elements: tuple[str, str, str, str, str]
     field: str

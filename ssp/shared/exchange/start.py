@@ -2,11 +2,14 @@
 """Start values from files of the field.
 
 A body that starts beside the target, and for which no file is given, goes along with it: it gets
-the elements of the target's orbit, and stands where its position in the Hill frame has it.
+the elements of the target's orbit, and stands where its position in the Hill frame has it. The
+start attitudes relative to N turn with the Hill frame H of the target, so that they are the same
+relative to H, unless `attitude` is N. Rates are components in body axes and stay as they are.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +26,11 @@ from harness.system.model import System
 from .bodies import Bodies, sun_direction
 from .sources import State, source_of, state_of
 
+ATTITUDE = "attitude"
+"""Entry beside the files: frame relative to which attitudes do not change, H (default) or N."""
+SAME = 1e-9
+"""Angle between two Hill frames [rad] up to which nothing is turned."""
+
 
 def start_values(
     names: Bodies,
@@ -38,6 +46,8 @@ def start_values(
 
     parameters = Simulation(system, **changes).parameters()
     files = {**system.starts, **files}
+    if (frame := files.pop(ATTITUDE, "H")) not in ("H", "N"):
+        raise UsageError(f"--start {ATTITUDE}={frame}: expected H or N")
     for component in files:
         _check(component, system, parameters, names)
     sources = {component: source_of(component, file) for component, file in files.items()}
@@ -45,10 +55,15 @@ def start_values(
     dated = date or epoch is not None or not files
     instant = epoch_of(date) if dated else max(s.first for s in sources.values())
     states = {component: state_of(component, s, instant) for component, s in sources.items()}
-    values = _orbits(parameters, states, names)
-    sun, known = _sun(parameters, names.sun, instant)
     axes = [f"{component}: {Path(s.path).name}, {s.axes}" for component, s in sources.items()]
-    return Start(values | sun, (start_note(instant), *axes, *known), written(instant))
+    values = _orbits(parameters, states, names)
+    turned = _turned(parameters, states, names) if frame == "H" else {}
+    if turned:
+        axes.append(
+            f"turned with the Hill frame: {', '.join(turned)} (--start {ATTITUDE}=N: unchanged)"
+        )
+    sun, known = _sun(parameters, names.sun, instant)
+    return Start(values | turned | sun, (start_note(instant), *axes, *known), written(instant))
 
 
 def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
@@ -89,7 +104,7 @@ def _check(component: str, system: System, parameters: Result, names: Bodies) ->
 
 def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, float]:
     """Return the orbit of a target with a file, for bodies that start in its Hill frame."""
-    target = next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
+    target = _target(parameters, states, names)
     if target is None:
         return {}
     rows = (names.semi_major_axis, *names.elements)
@@ -103,6 +118,49 @@ def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
             )
         found |= {f"{component}.{name}": x for name, x in zip(rows, orbit, strict=True)}
     return found
+
+
+def _target(parameters: Result, states: Mapping[str, State], names: Bodies) -> str | None:
+    """Return the body with a file that does not start beside another one."""
+    return next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
+
+
+def _turned(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
+    """Return the start attitudes, of bodies and of estimates, that are relative to the new Hill
+    frame of the target what they were relative to its old one.
+    """
+    from scipy.spatial.transform import Rotation
+
+    if (target := _target(parameters, states, names)) is None:
+        return {}
+    new, old = hill_axes(*states[target]), _hill_axes_before(parameters, target, names)
+    turn = Rotation.from_matrix(new @ old.T)
+    if turn.magnitude() < SAME:
+        return {}
+    named = re.compile(r"\w+\." + names.attitude_start.format("[A-Z]"))
+    found = {
+        n: Rotation.from_mrp(np.array(parameters[n][0]))
+        for n in parameters.vectors
+        if named.fullmatch(n)
+    }
+    return {name: (turn * attitude).as_mrp().tolist() for name, attitude in found.items()}
+
+
+def _hill_axes_before(parameters: Result, target: str, names: Bodies) -> Array:
+    """Return the axes of the Hill frame at the start that the parameters of a body describe."""
+    from scipy.spatial.transform import Rotation
+
+    if parameters[f"{target}.{names.semi_major_axis}"][0] <= 0:
+        return hill_axes(*(parameters[f"{target}.{name}"][0] for name in names.start))
+    _, inc, argp, raan, nu = (float(parameters[f"{target}.{n}"][0]) for n in names.elements)
+    return np.asarray(Rotation.from_euler("ZXZ", [raan, inc, argp + nu]).as_matrix())
+
+
+def hill_axes(r: Array, v: Array) -> Array:
+    """Return the axes of the Hill frame as the columns of a matrix (3, 3), components of N."""
+    normal = np.cross(r, v)
+    axes = np.stack([r, np.cross(normal, r), normal], axis=1)
+    return np.asarray(axes / np.linalg.norm(axes, axis=0))
 
 
 def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -> Iterator[str]:

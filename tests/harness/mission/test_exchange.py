@@ -25,8 +25,10 @@ from sgp4.api import Satrec
 from harness import read, run
 from harness.cli import main
 from harness.errors import HarnessError, ResultsError, UsageError
+from harness.master.changes import apply
 from harness.mission.exchange import convert, start_values
 from harness.report.run import notes
+from harness.results.requirements import log_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.instants import days_since_j2000, epoch_of
@@ -263,6 +265,63 @@ def test_a_servicer_without_a_file_accompanies_the_target(result, out, tmp_path)
     assert beside @ along == pytest.approx(20 * np.linalg.norm(along))
     assert again["guidance.rho_H"][0] == pytest.approx([0, 20, 0], abs=1e-6)
     assert again["guidance.drho_H"][0] == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory):
+    """File of two-line elements, and runs of one step with it, by the frame of the attitudes."""
+    file = tmp_path_factory.mktemp("tle") / "iss.tle"
+    file.write_text(f"ISS\n{ISS}", encoding="utf-8")
+    with load("sync_approach_navigated") as system:
+        starts = {
+            f: start_values(system, {"target": file} | ({"attitude": f} if f else {}))
+            for f in ("", "H", "N")
+        }
+    runs = {k: run("sync_approach_navigated", set=s.values, stop=0.1) for k, s in starts.items()}
+    return starts, runs
+
+
+def in_hill(result, attitude):
+    """Attitude in the first row relative to the Hill frame of the target."""
+    r, v = (np.array(result[f"target.{name}_TN_N"][0]) for name in ("r", "v"))
+    normal = np.cross(r, v)
+    axes = np.stack([r, np.cross(normal, r), normal])
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    return axes @ Rotation.from_quat(result[attitude][0][[1, 2, 3, 0]]).as_matrix()
+
+
+def test_in_another_orbit_attitudes_are_the_same_relative_to_the_hill_frame(elsewhere):
+    """Of both bodies and of the estimates of the filters; rates are the same in body axes."""
+    starts, runs = elsewhere
+    nominal = run("sync_approach_navigated", stop=0.1)
+    for name in ("target.q_TN", "servicer.q_SN", "relative_filter.q_TN", "attitude_filter.q_SN"):
+        here = in_hill(nominal, name)
+        assert abs(in_hill(runs[""], name) - here).max() < 1e-8
+        assert abs(in_hill(runs["N"], name) - here).max() > 0.1
+    assert runs[""]["guidance.beta_t"][0] == pytest.approx(nominal["guidance.beta_t"][0], abs=1e-6)
+    assert starts["H"].values == starts[""].values
+    assert not [name for name in starts["N"].values if "sigma" in name]
+    assert (runs[""]["target.omega_TN_T"][0] == nominal["target.omega_TN_T"][0]).all()
+
+
+def test_a_frame_of_attitudes_that_is_none_is_rejected():
+    with (
+        load("sync_approach") as system,
+        pytest.raises(UsageError, match="attitude=T: expected H or N"),
+    ):
+        start_values(system, {"attitude": "T"})
+
+
+def test_a_start_outside_the_corridor_is_a_note(elsewhere, caplog):
+    """By elements, and by position and velocity."""
+    starts, _ = elsewhere
+    turned = {"target.sigma_TN_0": [0.3, 0.2, -0.25]}
+    for values, name in ((turned, ""), (starts["N"].values, " (r_0_N)"), ({}, None)):
+        caplog.clear()
+        with load("sync_approach_navigated") as system:
+            log_inconsistencies(apply(system, set=values))
+        found = [r.getMessage().partition(":")[0] for r in caplog.records]
+        assert found == ([] if name is None else [f"start inside the corridor{name}"])
 
 
 def test_between_its_instants_an_ephemeris_is_interpolated(tmp_path):

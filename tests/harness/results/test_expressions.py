@@ -8,11 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from harness.results.evaluation import history, resolved, unit_in
 from harness.results.expressions import FUNCTIONS, parsed
 from harness.results.program import evaluate
 from harness.results.result import Result
+from tests.close import close
 from tests.each import each
 
 ROWS = 5
@@ -160,11 +162,27 @@ def test_a_function_has_its_own_number_of_arguments(text, required, result):
 def test_every_function_takes_as_many_arguments_as_it_states(result):
     given = {"x": "abs(a.r)", "time": "time", "error": "a.x", "band": "9", "percent": "50"}
     given |= {"q": "a.r", "p": "a.r", "r": "a.r", "v": "a.s"}
+    given |= {"u": "a.r", "sigma": "a.r", "inc": "1", "argp": "2", "raan": "3", "nu": "4"}
     for name, function in FUNCTIONS.items():
         arguments = ", ".join(given[each] for each in function.arguments)
         arguments = {"at": "abs(a.r), 0.2"}.get(name, arguments)
         arguments = {"sin": "a.r / 1 m", "cos": "a.r / 1 m"}.get(name, arguments)
+        arguments = {"turned": "hill(a.r, a.s), a.r"}.get(name, arguments)
         assert np.isfinite(value(f"{name}({arguments})", result)).all()
+
+
+def test_attitudes_of_parameters_and_of_orbits(result):
+    """Against rotations of scipy: x of the Hill frame by angles, a vector turned by parameters."""
+    r, v = np.array(result["a.r"][0]), np.array(result["a.s"][0])
+    sigma = r / (1 + np.linalg.norm(r))
+    found = FUNCTIONS["turned"].value(FUNCTIONS["mrp"].value(sigma), v)
+    close(found, Rotation.from_mrp(sigma).apply(np.array(v)), rel=1e-14)
+    q = FUNCTIONS["orbit"].value(0.7, 0.3, 2.0, -1.1)
+    axes = Rotation.from_euler("ZXZ", [2.0, 0.7, 0.3 - 1.1])
+    for axis in np.eye(3):
+        close(FUNCTIONS["turned"].value(q, axis), axes.apply(axis), rel=1e-14)
+    angle = np.arccos(r @ v / np.linalg.norm(r) / np.linalg.norm(v))
+    assert FUNCTIONS["angle_between"].value(r, v) == pytest.approx(angle, rel=1e-12)
 
 
 def test_nothing_can_write_into_a_result(result):
