@@ -221,7 +221,7 @@ def test_a_result_of_no_known_system_is_rejected(result):
 # ---- other parameters than the paper's
 
 
-@pytest.mark.parametrize("name", ["robust", "informed", "undisturbed"])
+@pytest.mark.parametrize("name", ["robust", "clear", "informed", "undisturbed"])
 def test_other_parameter_sets_are_evaluated_too(name):
     text, passed = report(recording(PAPER, params=name))
     assert passed

@@ -6,6 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from harness.results.requirements import findings
+from harness.results.verdict import Verdict
+
 from .sync_case import PAPER, STEP, Case, recording
 
 TRUE_MASS, START_MASS = 100, 95
@@ -89,6 +92,19 @@ def test_without_disturbances_the_safe_distance_is_retained_but_the_error_stays(
     )
     mass_error = TRUE_MASS / result["controller.m_hat"][-1] - 1
     assert late == pytest.approx(mass_error * np.linalg.norm(Psi) / K_RHO, rel=0.1)
+
+
+# ---- clear: the reference ends outside the safe distance
+
+
+def test_the_clear_set_meets_every_requirement_and_the_case_of_the_paper_does_not():
+    """The reference ends at 4.1 m; the servicer is never more than 1 cm inside of it."""
+    clear, paper = recording(PAPER, params="clear"), recording(PAPER)
+    assert {f.verdict for f in findings(clear)} == {Verdict.MET}
+    assert 4.09 < clear["guidance.range"].min() < 4.1
+    missed = {f.name for f in findings(paper) if f.verdict is Verdict.NOT_MET}
+    assert missed == {"distance", "attitude"}
+    assert 3.99 < paper["guidance.range"].min() < 4
 
 
 # ---- informed: what the model knowledge costs
