@@ -10,7 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from harness import Simulation, load, run
+from harness.files.paths import systems
 from harness.mission.claim import Verdict
+from harness.results.requirements import finding, findings
+from harness.results.result import Result
 from ssp.servicing_mission.claims import CLAIMS
 from ssp.servicing_mission.events import increments, stays
 
@@ -44,6 +47,35 @@ def test_the_first_second_is_the_same_in_both_executors_and_with_any_thinning():
     assert one["manager.active_far"].all()
     assert not one["selector.wheel_accel_cmd"].any()
     assert one["selector.M_cmd_S"].any()
+
+
+def test_every_mission_that_captures_requires_the_capture():
+    found = []
+    for name in systems():
+        if not name.startswith(("arm_", "servicing_")):
+            continue
+        with load(name) as system:
+            if any(c.fmu.stem == "docking_mechanism" for c in system.components):
+                found.append(name)
+                assert any("mechanism.hard" in text for text in system.requirements.values()), name
+    assert len(found) >= 5
+
+
+@pytest.mark.parametrize(
+    ("hard", "stop", "verdict"),
+    [
+        ((0, 1), 3600, Verdict.MET),
+        ((0, 0), 3600, Verdict.NOT_MET),
+        ((1, 0), 3600, Verdict.NOT_MET),
+        ((0, 0), 2300, Verdict.NOT_EXERCISED),
+    ],
+)
+def test_a_mission_that_does_not_hold_the_target_at_its_end_has_not_captured(hard, stop, verdict):
+    with load("servicing_mission") as system:
+        text = system.requirements["captured"]
+    values = np.array(hard, dtype=float)[:, None]
+    result = Result("", np.array([0.0, stop]), ("mechanism.hard",), ("1",), values)
+    assert finding(result, "captured", text).verdict is verdict
 
 
 @pytest.fixture(scope="module")
@@ -139,6 +171,7 @@ def test_every_set_ends_in_a_safe_drift_for_the_reason_in_its_name(name):
     assert simulated[-2].reason == reason
     assert (result["monitor.least_margin"][-1, :3] > 0).all()
     assert drift_of_a_day(result) > 150
+    assert {f.name: f.verdict for f in findings(result)}["captured"] is Verdict.NOT_MET
 
 
 @pytest.mark.long
