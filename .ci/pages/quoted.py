@@ -74,6 +74,16 @@ def closest_approach() -> str:
     return f"{1e3 * (4 - least):.0f} mm"
 
 
+def mass_effect() -> str:
+    """Return the size of the effect that the campaign of the tutorial finds."""
+    toml = re.search(r"^```toml\n(.*?)^```", (ROOT / "docs/tutorial.md").read_text(), re.M | re.S)
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "mass.toml").write_text(toml[1] if toml else "")
+        words = ("campaign", "mass.toml", "-o", "mass.zarr", "--workers", "0", "--no-figures")
+        text = _printed("-m", "harness", *words, cwd=folder)
+    return re.search(r"cost: servicer.mass_0 \+1.00 \((.*?)\)", text)[1]  # type: ignore[index]
+
+
 def new_controller() -> str:
     """Return the largest position error of an unedited new controller, from the fifth minute on."""
     import numpy as np
@@ -173,6 +183,7 @@ def overloads() -> str:
 
 VALUES: dict[str, Callable[[], str]] = {
     "closest_approach": closest_approach,
+    "mass_effect": mass_effect,
     "new_controller": new_controller,
     "energy_per_step": energy_per_step,
     "restitution": restitution,

@@ -239,7 +239,12 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
     _use(mission)
     if live and (output is None or file.is_dir()):
         raise UsageError("--live needs the results file of one run, and -o PAGE.html")
-    if output is not None and file.is_dir():
+    if file.is_dir():
+        if output is None:
+            raise UsageError(
+                f"{file}: a campaign or comparison becomes a page: harness report {file} -o "
+                f"{file.stem}.html"
+            )
         _page(file, output)
         return
     result = demanding(read(file), {text: text for text in wanted})

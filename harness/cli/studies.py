@@ -240,8 +240,14 @@ class Campaign:
             drawn = f", {number} figures in {place}" if number else ""
         if not self.quiet:
             typer.echo(f"{printable(found.summary())}\n\ndataset {folder}{drawn}")
+            typer.echo(_next(folder))
         if problem is not None:
             raise problem
+
+
+def _next(dataset: Path) -> str:
+    """Return the line with the command that shows a dataset."""
+    return f"next: harness report {dataset} -o {dataset.stem}.html"
 
 
 @command("campaign")
@@ -309,6 +315,8 @@ class How:
             )
         if not self.quiet:
             typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
+            follows = kind == "sensitivity" and definition.suffix == ".toml"
+            typer.echo(f"next: harness worst {definition}" if follows else _next(found.path))
         return found.verdict
 
 

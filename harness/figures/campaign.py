@@ -43,6 +43,22 @@ def scatter(
     return canvas
 
 
+def groups(metric: str, values: Array, factor: str, texts: Any, style: Style) -> Canvas:
+    """Draw one metric by the values of a factor of texts: a row of dots per value, with a line at
+    the median.
+    """
+    canvas, (axes,) = _grid("", 1, style)
+    names = [str(name) for name in np.unique(texts)]
+    for k, name in enumerate(names):
+        own = values[(texts == name) & np.isfinite(values)]
+        axes.plot(own, k + np.linspace(-0.25, 0.25, len(own)), ".", markersize=3, alpha=0.5)
+        if len(own):
+            axes.plot([np.median(own)] * 2, [k - 0.3, k + 0.3], "C1")
+    axes.set(title=f"{metric} by {factor}", xlabel=metric)
+    axes.set_yticks(range(len(names)), names)
+    return canvas
+
+
 def chart(metric: str, values: Array, factors: Mapping[str, Array], style: Style) -> Canvas:
     """Draw one metric as colours over a grid of two factors; cells without a run are white."""
     x, y = factors.values()

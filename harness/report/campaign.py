@@ -69,6 +69,7 @@ def _texts(store: Store) -> dict[str, Any]:
         "count": {state: int((status == value).sum()) for state, value in STATES.items()},
         "success": summary.success(store),
         "shares": summary.requirements(store),
+        "groups": summary.by_category(store),
         "expected": list(summary.expectations(store)),
         "metrics": {name: _statistics(values) for name, values in metrics.items()},
         "lacking": list(summary.lacking(store)),
@@ -108,18 +109,23 @@ def _figures(canvas: Canvas, store: Store) -> Iterator[Shown]:
 
 def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
     """Yield section of the page, name of the file and figure of matplotlib: histograms of the
-    metrics, each metric against the most important factors or over a grid of two, bands over time.
+    metrics, each metric against the most important factors, by the values of a factor of texts, or
+    over a grid of two, bands over time.
     """
     metrics, factors = _shown(store)
     if metrics:
         yield "histograms", "histograms", figures.histograms(metrics, style)
-    for name, values in metrics.items() if factors else ():
+    grouped = summary.categories(store)
+    for name, values in metrics.items() if factors or grouped else ():
         plain = name.partition(" [")[0]
-        if summary.is_grid(factors):
+        if summary.is_grid(factors) and not grouped:
             yield "factors", f"map_{plain}", figures.chart(name, values, factors, style)
         elif ranked := summary.ranked(factors, values):
             shown = {f: (x, summary.rank_correlation(x, values)) for f, x in ranked.items()}
             yield "factors", plain, figures.scatter(name, values, shown, style)
+        for factor, texts in grouped.items():
+            drawn = figures.groups(name, values, factor, texts, style)
+            yield "factors", f"{plain}_by_{factor}", drawn
     yield from _bands(store, style)
 
 

@@ -98,7 +98,7 @@ def test_without_disturbances_the_safe_distance_is_retained_but_the_error_stays(
 
 
 def test_the_clear_set_meets_every_requirement_and_the_case_of_the_paper_does_not():
-    """The reference ends at 4.1 m; the servicer is never more than 1 cm inside of it."""
+    """The reference ends at 4.1 m; the servicer is never more than 1 cm closer."""
     clear, paper = recording(PAPER, params="clear"), recording(PAPER)
     assert {f.verdict for f in findings(clear)} == {Verdict.MET}
     assert 4.09 < clear["guidance.range"].min() < 4.1

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,18 @@ def rank_correlation(x: Array, y: Array) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
+def effect(x: Array, y: Array) -> float:
+    """Return the change of y over the middle 90 % of x by the line of least squares, as a share of
+    the mean of |y|. A rank correlation of 1 may belong to a change that does not matter.
+    """
+    both = np.isfinite(x) & np.isfinite(y)
+    x, y = x[both], y[both]
+    slope = np.sum((x - x.mean()) * (y - y.mean())) / np.sum(np.square(x - x.mean()))
+    low, high = np.percentile(x, (5, 95))
+    size = np.mean(np.abs(y))
+    return float(abs(slope) * (high - low) / size) if size else 0.0
+
+
 def mean_ranks(x: Array) -> Array:
     """Return ranks from 1 on; equal values have the mean of their ranks (scipy.stats takes half a
     second to import).
@@ -68,13 +80,13 @@ def mean_ranks(x: Array) -> Array:
 
 def factor_columns(store: Store) -> dict[str, Array]:
     """Return the numbers of all factors, one column per element, by name. A matrix that is
-    symmetric in every run has the columns of its upper triangle. Texts are numbered.
+    symmetric in every run has the columns of its upper triangle. Texts are in categories().
     """
     columns = {}
     for name in store.names("factor"):
         values = store.array(name)
         if values.dtype.kind not in "fiu":
-            values = np.unique(values, return_inverse=True)[1].astype(np.float64)
+            continue
         square = values.ndim == 3 and values.shape[1] == values.shape[2]
         mirrored = square and np.array_equal(values, np.swapaxes(values, 1, 2))
         for place in np.ndindex(values.shape[1:]):
@@ -82,6 +94,14 @@ def factor_columns(store: Store) -> dict[str, Array]:
                 element = ",".join(str(k + 1) for k in place)
                 columns[f"{name}[{element}]" if place else name] = values[:, *place]
     return columns
+
+
+def categories(store: Store) -> dict[str, NDArray[Any]]:
+    """Return the factors whose values are texts, such as the FMUs of a swap, by name, if they have
+    more than one value.
+    """
+    texts = {n: store.array(n) for n in store.names("factor")}
+    return {n: x for n, x in texts.items() if x.dtype.kind not in "fiu" and len(np.unique(x)) > 1}
 
 
 def metric_columns(store: Store) -> dict[str, Array]:
@@ -149,9 +169,13 @@ def text(store: Store, shown: str) -> str:
     lines = [f"{count} runs, {failed} failed", *_shares(store)]
     lines += ["", *_table(metrics, store.units())] if metrics else []
     lines += [*lacking(store), *(each.text for each in expectations(store))]
+    lines += _groups(store)
     factors = _varied(store, status != 0)
     if metrics and factors:
-        lines += ["", "rank correlation with the factors", *_ranks(metrics, factors)]
+        head = (
+            "rank correlation with the factors (size: change over 5 to 95 % of the factor / mean)"
+        )
+        lines += ["", head, *_ranks(metrics, factors)]
     lines += _failures(store, shown)
     lines += ["", *_worst(store, metrics, shown)] if metrics else []
     return "\n".join(lines)
@@ -185,6 +209,11 @@ class Share(NamedTuple):
         """Return the 95 % interval of the probability of a success."""
         return wilson(self.met, self.evaluated)
 
+    def short(self) -> str:
+        """Return number, share and interval in a few characters, "-" without a verdict."""
+        low, high = (100 * bound for bound in self.interval())
+        return f"{self.met}/{self.evaluated} ({low:.0f}-{high:.0f} %)" if self.evaluated else "-"
+
     def __str__(self) -> str:
         low, high = (100 * bound for bound in self.interval())
         bounds = f" (95 %: {low:.1f} to {high:.1f} %)" if self.evaluated else ""
@@ -193,9 +222,13 @@ class Share(NamedTuple):
         return f"{self.met} of {self.evaluated}{share}{open_}"
 
 
-def _share(status: Array, met: NDArray[np.bool_], missed: NDArray[np.bool_]) -> Share:
-    """Return the share of successes. A failed run meets nothing, regardless of its rows."""
-    complete, failed = status == COMPLETE, status == FAILED
+def _share(
+    status: Array, met: NDArray[np.bool_], missed: NDArray[np.bool_], among: Any = True
+) -> Share:
+    """Return the share of successes. A failed run meets nothing, regardless of its rows; among: the
+    runs that count.
+    """
+    complete, failed = (status == COMPLETE) & among, (status == FAILED) & among
     met, missed = complete & met, (complete & missed) | failed
     evaluated = int((met | missed).sum())
     unjudged = np.flatnonzero(complete & ~met & ~missed).tolist()
@@ -208,24 +241,51 @@ def completion(store: Store) -> Share:
     return _share(status, status == COMPLETE, status == FAILED)
 
 
-def success(store: Store) -> Share | None:
-    """Return the success of a campaign, None if it is not defined."""
+def success(store: Store, among: Any = True) -> Share | None:
+    """Return the success of a campaign, None if it is not defined; among: the runs that count."""
     if SUCCESS not in store.names("metric"):
         return None
     column = store.array(SUCCESS)
-    return _share(store.array("status"), column > 0, column == 0)
+    return _share(store.array("status"), column > 0, column == 0, among)
 
 
-def requirements(store: Store) -> dict[str, Share]:
+def requirements(store: Store, among: Any = True) -> dict[str, Share]:
     """Return how often each requirement was met, by name. A requirement that is not exercised is
-    not judged.
+    not judged; among: the runs that count.
     """
     if "requirement" not in store.group:
         return {}
     status, verdict = store.array("status"), store.array("verdict")
     met, missed = (verdict == VERDICTS.index(v) for v in (Verdict.MET, Verdict.NOT_MET))
     names = store.array("requirement")
-    return {n: _share(status, met[:, k], missed[:, k]) for k, n in enumerate(names)}
+    return {n: _share(status, met[:, k], missed[:, k], among) for k, n in enumerate(names)}
+
+
+def by_category(store: Store) -> dict[str, dict[str, dict[str, Share]]]:
+    """Return success and requirements by factor, then by its value, then by name."""
+    found: dict[str, dict[str, dict[str, Share]]] = {}
+    for factor, texts in categories(store).items():
+        for value in np.unique(texts):
+            own = success(store, texts == value)
+            shares = ({} if own is None else {SUCCESS: own}) | requirements(store, texts == value)
+            found.setdefault(factor, {})[str(value)] = shares
+    return found
+
+
+def _groups(store: Store) -> Iterator[str]:
+    """Yield a table per factor of texts: its values in rows, requirements in columns."""
+    for factor, rows in by_category(store).items():
+        heads = [*next(iter(rows.values()))]
+        if heads:
+            yield ""
+            cells = [[name, *(rows[name][head].short() for head in heads)] for name in rows]
+            yield from _aligned([[f"by {factor}", *heads], *cells])
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(map(str.ljust, row, widths)).rstrip()
 
 
 def unjudged(store: Store) -> str:
@@ -322,7 +382,10 @@ def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[s
 def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterator[str]:
     for name, column in metrics.items():
         best = ranked(factors, column, SHOWN)
-        found = [f"{f} {rank_correlation(x, column):+.2f}" for f, x in best.items()]
+        found = [
+            f"{f} {rank_correlation(x, column):+.2f} ({100 * effect(x, column):.2g} %)"
+            for f, x in best.items()
+        ]
         if found:
             yield f"  {name}: " + ", ".join(found)
     lines = (left_out(name, factors, column) for name, column in metrics.items())
@@ -341,10 +404,15 @@ def failures(store: Store) -> dict[int, str]:
 
 
 def _failures(store: Store, shown: str) -> Iterator[str]:
-    found = failures(store)
+    found, groups = failures(store), categories(store)
     system = store.system
-    for run, why in [*found.items()][:LISTED]:
-        yield f"failed: run {run}: {one_line(why)}"
+
+    def group(run: int) -> str:
+        return ", ".join(f"{n} = {texts[run]}" for n, texts in groups.items())
+
+    for run, why in sorted(found.items(), key=lambda each: group(each[0]))[:LISTED]:
+        of = f" ({group(run)})" if groups else ""
+        yield f"failed: run {run}{of}: {one_line(why)}"
         yield f"    harness run {system} --like {shown}#{run}"
     if len(found) > LISTED:
         yield (
