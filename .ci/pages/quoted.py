@@ -16,9 +16,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from text import ROOT, table
-
 import results
+from text import ROOT, table
 
 QUOTE = re.compile(r"(<!--=(\w+)-->)(.*?)(<!---->)", re.DOTALL)
 PROCESSOR_VALUES = ROOT / "docs/processor_figures.md"

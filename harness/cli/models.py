@@ -162,7 +162,9 @@ def export_command(  # noqa: PLR0913 - one argument per option
 
     if c_api:
         if fmi or ssp or hints or without or scalars:
-            raise UsageError("--c: is mutually exclusive with --fmi, --ssp, --hints, --open, --scalars")
+            raise UsageError(
+                "--c: is mutually exclusive with --fmi, --ssp, --hints, --open, --scalars"
+            )
         _report_c_api(write_system(system, target, **changes), target)
         return
     own: Any = {"hints": hints, "scalars": scalars, "without": without or ()}
