@@ -263,7 +263,13 @@ def _file(given: Path) -> Path:
     """Return the file of a campaign; an available mission provides it by its name."""
     from harness.mission.library import campaigns
 
-    return given if given.suffix else campaigns().get(str(given), given)
+    if given.suffix or given.exists():
+        return given
+    known = campaigns()
+    if str(given) not in known:
+        close = did_you_mean(str(given), known) or "; `harness study` lists the campaigns"
+        raise UsageError(f"{given}: there is no such file or campaign{close}")
+    return known[str(given)]
 
 
 # ---- analyses

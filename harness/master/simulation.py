@@ -327,7 +327,9 @@ class Simulation:
         try:
             if self._files is None:
                 raise UsageError("a Simulation can advance inside its `with` block only")
-            self._in_words(self.steps if to is None else min(to, self.steps), progress)
+            if to is not None and not isinstance(to, int | np.integer):
+                raise UsageError(f"advance(to={to!r}): expected a whole number of macro steps")
+            self._in_words(self.steps if to is None else min(int(to), self.steps), progress)
         except KeyboardInterrupt:
             raise self._partial(InterruptionError(self.system.name, self.time)) from None
         except RejectedValueError as error:

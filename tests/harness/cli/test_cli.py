@@ -170,6 +170,8 @@ def test_wrong_use_exits_with_status_2_and_one_line(command, arguments, line):
         (["run", "demo", "--fast"], "--fast"),
         (["run"], "SYSTEM"),
         (["simulate"], "simulate"),
+        (["worst", "nothing"], "nothing: there is no such file or campaign; `harness study` lists"),
+        (["campaign", "nothing"], "nothing: there is no such file or campaign"),
     ],
 )
 def test_a_wrong_command_line_exits_with_status_2_and_one_line(command, arguments, mentioned):

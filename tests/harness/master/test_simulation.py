@@ -165,6 +165,14 @@ def test_a_closed_simulation_does_not_step(make):
         simulation.advance()
 
 
+def test_a_time_in_place_of_a_number_of_macro_steps_is_a_sentence(make):
+    with Simulation(make({"a": "counter"})) as simulation:
+        with pytest.raises(UsageError, match=r"advance\(to=0\.1\): expected a whole number of"):
+            simulation.advance(to=0.1)
+        simulation.advance(to=np.int64(2))
+        assert simulation.step == 2
+
+
 def test_a_parameter_that_the_fmu_rejects_is_reported_in_its_own_words(make):
     with pytest.raises(RunError, match=r"^bad: .*mass must be > 0 \(at t = 0 s\)$") as caught:
         run(make({"good": "picky", "bad": "picky"}, parameters={"bad.mass": -1.0}))
