@@ -325,7 +325,7 @@ class OptimalLaw:
             new.z[name] = self.resampled(self.solve.z[name], t_p, dt, f) * factor
             new.y[name] = self.resampled(self.solve.y[name], t_p, dt, f) * factor
 
-    def judge(self, t):
+    def evaluate(self, t):
         s, p = self.solve, self.p
         bound = p["tol"][0] + p["tol"][1] * self.range
         good = s.report["residual_p"] <= bound and s.report["miss"] <= bound
@@ -382,7 +382,7 @@ class OptimalLaw:
             else:
                 first = self.left == 0
                 if not first:
-                    self.judge(t)
+                    self.evaluate(t)
                 seconds = p["iterations_first"] // p["iterations"] if first else 1
                 self.set_up(t, seconds, first)
         else:

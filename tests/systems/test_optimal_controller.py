@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""sync_approach with the fuel-optimal controller: propellant, and every constraint kept."""
+"""sync_approach with the fuel-optimal controller: propellant, and every constraint satisfied."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_the_plan_points_ahead_along_the_path_that_is_then_run(limited):
 
 
 @pytest.mark.long
-def test_on_estimates_the_corridor_is_kept_after_a_minute():
+def test_on_estimates_the_corridor_holds_after_a_minute():
     """In the first minute the filter settles."""
     result = run("sync_approach_navigated", swap=SWAP)
     margin = result["monitor.corridor_margin"][result.time >= 60]
