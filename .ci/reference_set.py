@@ -25,7 +25,7 @@ from harness.system.model import System
 from harness.system.values import base
 
 ENDING = ".fmi3.ssp"
-"""Of the twins that reference_systems.py writes."""
+"""Ending of the twins that reference_systems.py writes."""
 STEPS, EVERY = 200, 10
 """Macro steps of a trace, and macro steps per row."""
 DIGITS = 1e-11

@@ -61,7 +61,7 @@ typedef struct {
 } Hold;
 typedef struct {
     Gains gains;
-    double goal, t_goal, sample, seconds, warm, bad, has_plan, mode;
+    double goal, t_goal, sample, seconds, has_iterates, bad, has_plan, mode;
     Problem problem;
     Iterates it;
     Grid grid; /* of the solve */
@@ -131,7 +131,7 @@ static const Variable variables[] = {
     POSITIVE(duration, "s", "time from the begin of a goal to its arrival, per goal"),
     POSITIVE(L_end, "m", "range at the end of a goal, per goal"),
     PARAMETER(line, "1", "line of holds, Hill axes of the target, unit vector (goal 1)"),
-    POSITIVE(keep_out, "m", "range that is kept on the way (goals 1 and 2)"),
+    POSITIVE(keep_out, "m", "least range on the way (goals 1 and 2)"),
     POSITIVE(cone, "rad", "half angle of the cone of the plan before arrival (goal 3)"),
     POSITIVE(cone_hold, "rad", "half angle of the cone of the plan after arrival (goal 3)"),
     NONNEGATIVE(hold_lead, "s", "cone_hold holds from this time before arrival on"),
@@ -474,17 +474,17 @@ static void set_up(const Parameters *p, const Input *u, State *x, double t, int 
     set_places(p, &task, b);
     set_end(&task, last, b);
     if (first) set_first_way(&task, b, x->it.p);
-    else start_warm(&x->it, x->grid, task.grid);
+    else start_from_last(&x->it, x->grid, task.grid);
     set_free_motion(&task, x->d.d_hat, x->it.p, b);
     set_constraints(p, &task, x->it.p, b);
-    if (!x->warm) start_cold(b, NODES, &x->it);
-    x->warm = 1;
+    if (!x->has_iterates) start_cold(b, NODES, &x->it);
+    x->has_iterates = 1;
     x->grid = task.grid;
     x->range = task.range;
     x->seconds = seconds;
 }
 
-/* ---- judgement of a solve, section 5.2 ---- */
+/* ---- evaluation of a solve, section 5.2 ---- */
 static double horizon_of(const State *x) { return x->grid.dt * NODES; }
 
 static void publish_progress(const State *x, Output *y)
@@ -547,11 +547,11 @@ static void reject_plan(const Parameters *p, const Input *u, State *x, double t)
     if (mode == BRAKE && x->mode != BRAKE) begin_braking(p, u, x, t);
     x->mode = mode;
     double times_cold = x->bad / p->bad_max;
-    if (times_cold == floor_of(times_cold)) x->warm = 0;
+    if (times_cold == floor_of(times_cold)) x->has_iterates = 0;
 }
 
 /* (22) */
-static void judge(const Parameters *p, const Input *u, State *x, Output *y, double t)
+static void evaluate_solve(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     double most = p->tol[0] + p->tol[1] * x->range;
     publish_progress(x, y);
@@ -589,7 +589,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
         x->seconds -= 1;
         return;
     }
-    if (!first) judge(p, u, x, y, t);
+    if (!first) evaluate_solve(p, u, x, y, t);
     int seconds = first ? (int)(p->iterations_first / p->iterations) : 1;
     set_up(p, u, x, t, seconds, first);
 }
@@ -608,7 +608,7 @@ static void change_goal(State *x, double goal, double t)
 {
     x->goal = goal;
     x->t_goal = t;
-    x->sample = x->seconds = x->warm = x->bad = x->d.known = 0;
+    x->sample = x->seconds = x->has_iterates = x->bad = x->d.known = 0;
 }
 
 static void command_force(const Parameters *p, const Input *u, State *x, Output *y, double t)

@@ -74,7 +74,7 @@ static inline void tumble_over_node(const Inertia *i, double dt, double longest,
         if (s < steps) tumble_on(i, dt / steps, x);
 }
 
-/* ---- warm start, (23) ---- */
+/* ---- start from the last solve, (23) ---- */
 typedef struct { double t, dt; } Grid; /* start [s] and length of a node [s] */
 
 /* values over the nodes of an old grid, linear in time, at the nodes of a new one; at: place of a
@@ -115,7 +115,7 @@ static inline void move_splits(Split split[], Grid old, Grid new, double at, dou
 }
 
 /* iterates of the old grid in the units of the new one; their path in metres */
-static inline void start_warm(Iterates *it, Grid old, Grid new)
+static inline void start_from_last(Iterates *it, Grid old, Grid new)
 {
     double ratio = old.dt / new.dt, horizon = old.dt *NODES;
     move_splits(it->u, old, new, 0.5, 1);

@@ -23,7 +23,7 @@ PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation
 
 STATUS = "guidance.status"
 ADVICE = {2: "; more steps (iterations_max), a longer window, or a larger momentum_share"}
-"""What to change, by status."""
+"""Advice on what to change, by status."""
 
 
 @dataclass(frozen=True)

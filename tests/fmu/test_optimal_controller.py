@@ -101,8 +101,8 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_samples_match_dense_matrices_along_the_commanded_motion(fmu, case):
-    """Every output of every sample to 1e-9: sweeps, projections, set-up, carried state, warm start,
-    judgement, estimate of the disturbance.
+    """Every output of every sample to 1e-9: sweeps, projections, set-up, carried state, start from the last solve,
+    evaluation, estimate of the disturbance.
     """
     goal, p = CASES[case]
     scene = Scene(list(CASES).index(case), goal)
@@ -138,7 +138,7 @@ def test_braking_holds_a_place_in_hill_axes_for_the_goals_before_the_corridor(fm
     assert modes[-1] == BRAKE and out["braking"] == 1
 
 
-def test_a_new_goal_flies_the_old_plan_until_its_own_is_there(fmu):
+def test_the_old_plan_stays_in_force_until_the_new_goal_has_one(fmu):
     scene = Scene(5, 2)
     unit, law = fmu("optimal_controller", {}, scene.inputs()), OptimalLaw()
     run(unit, law, scene, 3)
@@ -192,7 +192,7 @@ def test_the_force_stays_in_the_box_and_is_held_in_inertial_axes(fmu):
         close(forces[22], forces[21], rel=1e-12)
 
 
-def test_the_attitude_law_is_that_of_the_adaptive_controller_with_its_start_values(fmu, rng):
+def test_the_attitude_law_equals_the_adaptive_controller_with_its_start_values(fmu, rng):
     """At its first sample, at which the estimates are the start values."""
     q, w = rng.normal(size=4), 0.01 * rng.normal(size=3)
     reference = {"q_DN": q / np.linalg.norm(q), "omega_DN_D": w, "alpha_DN_D": 1e-3 * w}

@@ -271,9 +271,9 @@ class OptimalLaw:
             places[-1] / T**2, np.cross(w_end, places[-1]) / T, cone, band, speed,
         )  # fmt: skip
         new.start()
-        if self.warm:
-            self.warm_start(new, t_p, dt)
-        self.warm, self.solve, self.t_p, self.dt = True, new, t_p, dt
+        if self.has_iterates:
+            self.start_from_last(new, t_p, dt)
+        self.has_iterates, self.solve, self.t_p, self.dt = True, new, t_p, dt
         self.range, self.places, self.left = np.linalg.norm(rho), places, seconds
 
     def bands(self, t_p, t_arr, T, rho, q, w, ends, a, places, way):
@@ -318,7 +318,7 @@ class OptimalLaw:
     def moved_path(self, t_p, dt):
         return self.resampled(self.solve.p * self.solve.T**2, t_p, dt, 1)
 
-    def warm_start(self, new, t_p, dt):
+    def start_from_last(self, new, t_p, dt):
         ratio = self.solve.T / new.T
         for name, factor in {"u": 1, "c": ratio**2, "h": ratio**2, "v": ratio}.items():
             f = 0.5 if name == "u" else 1
@@ -354,7 +354,7 @@ class OptimalLaw:
             self.hold = (self.goal == 3, C @ self.rho)
         self.mode = mode
         if self.bad % p["bad_max"] == 0:
-            self.warm = False
+            self.has_iterates = False
 
     # ---- a sample
 
@@ -367,7 +367,7 @@ class OptimalLaw:
             return {"F_cmd_S": np.zeros(3), "mode": FIRST}
         if goal != self.goal:
             self.goal, self.t_goal, self.count, self.left = goal, t, 0, 0
-            self.warm, self.bad, self.last = False, 0, None
+            self.has_iterates, self.bad, self.last = False, 0, None
         c = self.count % 10
         if c == 0:
             if self.last:
