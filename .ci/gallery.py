@@ -123,6 +123,18 @@ SCENES = (
         5,
     ),
     Scene(
+        "mission",
+        "Aborts of a mission to capture",
+        "servicing_mission",
+        "harness run servicing_mission",
+        {
+            "escapes": "Closing beside the zone; drifts of an hour after an abort, with the tube "
+            "of all errors within their bounds."
+        },
+        ONE,
+        10,
+    ),
+    Scene(
         "transposition",
         "Swing of a docked module below the saturation of the gyros",
         "transposition",

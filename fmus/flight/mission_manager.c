@@ -15,6 +15,7 @@
  * numbers: docs/models.md J. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
+#include "mission_aim.h"
 #include "mission_profile.h"
 #include "mission_retreat.h"
 
@@ -31,6 +32,7 @@ typedef struct {
     vec3 axis_H;                      /* grasp axis at t_valid */
     Timer good, touched, error, fast; /* hold timers: condition of the phase, contact, ... */
     Profile profile;
+    Aim aim;
     vec3 dv_N;
     double planned, clearance; /* plan of the last retreat: 1 if there was one, least range */
 } State;
@@ -256,6 +258,7 @@ static void enter_phase(const Parameters *p, State *x, const Geometry *g, double
     if (phases[phase_of(x)].profile) x->profile = (Profile){phase, t, g->l};
     if (phases[phase_of(x)].torque != AS_BEFORE && phases[phase_of(x)].torque != NONE)
         x->torque = phases[phase_of(x)].torque;
+    if (phase == CLOSING) x->aim = aim_from(p, g->rho_H, g->R);
     if (phase != RETREAT) return;
     RelativeState from = p->abort_relative ? drifted(&x->valid, t - x->t_valid) : x->valid;
     Escape escape = plan_escape(p, &from, leaves_by_axis ? x->axis_H : vec(0, 0, 0));
@@ -362,13 +365,33 @@ static void publish_switches(const Parameters *p, const Input *u, const State *x
     y->momentum = g->momentum;
 }
 
-/* V: the Hill frame rotated to the line of the hold points, C_VN = Rz(psi) C_HN */
-static void publish_virtual_target(const Parameters *p, const Geometry *g, Output *y)
+/* V of the closing beside the target */
+static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, double t)
+{
+    AimFrame V = {identity(1), vec(0, 0, 0)};
+    if (x->aim.mode == ON_TANGENT && g->R > p->R_2 + NEAR_HOLD)
+        return frame_on_tangent(p, &x->aim, g->rho_H, g->drho_H);
+    if (x->aim.mode == ON_TANGENT) {
+        V.C_VH =
+            frame_on_tangent(p, &x->aim, scale((p->R_2 + NEAR_HOLD) / g->R, g->rho_H), vec(0, 0, 0))
+                .C_VH;
+        x->aim = turn_to_hold(p, &V, t);
+    }
+    return frame_turning(p, &x->aim, t);
+}
+
+/* V: the Hill frame rotated to the line of the hold points, C_VN = Rz(psi) C_HN, or the frame of
+ * the closing beside the target */
+static void publish_virtual_target(const Parameters *p, State *x, const Geometry *g, Output *y,
+                                   double t)
 {
     SineCosine psi = sine_and_cosine(p->line_angle);
-    mat3 C_VH = rows(vec(psi.c, psi.s, 0), vec(-psi.s, psi.c, 0), vec(0, 0, 1));
-    y->q_VN = quat_of_dcm(matmul(C_VH, g->H.C_HN));
+    AimFrame V = {rows(vec(psi.c, psi.s, 0), vec(-psi.s, psi.c, 0), vec(0, 0, 1)), vec(0, 0, 0)};
+    if (x->phase != CLOSING) x->aim.mode = AT_HOLD;
+    if (x->aim.mode != AT_HOLD) V = aim_frame(p, x, g, t);
+    y->q_VN = quat_of_dcm(matmul(V.C_VH, g->H.C_HN));
     y->omega_VN_V = g->H.w_H;
+    if (x->aim.mode != AT_HOLD) y->omega_VN_V = mul(V.C_VH, add(g->H.w_H, V.omega_H));
 }
 
 static void publish_profile(const Parameters *p, const State *x, Output *y, double t)
@@ -399,7 +422,7 @@ static void manage(const Parameters *p, const Input *u, State *x, Output *y, dou
     publish_phase(x, y);
     publish_selection(x, y);
     publish_switches(p, u, x, &g, y);
-    publish_virtual_target(p, &g, y);
+    publish_virtual_target(p, x, &g, y, t);
     publish_profile(p, x, y, t);
     vec3 F_N = x->phase == RETREAT ? burn(p, u->mass, period, &x->dv_N) : vec(0, 0, 0);
     y->F_retreat_S = mul(g.C_SN, F_N);

@@ -42,7 +42,7 @@ typedef struct {
     double d_abort[2], angle_abort, error_dwell, v_0[2], v_slope[2], speed_dwell;
     double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp */
     mat3 J_T, J_S;
-    double abort_relative, axis_radius;
+    double abort_relative, axis_radius, aim_radius;
     double sample_period;
 } MissionParameters;
 typedef struct {
@@ -108,6 +108,9 @@ typedef struct {
         NONNEGATIVE(                                                                               \
             axis_radius, "m",                                                                      \
             "within this range, in phases 5, 6, 7, 11, the retreat leaves along the axis"),        \
+        NONNEGATIVE(aim_radius, "m",                                                               \
+                    "the closing aims along a tangent of this sphere until it is near R_2; 0: at " \
+                    "the hold"),                                                                   \
         GRID(sample_period, "sample period of the software")
 
 #define MISSION_INPUTS                                                                           \
@@ -138,6 +141,7 @@ static inline void check_mission(const MissionParameters *p, Problems *problems)
     check_below(problems, "R_2", p->R_2, p->R_1, "must be below R_1");
     check_below(problems, "L_3", p->L_3, p->R_2, "must be below R_2");
     check_below(problems, "L_end", p->L_end, p->L_3, "must be below L_3");
+    check_below(problems, "aim_radius", p->aim_radius, p->R_2, "must be below R_2");
     if (p->drift_time > 1e5 * p->drift_step)
         reject(problems, "drift_step", p->drift_step, "must not be below drift_time / 1e5");
 }

@@ -5,6 +5,8 @@ wheels and rates.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from harness.figures.style import legend_above, time_axis
@@ -13,6 +15,7 @@ from harness.results.histories import turned
 from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET, range_
+from . import escapes
 from .events import ISP, NEEDS, PHASE, increments, stays
 
 HALF_ANGLE = "monitor.corridor_half_angle"
@@ -21,6 +24,8 @@ LOADS = ("mechanism.normal_force", "mechanism.load_force", "mechanism.load_momen
 WHEELS, RATE, MOMENTUM = "servicer.wheel_speed", "servicer.omega_SN_S", "stack_guidance.momentum_S"
 CLOSE = 25.0
 """Range of the picture of the final approach [m]."""
+FAR_OFF, FANS, DRAWN = 60.0, 7, 12
+"""Range of the picture of escapes [m], places from which they begin, drawn errors of each."""
 
 
 def in_target_axes(result: Result) -> Array:
@@ -67,6 +72,38 @@ def _corridor(canvas: Axes, result: Result) -> None:
     legend_above(axes)
 
 
+def _escapes(canvas: Axes, result: Result) -> None:
+    """Draw the closing in the plane of the orbit, the zone, and from some places the drift of an
+    hour after an abort: the tube of all errors within their bounds, and drifts of drawn errors.
+    """
+    axes = canvas.add_subplot()
+    rho, drho, rate = escapes.hill_states(result)
+    shown = result[PHASE] < result.mode_names(PHASE).index("fly-around")
+    shown &= range_(result) < FAR_OFF
+    axes.plot(*rho[shown][:, [1, 0]].T, "k", lw=1.2)
+    tau = np.arange(0, float(result.parameter("monitor.escape_time")) + 1, 20)
+    rng, rows = np.random.default_rng(0), np.flatnonzero(shown)
+    for k in rows[np.linspace(0, len(rows) - 1, FANS).astype(int)]:
+        e = escapes.escape(result, rho[k], drho[k], float(rate[k]))
+        path, h = escapes.support(result, e, tau)
+        near = np.linalg.norm(path, axis=1) < FAR_OFF
+        for at, radius in zip(path[near][::2], h[near][::2], strict=True):
+            axes.add_patch(_circle(axes, at[[1, 0]], radius, color="C0", alpha=0.05, lw=0))
+        fan = escapes.drift(e.n, *escapes.drawn(result, e, DRAWN, rng), tau)
+        axes.plot(fan[..., 1], fan[..., 0], color="C0", lw=0.4, alpha=0.6)
+        axes.plot(*rho[k, [1, 0]], "k.")
+    zone = float(np.asarray(result.parameter("monitor.escape_radius"))[0])
+    axes.add_patch(_circle(axes, (0, 0), zone, color="C3", alpha=0.25, lw=0))
+    axes.set(xlabel="along the track [m]", ylabel="radial [m]", aspect="equal")
+    axes.set(xlim=(-FAR_OFF, FAR_OFF / 3), ylim=(-FAR_OFF / 2, FAR_OFF / 3))
+
+
+def _circle(axes: Axes, centre: Array | tuple[float, float], radius: float, **style: object) -> Any:
+    from matplotlib.patches import Circle
+
+    return Circle(tuple(centre), radius, transform=axes.transData, **style)
+
+
 FIGURES: tuple[Figure | Drawing, ...] = (
     Drawing("mission", "Range and phases", NEEDS, _mission, (11, 6), (ISP,)),
     Drawing(
@@ -76,6 +113,14 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         _corridor,
         (11, 6),
         ("guidance.p_T", HALF_ANGLE),
+    ),
+    Drawing(
+        "escapes",
+        "Drifts of an hour after an abort, in the plane of the orbit",
+        (*escapes.STATES, PHASE),
+        _escapes,
+        (11, 8),
+        escapes.PARAMETERS,
     ),
     Figure(
         "contact",

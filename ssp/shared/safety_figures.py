@@ -41,7 +41,7 @@ FIGURES: tuple[Drawing, ...] = (
     Drawing(
         "safety_margins",
         "Margins of the safety monitor",
-        (*FOUND, *(rule.history for rule in RULES)),
+        (*FOUND, *(rule.history for rule in RULES if rule.name != "escape")),
         _draw_margins,
         (11, 7),
     ),

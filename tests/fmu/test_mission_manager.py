@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from tests.each import each, some
 from tests.reference import mission
 
-from .mission_cases import GEO, GOOD, HOLDING, P, Recording, in_hill, line, on_axis
+from .mission_cases import AXIS, GEO, GOOD, HOLDING, P, Recording, in_hill, line, on_axis
 from .rejections import rejection
 from .theory import MU, dcm_of_quaternion
 
@@ -321,6 +321,75 @@ def test_attitude_of_the_virtual_target_carries_x_to_the_line_of_the_holds(fmu):
         assert unit.get("omega_VN_V") == pytest.approx((0, 0, np.sqrt(MU / GEO**3)), abs=1e-17)
 
 
+# ---- closing beside the zone ----
+BESIDE = {
+    "aim_radius": 12.6,
+    "time_out": [0.0] * 15,
+    "nav_far": 1e9,
+    "speed_dwell": 1e9,
+    "tol_1": 50.0,
+}
+STARTS = {
+    "beside the line": (13.2, -102.0, 1.4),
+    "on the line": (0.0, -104.0, 0.0),
+    "opposite to the hold": (0.0, 60.0, 0.0),
+    "above the plane": (5.0, -30.0, 80.0),
+}
+
+
+def closing_from(fmu, start, ranges):
+    """Outputs of a closing from a place on a straight radial path with these ranges, one a sample;
+    the reference runs beside it.
+    """
+    recording = Recording(fmu, BESIDE).lead_to(1)
+    start, rows = np.array(start), []
+    out = start / np.linalg.norm(start)
+    recording.stay(HOLDING[1] | in_hill(start, go_1=0), 1)
+    speeds = np.gradient(ranges, P)
+    for R, speed in zip(ranges, speeds, strict=True):
+        recording.sample(in_hill(R * out, speed * out))
+        rows.append({name: recording[name] for name in ("phase", "q_VN", "omega_VN_V")})
+    return rows
+
+
+def line_of_sight(row):
+    """X of V in H axes."""
+    return AXIS.T @ dcm_of_quaternion(row["q_VN"])[0]
+
+
+@each("place", STARTS)
+def test_closing_beside_the_zone_aims_along_a_tangent_of_its_sphere(fmu, place):
+    """The places at which a servicer is that follows: a line that passes at 12.6 m."""
+    R = np.linalg.norm(STARTS[place])
+    ranges = np.concatenate(([R] * 8, np.linspace(R, 25.0, 40)))
+    rows = closing_from(fmu, STARTS[place], ranges)
+    ranges, rows = ranges[8:], rows[8:]
+    assert {int(row["phase"]) for row in rows} == {2}
+    points = np.array([r * line_of_sight(row) for r, row in zip(ranges, rows, strict=True)])
+    along = points[-1] - points[0]
+    along /= np.linalg.norm(along)
+    assert np.linalg.norm(np.cross(points, along), axis=1) == pytest.approx(12.6)
+    assert np.linalg.matrix_rank(points, 1e-6) == 2
+
+
+def test_closing_beside_the_zone_turns_to_the_hold_at_its_end(fmu):
+    R = np.linalg.norm(STARTS["beside the line"])
+    ranges = np.concatenate(([R] * 8, np.linspace(R, 20.5, 40), [20.5] * 300))
+    rows = closing_from(fmu, STARTS["beside the line"], ranges)
+    hold = np.array((np.cos(-np.pi / 2), np.sin(-np.pi / 2), 0))
+    off = np.array([np.arccos(np.clip(line_of_sight(row) @ hold, -1, 1)) for row in rows[48:]])
+    assert off[0] > 0.3 and off[-1] < 1e-6
+    assert np.all(np.diff(off) < 1e-7)
+    assert 20 * np.abs(np.diff(off)).max() / P == pytest.approx(2 * 0.03, rel=0.01)
+
+
+def test_without_an_aim_the_closing_goes_to_the_hold_point(fmu):
+    recording = Recording(fmu, {"aim_radius": 0}).lead_to(2)
+    recording.sample(in_hill((13.2, -102.0, 1.4), (0, 0.1, 0)))
+    x_H = AXIS.T @ dcm_of_quaternion(recording["q_VN"])[0]
+    assert x_H == pytest.approx((0, -1, 0), abs=1e-14)
+
+
 # ---- range profile ----
 FROM = {5: 20.0, 6: 3.0, 7: 3.0, 11: 1.6}
 """Distance at the start."""
@@ -546,6 +615,7 @@ def test_random_runs_follow_the_reference(fmu, seed):
             "tol_1", "angle_2", "nav_far", "attempts", "mass_dry", "reserve", "ramp_mate")),
         ({"dwell": [0] * 14 + [-1]}, "dwell[15] = -1: must be >= 0"),
         ({"drift_step": 0.1}, "must not be below drift_time / 1e5"),
+        ({"aim_radius": 20}, "aim_radius = 20: must be below R_2"),
     ],
 )  # fmt: skip
 def test_rejected(change, words, tmp_path):

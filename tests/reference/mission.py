@@ -14,6 +14,7 @@ from math import inf, nan
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 
 from .attitude import Array, angle_between, cross, dcm, quaternion_of_dcm
 
@@ -36,7 +37,7 @@ PARAMETERS = {
     "drift_time": 86400, "drift_step": 120, "sample_period": 0.1,
     "by_arm": 0, "momentum_max": 0, "mass_T": 150,
     "J_T": np.diag((100.0, 150, 90)), "J_S": np.diag((200.0, 250, 150)),
-    "abort_relative": 1, "axis_radius": 3,
+    "abort_relative": 1, "axis_radius": 3, "aim_radius": 0,
 }  # fmt: skip
 
 FORCE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, 5, 0, 0)
@@ -173,6 +174,57 @@ def escape(p: dict, g: Seen, age: float, near: bool) -> tuple[Array, float]:
     return g.C_HN.T @ (ways[best] - g.drho), clear[best]
 
 
+# ---- closing beside the zone ----
+@dataclass
+class Line:
+    """The tangent from the start of the closing, then the turn to the hold; H axes."""
+
+    p: dict
+    start: Array
+    left: float = nan
+    """When the tangent was left, at `end`."""
+    end: Array | None = None
+
+    def __post_init__(self) -> None:
+        p, R = self.p, np.linalg.norm(self.start)
+        self.hold = np.array((np.cos(p["line_angle"]), np.sin(p["line_angle"]), 0))
+        self.normal = self._normal(self.start / R)
+        inwards, aside = -self.start / R, np.cross(self.normal, self.start / R)
+        off = np.arcsin(p["aim_radius"] / R)
+        self.along = np.cos(off) * inwards + np.sin(off) * aside
+
+    def _normal(self, d: Array) -> Array:
+        n = np.cross(d, self.hold)
+        return n / np.linalg.norm(n) if np.linalg.norm(n) > 1e-3 else np.array((0, 0, 1.0))
+
+    def _at(self, R: float) -> Array:
+        """The point of the line with the range R, on the near side."""
+        middle = self.start @ self.along
+        way = -middle - np.sqrt(middle**2 - self.start @ self.start + R * R)
+        return self.start + way * self.along
+
+    def frame(self, g: Seen, t: float) -> tuple[Array, Array]:
+        """Axes of V as rows and its rate relative to H, both in H axes."""
+        if np.isnan(self.left) and self.p["R_2"] + 1 < g.R:
+            at = self._at(g.R)
+            speed = g.rho @ g.drho / (at @ self.along)
+            rate = np.cross(at, speed * self.along) / g.R**2
+            return axes(at / g.R, self.normal), rate
+        if np.isnan(self.left):
+            self.left, self.end = t, self._at(self.p["R_2"] + 1)
+            self.end /= np.linalg.norm(self.end)
+            self.normal = self._normal(self.end)
+        whole = angle_between(self.end, self.hold)
+        T = 1.875 * whole * self.p["R_2"] / (2 * self.p["v_2"])
+        angle, rate, _ = moved(0, whole, T, t - self.left)
+        turn = Rotation.from_rotvec(angle * self.normal)
+        return axes(turn.apply(self.end), self.normal), rate * self.normal
+
+
+def axes(x: Array, z: Array) -> Array:
+    return np.array((x, np.cross(z, x), z))
+
+
 # ---- the manager ----
 def later(t: float, mark: float) -> bool:
     """t has reached the mark, in the sense of all comparisons of times."""
@@ -196,6 +248,7 @@ class Manager:
     torque: int = 1
     dv: Array = field(default_factory=lambda: np.zeros(3))
     clear: float = -1.0
+    line: Line | None = None
 
     def sample(self, u: dict, t: float) -> dict[str, Array]:
         g = seen(self.p, u)
@@ -293,6 +346,8 @@ class Manager:
             self.profile = phase, t, g.l
         if TORQUE[phase] > 0:
             self.torque = TORQUE[phase]
+        beside = phase == 2 and self.p["aim_radius"] and self.p["R_2"] + 1 < g.R
+        self.line = Line(self.p, g.rho) if beside else None
         if phase == 12:
             self.dv, self.clear = escape(self.p, self.valid, t - self.t_valid, near)
 
@@ -315,6 +370,10 @@ class Manager:
         turn = np.array(
             ((np.cos(psi), np.sin(psi), 0), (-np.sin(psi), np.cos(psi), 0), (0, 0, 1.0))
         )
+        omega = np.array((0, 0, g.w))
+        if self.line:
+            turn, rate = self.line.frame(g, t)
+            omega = turn @ (omega + rate)
         hidden = k in (12, 13) and p["R_2"] > g.R
         names = ("far", "close", "sync", "stack")
         return {
@@ -324,7 +383,7 @@ class Manager:
             **dict(zip(("L_ref", "dL_ref", "ddL_ref"),
                        profile(p, self.profile[0], self.profile[2], t - self.profile[1]),
                        strict=True)),
-            "q_VN": quaternion_of_dcm(turn @ g.C_HN), "omega_VN_V": np.array((0, 0, g.w)),
+            "q_VN": quaternion_of_dcm(turn @ g.C_HN), "omega_VN_V": omega,
             "approaching": float(5 <= k <= 11),
             "monitor_valid": float(8 <= k <= 10 or (bool(u["relative_valid"]) and not hidden)),
             "latch_enable": float(7 <= k <= 10), "release": 0.0,

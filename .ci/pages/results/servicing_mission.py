@@ -7,12 +7,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from text import table
 
 from results import Column, cell, of_runs, result_of
 
 ESTIMATES = "servicing_mission_navigated --every 10"
 RUNS = {"on estimates": ESTIMATES, "by arm": "servicing_mission_by_arm --every 10"}
 """Commands; every 10: a row per sample of the software."""
+ZONE = 12.0
+"""Radius of the keep-out zone of the mission [m]."""
 LISTED = 6
 """Largest number of phases that are shown of the end of a run."""
 PHASES = {
@@ -90,6 +93,41 @@ def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
     return lambda: of_runs("set", runs, columns)
 
 
+def shown(least: float, inside: float) -> str:
+    """Return a least range with the share of the instants within the zone, as text."""
+    return f"{least:.2f} m" + (f" ({100 * inside:.0f} % inside)" if inside else "")
+
+
+def instants() -> str:
+    """Return a table by phase of what a drift of an hour does that begins at every 10 s of the
+    mission on truth: without a burn, and after both aborts.
+    """
+    from ssp.servicing_mission import escapes
+
+    result = result_of("servicing_mission --every 10")
+    rho, drho, rate = escapes.hill_states(result)
+    axis = escapes.in_hill(result, escapes.grasp_axis(result))
+    tau = np.arange(0.0, 3601.0, 10.0)
+    lines = []
+    for number, name in enumerate(result.mode_names("manager.phase")[:5]):
+        rows = np.flatnonzero(result["manager.phase"] == number)[::100]
+        least = [
+            [
+                np.linalg.norm(escapes.drift(e.n, e.r[None], e.v[None], tau), axis=-1).min()
+                for e in (
+                    escapes.Escape(rho[k], drho[k], np.zeros(3), rate[k]),
+                    escapes.escape(result, rho[k], drho[k], rate[k], axis[k]),
+                    escapes.escape(result, rho[k], drho[k], rate[k]),
+                )
+            ]
+            for k in rows
+        ]
+        inside = np.mean(np.array(least) < ZONE, axis=0)
+        lines.append([name, *map(shown, np.min(least, axis=0), inside)])
+    head = ("phase", "no burn", "`abort_relative` 0", "`abort_relative` 1")
+    return f"\n{table(head, lines)}"
+
+
 def of_arm(expression: str, show: str) -> Any:
     """Return a function for a value of the run by the arm, as text."""
     return lambda: cell(Column("", expression, show), result_of(RUNS["by arm"]))
@@ -109,6 +147,7 @@ VALUES = {
     "mission_reenacted": sets("servicing_mission_navigated", REENACTED),
     "mission_arm_sets": sets("servicing_mission_by_arm", ARM),
     "mission_events": events,
+    "abort_instants": instants,
     "mission_estimates": estimates,
     "mission_tip": of_arm("tip error, aligning and closing", "{:.3f} mm"),
 }
