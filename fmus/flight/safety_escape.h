@@ -12,7 +12,8 @@
  *           w_j = max(2 (|v| + e_v), 1.25 |c_j+1 - c_j|/D)
  *   margin = min_j (dist(chord c_j c_j+1, 0) - k max(h_j, h_j+1) - s_j) - R_k
  *
- * h_j is the largest displacement towards the target by an error of the set, s_j the largest
+ * or, where this is less, of the burn: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| - R_k. Its path
+ * lies in the triangle rho, r, r + v T_b/2. h_j is the largest displacement towards the target by an error of the set, s_j the largest
  * distance of a path from its chord, k = sqrt(2/(1 + n_j . n_j+1)) covers the directions between
  * n_j and n_j+1. Equations of Clohessy and Wiltshire, n = sqrt(mu/a^3): no proof on an orbit with
  * e > 0.01. docs/models.md G.10, G.11 */
@@ -30,16 +31,17 @@ typedef struct {
     vec3 axis_H; /* outward axis of the corridor, where the servicer is inside; else 0 */
 } Known;         /* the last valid state whose range is not 0 */
 
-/* outward axis of the corridor in H axes if the servicer is inside, else 0 */
+/* outward axis of the corridor in H axes if the servicer is near and inside, else 0; near: a drift
+ * of the last valid state may lead within axis_radius */
 static inline vec3 axis_in_hill(const SafetyParameters *p, const SafetyInput *u,
                                 const RelativeState *x)
 {
+    if (!p->use_corridor || norm(x->rho_H) > 2 * p->axis_radius) return vec(0, 0, 0);
     mat3 C_TN = dcm_of_quat(attitude_in(u->T.q));
     vec3 rho_T = mul(C_TN, sub(u->S.r, u->T.r));
     int turns = p->corridor_axes == TARGET_AXES;
     const Corridor cone = corridor_of(p);
-    if (!p->use_corridor || corridor_value(&cone, turns ? rho_T : x->rho_H, rho_T) < 0)
-        return vec(0, 0, 0);
+    if (corridor_value(&cone, turns ? rho_T : x->rho_H, rho_T) < 0) return vec(0, 0, 0);
     return turns ? mul(x->C_HN, tmul(C_TN, p->corridor_axis)) : p->corridor_axis;
 }
 
@@ -73,8 +75,8 @@ typedef struct {
     double speed;     /* 2 (|v| + e_v) */
     double bend;      /* 3 n^2 r_max */
     double model;     /* e_model/2 */
-    vec3 r, v, dv;
-} EscapePath; /* r, v: state after the burn */
+    vec3 rho, r, v, dv;
+} EscapePath; /* rho: at the order; r, v: state after the burn */
 
 typedef struct {
     vec3 c;
@@ -94,8 +96,15 @@ static inline EscapePath escape_path(const SafetyParameters *p, const RelativeSt
     double size = norm(dv), F = p->abort_force, T_b = F > 0 ? p->mass * size / F : 0;
     if (F == 0) dv = vec(0, 0, 0), size = 0; /* free drift */
     vec3 r = add(x->rho_H, scale(T_b / 2, x->drho_H)), v = add(x->drho_H, dv);
-    return (EscapePath){
-        n, p->k_n * size, 2 * (norm(v) + p->e_v), 3 * n * n * p->r_max, p->e_model / 2, r, v, dv};
+    return (EscapePath){n,
+                        p->k_n * size,
+                        2 * (norm(v) + p->e_v),
+                        3 * n * n * p->r_max,
+                        p->e_model / 2,
+                        x->rho_H,
+                        r,
+                        v,
+                        dv};
 }
 
 static inline double sum_of_sizes(vec3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
@@ -118,6 +127,14 @@ static inline PathPoint first_point(const SafetyParameters *p, const EscapePath 
     double range = norm(e->r);
     return (PathPoint){e->r, range, dot(e->r, e->r),
                        p->e_r * sum_of_sizes(e->r) / (range + LEAST_RANGE)};
+}
+
+/* least range of the burn: of a triangle, in the direction of rho */
+static inline double least_of_burn(const SafetyParameters *p, const EscapePath *e)
+{
+    double square = dot(e->rho, e->rho), along = dot(e->rho, e->r);
+    double least = along < square ? along : square;
+    return (least - p->e_r * sum_of_sizes(e->rho)) / (sqrt(square) + LEAST_RANGE);
 }
 
 /* a step of the path: turn of the orbit, (7) where the path is not faster than e->speed, square of
@@ -168,7 +185,7 @@ static inline SineCosine turned(SineCosine a, SineCosine by)
 static inline EscapeBound least_range(const SafetyParameters *p, const EscapePath *e)
 {
     const double D[PARTS] = {p->escape_time / 180, p->escape_time / 60};
-    EscapeBound least = {INFINITY, 0, norm(e->dv)};
+    EscapeBound least = {least_of_burn(p, e), 0, norm(e->dv)};
     PathPoint a = first_point(p, e);
     SineCosine nt = {0, 1};
     double tau = 0;

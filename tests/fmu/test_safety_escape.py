@@ -72,13 +72,12 @@ def test_margin_matches_an_independent_derivation(fmu, rng, a):
     for _ in range(6):
         p = Bounds(*rng.uniform(0.3, 1.5, 9) * list(vars(Bounds()).values()))
         rho, drho = rng.normal(size=3) * 30, rng.normal(size=3) * 0.3
-        expected, segment = escape.bound(p, np.sqrt(MU / a**3), rho, drho)
+        expected, (low, high) = escape.bound(p, np.sqrt(MU / a**3), rho, drho)
         unit = foreseen(fmu, rho, drho, a, **vars(p))
         assert abs(unit.get("escape_margin") + 12 - expected) < 1e-6 * size_of(rho, expected)
         assert unit.get("escape_dv") == pytest.approx(
             np.linalg.norm(escape.increment(p, rho, drho))
         )
-        low, high = escape.TIMES[segment], escape.TIMES[segment + 1]
         assert low - 1e-6 <= unit.get("escape_time_least") <= high + 1e-6
 
 
@@ -317,6 +316,53 @@ def test_the_increment_is_formed_once_and_burnt_in_full(fmu):
     expected = C_NH(3) @ (0.1 * at / np.linalg.norm(at) - drho * 4)
     close(impulse / 100, expected, rel=1e-7)
     assert not unit.get("dv_left_N").any() or np.linalg.norm(unit.get("dv_left_N")) < 1e-12
+
+
+# ---- simulated by the FMUs of both bodies, with oblateness ----
+ORBIT = {"a": A, "e": 0, "inc": 0, "use_J2": 1, "mu": MU}
+ORBIT |= {"R_E": 6378136.3, "J2": 1.0826360229829945e-3}
+MONITOR = {name: ORBIT[name] for name in ("mu", "R_E", "J2")} | {"use_J2": 1, "act": 1}
+MONITOR |= {"abort_time": 0, "mass": 100, "abort_force": 0.9, "lost_time": 0}
+BODY = {"T": ("r_TN_N", "v_TN_N", "q_TN", "omega_TN_T"), "S": ("r_SN_N", "v_SN_N", "q_SN")}
+
+
+def ranges_after(fmu, rho, drho, speed, changes=None):
+    """Ranges of an hour in the FMUs after an abort from a relative state: burn every second, then
+    every 10 s.
+    """
+    target = fmu("target", ORBIT)
+    servicer = fmu("servicer", ORBIT | {"rho_0_H": rho, "drho_0_H": drho, "mass_0": 100})
+    monitor = fmu("safety_monitor", MONITOR | {"abort_speed": speed} | (changes or {}))
+    found, t = [], 0.0
+    while t < 3600:
+        inputs = {name: target.get(name) for name in BODY["T"]}
+        inputs |= {name: servicer.get(name) for name in BODY["S"]}
+        h = 1.0 if t < 130 else 10.0
+        monitor.step(h, inputs)
+        servicer.step(h, {"F_S": monitor.get("F_safe_S")})
+        target.step(h)
+        t += h
+        found.append(np.linalg.norm(servicer.get("r_SN_N") - target.get("r_TN_N")))
+    assert np.linalg.norm(monitor.get("dv_left_N")) < 1e-12
+    return np.array(found)
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3], ids=["truth", "estimates"])
+def test_aborts_from_states_of_every_phase_stay_outside_the_zone(fmu, speed):
+    """An instant of each phase; never nearer than the bound of rule escape states."""
+    for k in (1, 4, 7, 8, 11, 14, 17):
+        phase, rho, drho = INSTANTS[k]
+        distance = ranges_after(fmu, rho, drho, speed)
+        assert distance.min() > (12 if phase < 5 else 2.9)
+        assert distance.min() >= escape.bound(Bounds(abort_speed=speed), GEO, rho, drho)[0]
+        assert distance[-1] > 60
+
+
+def test_an_abort_along_the_corridor_is_no_escape(fmu):
+    """The same closing, 0.4 m/s at 59 m, with the velocity added along an axis of the target."""
+    _, rho, drho = INSTANTS[7]
+    along = {"abort_relative": 0, "corridor_axes": 1, "corridor_axis": (1, 0, 0)}
+    assert ranges_after(fmu, rho, drho, 0.1, along).min() < 12
 
 
 @pytest.mark.parametrize(

@@ -64,12 +64,13 @@ def distance_of_chord(a, b):
 
 
 def bound(p: Bounds, n, rho, drho, dv=None):
-    """Least range of the escape for all errors, and the segment of TIMES in which it is."""
-    r, v = after_burn(p, rho, drho) if dv is None else (np.asarray(rho), drho + np.asarray(dv))
-    dv = increment(p, rho, drho) if dv is None else np.asarray(dv)
-    if dv.any():
-        T_b = p.mass * size(dv) / p.abort_force
-        r, v = rho + np.asarray(drho) * T_b / 2, drho + dv
+    """Least range of the escape for all errors, and the beginning and end of its part [s]: the burn
+    (0, 0), or between two of TIMES.
+    """
+    rho, drho = np.asarray(rho, float), np.asarray(drho, float)
+    dv = increment(p, rho, drho) if dv is None else np.asarray(dv, float)
+    r = rho + drho * p.mass * size(dv) / p.abort_force / 2 if dv.any() else rho
+    v = drho + dv
     phi = transitions(n, TIMES)
     c = phi[:, :3, :3] @ r + phi[:, :3, 3:] @ v
     toward = c / size(c)[:, None]
@@ -82,7 +83,12 @@ def bound(p: Bounds, n, rho, drho, dv=None):
     s = D**2 / 8 * (2 * n * w + 3 * n**2 * p.r_max)
     k = np.sqrt(2 / (1 + np.sum(toward[1:] * toward[:-1], axis=1)))
     least = distance_of_chord(c[:-1], c[1:]) - k * np.maximum(h[1:], h[:-1]) - s
-    return least.min(), int(least.argmin())
+    part = int(least.argmin())
+    u = rho / size(rho)
+    burn = min(u @ rho, u @ r) - p.e_r * abs(u).sum()
+    if burn < least.min():
+        return burn, (0.0, 0.0)
+    return least.min(), (TIMES[part], TIMES[part + 1])
 
 
 def ranges(p: Bounds, n, rho, drho, errors, step=1.0):
