@@ -111,6 +111,20 @@ SCENES = (
         ONE,
     ),
     Scene(
+        "filter",
+        "A safety filter and a guidance that leads into the target",
+        "sync_approach_thrusters_filtered",
+        "harness compare sync_approach_thrusters_filtered --set guidance.rho_M=0.5 --set "
+        "guidance.beta=0.05 --vary filter.filter=0,1,2,3",
+        {"filtered_paths": "Paths in target axes: without a filter through the sphere, with the "
+         "switching filters and the least change along it."},
+        {
+            word: {"set": {"guidance.rho_M": 0.5, "guidance.beta": 0.05, "filter.filter": k}}
+            for k, word in enumerate(("none", "explicit", "implicit", "least change"))
+        },
+        10,
+    ),
+    Scene(
         "rendezvous",
         "Rendezvous with proved safety",
         "arch_rendezvous",

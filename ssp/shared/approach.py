@@ -57,7 +57,7 @@ def approach(
     """Return the mission of an approach: its own figures among the shared ones, and its papers."""
     return Mission(
         figures=(*COMMON, *figures, *FURTHER),
-        overlays=(*OVERLAYS, *overlays),
+        overlays=(*OVERLAYS, *filtering.OVERLAYS, *overlays),
         phases=PHASES,
         metrics=(*METRICS, *filtering.METRICS, *flexible.METRICS),
         claims=(*claims, navigation_claims.PAPER),

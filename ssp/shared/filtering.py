@@ -5,7 +5,7 @@ for which rule it changed the force.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,9 +14,11 @@ import numpy as np
 
 from harness.figures.style import legend_above, time_axis
 from harness.mission import Limits, Metric, RuleFinding
-from harness.mission.figure import Axes, Drawing
-from harness.results.histories import norm
+from harness.mission.figure import Axes, Colour, Drawing, Overlay
+from harness.results.histories import minus, norm, turned
 from harness.results.result import Array, Result
+
+from .relative_motion import SERVICER, TARGET
 
 MODE, ACTIVE, CHANGE = "filter.mode", "filter.active", "filter.intervention"
 BARRIER, LEAST, RELAXED = "filter.barrier", "filter.least_barrier", "filter.relaxed"
@@ -157,6 +159,46 @@ def _draw(canvas: Axes, result: Result) -> None:
     below.set_xlabel(time_axis(result.time).label)
 
 
+PARAMETERS = ("keep_out_radius", "use_corridor", "corridor_half_angle", "corridor_axis")
+SEEN = (SERVICER, TARGET, "target.q_TN", MODE)
+
+
+def beside_axis(result: Result) -> tuple[Array, Array]:
+    """Return the distance along the axis of the corridor, and off it, in target axes (rows,)
+    [m].
+    """
+    back = result["target.q_TN"] * (1, -1, -1, -1)
+    rho = turned(back, minus(result[SERVICER], result[TARGET]))
+    along = rho @ result.parameter("filter.corridor_axis")
+    return along, np.sqrt(np.maximum(norm(rho) ** 2 - along**2, 0))
+
+
+def _draw_paths(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
+    panel = canvas.subplots()
+    for label, result in results.items():
+        panel.plot(*beside_axis(result), lw=1.1, label=label, color=colours[label])
+    first = next(iter(results.values()))
+    radius, corridor, half, _ = (first.parameter(f"filter.{name}") for name in PARAMETERS)
+    angle = np.linspace(0, np.pi, 181)
+    panel.plot(radius * np.cos(angle), radius * np.sin(angle), "k--", lw=0.8)
+    if corridor:
+        far = np.array((0, max(float(beside_axis(r)[0].max()) for r in results.values())))
+        panel.plot(far, far * np.tan(half), "k:", lw=0.8)
+    panel.set_aspect("equal")
+    panel.set_xlabel("along the axis of the corridor [m]")
+    panel.set_ylabel("off the axis [m]")
+    legend_above(panel)
+
+
+OVERLAYS: tuple[Overlay, ...] = (
+    Overlay(
+        "filtered_paths",
+        "Paths in target axes, the sphere dashed, the corridor dotted",
+        SEEN,
+        _draw_paths,
+        (9, 4),
+    ),
+)
 FIGURES: tuple[Drawing, ...] = (
     Drawing("filter", "Barriers and interventions of the safety filter", NEEDS, _draw, (11, 7)),
 )

@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from tests.close import close
+from tests.reference import published_filters as published
 from tests.reference import safety_filter as reference
 from tests.reference.filter_runs import Loop
 
@@ -215,3 +216,27 @@ def test_the_drift_is_the_integral_of_its_equations():
     end = solve_ivp(hill, (0, t), x, "DOP853", rtol=1e-12, atol=1e-14).y[:3, -1]
     rr, rv = reference.clohessy_wiltshire(n, t)
     close(rr @ x[:3] + rv @ x[3:], end, rel=1e-9)
+
+
+# ---- filters of the literature (docs/models.md M.11) ----
+def test_a_condition_at_the_sample_lets_a_held_force_exceed_the_limit():
+    """The published condition, the published switch, and the condition over the hold."""
+    least = {
+        name: min(
+            published.simulate(published.FILTERS[name], seed, 150)["least"] for seed in (1, 3)
+        )
+        for name in ("explicit switching", "explicit optimisation", "safety_filter, least change")
+    }
+    assert least["explicit switching"] < 0
+    assert least["explicit optimisation"] < 0
+    assert least["safety_filter, least change"] > 0.05
+
+
+def test_the_row_of_the_published_condition_is_its_derivative():
+    rng = np.random.default_rng(2)
+    x, u = rng.normal(size=6) * np.repeat((50, 0.1), 3), rng.normal(size=3)
+    g = published.gradient(x)
+    step = 1e-6
+    ahead = x + step * (published.A @ x + published.B @ u)
+    rate = (published.margin(ahead) - published.margin(x)) / step
+    assert g @ (published.A @ x + published.B @ u) == pytest.approx(rate, rel=1e-5)

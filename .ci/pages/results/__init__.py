@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 from text import ROOT, table
 
 MISSIONS = (
-    *("arch_rendezvous", "arm_capture", "flexible_servicer", "navigation", "ppc_tracking"),
-    *("relay_approach", "safety", "servicing_mission", "sync_approach", "transposition"),
+    *("arch_rendezvous", "arm_capture", "filter", "flexible_servicer", "navigation"),
+    *("ppc_tracking", "relay_approach", "safety", "servicing_mission", "sync_approach"),
+    "transposition",
 )
 """Modules of this package."""
 OPTIONS = argparse.ArgumentParser()

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Safety filter: none, simplex and least change, under several controllers and under one that aims
+at the target.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from results import Column, of_runs
+
+FILTERS = ("none", "explicit simplex", "implicit simplex", "least change")
+"""By the value of filter.filter."""
+CONTROLLERS = ("ppc_controller", "pid_controller", "theta_d_controller", "adaptive_controller")
+AIMING = "sync_approach_thrusters_filtered --set guidance.rho_M=0.5 --set guidance.beta=0.05"
+SPHERE = 3.9
+"""Radius of the sphere of that system [m]."""
+WORK = [
+    Column("changed [%]", "filter changes", "{:.1f}"),
+    Column("impulse of the change [N s]", "filter impulse", "{:.3g}"),
+]
+
+
+def _least_range(result: Any) -> float:
+    from ssp.shared.relative_motion import range_
+
+    return float(range_(result).min())
+
+
+def _impulse(result: Any) -> float:
+    """Return the impulse that leaves the filter [N s]."""
+    from ssp.shared.filtering import passed
+
+    return passed(result)
+
+
+def _arrival(result: Any) -> float:
+    """Return the first time within 10 cm of the sphere [s]."""
+    from ssp.shared.relative_motion import range_
+
+    near = range_(result) < SPHERE + 0.1
+    return float(result.time[np.argmax(near)]) if near.any() else float("nan")
+
+
+def controllers() -> str:
+    """Return a table of four controllers behind each filter, in the parameter set limited."""
+    base = "ppc_tracking_filtered --params limited"
+    runs = {
+        f"`{controller}`, {name}": f"{base} --swap controller={controller} --set filter.filter={k}"
+        for controller in CONTROLLERS
+        for k, name in enumerate(FILTERS)
+    }
+    return of_runs(
+        "controller, filter",
+        runs,
+        [
+            *WORK,
+            Column("delta-v [m/s]", "delta-v", "{:.1f}"),
+            Column("least range [m]", _least_range, "{:.3f}"),
+            Column("least barrier of the sphere [m]", "keep-out barrier", "{:.2f}"),
+        ],
+    )
+
+
+def aiming() -> str:
+    """Return a table of a guidance that leads to 0.5 m from the centre of the target."""
+    runs = {name: f"{AIMING} --set filter.filter={k}" for k, name in enumerate(FILTERS)}
+    return of_runs(
+        "filter",
+        runs,
+        [
+            Column("least range [m]", _least_range, "{:.3f}"),
+            Column("least barrier of the sphere [m]", "keep-out barrier", "{:.3f}"),
+            Column("of the speed limit [m/s]", "speed barrier", "{:.4f}"),
+            *WORK,
+            Column("impulse [N s]", _impulse, "{:.0f}"),
+            Column("at the sphere after [s]", _arrival, "{:.0f}"),
+        ],
+    )
+
+
+VALUES = {"filter_controllers": controllers, "filter_aiming": aiming}
