@@ -10,7 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.close import close
+from tests.each import Each
+from tests.reference import safety_filter as reference
 from tests.reference.filter_runs import AT_TARGET, CASES, GENTLE, WEAK, Loop, runs_of, summary
+
+from .filter_cases import inputs, settings
 
 ERRORS = {
     "position_error": 0.02,
@@ -111,3 +116,50 @@ def test_where_the_box_is_too_small_the_sphere_still_holds(loop):
 def test_runs_repeat(loop):
     first, second = (list(runs_of(loop, SMALL, 7)) for _ in range(2))
     assert all(np.array_equal(a["margin"], b["margin"]) for a, b in zip(first, second, strict=True))
+
+
+# ---- parts of a sample against the independent implementation ----
+def one_state(seed):
+    rng = np.random.default_rng([6, seed])
+    p = settings(rng, passive_time=600.0, keep_out_radius=4.0, keep_out_opens=0)
+    u = inputs(rng, p)
+    return p, u, reference.Geometry(p, u, p.sample_period), rng.normal(size=3)
+
+
+@pytest.fixture
+def state():
+    return Each(range(40)).map(one_state)
+
+
+def test_every_row_agrees(loop, state):
+    """Also rows whose edge the command does not touch."""
+    p, u, g, _ = state
+    found, count = loop.part("rows_at", p, u)
+    _, rows = reference.rows_of(g)
+    assert count == len(rows)
+    found = found[: 4 * count].reshape(-1, 4)
+    close(found[:, :3], [r.n for r in rows], rel=1e-12)
+    sizes = np.abs([r.c for r in rows])
+    assert np.all(np.abs(found[:, 3] - [r.c for r in rows]) <= 1e-9 * np.maximum(sizes, 1))
+
+
+def test_the_drift_under_a_force_agrees(loop, state):
+    p, u, g, force = state
+    found, count = loop.part("drift_at", p, u, force)
+    drift = reference.Drift(g)
+    least, chord = drift.worst(force)
+    assert found[0] == pytest.approx(least, rel=1e-9, abs=1e-9) and found[1] == chord
+    rows = list(drift.rows(1))
+    assert count == len(rows)
+    for row, ours in zip(rows, found[2 : 2 + 4 * count].reshape(-1, 4), strict=True):
+        close(ours[:3], row.n, rel=1e-10)
+        assert ours[3] == pytest.approx(row.c, rel=1e-9, abs=1e-9)
+
+
+def test_the_stop_after_a_force_agrees(loop, state):
+    p, u, g, force = state
+    found, _ = loop.part("held_at", p, u, force)
+    x, v, e, t = reference.after_hold(g, force)
+    close(found[:3], x, rel=1e-12)
+    close(found[3:6], v, rel=1e-10)
+    close(found[6:8], (e, t), rel=1e-12)

@@ -52,6 +52,53 @@ int nearest(const double *given, int number, const double u_0[3], double tol, do
     return excluded;
 }
 
+/* ---- parts of one sample, for comparison ---- */
+static Input input_of(const double *given)
+{
+    Input u;
+    memcpy(&u, given, sizeof u);
+    return u;
+}
+
+/* all rows but the drift, four numbers each; returns how many */
+int rows_at(const double *given, double *found);
+int rows_at(const double *given, double *found)
+{
+    Input u = input_of(given);
+    double barrier[BARRIERS];
+    const Parameters *p = &prototype.p;
+    Geometry g = geometry(p, &u, p->sample_period);
+    Rows rows = all_rows(p, &u, &g, initial_state(p).slope, barrier);
+    for (int i = 0; i < rows.count; i++) memcpy(found + 4 * i, &rows.row[i], 4 * sizeof *found);
+    return rows.count;
+}
+
+/* margin of the worst chord under a force, the chord, and the rows of chord 1 */
+int drift_at(const double *given, const double F[3], double *found);
+int drift_at(const double *given, const double F[3], double *found)
+{
+    Input u = input_of(given);
+    const Parameters *p = &prototype.p;
+    Geometry g = geometry(p, &u, p->sample_period);
+    DriftFan f = drift_fan(p, &u, &g);
+    Worst w = worst_drift(p, &f, vec(F[0], F[1], F[2]));
+    Rows rows = {.count = 0};
+    add_drift_rows(p, &f, 1, &rows);
+    found[0] = w.margin, found[1] = w.chord;
+    for (int i = 0; i < rows.count; i++) memcpy(found + 2 + 4 * i, &rows.row[i], 4 * sizeof *found);
+    return rows.count;
+}
+
+/* (22): x_1, v_1, e and s/(2 a_B) */
+void held_at(const double *given, const double F[3], double found[8]);
+void held_at(const double *given, const double F[3], double found[8])
+{
+    Input u = input_of(given);
+    Geometry g = geometry(&prototype.p, &u, prototype.p.sample_period);
+    Held h = after_hold(&prototype.p, &g, vec(F[0], F[1], F[2]));
+    memcpy(found, &h, sizeof h);
+}
+
 /* ---- random numbers (splitmix64) ---- */
 static uint64_t noise;
 static double uniform(double low, double high)

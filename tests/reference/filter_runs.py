@@ -21,7 +21,7 @@ import numpy as np
 
 from tests.compiled import CACHE
 
-from .safety_filter import Settings
+from .safety_filter import Inputs, Settings
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = Path(__file__).with_name("filter_loop.c")
@@ -123,6 +123,16 @@ class Loop:
             given[0], len(rows), given[1], ctypes.c_double(tol), given[2]
         )
         return found, excluded
+
+    def part(self, name: str, p: Settings, u: Inputs, *vectors) -> tuple[np.ndarray, int]:
+        """Return what a part of a sample writes, and the number that it returns."""
+        self.set(Case(asdict(p)))
+        state = [np.asarray(value, float).ravel() for value in vars(u).values()]
+        found = np.zeros(4 * 26)
+        numbers = (np.concatenate(state), *(np.array(v, float) for v in vectors), found)
+        kind = ctypes.POINTER(ctypes.c_double)
+        count = getattr(self.library, name)(*(a.ctypes.data_as(kind) for a in numbers))
+        return found, count
 
     def set(self, case: Case, **changes) -> None:
         """Set all parameters: the start values, over them the case and the changes."""

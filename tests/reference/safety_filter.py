@@ -430,8 +430,8 @@ def filtered(p, u: Inputs, P):
 
 
 # ---- 4 simplex ----
-def stops(g: Geometry, u: Inputs, boxed):
-    """(22) to (24): whether the servicer can stop straight ahead after one hold of a force."""
+def after_hold(g: Geometry, boxed):
+    """(22): x_1, v_1, e and s/(2 a_B)."""
     p, P = g.p, g.P
     v, a = (g.v_T, g.a_T) if g.has_corridor else (g.v, g.g)
     force = g.C_SN.T @ boxed / p.mass
@@ -441,7 +441,13 @@ def stops(g: Geometry, u: Inputs, boxed):
     s = norm(v_1) + p.velocity_error + P * (D_s + spread)
     e = p.position_error + P * P / 2 * (D_s + spread)
     a_b = min(p.brake_keep_out, p.brake_corridor) if g.has_corridor else p.brake_keep_out
-    t = s / (2 * a_b)
+    return x_1, v_1, e, s / (2 * a_b)
+
+
+def stops(g: Geometry, boxed):
+    """(23), (24): whether the servicer can stop straight ahead after one hold of a force."""
+    p = g.p
+    x_1, v_1, e, t = after_hold(g, boxed)
     gaps = []
     if g.has_sphere and p.filter == EXPLICIT:
         closing = min(x_1 @ v_1 / norm(x_1), 0)
@@ -472,7 +478,7 @@ def switched(p, u: Inputs, P, memory: Memory):
     most, tol = np.asarray(p.F_max, float), 1e-9 * norm(p.F_max)
     boxed = np.clip(u.F_cmd_S, -most, most)
     broken = next((r.rule for r in rows if r.n @ boxed < r.c - tol), 0)
-    stop, drifts = stops(g, u, boxed), True
+    stop, drifts = stops(g, boxed), True
     if g.has_drift:
         drift = Drift(g)
         h[DRIFT - 1] = drift.chords(np.zeros(3))[2].min()
