@@ -69,8 +69,9 @@ def test_ppc_tracking_meets_the_box_only():
 
 
 @pytest.mark.long
-def test_the_mission_is_left_alone_but_for_the_box():
-    result = run("servicing_mission_filtered")
+@pytest.mark.parametrize("params", ["default", "guarded"])
+def test_the_mission_is_left_alone_but_for_the_box(params):
+    result = run("servicing_mission_filtered", params=params)
     changed = result["filter.intervention"] > 0
     assert set(result["filter.active"][changed]) <= {6}
     assert result["filter.intervention"].max() < 0.1
