@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from harness.errors import HarnessError
+from harness.errors import library
 from harness.files.cache import with_second_try
 from harness.master.changes import Changes, Pairs, apply, pairs, timely
 from harness.master.isolated import PATIENCE, all_ours, guarded, simulate
@@ -174,9 +173,7 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
     (default: every). render_mode: `rgb_array`; further arguments: changes as for run(). Third-party
     FMUs run in a child process. Raises UsageError, and the errors of run() before its first step.
     """
-    if importlib.util.find_spec("gymnasium") is None:
-        text = "an environment needs gymnasium: pip install 'servicing-fmus[learn]' (or gymnasium)"
-        raise HarnessError(text)
+    library("gymnasium", "learn")
     from harness.learning.apart import Apart
     from harness.learning.environment import Environment
 

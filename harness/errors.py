@@ -139,6 +139,7 @@ EXTRAS = {
     "notebook": ("pandas", "xarray"),
     "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),
     "python": ("pythonfmu",),
+    "learn": ("gymnasium",),
 }
 """Extras of this package and the libraries that each brings."""
 HOMES = {"erfa": "pyerfa"}

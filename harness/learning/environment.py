@@ -22,17 +22,20 @@ from numpy.typing import NDArray
 
 from harness.authoring.policy import Policy, Ports
 from harness.errors import RunError, UsageError
+from harness.figures.picture import picture
 from harness.learning import rows
 from harness.master.changes import Changes, apply, joined
 from harness.master.executors import Stretch
 from harness.master.simulation import Simulation
-from harness.mission.library import mission
+from harness.mission.library import mission, of_result
 from harness.mission.mission import Steering
+from harness.report.arrays import Arrays
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load
 from harness.studies.campaign.draft import read_plan
+from harness.studies.campaign.plan import changes_of
 from harness.system.graph import Wire, build_graph, constants
 from harness.system.model import System
 from harness.system.values import base, elements_of, with_arrays
@@ -253,7 +256,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
             self._run %= plan.runs
             drawn = plan.values(self._run)
             info = {"run": self._run, "factors": drawn}
-            changes = joined(plan.changes(drawn), self._changes)
+            changes = joined(self._changes, changes_of(drawn))
             simulation.begin(apply(simulation.base, **changes))
             simulation.initialize()
         self._error = ""
@@ -322,6 +325,17 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
     def _observation(self) -> Array:
         seen: Array = self.simulation.bus[self._slots] * self._factors + self._offsets
         return seen
+
+    def render(self) -> Any:
+        """Return a picture (height, width, 3) of the bodies and their paths so far."""
+        if self.render_mode is None:
+            return None
+        result, arrays = self.result(), Arrays()
+        for scene in of_result(result).scene:
+            if result.holds(*scene.needs, parameters=scene.parameters):
+                title = f"{self.simulation.time:.6g} s"
+                return picture(scene.build(result, arrays), arrays.take, title)
+        raise UsageError(f"{result.system}: its mission has no replay to render")
 
     def shown(self, name: str) -> Any:
         """Return an attribute, for an environment in another process."""

@@ -174,8 +174,16 @@ IDS = ["ArchRendezvous", "PpcTracking", "SyncApproachThrusters", "SpaceRobot", "
 
 @pytest.mark.parametrize("name", IDS)
 def test_checks_of_gymnasium_pass(name):
-    env = gymnasium.make(f"servicing/{name}-v0", disable_env_checker=True)
+    picture = "rgb_array" if name == "PpcTracking" else None
+    made = f"servicing/{name}-v0"
+    env = gymnasium.make(made, render_mode=picture, disable_env_checker=True)
     check_env(env.unwrapped, skip_render_check=True)
+    if picture:
+        env.reset()
+        env.step(env.action_space.high)
+        shown = env.render()
+        assert shown.shape == (480, 480, 3)
+        assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 50
     env.close()
 
 
@@ -210,4 +218,34 @@ def test_a_crash_of_a_third_party_fmu_ends_the_episode(make):
     assert "crashed (SIGSEGV" in info["ended"][0]
     again, _ = env.reset()
     np.testing.assert_array_equal(again, seen)
+    env.close()
+
+
+def test_the_abort_of_a_monitor_ends_the_episode():
+    env = environment("sync_approach_thrusters_guarded", shield="monitor", stop=400)
+    env.reset()
+    over, towards = False, np.array([0, -1, 0, 0, 0, 0, 0, 0, 0]) * env.action_space.high
+    while not over:
+        _, _, over, out, info = env.step(towards)
+        assert not out
+    assert info["ended"] == ["monitor.abort"]
+    assert env.result()["monitor.abort"][-2:].tolist() == [0, 1]
+    env.close()
+
+
+def test_a_filter_corrects_the_agent():
+    """A push towards the target is corrected before it violates the sphere."""
+    env = environment("sync_approach_thrusters_filtered", shield="filter", stop=400, ends=())
+    env.reset()
+    over, towards, found = False, np.array([0, -1, 0, 0, 0, 0, 0, 0, 0]), []
+    while not over:
+        _, _, lost, over, info = env.step(towards * env.action_space.high)
+        assert not lost
+        found.append(info["intervention"])
+    result = env.result()
+    assert found[0] == 0
+    assert max(found) > 1
+    np.testing.assert_array_equal(found, result["filter.intervention"][1:])
+    distance = np.linalg.norm(result["servicer.r_SN_N"] - result["target.r_TN_N"], axis=1)
+    assert distance.min() >= 4.0 - 1e-9
     env.close()
