@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import sys
 
+from tests.bench import environments
 from tests.bench.bench import bench
 
-print(bench(*sys.argv[1:2] or ["sync_approach"]))
+(system,) = sys.argv[1:2] or ["sync_approach"]
+print(bench(system))
+print("\n".join(environments.bench(system)))
