@@ -155,8 +155,14 @@ def test_a_compiler_may_have_arguments_and_an_fmu_another_file_name(twins, tmp_p
         ),
         (["new", "controller", "a", "--language", "rust"], "Invalid value for '--language'"),
         (["new", "plant", "a"], "new plant: expected `harness new controller NAME`"),
-        (["build", "nothing"], "nothing: expected a .c or .py file, or a folder with nothing.c or"),
-        (["build", "empty"], "empty: expected a .c or .py file, or a folder with empty.c or"),
+        (
+            ["build", "nothing"],
+            "nothing: expected a .c or .py file, a policy .npz or .onnx, or a folder",
+        ),
+        (
+            ["build", "empty"],
+            "empty: expected a .c or .py file, a policy .npz or .onnx, or a folder",
+        ),
         (["build", "both"], "both: it holds both.c and both.py: name one of them"),
         (["build", "bad.c", "-o", "x.so"], "--output x.so: expected a file NAME.fmu"),
         (["build", "bad.c", "--cc", "no_such_cc"], "no_such_cc: there is no such C compiler"),

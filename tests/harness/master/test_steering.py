@@ -116,8 +116,8 @@ def test_names_and_shapes_that_do_not_fit_are_errors(steered):
         steered.port("controller.F_cmd")
     with pytest.raises(UsageError, match="no such component"):
         run("ppc_tracking", open=["control"])
-    with pytest.raises(UsageError, match="executor c or python"):
-        run("ppc_tracking", open=["controller"], executor="fused")
+    with load("ppc_tracking") as system, pytest.raises(UsageError, match="executor c or python"):
+        Simulation(system, open=["controller"], executor="fused")
 
 
 def test_a_value_that_is_not_finite_names_the_variable_and_the_time(steered):
