@@ -284,6 +284,15 @@ traceability: build
 sdist: $(TOOLS)
 	cd "$(CURDIR)" && $(BIN)/python -c 'import scikit_build_core.build as b; b.build_sdist("dist")'
 
+# absence of run-time errors in flight software by Frama-C Eva; on Debian (and Ubuntu) the package is
+# installed. An analysis ends after 600 s at most; the logs are in build/proofs
+.PHONY: proofs
+proofs: build
+	@command -v frama-c > /dev/null || { echo "missing: frama-c; package of Debian: frama-c-base"; \
+	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
+	     apt-get install -y --no-install-recommends frama-c-base; }
+	$(BIN)/python .ci/proofs.py build/proofs $(COMPONENTS)
+
 # compiles examples/cfs and examples/fprime with checkouts of the frameworks; F Prime needs its
 # requirements.txt in the environment: make flight-examples CFE=... OSAL=... PSP=... ELF2CFETBL=...,
 # make flight-examples FPRIME=...

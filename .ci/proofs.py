@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Absence of run-time errors in flight software, by Frama-C Eva.
+
+    python .ci/proofs.py FOLDER [COMPONENT...]        (make proofs)
+
+Eva follows all values at once: every parameter and input that its rows allow, at any time, for any
+number of steps. It reports an alarm where it cannot exclude an index outside its array, an integer
+overflow, an undefined shift, a conversion of a number that does not fit, or a read of memory
+without a value. Infinite numbers and NaN are values.
+
+Stubs: `sqrt`, `fabs` and `copysign` come from Frama-C; `reject`, which writes the texts of
+rejected parameters before the first step, counts only.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from fmus.core.build import flight_rules
+
+sys.path.insert(0, str(flight_rules.FMUS / "core" / "build"))
+from c_api import layouts
+from fused_layout import INPUT, PARAMETER, RULES, Model, Row
+
+OPEN = {
+    "arm_controller": "arrays are written and read up to `joints`: Eva does not relate both loops",
+    "arm_guidance": "arrays are written and read up to `joints`: Eva does not relate both loops",
+    "thruster_allocation": "the arrays of free_step() are written and read up to the number of free"
+    " thrusters: Eva does not relate both loops",
+    "safety_monitor": "its rules are read through void pointers: Eva joins their types",
+    "transposition_guidance": "the analysis does not end within the limit",
+    "safety_filter": "Frama-C 25.0 ends with an internal error",
+}
+"""Components with alarms or without an end, and the reason."""
+WHOLE = {
+    "joints": (0, 7),
+    "nodes": (8, 120),
+    "scheme": (0, 2),
+    "weight": (0, 8),
+    "iterations_max": (0, 30),
+}
+"""Parameters that `check` limits to whole numbers, with the limits."""
+OPTIONS = (
+    *("-machdep", "gcc_x86_64", "-c11", "-warn-special-float", "none"),
+    *("-eva", "-eva-no-show-progress", "-eva-auto-loop-unroll", "128"),
+)
+MORE = {
+    "arm_controller": ("-eva-slevel", "64"),
+    "arm_guidance": ("-eva-slevel", "64"),
+    "thruster_allocation": ("-eva-slevel", "64"),
+}
+"""Further options by component: the number of states that are followed separately."""
+PROGRAM = """#define reject reject_with_text
+#include "fmu.h"
+#undef reject
+#include "__fc_builtin.h"
+static void reject(Problems *all, const char *name, double value, const char *rule)
+{{
+    (void)name, (void)value, (void)rule;
+    all->count = 1;
+}}
+#include "{source}"
+
+static Model m;
+{scratch}
+static void set_inputs(void)
+{{
+    double *x = (double *)&m;
+{inputs}
+}}
+
+int main(void)
+{{
+    Problems problems = {{{{0}}, 0, ""}};
+    double *x = (double *)&m;
+{parameters}
+    check(&m.p, &problems);
+    set_inputs();
+    initialize(&m.p, &m.u, &m.x, &m.y, Frama_C_double_interval(-1e9, 1e9){work});
+    while (Frama_C_interval(0, 1)) {{
+        set_inputs();
+        step(&m.p, &m.u, &m.x, &m.y, Frama_C_double_interval(-1e9, 1e9),
+             Frama_C_double_interval(1e-9, 1e5));
+    }}
+    return 0;
+}}
+"""
+LARGEST = 1.7976931348623157e308
+SMALLEST = 5e-324
+
+
+class Proof(NamedTuple):
+    """Outcome for a component: alarms as file, line and rule; functions and statements reached;
+    error: of an analysis that did not end.
+    """
+
+    name: str
+    alarms: tuple[str, ...]
+    functions: int
+    statements: int
+    error: str = ""
+
+
+def assignments(model: Model, causality: int) -> Iterator[str]:
+    """Yield C that gives every element of a causality all values of its range."""
+    for row in model.rows:
+        if row.causality != causality:
+            continue
+        for i in range(row.first, row.first + row.size):
+            yield f"    x[{i}] = {values_of(row)};"
+
+
+def values_of(row: Row) -> str:
+    """Return C for any value of the range of a row."""
+    rule = RULES[row.rule]
+    if row.name in WHOLE:
+        low, high = WHOLE[row.name]
+        return f"Frama_C_interval({low}, {high})"
+    if rule in ("SWITCH_VALUE", "ALARM_VALUE"):
+        return "Frama_C_interval(0, 1)"
+    smallest = {"ANY_VALUE": -LARGEST, "POSITIVE_VALUE": SMALLEST}.get(rule, 0.0)
+    return f"Frama_C_double_interval({smallest!r}, {LARGEST!r})"
+
+
+def program(source: Path, model: Model) -> str:
+    """Return the program that Eva follows."""
+    work = re.search(r"FMU_MODEL_WITH\((\w+),", source.read_text(encoding="utf-8"))
+    return PROGRAM.format(
+        source=source,
+        scratch=f"static {work[1]} scratch;" if work else "",
+        work=", &scratch" if work else "",
+        inputs="\n".join(assignments(model, INPUT)) or "    (void)x;",
+        parameters="\n".join(assignments(model, PARAMETER)),
+    )
+
+
+def prove(source: Path, model: Model, folder: Path, seconds: int = 600) -> Proof:
+    """Return the outcome for a component; the log of Eva remains in the folder."""
+    file, log = folder / f"{source.stem}.c", folder / f"{source.stem}.log"
+    file.write_text(program(source, model), encoding="utf-8")
+    include = " ".join(flight_rules.INCLUDE)
+    more = MORE.get(source.stem, ())
+    command = ["frama-c", f"-cpp-extra-args={include}", *OPTIONS, *more, str(file)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return Proof(source.stem, (), 0, 0, f"no end within {seconds} s")
+    log.write_text(done.stdout + done.stderr, encoding="utf-8")
+    return read_log(source.stem, done.stdout + done.stderr)
+
+
+def read_log(name: str, log: str) -> Proof:
+    """Return the outcome from the log of Eva."""
+    if "alarms generated" not in log and "alarm generated" not in log:
+        return Proof(name, (), 0, 0, log.strip().splitlines()[-1] if log.strip() else "no output")
+    found = re.findall(r"\[eva:alarm\] (\S+?):(\d+): Warning: *\n((?: +.*\n)+)", log)
+    root = str(flight_rules.FMUS.parent) + "/"
+    alarms = (
+        f"{file.replace(root, '')}:{line}: {' '.join(why.split())}" for file, line, why in found
+    )
+    functions = re.search(r"(\d+) functions? analyzed", log)
+    statements = re.search(r"(\d+) statements? reached", log)
+    return Proof(
+        name, tuple(alarms), int(functions[1]) if functions else 0,
+        int(statements[1]) if statements else 0,
+    )  # fmt: skip
+
+
+def models() -> dict[str, Model]:
+    """Return the layouts of all flight software by name."""
+    names = [source.stem for source in flight_rules.sources()]
+    return layouts(names, flight_rules.FMUS / "flight", ["cc", *flight_rules.INCLUDE])
+
+
+def verdict(proof: Proof) -> str:
+    """Return what is wrong with the outcome for a component, or ""."""
+    proved = not proof.alarms and not proof.error
+    if proved == (proof.name not in OPEN):
+        return ""
+    if proved:
+        return "is proved: remove it from OPEN"
+    return proof.error or f"{len(proof.alarms)} alarms, and no reason in OPEN"
+
+
+def main() -> None:
+    """Run the command line, see the docstring of the module."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("components", nargs="*")
+    a = parser.parse_args()
+    a.folder.mkdir(parents=True, exist_ok=True)
+    known, wrong = models(), False
+    for source in flight_rules.sources():
+        if a.components and source.stem not in a.components:
+            continue
+        proof = prove(source, known[source.stem], a.folder)
+        reason = verdict(proof)
+        wrong |= bool(reason)
+        outcome = proof.error or f"{len(proof.alarms)} alarms"
+        counts = f"{proof.functions} functions, {proof.statements} statements"
+        print(f"{source.stem}: {outcome}; {counts}{reason and f': {reason}'}", flush=True)
+        for alarm in proof.alarms:
+            print(f"    {alarm}", flush=True)
+    sys.exit(wrong)
+
+
+if __name__ == "__main__":
+    main()
