@@ -52,13 +52,15 @@ class Metric(BaseMetric):
 
     beside: shown in a table of its own, not among the metrics of a page; about: meaning of the
     limits for it, the last line of its heading; words: names of its values 0, 1, ..; apart: a
-    comparison warns if its values differ by more than this factor.
+    comparison warns if its values differ by more than this factor; above: a comparison shows the
+    metric, with a warning, only if a value exceeds this.
     """
 
     beside: bool = False
     about: Callable[[Limits, Mapping[str, Result]], str] | None = None
     words: tuple[str, ...] = ()
     apart: float = math.inf
+    above: float = -math.inf
 
     def __call__(self, result: Result, *limits: Limits) -> float:
         """Return the value; NaN if the result lacks what it needs, or has no such value.
@@ -97,6 +99,19 @@ def apart(
                 f"{values[least]:.3g} {metric.unit} differ by more than a factor of "
                 f"{metric.apart:g}: the actuators are not the same"
             )
+
+
+def exceeding(
+    found: Iterable[Metric], columns: Mapping[tuple[str, str], Mapping[str, float]]
+) -> Iterator[str]:
+    """Yield a line per metric and run above the value from which on the metric is shown."""
+    for metric in (m for m in found if m.above > -math.inf):
+        for label, value in columns.get((metric.name, metric.unit), {}).items():
+            if value > metric.above:
+                yield (
+                    f"{label}: {metric.name} {value:.3g} {metric.unit}, more than "
+                    f"{metric.above:g} {metric.unit}: the run shows the limit, not the law"
+                )
 
 
 class WatchedMetric(BaseMetric):

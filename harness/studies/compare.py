@@ -25,7 +25,7 @@ from harness.master.remainder import rest
 from harness.mission import Limits
 from harness.mission.fields import several
 from harness.mission.library import of_result
-from harness.mission.mission import Mission, apart, measured, together
+from harness.mission.mission import Mission, apart, exceeding, measured, together
 from harness.results.files import ResultFile, read
 from harness.results.requirements import findings
 from harness.results.result import Result
@@ -131,11 +131,18 @@ class Comparison:
         """Return the table as text, with the limits in force above and the definitions of its
         columns below; names: metrics in the table (default: all).
         """
-        chosen = {k: c for k, c in self.metrics.items() if not names or k[0] in names}
+        hidden = {
+            (m.name, m.unit) for m in self.mission.metrics
+            if not any(x > m.above for x in self.metrics.get((m.name, m.unit), {}).values())
+        }  # fmt: skip
+        chosen = {
+            k: c for k, c in self.metrics.items() if (k[0] in names if names else k not in hidden)
+        }
         keys = {(m.name, m.unit): m for m in self.mission.metrics}
         about = {key: m.about(self.limits, self.results) for key, m in keys.items() if m.about}
         words = {key: m.words for key, m in keys.items() if m.words}
-        warnings = (f"warning: {line}" for line in apart(self.mission.metrics, self.metrics))
+        doubts = (each(self.mission.metrics, self.metrics) for each in (apart, exceeding))
+        warnings = (f"warning: {line}" for lines in doubts for line in lines)
         defined = (
             text for lines in self.mission.definitions for text in several(str, lines, self.limits)
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.mission import Drawing, Figure, Mission, Overlay, Paper, Scene
+from harness.mission import Drawing, Figure, Limits, Mission, Overlay, Paper, Scene
 from harness.results.result import Result
 
 from . import (
@@ -28,7 +28,7 @@ from .approach_figures import (
 )
 from .approach_scene import PAIR, pair, pairs
 from .conventions import CONTROLLER, ORBITS, RESTARTS, STEERED
-from .metrics import METRICS, bands, definitions
+from .metrics import AT_LIMITS, METRICS, bands, definitions
 from .overlays import FIGURES as OVERLAYS
 from .relative_motion import release_time
 from .safety import LEAST, RESTING, RULES, findings
@@ -84,6 +84,9 @@ TORQUE_COMMANDS = ("propulsion.M_S", "controller.wheel_accel_cmd")
 def notes(result: Result) -> Iterator[str]:
     """Yield one line per fact."""
     yield from _torque_without_effect(result)
+    for metric in AT_LIMITS:
+        if (share := metric(result, Limits())) > metric.above:
+            yield f"{metric.name} in {share:.0f} % of the rows: they show the limit, not the law"
 
 
 def _torque_without_effect(result: Result) -> Iterator[str]:

@@ -138,6 +138,10 @@ def _first_violation(result: Result, _: Limits) -> float:
 
 TORQUE_IMPULSE = "propulsion.torque_impulse"
 TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
+OFTEN = 20.0
+"""Share of rows at a limit [%] above which a comparison shows an actuator."""
+WHEEL_LIMIT, FULL = "servicer.wheel_speed_max", 1e-9
+"""Parameter with the largest speed of a wheel; share of it within which a wheel is full."""
 LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible", "saturated")
 """Outputs of actuators, allocation and controllers that are 1 where a limit is reached."""
 
@@ -205,6 +209,19 @@ def _saturated(result: Result, _: Limits) -> float:
     return float(100 * np.mean(raised.any(axis=1)))
 
 
+def _share(name: str, result: Result, _: Limits) -> float:
+    """Return the share of rows with a flag raised [%]."""
+    raised = result[name].reshape(len(result.time), -1).any(axis=1)
+    return float(100 * np.mean(raised))
+
+
+def _wheels_full(result: Result, _: Limits) -> float:
+    """Return the share of rows with a wheel at its largest speed [%]; NaN without a limit."""
+    most = result.parameter(WHEEL_LIMIT)
+    full = np.abs(result["servicer.wheel_speed"]).max(axis=1) >= (1 - FULL) * most
+    return float(100 * np.mean(full)) if most > 0 else float("nan")
+
+
 def _within(limits: Limits, _: Mapping[str, Result]) -> str:
     """Return the limit of the position, which applies to range and position, as text."""
     return f"within {limits.position or 0.0:.3g} m"
@@ -217,6 +234,21 @@ def _turned_within(limits: Limits, results: Mapping[str, Result]) -> str:
     return f"{limits.attitude:.3g} deg {since}"
 
 
+ACTUATORS = {
+    "force at limit": "propulsion.F_saturated",
+    "torque at limit": "propulsion.M_saturated",
+    "thrusters at limit": "allocation.infeasible",
+}
+"""Flags of actuators that are 1 where a limit is reached, by the name of a metric."""
+AT_LIMITS = (
+    *(
+        Metric(name, "%", (flag,), partial(_share, flag), above=OFTEN)
+        for name, flag in ACTUATORS.items()
+    ),
+    Metric(
+        "wheels at limit", "%", ("servicer.wheel_speed",), _wheels_full, (WHEEL_LIMIT,), above=OFTEN
+    ),
+)
 SATURATED = Metric("saturated", "%", (), _saturated)
 METRICS = (
     Metric("range settles", "s", POSITION, _range_settles, about=_within),
@@ -251,4 +283,5 @@ METRICS = (
     Metric("peak force", "N", ("propulsion.F_S",), _peak_force, apart=APART),
     Metric("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",), apart=APART),
     SATURATED,
+    *AT_LIMITS,
 )

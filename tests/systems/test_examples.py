@@ -11,6 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from harness import run
+from harness.mission import Limits
+from harness.mission.library import notes_of
+from harness.results.requirements import findings
+from harness.results.verdict import Verdict
+from ssp.shared.metrics import AT_LIMITS
+
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
 PRINTS = {
@@ -65,3 +72,16 @@ def test_the_page_about_controllers_shows_the_controller_of_the_examples():
     lines = (EXAMPLES / "my_controller.c").read_text().splitlines(keepends=True)
     code = "".join(line for line in lines if "SPDX" not in line)
     assert page.split("```c\n")[1].split("```")[0] == code
+
+
+def test_the_gains_of_the_pid_controller_stay_within_the_limits():
+    """And the published ones do not: the thrusters are at their limit all the time."""
+    swap = {"controller": "pid_controller"}
+    gains = run("sync_approach", swap=swap, params=EXAMPLES / "pid_gains.toml", every=10)
+    assert {f.verdict for f in findings(gains)} == {Verdict.MET}
+    published = run("sync_approach", swap=swap, params="limited", stop=600.0, every=10)
+    force = {m.name: m for m in AT_LIMITS}["force at limit"]
+    assert force(gains, Limits()) < 2
+    assert force(published, Limits()) > 95
+    assert [line for line in notes_of(published) if line.startswith("force at limit in ")]
+    assert not [line for line in notes_of(gains) if " at limit in " in line]

@@ -356,6 +356,13 @@ def test_the_controllers_of_an_approach_are_compared_with_its_actuators(tmp_path
     warning = next(x for x in free.text().splitlines() if x.startswith("warning: peak force: "))
     assert "pid_controller" in warning
     assert "warning: peak force" not in text
+    (limited,) = (x for x in text.splitlines() if x.startswith("warning: pid_controller: "))
+    assert "force at limit 100 %, more than 20 %" in limited
+    assert "force" in text.partition("settles:")[0].rpartition("saturated")[2]
+    assert found.metrics["force at limit", "%"]["adaptive_controller"] == 0
+    assert ("torque at limit", "%") in found.metrics
+    assert "torque at limit" not in " ".join(found.text().split())
+    assert "at limit" not in " ".join(free.text().split())
 
 
 def test_quiet_is_quiet_and_metrics_are_chosen(tmp_path, capsys, monkeypatch):
