@@ -202,15 +202,15 @@ coverage: build $(LINTERS)
 
 # the documentation pages in build/site: first runs what they quote, then writes the Markdown, then
 # HTML, strictly; readers need no network. The first package of the extra `live` compiles live pages
-SITE  := $(VENV)/.site
+SITE_TOOLS := $(VENV)/.site
 PAGES := $(shell find .ci/pages docs examples -type f) $(wildcard ssp/*/*.md) mkdocs.yml \
   CONTRIBUTING.md CHANGELOG.md
-$(SITE): $(TOOLS) pyproject.toml
+$(SITE_TOOLS): $(TOOLS) pyproject.toml
 	$(PIP) $$($(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
 	  e = p['project']['optional-dependencies']; print(*e['site'], e['live'][0])")
 	@touch $@
 
-build/site-facts/facts.json: $(READY) $(SITE)
+build/site-facts/facts.json: $(READY) $(SITE_TOOLS)
 	$(BIN)/python .ci/pages build/site-facts --facts
 
 # values in pages, from the runs that .ci/pages/quoted.py names, and claims as on the site;
@@ -223,7 +223,7 @@ build/site-facts/quoted.json: $(READY) .ci/pages/quoted.py $(wildcard .ci/pages/
 quoted-values: build/site-facts/facts.json build/site-facts/quoted.json
 	$(BIN)/python .ci/pages build/site-facts --fill
 
-build/site/index.html: build/site-facts/facts.json build/site-facts/quoted.json $(PAGES) $(SITE)
+build/site/index.html: build/site-facts/facts.json build/site-facts/quoted.json $(PAGES) $(SITE_TOOLS)
 	$(BIN)/python .ci/pages build/site-facts build/site-pages
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
@@ -273,7 +273,8 @@ dist: build
 	$(PIP) ziglang==0.13.0
 	$(BIN)/python fmus/core/build/cross_compile.py --fmus build/fmus build/fmus3 -o dist
 
-wheel: build site
+# one wheel in dist/, in a minute; make wheel SITE=1 builds the documentation first, an hour of runs
+wheel: build $(if $(SITE),site)
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .
 
 # verdicts of the tests for every FMU and parameter set, as resource meta data (.srmd), in one archive

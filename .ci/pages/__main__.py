@@ -49,7 +49,7 @@ def homes() -> dict[str, str]:
 
 def scripts() -> list[Path]:
     """Return the examples that a page shows."""
-    return [p for p in sorted(EXAMPLES.iterdir()) if p.suffix in {".py", ".c", ".ipynb"}]
+    return [p for p in sorted(EXAMPLES.iterdir()) if p.suffix in {".py", ".c", ".ipynb", ".toml"}]
 
 
 def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
@@ -77,7 +77,7 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
 
 def example(path: Path) -> str:
     """Return the page of a script, or of the code cells of a notebook."""
-    kind = {".c": "c", ".py": "python", ".ipynb": "python"}[path.suffix]
+    kind = {".c": "c", ".py": "python", ".ipynb": "python", ".toml": "toml"}[path.suffix]
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".ipynb":
         cells = json.loads(text)["cells"]

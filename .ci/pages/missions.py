@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from models import writer
-from text import ROOT, between, table
+from text import ROOT, between, counted, table
 
 from harness.files import paths
 from harness.mission.library import mission, places, systems_in
@@ -40,9 +40,10 @@ def facts(folder: Path) -> dict[str, Any]:
     requirements, and for the first run its figures and the page that runs in the browser.
     """
     found = {name: [_run(case, folder / "figures" if not i else None, name)
-                    for i, case in enumerate(_cases(name))] for name in names()}  # fmt: skip
-    for name, (first, *_) in found.items():
-        first["live"] = live(name, folder / LIVE)
+                    for i, case in enumerate(_cases(name))]
+             for name in counted("mission", names())}  # fmt: skip
+    for name in counted("live page", found):
+        found[name][0]["live"] = live(name, folder / LIVE)
     return found
 
 

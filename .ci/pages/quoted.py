@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import results
-from text import ROOT, table
+from text import ROOT, counted, table
 
 QUOTE = re.compile(r"(<!--=(\w+)-->)(.*?)(<!---->)", re.DOTALL)
 PROCESSOR_VALUES = ROOT / "docs/processor_figures.md"
@@ -32,7 +32,7 @@ def pages() -> list[Path]:
 
 def facts() -> dict[str, str]:
     """Return the text of every quoted value by name, from its run."""
-    return {name: evaluate() for name, evaluate in VALUES.items()}
+    return {name: VALUES[name]() for name in counted("quoted value", VALUES)}
 
 
 def plain(text: str, values: Mapping[str, str], source: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,6 +27,14 @@ def cell(text: str) -> str:
 def between(page: str, target: str) -> str:
     """Return the link from a page of the site to another file of the site."""
     return os.path.relpath(target, PurePosixPath(page).parent).replace(os.sep, "/")
+
+
+def counted(kind: str, names: Iterable[str]) -> Iterator[str]:
+    """Yield names, each after a printed line with its number, as `live page 5 of 9: NAME`."""
+    every = list(names)
+    for k, name in enumerate(every, start=1):
+        print(f"{kind} {k} of {len(every)}: {name}", flush=True)
+        yield name
 
 
 def relinked(text: str, source: str, page: str, homes: Mapping[str, str]) -> str:

@@ -21,7 +21,6 @@ from harness.cli.options import (
     Texts,
     argument,
     command,
-    figures_of,
     option,
     output,
     size_of,
@@ -163,20 +162,9 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
         typer.echo(line)
         if not equal:
             raise typer.Exit(1)
-    elif requested.like is not None:
-        _draw(result, figures_of(file.path))
+    elif requested.like is not None and not quiet:
+        typer.echo(f"next: harness report {file.path} -o {file.path.stem}.html")
     insist({"": result}, changes.get("require", ()), strict)
-
-
-def _draw(result: Any, folder: Path) -> None:
-    """Draw the figures of a run if any variable changes."""
-    from harness.figures.plots import plot
-
-    if (result.values == result.values[0]).all():
-        typer.echo("no figures: all variables of the result are constant")
-        return
-    for path in plot(result, folder):
-        typer.echo(path)
 
 
 def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None) -> Any:

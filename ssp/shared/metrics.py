@@ -141,7 +141,7 @@ TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
 OFTEN = 20.0
 """Share of rows at a limit [%] above which a comparison shows an actuator."""
 WHEEL_LIMIT, FULL = "servicer.wheel_speed_max", 1e-9
-"""Parameter with the largest speed of a wheel; share of it within which a wheel is full."""
+"""Parameter with the largest speed of a wheel; relative distance at which a wheel is full."""
 LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible", "saturated")
 """Outputs of actuators, allocation and controllers that are 1 where a limit is reached."""
 

@@ -23,12 +23,10 @@ from scipy import stats
 from harness import campaign, run
 from harness.cli.app import main
 from harness.cli.campaigns import pictures
-from harness.cli.runs import _draw
 from harness.errors import HarnessError, ResultsError, StructureError, UsageError
 from harness.figures.style import SCREEN
 from harness.mission.library import campaigns
 from harness.results.files import read
-from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies import pool as pools
@@ -650,14 +648,9 @@ def test_the_command_shows_the_summary_and_repeats_a_run(system, tmp_path, capsy
     assert next(line for line in out.splitlines() if command in line)
     arguments = ["run", "demo.ssp", "--like", f"few.zarr#{worst}", "-o", "again.csv"]
     assert main(arguments) == 0
-    assert "again_figures" in capsys.readouterr().out
+    assert "next: harness report again.csv -o again.html\n" in capsys.readouterr().out
+    assert not list(tmp_path.glob("again_*"))
     assert read(tmp_path / "again.csv")["twice.y"][-1] == ends[worst]
-
-
-def test_a_run_in_which_nothing_changes_has_no_figures_and_is_no_failure(tmp_path, capsys):
-    still = Result("s", np.arange(3.0), ("a.x",), ("m",), np.ones((3, 1)))
-    _draw(still, tmp_path / "figures")
-    assert capsys.readouterr().out == "no figures: all variables of the result are constant\n"
 
 
 @pytest.mark.parametrize(
