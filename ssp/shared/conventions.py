@@ -28,7 +28,8 @@ RESTARTS = (("r_0_N[1]", "a", 0.0),)
 """Plants start at position and velocity where the semi-major axis is 0."""
 CONTROLLER = Example(
     place="sync_approach.controller",
-    inputs=frozenset(("r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "rho_ref_N", "drho_ref_N")),
+    inputs=frozenset(("r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "omega_SN_S"))
+    | frozenset(("rho_ref_N", "drho_ref_N", "q_DN", "omega_DN_D")),
     outputs=frozenset(("F_cmd_S", "M_cmd_S", "wheel_accel_cmd")),
     file=Path("my_controller"),
     note="""\

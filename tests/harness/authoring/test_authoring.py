@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from harness import HarnessError, run, show
 from harness import build as build_path
@@ -24,7 +25,10 @@ from harness.authoring.build import build
 from harness.authoring.new import new_controller
 from harness.cli.app import main
 from harness.files import paths
+from harness.results.requirements import findings
+from harness.results.verdict import Verdict
 from harness.studies.check import check
+from tests.each import each
 
 
 def simulate_case(place, name, stop, **changes):
@@ -69,9 +73,30 @@ def test_the_controller_in_c_runs_as_it_is_and_obeys_its_law(twins):
     assert result["controller.F_cmd_S"][1:] == pytest.approx(F_S, abs=1e-6)
 
 
-def test_its_twin_in_python_commands_the_same(twins):
+def test_its_torque_turns_the_servicer_to_the_reference_attitude(twins):
+    """M = -K_att e - D_att (omega_S - C_SD omega_D), by rotations of scipy."""
+    result = simulate_case("sync_approach.controller", twins[0], 20.0)
+    K, D = result.parameter("controller.K_att"), result.parameter("controller.D_att")
+    S, ref = (Rotation.from_quat(np.roll(q, -1, axis=1)) for q in
+              (result["servicer.q_SN"][:-1], result["guidance.q_DN"][1:]))  # fmt: skip
+    error, reference = ref.inv() * S, np.array(result["guidance.omega_DN_D"][1:])
+    e = np.sin(error.magnitude() / 2)[:, None] * error.as_rotvec()
+    e /= error.magnitude()[:, None]
+    rate = result["servicer.omega_SN_S"][:-1] - error.inv().apply(reference)
+    assert np.abs(result["controller.M_cmd_S"]).max() > 0.1
+    assert result["controller.M_cmd_S"][1:] == pytest.approx(-K * e - D * rate, abs=1e-6)
+
+
+def test_unedited_it_meets_every_requirement_of_a_clear_approach(twins):
+    swap = {"controller": twins[0] / "my_pd.fmu"}
+    result = run("sync_approach", params="clear", swap=swap, every=10)
+    assert {f.verdict for f in findings(result)} == {Verdict.MET}
+
+
+@each("port", ["F_cmd_S", "M_cmd_S"])
+def test_its_twin_in_python_commands_the_same(twins, port):
     c, python = (
-        simulate_case("sync_approach.controller", t, 2.0)["controller.F_cmd_S"] for t in twins
+        simulate_case("sync_approach.controller", t, 2.0)[f"controller.{port}"] for t in twins
     )
     assert np.abs(c).max() > 0.01
     assert python == pytest.approx(c, abs=1e-9)
