@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from harness import run
+from harness.files.paths import fmus
 from harness.mission import Limits
 from harness.mission.library import notes_of
 from harness.results.requirements import findings
@@ -33,11 +34,15 @@ PRINTS = {
     "environment.py": r"return -0\.\d{3}, position error at the end 0\.\d\d m\n"
     r"distance: met(?:.*\n)+",
     "falsify.py": r"violated after 1 run\(s\) by 1\.\d deg\n",
+    "three_fmus.py": r"after 300 s: 0\.\d cm and 0\.\d deg off the reference\n",
     "own_controller.py": r"(?s).*position error after 5 min: at most \d\.\d mm\n",
 }
 """Output of the scripts, by name; my_controller.py is run by the interoperability tests;
 learn.py and psy_taliro.py need packages that no extra has.
 """
+BY_FOLDER = ("three_fmus.py",)
+"""Scripts that take the folder of the FMUs."""
+QUICK = ("run_and_read.py", "own_controller.py", "three_fmus.py")
 LONG = pytest.mark.long
 
 
@@ -49,14 +54,15 @@ def test_every_script_is_run():
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=() if name in ("run_and_read.py", "own_controller.py") else LONG)
-        for name in PRINTS
-    ],
+    [pytest.param(name, marks=() if name in QUICK else LONG) for name in PRINTS],
 )
 def test_an_example_runs_and_prints_what_it_found(name, tmp_path):
     done = subprocess.run(
-        [sys.executable, EXAMPLES / name],
+        [
+            sys.executable,
+            EXAMPLES / name,
+            *([fmus()["target"].parent] if name in BY_FOLDER else []),
+        ],
         cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
