@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Three FMUs in a master of your own, with FMPy alone: a servicer stays 20 m beside a target.
 
-The start values of these FMUs are those of the system sync_approach, so they fit each other.
+The start values of these FMUs belong to the system sync_approach, so they fit each other.
 """
 
 import sys

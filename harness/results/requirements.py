@@ -31,6 +31,8 @@ from harness.system.units import convert, unit
 from harness.system.values import base
 
 _log = logging.getLogger("harness")
+SMALL, MANY = ("cm", "mm"), 1000.0
+"""Units of small lengths; values from which on they are shown in m."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,10 @@ class Finding:
         place = "" if self.time is None else f" at {self.time:g} s"
         if math.isnan(self.value):
             return f"not a number{place}"
-        return f"worst {self.value:.6g} {self.unit.removeprefix('1')}".rstrip() + place
+        value, unit = self.value, self.unit.removeprefix("1")
+        if unit in SMALL and abs(value) >= MANY:
+            value, unit = convert(value, unit, "m"), "m"
+        return f"worst {value:.6g} {unit}".rstrip() + place
 
 
 def rejected(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:

@@ -61,6 +61,8 @@ VALUES = (
 """Expressions whose values have the same bits in Python and in the page."""
 NEARLY = (
     "sin(a.y)", "cos(a.y)", "exp(a.y)", "log(a.y + 3)", "angle(a.q, a.p)", "hill(a.v, a.w)",
+    "angle_between(a.v, a.w)", "mrp(a.v)", "turned(a.q, a.v)", "turned(mrp(last(a.v)), last(a.w))",
+    "orbit(a.y, 2 * a.y, 3 * a.y, 4 * a.y)",
     "norm(hill(last(a.v), last(a.w)))", "std(a.v)", "rms(a.u)", "norm(a.u)", "total(a.u)",
     "a.y ** 3",
 )  # fmt: skip

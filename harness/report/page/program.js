@@ -94,7 +94,8 @@ const Program = (() => {
     return out;
   };
   /* a function of the elements of a row, with a row of m elements */
-  const perRow = (m, f) => (...given) => {
+  const perRow = (m, f) => (...parts) => {
+    const given = parts.filter((x) => x); /* without the constant of the instruction, which is null */
     const out = table(Math.max(...given.map((x) => x.n)), m);
     for (let k = 0; k < out.n; k++) {
       out.data.set(f(...given.map((x) => Array.from(x.data.subarray(x.n > 1 ? x.m * k : 0, (x.n > 1 ? x.m * k : 0) + x.m)))), m * k);
@@ -229,7 +230,9 @@ const Program = (() => {
     const { data } = row(value(required.elements), k), i = argmin(data);
     const [found, which] = [required.value, required.which].map((number) => { const x = value(number); return x.data[(x.n > 1 ? k * x.m : 0) + (x.m > 1 ? i : 0)]; });
     const { unit: name, factor, offset } = required.units[which];
-    return verdict(met ? "good" : "bad", withUnit(`worst ${g(factor * found + offset)}`, name) + place, time, margin[k]);
+    const shown = factor * found + offset, metres = Math.abs(shown) >= 1000 && { cm: 0.01, mm: 0.001 }[name];
+    const worst = metres ? withUnit(`worst ${g(metres * shown)}`, "m") : withUnit(`worst ${g(shown)}`, name);
+    return verdict(met ? "good" : "bad", worst + place, time, margin[k]);
   };
 
   /* verdict of one requirement of a run; value(k): value of instruction k */

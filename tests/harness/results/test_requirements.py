@@ -17,7 +17,7 @@ from harness.cli import main
 from harness.errors import StructureError, UsageError
 from harness.files import paths
 from harness.results.expressions import FUNCTIONS
-from harness.results.requirements import finding, findings, margin
+from harness.results.requirements import Finding, finding, findings, margin
 from harness.results.result import Result
 from harness.results.verdict import Verdict
 from harness.ssp.build import system_of
@@ -245,6 +245,17 @@ def test_a_row_that_is_no_number_is_not_judged_by_the_others(gap, text, time):
     assert math.isnan(found.value)
     place = "" if time is None else f" at {time} s"
     assert str(found) == f"NOT MET: name ({text}); not a number{place}"
+
+
+def test_a_length_of_many_centimetres_is_shown_in_metres():
+    shown = {
+        (3.2, "cm"): "worst 3.2 cm",
+        (-121195.0, "cm"): "worst -1211.95 m",
+        (2500.0, "mm"): "worst 2.5 m",
+        (2500.0, "m"): "worst 2500 m",
+    }
+    for (value, of), text in shown.items():
+        assert Finding("far", "", MISSED, value, of).detail == text
 
 
 @pytest.mark.parametrize(
