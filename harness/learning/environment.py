@@ -99,24 +99,29 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self._life = ExitStack()
         found = self._life.enter_context(load(system))
         usual = _usual(found, open)
+        self._simulate(found, usual, every, record, changes)
+        self._run, self._stride, self._error = -stride, stride, ""
+        self._spaces(observe, act, (bounds or {}, _limits(found), dict(usual.bounds)), scale)
+        self._rewards(self._system, reward, usual.cost if cost is None else cost, weights)
+        self._ends_of(ends, usual.ends, shield)
+
+    def _simulate(
+        self, found: System, usual: Steering, every: int, record: int, changes: Mapping[str, Any]
+    ) -> None:
+        """Prepare the simulation and save its start, to which a reset returns."""
         given: Any = {**changes, "open": usual.open}
         self._changes: Changes = joined(self._plan.fixed, given) if self._plan else given
         self.every = every or usual.every or max(found.component(n).every for n in usual.open)
         if self.every % (record or self.every):
             raise UsageError(f"record {record}: must divide every, {self.every} macro steps")
-        changed = apply(found, **self._changes)
+        self._system = apply(found, **self._changes)
         self.simulation = self._life.enter_context(
             Simulation(found, every=record or self.every, **self._changes)
         )
         self.simulation.initialize()
-        self._system = changed
         nodes = self.simulation.graph.nodes
         saves = all(n.interface.model.coSimulation.canGetAndSetFMUstate for n in nodes)
         self._first = self.simulation.save() if saves else None
-        self._run, self._stride, self._error = -stride, stride, ""
-        self._spaces(observe, act, (bounds or {}, _limits(found), dict(usual.bounds)), scale)
-        self._rewards(changed, reward, usual.cost if cost is None else cost, weights)
-        self._ends_of(ends, usual.ends, shield)
 
     # ---- spaces
 

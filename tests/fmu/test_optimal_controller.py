@@ -101,8 +101,8 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_samples_match_dense_matrices_along_the_commanded_motion(fmu, case):
-    """Every output of every sample to 1e-9: sweeps, projections, set-up, carried state, start from the last solve,
-    evaluation, estimate of the disturbance.
+    """Every output of every sample to 1e-9: sweeps, projections, set-up, carried state, start from
+    the last solve, evaluation, estimate of the disturbance.
     """
     goal, p = CASES[case]
     scene = Scene(list(CASES).index(case), goal)
