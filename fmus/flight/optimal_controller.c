@@ -174,17 +174,16 @@ static const Variable variables[] = {
                       "reference angular acceleration, derivative of omega_DN_D"),
     ROW(INPUT_ROW, u, "mass", mass, 1, "kg", "mass of the servicer as known to the software",
         NONNEGATIVE_VALUE, OPTIONAL_ROW),
-    ROW(INPUT_ROW, u, "goal", goal, 1, "1",
-        "0 inactive, 1 point on the line of holds, 2 grasp axis at constant range, 3 along it",
-        NONNEGATIVE_VALUE, OPTIONAL_ROW),
+    OPTIONAL_MODE(goal, "where the path leads",
+                  "inactive|point on the line of holds|grasp axis at constant range|along the "
+                  "grasp axis"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
     OUTPUT(wheel_accel_cmd, "rad/s2",
            "commanded wheel acceleration relative to the body (0 without use_wheels)"),
-    NONNEGATIVE_OUTPUT(mode, "1",
-                       "0 plan, 1 last plan, 2 brake and hold, 3 first plan in work; an invalid "
-                       "goal and a mass of 0 are rejected"),
+    MODE(mode, "origin of the force; an invalid goal and a mass of 0 are rejected",
+         "plan|last plan|brake and hold|first plan in work"),
     FLAG(feasible, "1: the last solve gave a feasible plan"),
     ALARM(braking, "1: no plan, the servicer brakes and holds"),
     NONNEGATIVE_OUTPUT(dv_left, "m/s", "velocity increment of the last solve, sum of the axes"),

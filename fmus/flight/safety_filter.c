@@ -74,14 +74,12 @@ static const Variable variables[] = {
     FILTER_INPUTS,
 
     OUTPUT(F_safe_S, "N", "force to be passed on, servicer axes"),
-    NONNEGATIVE_OUTPUT(mode, "1",
-                       "0 F_cmd_S passes, 1 filtered, 2 backup, 3 a rule relaxed, 4 no state"),
-    NONNEGATIVE_OUTPUT(active, "1",
-                       "rule whose edge decides: 1 keep-out, 2 corridor, 3 speed, 4 drift, "
-                       "5 plume, 6 box; 0: none"),
+    MODE(mode, "origin of the force",
+         "F_cmd_S passes|filtered|backup|a rule relaxed|no valid state"),
+    MODE(active, "rule whose edge decides", "none|keep-out|corridor|speed|drift|plume|box"),
     NONNEGATIVE_OUTPUT(intervention, "N", "size of the change of the force"),
     FLAG(feasible, "0: no force satisfies all rules"),
-    NONNEGATIVE_OUTPUT(relaxed, "1", "first rule that was relaxed; 0: none"),
+    MODE(relaxed, "first rule that was relaxed", "none|keep-out|corridor|speed|drift|plume|box"),
     OUTPUT(barrier, "1",
            "what is left after braking: keep-out [m], corridor [m], speed [m/s], drift [m]; "
            "distance beyond plume_range [m]; 1e9: off"),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Commands that read and show:
-`harness list | docs | show | check | draw | plan | plot | report | convert | validate`.
+`harness list | docs | show | requirements | check | draw | plan | plot | report | convert |
+validate`.
 """
 
 from __future__ import annotations

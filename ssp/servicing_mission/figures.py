@@ -83,7 +83,8 @@ def _escapes(canvas: Axes, result: Result) -> None:
     axes.plot(*rho[shown][:, [1, 0]].T, "k", lw=1.2)
     tau = np.arange(0, float(result.parameter("monitor.escape_time")) + 1, 20)
     rng, rows = np.random.default_rng(0), np.flatnonzero(shown)
-    for k in rows[np.linspace(0, len(rows) - 1, FANS).astype(int)]:
+    places = np.linspace(0, len(rows) - 1, FANS if len(rows) else 0).astype(int)
+    for k in rows[places]:
         e = escapes.escape(result, rho[k], drho[k], float(rate[k]))
         path, h = escapes.support(result, e, tau)
         near = np.linalg.norm(path, axis=1) < FAR_OFF

@@ -21,6 +21,7 @@ from ..reference import (
     docking,
     guidance,
     mission,
+    optimal,
     paper_case,
     ppc,
     relay,
@@ -245,6 +246,14 @@ CONTROLLERS = {
 CONTROLLERS |= {
     name: CONTROLLERS[name] | {"active": 1} for name in CONTROLLERS if name.endswith("_controller")
 }
+CONTROLLERS["optimal_controller"] = (
+    {name: value for name, value in optimal.DEFAULTS.items() if np.any(value)}
+    | {name: asdict(paper_case.CONTROLLER)[name] for name in ("K_att", "P_att", "eta_hat_0")}
+    | {"use_attitude": 1, "use_wheels": 1, "sample_period": 0.1, "q_DN": AHEAD}
+    | {"mass": 95, "goal": 3}
+    | TARGET
+    | BEHIND
+)
 ARM = arm.DEFAULT.parameters()
 RIGID = {"friction_rate": 0.005, "joint_angle_0": arm.STOWED, "joint_lock": (1,) * 7}
 NEAR = {"r_SN_N": (7158142.6, 0, 0), "v_SN_N": (0, 7462.286, 0), "q_SN": (0, 0, 0, 1)}

@@ -173,8 +173,10 @@ static void print_description(const Variable *v)
 
 static void print_bounds(const Variable *v, double value)
 {
-    const double low = v->names ? smaller(value, 0) : lowest(v->rule);
-    const double high = v->names ? last_mode(v->names) : highest(v->rule);
+    /* inputs outside the modes mean the nearest mode or none: they have no bounds */
+    const bool is_mode = v->names && v->causality == OUTPUT_ROW;
+    const double low = is_mode ? smaller(value, 0) : lowest(v->rule);
+    const double high = is_mode ? last_mode(v->names) : highest(v->rule);
     if (low > -DBL_MAX) print_attribute("min", low);
     if (high < DBL_MAX) print_attribute("max", high);
 }

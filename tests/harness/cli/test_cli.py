@@ -119,7 +119,7 @@ def test_the_head_of_a_module_lists_its_own_commands():
     for name, each in app._command().commands.items():
         own.setdefault(inspect.unwrap(each.callback).__module__, set()).add(name)
     for module in (look, models):
-        listed = re.search(r"`harness ([a-z |]+)`", module.__doc__)[1]
+        listed = re.search(r"`harness ([a-z |\n]+)`", module.__doc__)[1].replace("\n", " ")
         assert set(listed.split(" | ")) == own[module.__name__]
 
 
