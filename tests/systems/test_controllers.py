@@ -57,10 +57,8 @@ def test_naming_the_controller_that_is_there_already_changes_nothing():
 
 
 def test_the_list_shows_for_which_controllers_there_are_parameters():
-    assert (
-        "  swaps       controller=ppc_controller,pid_controller,theta_d_controller,optimal_controller"
-        in listed("sync_approach").splitlines()
-    )
+    laws = "ppc_controller,pid_controller,theta_d_controller,optimal_controller"
+    assert f"  swaps       controller={laws}" in listed("sync_approach").splitlines()
 
 
 def test_a_shortened_name_is_completed():
