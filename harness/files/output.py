@@ -139,34 +139,40 @@ class PrivateFolder:
     """
 
     def __init__(self, where: Path | None = None) -> None:
-        self._guard = None
+        guard = None
         try:
             self.path = (where or Path(tempfile.gettempdir())) / f"harness-{secrets.token_hex(8)}"
-            self._guard = _guard(self.path)  # before mkdir(): removed even if killed in between
+            guard = _guard(self.path)  # before mkdir(): removed even if killed in between
             self.path.mkdir(mode=0o700)
         except OSError as error:
-            self._dismiss_guard()
+            _dismiss(guard)
             place = where or os.environ.get("TMPDIR", "the temporary folder")
             raise ResultsError(
                 f"{place}: cannot create temporary files ({error.strerror or error})"
             ) from error
-        self._remove = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+        self._remove = weakref.finalize(self, _remove, self.path, guard)
 
     def close(self) -> None:
-        """Remove the folder with all that is in it."""
+        """Remove the folder with all that is in it. A folder that is not closed is removed once
+        nothing refers to it, or at the end of the process.
+        """
         self._remove()
-        self._dismiss_guard()
-
-    def _dismiss_guard(self) -> None:
-        if self._guard is not None:
-            self._guard.communicate(b"done\n")
-            self._guard = None
 
     def __enter__(self) -> Path:
         return self.path
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _remove(folder: Path, guard: subprocess.Popen[bytes] | None) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    _dismiss(guard)
+
+
+def _dismiss(guard: subprocess.Popen[bytes] | None) -> None:
+    if guard is not None:
+        guard.communicate(b"done\n")
 
 
 def _guard(folder: Path) -> subprocess.Popen[bytes] | None:

@@ -437,3 +437,21 @@ def test_a_kill_between_guard_and_folder_leaves_no_folder(tmp_path):
         check=False,
     )
     until(lambda: not any(tmp_path.iterdir()), "empty folder")
+
+
+@posix
+@pytest.mark.parametrize("last", ["del folder; gc.collect()", ""])
+def test_a_folder_that_nobody_closes_leaves_neither_files_nor_a_guard(tmp_path, last):
+    """Whether it is forgotten during the run, or held by the process until its end."""
+    code = "import gc; from harness.files.output import PrivateFolder\n"
+    code += f"folder = PrivateFolder()\n{last}"
+    paths = os.pathsep.join(p for p in sys.path if p)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env=os.environ | {"PYTHONPATH": paths, "TMPDIR": str(tmp_path)},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stderr == ""
+    assert not any(tmp_path.iterdir())
