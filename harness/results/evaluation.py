@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -40,7 +41,8 @@ def unit_of(node: Node, unit: Callable[[str], str]) -> str:
 
 def resolved(node: Node, unit: Callable[[str], str]) -> Node:
     """Return the tree in which the sides of comparisons and sums, and related arguments of
-    functions, have one unit; raise ValueError if units are incompatible, or one is unknown.
+    functions, have one unit; raise ValueError if units are incompatible, or one is unknown. Factors
+    of a product or quotient have one unit if they are of one kind.
 
     A comparison with a number has the unit in which the number was written.
     """
@@ -65,6 +67,9 @@ def _measured(node: Node, unit: Callable[[str], str]) -> Measured:
         if node.kind == "compare":
             numbers = [part.unit for part in node.parts if part.kind == "number"]
             written = next(filter(None, numbers), "")
+    elif node.name in ("*", "/") and all(unit not in ("", "1", None) for _, unit in parts):
+        with suppress(ValueError):  # m / km is a number without unit, m * km is m2
+            parts[1] = _fitting(parts[1], parts[0])
     made = replace(node, parts=tuple(part for part, _ in parts), unit=written)
     return made, _unit(made, [unit for _, unit in parts])
 

@@ -31,6 +31,7 @@ KINDS = {
     "angle": ["a.turn", "b.turn"],
 }
 LITERAL = {"length": ("m", "km", "cm", ""), "angle": ("deg", "rad", "mrad", "")}
+COMBINED = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 COMPARED = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
     "!=": operator.ne,
@@ -106,8 +107,8 @@ class Rows:
             case ("element", a, k):
                 return f"({self.text(a)})[{k}]"
             case ("twice", a):
-                return f"2 * {self.text(a)}"
-            case (("+" | "-" | "and" | "or") as sign, a, b):
+                return f"(2 * {self.text(a)})"
+            case (("+" | "-" | "/" | "*" | "and" | "or") as sign, a, b):
                 return f"({self.text(a)} {sign} {self.text(b)})"
             case ("compare", sign, a, b):
                 return f"{self.text(a)} {sign} {self.text(b)}"
@@ -143,9 +144,8 @@ class Rows:
                 return table[row % len(table)][element % len(table[0])]
             case ("number", value, _):
                 return float(value)
-            case (("+" | "-") as sign, a, b):
-                x, y = self.both(a, b, row, element)
-                return x + y if sign == "+" else x - y
+            case (("+" | "-" | "*" | "/") as sign, a, b):
+                return float(COMBINED[sign](*map(np.float64, self.both(a, b, row, element))))
             case ("abs", a):
                 return abs(self.value(a, row, element))
             case ("twice", a):
@@ -177,6 +177,14 @@ class Rows:
             kind = self.rng.choice([*KINDS])
             a, b = self.number(kind, 2), self.number(kind, 1)
             b = self.rng.choice((b, self.literal(kind)))
+            if self.rng.random() < 0.2:  # the limit of a product or quotient has no unit
+                limit = ("number", self.rng.choice((0, 0.5, 1, 100)), "")
+                return (
+                    "compare",
+                    self.rng.choice([*COMPARED]),
+                    (self.rng.choice("*/"), a, b),
+                    limit,
+                )
             return ("compare", self.rng.choice([*COMPARED]), a, b)
         parts = [self.condition(depth - 1) for _ in range(1 if choice == "not" else 2)]
         return (choice, *parts)
@@ -229,6 +237,7 @@ def expected(rows, tree, late):
     return Verdict.MET if met else Verdict.NOT_MET, margin, float(row) if timed else None
 
 
+@np.errstate(all="ignore")
 @each("odd", [False, True])
 @each("seed", range(10))
 def test_verdict_margin_and_instant_equal_an_evaluation_row_by_row(seed, odd):
