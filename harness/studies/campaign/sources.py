@@ -6,9 +6,12 @@ records the hash or version of each, and only a campaign with equal ones can res
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import ast
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.metadata import PackageNotFoundError, version
-from modulefinder import ModuleFinder
 from pathlib import Path
 
 from harness.files.checksums import sha256
@@ -21,6 +24,11 @@ from harness.system.model import System
 from harness.system.swap import find_fmu
 
 PACKAGES = ("servicing-fmus", "numpy", "scipy")
+SUFFIXES = (".py", *EXTENSION_SUFFIXES)
+INSTALLED = tuple(
+    sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")
+)
+"""Folders of Python and of installed packages."""
 
 
 def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, Source]:
@@ -39,7 +47,8 @@ def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, 
     for name, place in places().items():
         offered = mission(name) if texts else None
         if name == loaded.mission or (offered and texts & {m.name for m in offered.metrics}):
-            python.update(_package(place.folder))
+            own = _package(place.folder)
+            python.update(own if place.package else (f for each in own for f in _imported(each)))
     packages = {f"version of {name}": Source(name, _state(name)) for name in PACKAGES}
     return named([*files, *sorted(python)]) | packages
 
@@ -74,11 +83,42 @@ def _state(place: str) -> str:
 
 
 def _imported(file: Path) -> Iterator[Path]:
-    """Yield a file of Python, and what it imports from its folder and the working directory."""
-    finder = ModuleFinder([str(file.parent), str(Path.cwd())], excludes=["harness"])
-    finder.run_script(str(file))
-    found = (getattr(each, "__file__", None) for each in finder.modules.values())
-    yield from map(Path, filter(None, found))
+    """Yield a file of Python and all that it imports, also in functions, from its folder, the
+    working directory and the folders of sys.path that hold neither Python nor installed packages.
+    """
+    found, waiting = set[Path](), [file]
+    folders = [file.parent, Path.cwd(), *(Path(p) for p in sys.path if not p.startswith(INSTALLED))]
+    while waiting:
+        if (file := waiting.pop()) not in found:
+            found.add(file)
+            yield file
+            for name, places in _names(file, folders):
+                waiting += _modules(name, places)
+
+
+def _names(file: Path, folders: Sequence[Path]) -> Iterator[tuple[str, Sequence[Path]]]:
+    """Yield the modules that a file imports, and attributes that may be modules, with the folders
+    in which they are searched.
+    """
+    try:
+        tree = ast.parse(file.read_bytes() if file.suffix == ".py" else b"")
+    except (SyntaxError, ValueError):
+        return
+    for node in ast.walk(tree):
+        match node:
+            case ast.Import(names=names):
+                yield from ((each.name, folders) for each in names)
+            case ast.ImportFrom(module=module, names=names, level=level):
+                start = [*file.parents][level - 1 : level] if level else folders
+                yield from ((f"{module or ''}.{each.name}".strip("."), start) for each in names)
+
+
+def _modules(name: str, folders: Sequence[Path]) -> Iterator[Path]:
+    """Yield the files of a module and of the packages above it, without the harness."""
+    for part in name.split(".") if name.partition(".")[0] != "harness" else ():
+        stems = [folder / stem for folder in folders for stem in (part, f"{part}/__init__")]
+        yield from filter(Path.is_file, (Path(f"{s}{end}") for s in stems for end in SUFFIXES))
+        folders = [folder / part for folder in folders if (folder / part).is_dir()]
 
 
 def _package(folder: Path) -> Iterator[Path]:

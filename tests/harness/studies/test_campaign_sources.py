@@ -53,9 +53,13 @@ FILES = {
     "mine/base.toml": BASE,
     "mine/iss.tle": ISS,
     "mine/mission.py": MISSION,
-    "mine/numbers.py": "TWICE = 2.0\n",
-    "mine.py": "from factor import ONE\ndef last_range(r): return ONE * r['guidance.range'][-1]\n",
-    "factor.py": "ONE = 1.0\n",
+    "mine/numbers.py": "from whole import TWICE\n",
+    "mine.py": "import parts.factor\ndef last_range(r):\n    from zero import ZERO\n"
+    "    return ZERO + parts.factor.ONE * r['guidance.range'][-1]\n",
+    "parts/factor.py": "from .one import ONE\n",  # a package without __init__.py
+    "parts/one.py": "ONE = 1.0\n",
+    "lib/zero.py": "ZERO = 0.0\n",
+    "lib/whole.py": "TWICE = 2.0\n",
     "light.toml": "[servicer]\nmass_0 = 90.0\n",
     "heavy.toml": "[servicer]\nmass_0 = 110.0\n",
 }
@@ -99,6 +103,7 @@ def inside(folder):
         patch.setattr(library, "_named", {})
         patch.setenv("SERVICING_FMUS_BUILD", str(folder / "build"))
         patch.syspath_prepend(folder)
+        patch.syspath_prepend(folder / "lib")
         patch.chdir(folder)
         yield folder
 
@@ -161,7 +166,8 @@ def test_a_campaign_is_not_continued_after_any_single_file_has_changed(place):
 
 
 def test_a_study_is_not_continued_after_any_single_file_has_changed(place):
-    others = ("mine.py", "factor.py", "heavy.toml", "b/sync_guidance.fmu")
+    others = ("mine.py", "parts/factor.py", "parts/one.py", "lib/zero.py")
+    others += ("heavy.toml", "b/sync_guidance.fmu")
     rejected_after_any_change(place, probability, "s.toml", "s.zarr", left_out=others)
 
 
@@ -179,6 +185,16 @@ def test_changed_entries_of_the_table_are_named(place):
     assert rejection(probability, "s.toml", "s.zarr") == "requirements.light"
     with pytest.raises(UsageError, match="it is not the dataset of a worst"):
         worst("s.toml", "s.zarr", workers=0, resume=True)
+
+
+def test_python_that_cannot_be_followed_costs_no_campaign(tmp_path):
+    """What only would be imported, has errors, or would climb out of all folders."""
+    (tmp_path / "broken.py").write_text("def (:")
+    (tmp_path / "climbs.py").write_text(f"from {'.' * 99} import nowhere")
+    text = "try:\n    import broken, climbs, nowhere, harness.api\nexcept Exception: pass\n"
+    (tmp_path / "mine.py").write_text(text)
+    found = {path.name for path in sources._imported(tmp_path / "mine.py")}
+    assert found == {"mine.py", "broken.py", "climbs.py"}
 
 
 def test_another_version_does_not_continue(place, monkeypatch):
@@ -199,9 +215,9 @@ def test_a_file_that_decides_nothing_may_change_and_a_new_one_of_the_mission_may
 
 def test_a_file_that_changes_while_the_campaign_runs_is_reported(place):
     def meanwhile(_):
-        (place / "factor.py").write_text("ONE = 2.0\n")
+        (place / "parts/one.py").write_text("ONE = 2.0\n")
 
-    line = "changed while the campaign ran: factor.py; its runs may differ"
+    line = "changed while the campaign ran: one.py; its runs may differ"
     with pytest.raises(RequirementError, match=line) as caught:
         campaign("c.toml", "d.zarr", workers=0, progress=meanwhile)
     assert caught.value.partial.store.runs == 4
@@ -213,11 +229,11 @@ def test_files_that_differ_in_a_repeated_run_are_named(begun, caplog):
         like("c.zarr#1")
         assert not caplog.messages
         change(begun / "light.toml")
-        (begun / "factor.py").rename(begun / "gone")
+        (begun / "parts/one.py").rename(begun / "gone")
         like("c.zarr#1")
     shutil.copy(begun / "before", begun / "light.toml")
-    (begun / "gone").rename(begun / "factor.py")
-    names = ("light.toml", "factor.py")
+    (begun / "gone").rename(begun / "parts/one.py")
+    names = ("light.toml", "one.py")
     assert caplog.messages == [f"{n}: differs from the file of run 1 of c.zarr" for n in names]
 
 
