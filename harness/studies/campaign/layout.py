@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
+from unicodedata import normalize
 
 import numpy as np
 
@@ -156,6 +157,12 @@ def wrong_names(table: Table) -> Iterator[str]:
     two meanings.
     """
     varied, recorded = (*table.factors, *table.seeds), table.recorded
+    alike = Counter(normalize("NFKC", name) for name in table.metrics)
+    yield from (
+        f"metrics.{name}: another metric has the same name in Unicode's normal form NFKC"
+        for name in table.metrics
+        if alike[normalize("NFKC", name)] > 1
+    )
     yield from (
         f"seeds.{name}: is a factor already; remove one of them"
         for name, n in Counter(varied).items()

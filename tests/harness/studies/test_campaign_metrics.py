@@ -196,6 +196,13 @@ def test_a_seed_is_not_a_factor_too_and_is_given_once(tmp_path):
     assert f"seeds.{noise}: is a factor already; remove one of them" in twice
 
 
+def test_two_metrics_whose_names_are_one_in_expressions_are_rejected(tmp_path):
+    """Python reads the ligature and the two letters as one name."""
+    metrics = {"\ufb01nal": "last(guidance.range)", "final": "max(guidance.range)"}
+    found = rejected(tmp_path, metrics=metrics)
+    assert [line for line in found if "normal form NFKC" in line]
+
+
 def test_the_error_of_a_metric_is_a_line_of_200_characters():
     def wordy(_):
         raise ValueError("no\n  such thing " + "x" * 300)
