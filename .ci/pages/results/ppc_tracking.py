@@ -6,9 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from text import table
-
 from results import Column, of_runs, result_of, value
+from text import table
 
 LAWS = {"ppc": "", "theta-D": " --swap controller=theta_d_controller",
         "PID": " --swap controller=pid_controller"}  # fmt: skip

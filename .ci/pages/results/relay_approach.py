@@ -6,9 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from text import table
-
 from results import Column, cell, of_runs, result_of
+from text import table
 
 SETS = ("paper", "paper_small_thrust", "newton", "geo")
 THRUSTERS = {

@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from text import table
-
 from results import Column, cell, of_runs, result_of
+from text import table
 
 ESTIMATES = "servicing_mission_navigated --every 10"
 RUNS = {"on estimates": ESTIMATES, "by arm": "servicing_mission_by_arm --every 10"}

@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-
 from results import Column, of_runs, value_of
 
 ETA = "controller.eta_hat_0=[200,0,0,250,0,150,12,0,0,15,0,10]"

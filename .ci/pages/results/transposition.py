@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-
 from results import Column, of_runs, result_of
 
 SETS = ("ideal", "cluster", "earth_pointing", "printed_law")
