@@ -16,7 +16,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import cache
 from multiprocessing import connection, forkserver, resource_tracker
 from pathlib import Path
@@ -195,12 +195,17 @@ class _Worker:
         return pid if state == "T" else 0
 
     def end(self) -> None:
-        """End the process after its task; kill it if it is stopped and cannot end by itself."""
+        """End the process after its task; kill it if it is stopped and cannot end by itself. A
+        fork server that is stopped is continued, because it reports the end.
+        """
         if self._process is not None:
             self._line.close()
             while not connection.wait([self._process.sentinel], LOOK_SECONDS):
                 if self.stopped:
                     self._process.kill()
+                if server := getattr(forkserver._forkserver, "_forkserver_pid", None):
+                    with suppress(ProcessLookupError):
+                        os.kill(server, signal.SIGCONT)
             self._process.join()
             self._process = None
 

@@ -8,6 +8,7 @@ import signal
 import time
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
+from multiprocessing import forkserver
 from pathlib import Path
 from threading import Thread
 
@@ -153,6 +154,22 @@ def test_a_process_that_is_stopped_ends_with_its_pool(stopped, busy, interrupted
     assert not ending.is_alive()
     assert not alive(pid)
     assert job is None or isinstance(job.exception(), LostWorkerError)
+
+
+@LINUX
+def test_a_fork_server_that_is_stopped_does_not_hold_up_the_end(monkeypatch):
+    """It reports that its processes have ended."""
+    monkeypatch.setattr(pools, "LOOK_SECONDS", 0.05)
+    with WorkerPool(1, retaining) as pool:
+        assert pool.submit(square, 3).result() == 9
+        server = forkserver._forkserver._forkserver_pid
+        os.kill(server, signal.SIGSTOP)
+        ending = Thread(target=partial(pool.shutdown, cancel_futures=True), daemon=True)
+        ending.start()
+        ending.join(60.0)
+        went_on = not ending.is_alive()
+        os.kill(server, signal.SIGCONT)
+    assert went_on
 
 
 @LINUX
