@@ -28,6 +28,8 @@ Axes = Any
 Colour = Any
 """A colour as matplotlib understands it: a name, or red, green, blue, opacity."""
 AXES = ("x", "y", "z")
+LARGEST = 1e300
+"""Largest size of a value that is drawn; an axis over larger ones would overflow."""
 
 
 def variables_of(text: str) -> tuple[str, ...]:
@@ -83,14 +85,14 @@ class Curve(Checked):
         return variables_of(self.source) if isinstance(self.source, str) else self.needs
 
     def history(self, result: Result) -> Array:
-        """Return the drawn history, (rows,) or (rows, elements)."""
+        """Return the drawn history, (rows,) or (rows, elements), NaN where it cannot be drawn."""
         values = values_of(result, self.source)
         drawn = self.convert(values) if self.convert else values
         if not isinstance(drawn, np.ndarray) or drawn.shape[:1] != result.time.shape:
             place = place_of(self.convert or self.source)
             wanted = f"an array of {len(result.time)} rows"
             raise HarnessError(f"{place}expected {wanted} for a curve, got {drawn!r:.40}")
-        return drawn
+        return np.where(np.abs(drawn) > LARGEST, np.nan, drawn)
 
     def lines(self, history: Array) -> Iterator[tuple[Array, str]]:
         """Yield values (rows,) and name of every line."""

@@ -15,11 +15,12 @@ from harness.figures.choice import figures_of
 from harness.figures.plots import paint
 from harness.mission import Limits
 from harness.mission.exchange import remarks
+from harness.mission.figure import LARGEST
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.arrays import Arrays, Canvas, points_of
 from harness.report.plots import PAGE, Shown, number, painted, phases, sections, signals
 from harness.report.template import render
-from harness.report.timeline import finite_rows, replay
+from harness.report.timeline import drawable_rows, replay
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Kind
@@ -103,11 +104,12 @@ def notes(result: Result) -> list[str]:
 
 
 def gaps(result: Result) -> str:
-    """Return a line about variables that are not finite in all rows, "" if there are none."""
+    """Return a line about variables that cannot be drawn in all rows, "" if there are none."""
     rows = len(result.time)
-    bad = {name: rows - int(finite_rows(result[name]).sum()) for name in result.names}
+    bad = {name: rows - int(drawable_rows(result[name]).sum()) for name in result.names}
     names = listed([f"{name} in {count} of {rows} rows" for name, count in bad.items() if count])
-    return f"values that are not finite, left out of plots and replay: {names}" if names else ""
+    what = f"values that are not finite or beyond {LARGEST:g}, left out of plots and replay"
+    return f"{what}: {names}" if names else ""
 
 
 def chips(result: Result) -> list[tuple[str, str]]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.claims.report import rule_findings
 from harness.mission.fields import one
+from harness.mission.figure import LARGEST
 from harness.mission.library import of_result
 from harness.mission.mission import together
 from harness.report import models
@@ -72,14 +73,14 @@ def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | Non
 
 
 def drawable(result: Result, needs: Iterable[str]) -> Result:
-    """Return what a replay can draw of a result: the rows in which these variables are finite, and
-    the variables that are finite in all of these rows.
+    """Return what a replay can draw of a result: the rows in which these variables can be drawn,
+    and the variables that can be drawn in all of these rows.
     """
-    finite = np.isfinite(result.values)
-    if finite.all():
+    good = np.abs(result.values) <= LARGEST
+    if good.all():
         return result
-    rows = np.logical_and.reduce([finite_rows(result[name]) for name in needs])
-    left_out = {base(result.columns[k]) for k in np.flatnonzero(~finite[rows].all(axis=0))}
+    rows = np.logical_and.reduce([drawable_rows(result[name]) for name in needs])
+    left_out = {base(result.columns[k]) for k in np.flatnonzero(~good[rows].all(axis=0))}
     shown = [k for k, name in enumerate(result.columns) if base(name) not in left_out]
     return replace(
         result,
@@ -92,9 +93,9 @@ def drawable(result: Result, needs: Iterable[str]) -> Result:
     )
 
 
-def finite_rows(values: Array) -> Array:
-    """Return which rows of a history are finite (rows,)."""
-    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+def drawable_rows(values: Array) -> Array:
+    """Return which rows of a history can be drawn (rows,)."""
+    return np.asarray((np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim))))
 
 
 def _titled(scene: Scene, name: str, title: str, further: list[Scene]) -> Scene:

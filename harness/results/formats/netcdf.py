@@ -10,6 +10,8 @@ import unicodedata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from harness.results.formats import check_nul, check_size, numbers, restored
 from harness.results.result import PROVENANCE, Array, Result, attributes, labelled, time_labels
 
@@ -65,12 +67,21 @@ def read(path: Path) -> Result:
         file.set_auto_mask(False)
         check_size(sum(8 * v.size for v in file.variables.values()), path.stat().st_size)
         about = {name: file.getncattr(name) for name in file.ncattrs()}
-        time = numbers("time", file["time"][...])
+        time = _values("time", file["time"])
         for name, variable in file.variables.items():
-            data, notes = numbers(name, variable[...]), vars(variable)
+            data, notes = _values(name, variable), vars(variable)
             if variable.dimensions[:1] == ("time",) and name != "time":
                 histories[name] = (data, notes)
             elif name != "time":
                 fixed[name] = (data[None], notes)
     origin = {n.removeprefix(PROVENANCE): v for n, v in about.items() if n.startswith(PROVENANCE)}
     return restored({"system": path.stem, **about}, time, histories, fixed, origin)
+
+
+def _values(name: str, variable: Any) -> Array:
+    """Return the numbers of a variable, NaN where the file marks a value as missing (CF)."""
+    if not {"_FillValue", "missing_value"} & {*variable.ncattrs()}:
+        return numbers(name, variable[...])
+    variable.set_auto_mask(True)
+    found = np.ma.asanyarray(variable[...])
+    return np.where(np.ma.getmaskarray(found), np.nan, numbers(name, found.data))

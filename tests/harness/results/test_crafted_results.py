@@ -232,6 +232,23 @@ def test_a_nc_that_unpacks_to_gigabytes_is_rejected_before_it_is_read(tmp_path, 
         read(path)
 
 
+@pytest.mark.parametrize("kind", ["_FillValue", "missing_value"])
+def test_values_that_a_file_of_others_marks_as_missing_are_not_numbers(tmp_path, kind):
+    with netCDF4.Dataset(tmp_path / "x.nc", "w") as file:
+        file.createDimension("time", 3)
+        filled = {"fill_value": -999} if kind == "_FillValue" else {}
+        for name, kind_of, values in (
+            ("time", "f8", [0, 1, 2]), ("a.x", "f4", [1, -999, 3]), ("a.n", "i2", [-999, 2, 3]),
+        ):  # fmt: skip
+            variable = file.createVariable(name, kind_of, ("time",), **filled)
+            variable[:] = values
+            if not filled:
+                variable.missing_value = np.array(-999, dtype=kind_of)
+    found = read(tmp_path / "x.nc")
+    assert np.array_equal(found["a.x"], [1, np.nan, 3], equal_nan=True)
+    assert np.array_equal(found["a.n"], [np.nan, 2, 3], equal_nan=True)
+
+
 @pytest.mark.parametrize("ending", [".nc", ".mat", ".parquet"])
 def test_a_file_larger_than_half_of_the_memory_is_rejected(result, tmp_path, ending, monkeypatch):
     path = result.save(tmp_path / f"out{ending}")

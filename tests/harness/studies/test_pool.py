@@ -159,6 +159,7 @@ def test_a_process_that_is_stopped_ends_with_its_pool(stopped, busy, interrupted
 @LINUX
 def test_a_fork_server_that_is_stopped_does_not_hold_up_the_end(monkeypatch):
     """It reports that its processes have ended."""
+    monkeypatch.setattr(pools, "GRACE_SECONDS", 0.1)
     monkeypatch.setattr(pools, "LOOK_SECONDS", 0.05)
     with WorkerPool(1, retaining) as pool:
         assert pool.submit(square, 3).result() == 9
