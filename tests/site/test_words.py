@@ -20,6 +20,7 @@ def subjects():
     return script("subjects")
 
 
+@pytest.mark.long
 def test_no_tracked_text_has_a_word_of_the_list(words):
     assert list(words.problems()) == []
 

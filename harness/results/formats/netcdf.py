@@ -79,7 +79,7 @@ def read(path: Path) -> Result:
 
 
 def _values(name: str, variable: Any) -> Array:
-    """Return the numbers of a variable, NaN where the file marks a value as missing (CF)."""
+    """Return the numbers of a variable, NaN where the file declares a value as missing (CF)."""
     if not {"_FillValue", "missing_value"} & {*variable.ncattrs()}:
         return numbers(name, variable[...])
     variable.set_auto_mask(True)

@@ -387,7 +387,7 @@ def test_the_file_is_valid_and_always_has_the_same_bytes(models, whole, other, t
     assert one != two
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("fmi", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_the_file_states_its_version_date_system_and_what_it_was_made_of(
     fmi, tmp_path, monkeypatch
 ):

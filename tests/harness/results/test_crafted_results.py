@@ -233,7 +233,7 @@ def test_a_nc_that_unpacks_to_gigabytes_is_rejected_before_it_is_read(tmp_path, 
 
 
 @pytest.mark.parametrize("kind", ["_FillValue", "missing_value"])
-def test_values_that_a_file_of_others_marks_as_missing_are_not_numbers(tmp_path, kind):
+def test_values_that_a_third_party_file_declares_missing_are_not_numbers(tmp_path, kind):
     with netCDF4.Dataset(tmp_path / "x.nc", "w") as file:
         file.createDimension("time", 3)
         filled = {"fill_value": -999} if kind == "_FillValue" else {}
