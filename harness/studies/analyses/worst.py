@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import RunError, UsageError
+from harness.errors import HarnessError, InterruptionError, UsageError
 from harness.results.files import save
 from harness.results.requirements import margin
 from harness.studies.analyses.driver import Driver
@@ -188,17 +188,20 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
     with closing(ReusedSimulation(evaluator.plan.system)) as reused:
         for name, (z, run) in rows.items():
             changes: Any = {k: v for k, v in evaluator.changes(z, run).items() if k != "step"}
+            result: Any = None
             try:
                 result = reused.run(changes, 1, evaluator.plan.table.patience)
-            except RunError as error:  # a run that fails early has recorded nothing
-                result = error.partial
+            except InterruptionError as error:
+                raise KeyboardInterrupt from error
+            except HarnessError as error:  # as in the search, a value that is rejected is a failure
+                result = getattr(error, "partial", result)
             if result is not None:
                 save(result, folder / f"{_file(name)}.nc")
             if name in found:
                 text, then = evaluator.task.requirements[name], found[name]["margin"]
                 own = -math.inf if result is None else margin(result, text)
-                limit = CLOSE * abs(then - found[name]["nominal"])
-                near = own == then or abs(own - then) <= limit < math.inf
+                span = abs(float(then) - float(found[name]["nominal"]))
+                near = own == then or abs(own - then) <= CLOSE * span < math.inf
                 differs = not near or (own < 0) != (then < 0)
                 found[name] |= {"own step": own, "differs": differs}
 

@@ -16,7 +16,7 @@ from scipy import stats
 
 from harness import Evaluator, boundary, campaign, probability, read, run, sensitivity, tune, worst
 from harness.cli import main
-from harness.errors import RunError, StructureError, UsageError
+from harness.errors import InterruptionError, RunError, StructureError, UsageError
 from harness.report.campaign import of_dataset
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
@@ -310,20 +310,44 @@ def test_a_failure_beside_the_worst_run_of_a_search_is_one(where, system, tmp_pa
     assert text[where] in study.summary()
 
 
-def test_a_worst_run_that_leaves_nothing_with_the_step_of_the_system_fails(
-    system, tmp_path, monkeypatch
-):
-    class Fails(searches.ReusedSimulation):
-        def run(self, *_):
-            raise RunError("bad", 0.0, "no step")
+@pytest.fixture
+def failing(system, tmp_path, monkeypatch):
+    """Search whose worst run ends with an error at the step of the system."""
 
-    monkeypatch.setattr(searches, "ReusedSimulation", Fails)
-    given = table(system, worst={"of": "small", "runs": 24})
-    given["factors"]["twice.k"] = {"normal": {"mean": 1.0, "sigma": 0.1}}
-    study = worst(given, tmp_path / "w.zarr", workers=0)
+    def search(error):
+        class Fails(searches.ReusedSimulation):
+            def run(self, *_):
+                raise error
+
+        monkeypatch.setattr(searches, "ReusedSimulation", Fails)
+        given = table(system, worst={"of": "small", "runs": 24})
+        given["factors"]["twice.k"] = {"normal": {"mean": 1.0, "sigma": 0.1}}
+        return worst(given, tmp_path / "w.zarr", workers=0)
+
+    return search
+
+
+@pytest.mark.parametrize("error", [RunError("bad", 0.0, "no step"), UsageError("must be > 0")])
+def test_a_worst_run_that_leaves_nothing_with_the_step_of_the_system_fails(
+    failing, tmp_path, error
+):
+    study = failing(error)
     assert not study.verdict
     assert "NOT MET with the system's own macro step the margin is -inf" in study.summary()
     assert not list((tmp_path / "w_worst").iterdir())
+
+
+def test_ctrl_c_ends_the_search_in_its_worst_run_too(failing):
+    with pytest.raises(KeyboardInterrupt):
+        failing(InterruptionError("system", 0.0))
+
+
+def test_a_search_in_which_all_margins_are_infinite_ends_without_a_warning(
+    system, tmp_path, monkeypatch
+):
+    margins_become(monkeypatch, lambda *_: np.inf)
+    study = worst(table(system, worst={"of": "small", "runs": 24}), tmp_path / "w.zarr", workers=0)
+    assert not study.verdict
 
 
 def test_a_run_that_fails_only_with_the_step_of_the_search_is_named(system, tmp_path, monkeypatch):
