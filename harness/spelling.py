@@ -63,13 +63,14 @@ def some(things: Sequence[object]) -> str:
 
 def first_error(text: str) -> str:
     """Return the first error line in the output of a compiler, without names of folders, or the
-    last line of a Python program that fails.
+    last line of a Python program that fails. `collect2: error: ld returned 1` is no reason.
     """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     lines = lines or ["the compiler gives no reason"]
     if "Traceback (most recent call last):" in text:
         return printable(lines[-1])
-    found = (line for line in lines if re.search(r"\berror:|undefined|multiple definition", line))
+    wrong = re.compile(r"(?!collect2).*(\berror:|undefined|multiple definition)")
+    found = filter(wrong.match, lines)
     return printable(re.sub(r"(?<!\S)\S*/(?=\S)", "", next(found, lines[0])))
 
 

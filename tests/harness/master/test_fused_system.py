@@ -31,6 +31,7 @@ from harness.exports.package import export
 from harness.files import paths
 from harness.files.archive import pack, read_all
 from harness.report import live
+from harness.spelling import first_error
 from harness.system.interface import unpacked_sources
 from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
 from harness.system.units import Affine, Hop
@@ -214,6 +215,12 @@ def test_a_system_that_cannot_be_fused_runs_nevertheless_and_a_line_states_why(
     with caplog.at_level(logging.WARNING):
         assert same_bits(simulate_case(loop, "fused"), simulate_case(loop, "c"))
     assert "loop: runs with the executor c: there is no C compiler (cc)" in caplog.text
+
+
+def test_a_linker_that_fails_without_the_word_error_states_why():
+    output = "/usr/bin/ld: cannot find -lc: Too many open files\ncollect2: error: ld returned 1"
+    assert first_error(output) == "ld: cannot find -lc: Too many open files"
+    assert first_error("x.c: In function f:\n/a/x.c:3:1: error: no") == "x.c:3:1: error: no"
 
 
 # ---- third-party sources
