@@ -13,64 +13,16 @@
  * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 first plan in work, without force.
  * Equations, constants and figures: docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
-#include "adaptive_attitude.h"
-#include "body_rows.h"
 #include "directions.h"
 #include "earth.h"
-#include "optimal_motion.h"
+#include "optimal_setup.h"
 #include "rigid_body.h"
-#include "time_grid.h"
 
-enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
-enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
-enum { SAMPLES = 10, MOST_SECONDS = 20, SHOWN = 6 }; /* SHOWN: nodes among the outputs */
+enum { SHOWN = 6 }; /* nodes of the plan among the outputs */
 
-typedef struct {
-    double mu;
-    vec3 p_T;
-    mat3 J_T;
-    vec3 F_max;
-    double duration[GOALS - 1], L_end[GOALS - 1];
-    vec3 line;
-    double keep_out[2], cone, cone_hold, hold_lead, slab[2], T_min;
-    double speed_limit, v_0, v_slope;
-    double iterations, iterations_first, kappa, k_d, tol[2], bad_max, age_max, K_b, P_b;
-    double tumble_step, turn[GOALS - 1], omega_rest, relax_time, arrive_radius;
-    double use_attitude, use_wheels, t_att;
-    vec3 K_att, P_att;
-    Eta eta_hat_0;
-    double sample_period;
-} Parameters;
-typedef struct {
-    Body T, S;
-    vec3 wheel_speed;
-    Reference ref;
-    double mass, goal;
-} Input;
-typedef struct {
-    Grid grid;
-    vec3 u[NODES];
-} Plan; /* accelerations [m/s2] */
-typedef struct {
-    vec3 d_hat, rho, v, F_sum; /* estimate; state and sum of the forces since the last second */
-    double known;              /* 1: there is a last second */
-} Disturbance;
-typedef struct {
-    vec3 rho; /* where braking began, in axes of T or H */
-    double in_target;
-} Hold;
-typedef struct {
-    Gains gains;
-    double goal, t_goal, sample, seconds, has_iterates, bad, has_plan, mode;
-    Problem problem;
-    Iterates it;
-    Grid grid; /* of the solve */
-    Progress progress;
-    double range; /* at the start of the solve [m] */
-    Plan plan;
-    Hold hold;
-    Disturbance d;
-} State;
+typedef OptimalParameters Parameters;
+typedef OptimalInput Input;
+typedef OptimalState State;
 typedef struct {
     vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
     double mode, feasible, braking, dv_left, t_arrival;
@@ -245,245 +197,7 @@ static void check(const Parameters *p, Problems *problems)
                "the wheel inertia must have a positive determinant (use_wheels = 1)");
 }
 
-static double second_of(const Parameters *p) { return SAMPLES * p->sample_period; }
-
-/* ---- states as carried through the coming seconds, (21) ---- */
-typedef struct {
-    vec3 rho, v;
-    Tumble tumble;
-    double t, after; /* time; seconds since the inputs were read */
-} Carried;
-
-static Carried carried_now(const Input *u, double t)
-{
-    return (Carried){
-        sub(u->S.r, u->T.r), sub(u->S.v, u->T.v), {canonical(u->T.q), u->T.omega}, t, 0};
-}
-
-static OrbitNow orbit_of(const Parameters *p, const Input *u)
-{
-    return orbit_now(p->mu, u->T.r, u->T.v);
-}
-static Inertia inertia_of(const Parameters *p) { return (Inertia){p->J_T, inverted(p->J_T)}; }
-
-static mat3 hold_axes(const Hold *hold, const OrbitNow *o, const Carried *s)
-{
-    return hold->in_target ? dcm_of_quat(s->tumble.q) : hill_axes(o, s->after);
-}
-
-/* mode 2: where braking began, at rest in axes of T or H; acceleration, N axes */
-static vec3 braking(const Parameters *p, const State *x, const OrbitNow *o, const Carried *s)
-{
-    mat3 C = hold_axes(&x->hold, o, s);
-    vec3 w = scale(o->rate, o->e_n), dw = vec(0, 0, 0), place = tmul(C, x->hold.rho);
-    if (x->hold.in_target) {
-        Inertia i = inertia_of(p);
-        w = tmul(C, s->tumble.w);
-        dw = tmul(C, free_rate_change(&i, s->tumble.w));
-    }
-    vec3 turned = add(cross(dw, place), cross(w, cross(w, place)));
-    vec3 known = add(tide(o, s->after, s->rho), x->d.d_hat);
-    vec3 error = scale(p->K_b, sub(s->rho, place));
-    return sub(turned, sum3(known, error, scale(p->P_b, sub(s->v, cross(w, place)))));
-}
-
-/* acceleration of the mode, N axes, before the limits */
-static vec3 acceleration(const Parameters *p, const State *x, const OrbitNow *o, const Carried *s)
-{
-    if (x->mode == FIRST_PLAN) return vec(0, 0, 0);
-    if (x->mode == BRAKE) return braking(p, x, o, s);
-    double k = floor_of((s->t - x->plan.grid.t) / x->plan.grid.dt + 1e-9);
-    return x->plan.u[(int)clamp(k, 0, NODES - 1)];
-}
-
-/* (21): over the seconds until the plan */
-static void carry(const Parameters *p, const State *x, const OrbitNow *o, int seconds, Carried *s)
-{
-    Inertia i = inertia_of(p);
-    double h = second_of(p);
-    for (int j = 0; j < MOST_SECONDS; j++) {
-        if (j == seconds) break;
-        vec3 f = sum3(acceleration(p, x, o, s), x->d.d_hat, tide(o, s->after, s->rho));
-        s->rho = sum3(s->rho, scale(h, s->v), scale(h * h / 2, f));
-        s->v = add(s->v, scale(h, f));
-        tumble_on(&i, h, &s->tumble);
-        s->t += h;
-        s->after += h;
-    }
-}
-
-/* ---- set-up of a solve, section 5.1 ---- */
-typedef struct {
-    int goal;
-    double t_arrival, range, along, across; /* of the state at plan time: |rho|, l_0, r_0 */
-    Grid grid;
-    Carried from;
-    OrbitNow orbit;
-} Task;
-
-static double end_of_node(const Task *task, int k) { return (k + 1) * task->grid.dt; }
-static double seconds_after(const Task *task, double in_plan) { return task->from.after + in_plan; }
-static int arrived(const Task *task, int k, double lead)
-{
-    return reached(task->grid.t + end_of_node(task, k), task->t_arrival - lead);
-}
-
-/* 2.2: axes C_k at the start of every node, grasp axes a at their ends; the end of the horizon */
-static Tumble set_axes(const Parameters *p, const Input *u, const Task *task, Problem *b)
-{
-    Inertia i = inertia_of(p);
-    Tumble at = task->from.tumble;
-    mat3 C_SN = dcm_of_quat(canonical(u->S.q)), C_ST = matmul_t(C_SN, dcm_of_quat(u->T.q));
-    int turns = norm(u->S.omega) >= p->omega_rest && p->turn[task->goal - 1];
-    for (int k = 0; k < NODES; k++) {
-        b->node[k].C = turns ? matmul(C_ST, dcm_of_quat(at.q)) : C_SN;
-        tumble_over_node(&i, task->grid.dt, p->tumble_step, &at);
-        b->node[k].a = tmul(dcm_of_quat(at.q), p->p_T);
-    }
-    return at;
-}
-
-/* 2.1: where the goal is at the end of every node */
-static void set_places(const Parameters *p, const Task *task, Problem *b)
-{
-    double T = task->grid.dt * NODES, L = p->L_end[task->goal - 1] / (T * T);
-    for (int k = 0; k < NODES; k++) {
-        vec3 to = b->node[k].a;
-        if (task->goal == TO_POINT) {
-            double after = seconds_after(task, end_of_node(task, k));
-            to = tmul(hill_axes(&task->orbit, after), p->line);
-        }
-        b->node[k].place = scale(L, to);
-    }
-}
-
-static vec3 orbit_rate(const OrbitNow *o) { return scale(o->rate, o->e_n); }
-
-static void set_end(const Task *task, Tumble last, Problem *b)
-{
-    vec3 turning = tmul(dcm_of_quat(last.q), last.w), orbiting = orbit_rate(&task->orbit);
-    b->p_end = b->node[NODES - 1].place;
-    b->v_end =
-        scale(task->grid.dt * NODES, cross(task->goal == TO_POINT ? orbiting : turning, b->p_end));
-}
-
-/* (4): free motion in units of a solve; way: path at the ends of the nodes [m] */
-static void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[], Problem *b)
-{
-    double T = task->grid.dt * NODES, h = 1.0 / NODES;
-    vec3 x = scale(1 / (T * T), task->from.rho), w = scale(1 / T, task->from.v);
-    vec3 before = task->from.rho;
-    for (int k = 0; k < NODES; k++) {
-        double middle = seconds_after(task, (k + 0.5) * task->grid.dt);
-        vec3 d = add(d_hat, tide(&task->orbit, middle, scale(0.5, add(before, way[k]))));
-        x = sum3(x, scale(h, w), scale(h * h / 2, d));
-        w = add(w, scale(h, d));
-        b->node[k].p_free = x;
-        b->node[k].v_free = w;
-        before = way[k];
-    }
-}
-
-/* goal 3: cone and slab, with (7) */
-static void set_corridor(const Parameters *p, const Task *task, int k, double fade, Node *node)
-{
-    double dt = task->grid.dt, sag = dot(task->from.tumble.w, task->from.tumble.w) * dt * dt / 8;
-    SineCosine edge =
-        sine_and_cosine(arrived(task, k, p->hold_lead) ? p->cone_hold : p->cone - sag);
-    double T2 = 3600 * dt * dt, L = p->L_end[ALONG_AXIS - 1];
-    double low = L - p->slab[0], high = arrived(task, k, 0) ? L + p->slab[1] : 1e6;
-    node->tangent = edge.s / edge.c;
-    node->o = larger(0, task->across - node->tangent * task->along) * fade / T2;
-    node->n = node->a;
-    node->low = (low - larger(0, low - task->along) * fade) / T2;
-    node->high = (high + larger(0, task->along - high) * fade) / T2;
-    node->has_ball = 0;
-}
-
-/* goals 1 and 2: keep-out before arrival, with (7), ball afterwards */
-static void set_keep_out(const Parameters *p, const Task *task, int k, double fade, vec3 way,
-                         Node *node)
-{
-    double dt = task->grid.dt, T2 = 3600 * dt * dt, R = p->keep_out[task->goal - 1];
-    node->has_ball = arrived(task, k, 0);
-    if (node->has_ball) {
-        node->n = node->place;
-        node->high = p->arrive_radius / T2;
-        return;
-    }
-    node->n = norm(way) < 1e-6 ? task->orbit.e_r : unit(way);
-    node->low = (R - larger(0, R - task->range) * fade) / T2;
-    node->high = 1e6 / T2;
-}
-
-static void set_speed_limit(const Parameters *p, const Task *task, vec3 way, Node *node)
-{
-    double T = task->grid.dt * NODES;
-    node->v_centre = scale(1 / T, cross(orbit_rate(&task->orbit), way));
-    node->v_max = (p->v_0 + p->v_slope * norm(way)) / T;
-}
-
-static void set_constraints(const Parameters *p, const Task *task, const vec3 way[], Problem *b)
-{
-    for (int k = 0; k < NODES; k++) {
-        Node *node = &b->node[k];
-        double fade = larger(0, 1 - end_of_node(task, k) / p->relax_time);
-        if (task->goal == ALONG_AXIS) set_corridor(p, task, k, fade, node);
-        else set_keep_out(p, task, k, fade, way[k], node);
-        set_speed_limit(p, task, way[k], node);
-    }
-}
-
-/* (8) */
-static Task task_of(const Parameters *p, const Input *u, const State *x, double t, int seconds)
-{
-    int goal = (int)x->goal;
-    Task task = {.goal = goal,
-                 .t_arrival = x->t_goal + p->duration[goal - 1],
-                 .from = carried_now(u, t),
-                 .orbit = orbit_of(p, u)};
-    carry(p, x, &task.orbit, seconds, &task.from);
-    double T = larger(task.t_arrival - task.from.t, p->T_min);
-    vec3 a = tmul(dcm_of_quat(task.from.tumble.q), p->p_T), rho = task.from.rho;
-    task.grid = (Grid){task.from.t, T / NODES};
-    task.range = norm(rho);
-    task.along = dot(rho, a);
-    task.across = norm(sub(rho, scale(task.along, a)));
-    return task;
-}
-
-static void set_first_way(const Task *task, const Problem *b, vec3 way[])
-{
-    double T = task->grid.dt * NODES;
-    vec3 end = scale(T * T, b->p_end);
-    for (int k = 0; k < NODES; k++)
-        way[k] = first_way(task->from.rho, end, task->goal == TO_AXIS, (k + 1.0) / NODES);
-}
-
-static void set_up(const Parameters *p, const Input *u, State *x, double t, int seconds, int first)
-{
-    Problem *b = &x->problem;
-    Task task = task_of(p, u, x, t, seconds);
-    double largest = larger(p->F_max.x, larger(p->F_max.y, p->F_max.z));
-    b->most = scale(1 / u->mass, p->F_max);
-    b->threshold = p->kappa * (largest / u->mass);
-    b->has_cone = task.goal == ALONG_AXIS;
-    b->has_speed_limit = p->speed_limit;
-    Tumble last = set_axes(p, u, &task, b);
-    set_places(p, &task, b);
-    set_end(&task, last, b);
-    if (first) set_first_way(&task, b, x->it.p);
-    else start_from_last(&x->it, x->grid, task.grid);
-    set_free_motion(&task, x->d.d_hat, x->it.p, b);
-    set_constraints(p, &task, x->it.p, b);
-    if (!x->has_iterates) start_cold(b, NODES, &x->it);
-    x->has_iterates = 1;
-    x->grid = task.grid;
-    x->range = task.range;
-    x->seconds = seconds;
-}
-
-/* ---- evaluation of a solve, section 5.2 ---- */
+/* ---- evaluation of a solve, N.4 ---- */
 static double horizon_of(const State *x) { return x->grid.dt * NODES; }
 
 static void publish_progress(const State *x, Output *y)
@@ -560,7 +274,7 @@ static void evaluate_solve(const Parameters *p, const Input *u, State *x, Output
     else reject_plan(p, u, x, t);
 }
 
-/* ---- a second, section 5 ---- */
+/* ---- a second, N.4 ---- */
 
 /* (3) */
 static void learn_disturbance(const Parameters *p, const Input *u, Disturbance *d, double t)
