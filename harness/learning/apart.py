@@ -15,9 +15,9 @@ import gymnasium
 from gymnasium.utils import EzPickle
 
 from harness.errors import FmuError, HarnessError
-from harness.learning.environment import Array, Environment
+from harness.learning.environment import Environment
 from harness.master.child import Child, Send
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 
 class Apart(gymnasium.Env[Array, Array], EzPickle):

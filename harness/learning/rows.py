@@ -37,6 +37,10 @@ FUNCTIONS: dict[str, Callable[[list[str]], list[str]]] = {
 """Functions of one argument by their elements in Python."""
 
 
+class _OtherRowsError(Exception):
+    """Expression whose value further rows determine; str() is its text."""
+
+
 def value(result: Result, text: str) -> Row | None:
     """Return the value of an expression in a row of a result, the least element of a vector; None
     if the value does not depend on the row alone.
@@ -54,7 +58,7 @@ def margin(result: Result, text: str) -> Row | None:
 def _compiled(writer: _Writer, tree: Node, margin: bool) -> Row | None:
     try:
         elements = writer.margin(tree, not tree.is_timing) if margin else writer.elements(tree)
-    except NotImplementedError:
+    except _OtherRowsError:
         return None
     text = elements[0] if len(elements) == 1 else f"min({', '.join(elements)})"
     return _function(text)
@@ -81,7 +85,7 @@ class _Writer:
         self._result = result
 
     def elements(self, node: Node) -> list[str]:  # noqa: PLR0911 - one per kind
-        """Return the elements; raise NotImplementedError if other rows determine them."""
+        """Return the elements; raise _OtherRowsError if other rows determine them."""
         if all(name.startswith("parameter ") for name in node.variables):
             found = evaluate(node, partial(history, self._result))
             return [repr(x) for x in np.ravel(found).tolist()]
@@ -103,7 +107,7 @@ class _Writer:
                 return FUNCTIONS[node.name](self.elements(node.parts[0]))
             case "compare" | "join" | "not":
                 return [f"({a} > 0)" for a in self.margin(node, guarded=False, signs=True)]
-        raise NotImplementedError(node.text)
+        raise _OtherRowsError(node.text)
 
     def _columns(self, name: str) -> list[str]:
         columns = self._result.vectors.get(name)

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
 
 from harness.learning.environment import Environment
 from harness.master.executors import Stretch, execute_all
-
-Array = NDArray[np.float64]
+from harness.results.result import Array
 
 
 class Environments(VectorEnv[Array, Array, Array]):
