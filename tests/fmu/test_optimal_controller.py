@@ -92,7 +92,10 @@ CASES = {
     "axis": (2, {}),
     "corridor": (3, {}),
     "speed": (1, {"speed_limit": 1, "v_0": 0.02, "v_slope": 0.002}),
-    "arriving": (3, {"duration": (60, 60, 6), "T_min": 20, "hold_lead": 2}),
+    "arriving": (
+        3,
+        {"duration": (60, 60, 6), "T_min": 20, "hold_lead": 2, "slab": (0.01, 0.03)},
+    ),
     "ball": (2, {"duration": (60, 5, 60), "T_min": 20, "iterations_first": 150}),
     "no turning": (3, {"turn": (0, 0, 0), "iterations": 20, "iterations_first": 40}),
     "deep space": (1, {"mu": 0, "k_d": 0.2}),

@@ -39,6 +39,7 @@ class Slave:
         self.fmu.setReal([self.references[name] for name in values], list(values.values()))
 
 
+@pytest.mark.long
 def test_a_controller_outside_gives_the_bits_of_the_whole_system(tmp_path):
     """Jacobi: all read, all step; the first inputs are start values of the open FMU."""
     with load(SYSTEM) as system:
