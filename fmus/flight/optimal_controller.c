@@ -347,13 +347,12 @@ static void command_attitude(const Parameters *p, const Input *u, Output *y, dou
     else y->M_cmd_S = neg(torque);
 }
 
+/* as before the first sample; the gains, the first member, stay */
 static void stay_inactive(State *x, Output *y)
 {
-    Gains gains = x->gains;
-    State first = {.mode = FIRST_PLAN};
     Output none = {.mode = FIRST_PLAN};
-    *x = first;
-    x->gains = gains;
+    memset((char *)x + sizeof x->gains, 0, sizeof *x - sizeof x->gains);
+    x->mode = FIRST_PLAN;
     *y = none;
 }
 

@@ -89,7 +89,11 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems) { check_filter(p, problems); }
 
-static int equal(vec3 a, vec3 b) { return memcmp(&a, &b, sizeof a) == 0; } /* to the last bit */
+static int equal(vec3 a, vec3 b) /* to the last bit */
+{
+    return bits_of(a.x) == bits_of(b.x) && bits_of(a.y) == bits_of(b.y) &&
+           bits_of(a.z) == bits_of(b.z);
+}
 
 /* numerical tolerance of a row */
 static double tolerance(const Parameters *p) { return 1e-9 * norm(p->F_max); }
