@@ -46,6 +46,9 @@ _BEGAN = time.time()
 _left_out: set[Path] = set()
 """Folders that have failed this process."""
 
+_used: dict[Path, int] = {}
+"""When each entry that this process has used was made [ns]."""
+
 
 def folder() -> Path | None:
     """Return the folder; None if the cache is off or no safe folder exists."""
@@ -187,10 +190,21 @@ def with_second_try(work: Callable[[], T], before: Callable[[], object] = bool) 
 
 
 def _is_damaged(root: Path) -> bool:
-    """Return whether any entry used since this process began, by it or a child, is damaged. A
-    folder that another process has not finished is no entry.
+    """Return whether any entry used since this process began, by it or a child, is damaged, or was
+    damaged and another process has made it anew. An unfinished folder is no entry.
     """
+    used = (place for place in _used if place.parent == root)
+    if any(_time_made(place) != _used[place] for place in used):
+        return True
     return any(p.stat().st_mtime >= _BEGAN and not checksums.is_whole(p) for p in _entries(root))
+
+
+def _time_made(place: Path) -> int:
+    """Return when an entry was made [ns], 0 if it is gone."""
+    try:
+        return (place / checksums.DIGEST).stat().st_mtime_ns
+    except FileNotFoundError:
+        return 0
 
 
 def _fault(error: Exception) -> str:
@@ -227,6 +241,7 @@ def _entry(place: Path, make: Callable[[Path], None]) -> Path:
             if not checksums.is_whole(place):  # else somebody was quicker
                 checksums.exchange(place, new)
     os.utime(place)
+    _used[place] = _time_made(place)
     return place / checksums.CONTENT
 
 

@@ -390,6 +390,21 @@ def test_a_command_and_a_run_of_a_campaign_survive_a_cut_too(cut, caplog, tmp_pa
     assert caplog.text.count("a file in it was damaged while it was read") == 2
 
 
+def test_a_damage_that_another_process_has_mended_meanwhile_costs_no_run(place, tmp_path):
+    archive, attempts = fill(tmp_path / "x.zip"), []
+    mend = "import sys, pathlib; from harness.files import cache; cache.unpacked(pathlib.Path(sys.argv[1]))"
+
+    def work():
+        attempts.append(cache.unpacked(archive))
+        if len(attempts) == 1:
+            next(path for path in attempts[0].rglob("*") if path.is_file()).write_bytes(b"")
+            subprocess.run([sys.executable, "-c", mend, str(archive)], check=True)
+            raise FmuError("cannot be loaded")
+
+    cache.with_second_try(work)
+    assert [attempt is None for attempt in attempts] == [False, True]
+
+
 def test_an_error_that_is_no_damage_is_reported_at_once(place, tmp_path):
     attempts = []
 
