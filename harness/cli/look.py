@@ -30,6 +30,8 @@ from harness.cli.options import (
     size_of,
 )
 from harness.errors import UsageError
+from harness.files import cache, paths
+from harness.files.checksums import sha256
 from harness.spelling import file_stem, printable
 
 
@@ -38,9 +40,22 @@ def list_command(
     system: Annotated[str | None, argument("[SYSTEM]", "System: name, or path of an .ssp")] = None,
 ) -> None:
     """Show systems, parameter sets and FMUs."""
-    from harness.cli import showing
+    typer.echo(printable(_listed(system)))
 
-    typer.echo(printable(showing.listed(system)))
+
+def _listed(system: str | None) -> str:
+    """Return the text of one system, or of all; computed once for the files that there are."""
+
+    def compute() -> str:
+        from harness.cli import showing
+
+        return showing.listed(system)
+
+    if system is not None:
+        return compute()
+    files = (*paths.systems().values(), *paths.fmus().values())
+    key = "".join(f"{path} {sha256(path)}\n" for path in files).encode()
+    return cache.computed("list", key, compute)
 
 
 @command("docs")
@@ -53,8 +68,6 @@ def docs_command(
 
     The package contains the pages; no network is needed.
     """
-    from harness.files import paths
-
     page = paths.site()
     if page is None:
         raise UsageError("this installation has no documentation pages; `make site` builds them")

@@ -16,12 +16,15 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import pickle
 import shutil
 import stat
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import TypeVar
 
@@ -172,6 +175,33 @@ def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
         place.parent.mkdir(exist_ok=True)
         make(place)
     return place
+
+
+def computed(kind: str, key: bytes, compute: Callable[[], T]) -> T:
+    """Return compute(), which depends on the kind and the key only: once for every key, as long as
+    the code of the harness is the same. Its value is stored as a pickle.
+    """
+
+    def write(file: Path) -> None:
+        file.write_bytes(pickle.dumps(compute()))
+
+    if folder() is None:
+        return compute()
+    file = made(kind, key + _code(), write)
+    try:
+        value: T = pickle.loads(file.read_bytes())
+    except Exception:
+        return compute()
+    return value
+
+
+@lru_cache
+def _code() -> bytes:
+    """Return a hash over the source files of the harness and the versions of what it reads with."""
+    total = hashlib.sha256(f"{sys.version} {version('fmpy')}".encode())
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        total.update(path.read_bytes())
+    return total.digest()
 
 
 def with_second_try(work: Callable[[], T], before: Callable[[], object] = bool) -> T:

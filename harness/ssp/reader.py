@@ -40,7 +40,7 @@ from harness.system.model import (
 MAX_COMPONENTS = 10_000
 """Largest number of components of a system."""
 
-MOST_KNOWN = 16
+MOST_KNOWN = 32
 """Number of systems that a process caches."""
 
 _log = logging.getLogger("harness")
@@ -114,7 +114,10 @@ def _of_folder(folder: Path) -> Reading:
     return Reading(system, tuple(reader.problems), tuple(reader.tree.notes))
 
 
-_known = lru_cache(maxsize=MOST_KNOWN)(_of_folder)
+@lru_cache(maxsize=MOST_KNOWN)
+def _known(folder: Path) -> Reading:
+    """Return the system in a folder of the cache, which is named by its content."""
+    return cache.computed("system", str(folder).encode(), lambda: _of_folder(folder))
 
 
 class _Reader:

@@ -18,7 +18,7 @@ from fmpy import platform, platform_tuple, read_model_description, sharedLibrary
 from harness.conformance.check import examine
 from harness.conformance.description import NUMBERS, Declared, Description, without_variables
 from harness.errors import FmuError
-from harness.files import machine
+from harness.files import cache, machine
 from harness.files.archive import (
     UnsafeXmlError,
     head,
@@ -28,6 +28,7 @@ from harness.files.archive import (
     unpack,
     unpacked_size,
 )
+from harness.files.checksums import sha256
 from harness.files.paths import Stamp, is_file, stamp
 from harness.system.units import Unit
 from harness.system.values import Variable
@@ -135,9 +136,18 @@ def read_interface(path: Path) -> Interface:
     return _read(path, stamp(path))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
 def _read(path: Path, _: Stamp) -> Interface:
     path = path.resolve()
+    try:
+        key = f"{path} {sha256(path)}".encode()
+    except OSError as error:
+        raise FmuError(f"{path.name}: cannot be read ({error.strerror})") from error
+    return cache.computed("interface", key, lambda: _examined(path))
+
+
+def _examined(path: Path) -> Interface:
+    """Return the interface of a .fmu; raise FmuError with all its problems."""
     found = examine(path)
     if found.errors:
         raise FmuError("\n".join(f"{path.name}: {problem}" for problem in found.errors))

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import sys
 
-from tests.bench import environments
+from tests.bench import environments, startup
 from tests.bench.bench import bench
 
 (system,) = sys.argv[1:2] or ["sync_approach"]
 print(bench(system))
 print("\n".join(environments.bench(system)))
+print("\n".join(startup.bench(system)))

@@ -88,6 +88,16 @@ def test_list_shows_systems_with_sets_components_and_fmus(command):
     assert re.search(r"^  not_a_number\b", text, re.MULTILINE)
 
 
+def test_a_second_list_reads_no_file_but_to_compare_its_bytes(command, folder, fmus, monkeypatch):
+    first = command("list")
+    with monkeypatch.context() as patch:
+        patch.setattr("harness.cli.showing.listed", None)
+        assert command("list") == first
+    other = system_of({**tomllib.loads(TOML), "description": "another"}, fmus)
+    write_ssp(other, folder / "demo.ssp")
+    assert any("another" in line for line in command("list")[1])
+
+
 def test_check_finds_nothing_wrong_with_a_good_system_and_a_good_fmu(command):
     assert command("check", "demo") == (0, ["demo: fine (3 components, 1 connections, 2 sets)"], [])
     assert command("check", "gain") == (

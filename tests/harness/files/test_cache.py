@@ -351,12 +351,12 @@ def cut(place, monkeypatch):
     programs may have loaded the old ones.
     """
 
-    def prepare(pattern):
+    def prepare(pattern, content=None):
         def handed_out(entry, make, retained=cache._entry):
             folder = retained(entry, make)
             for file in folder.rglob(pattern):
                 new = file.with_name("new")
-                new.write_bytes(file.read_bytes()[:100])
+                new.write_bytes(file.read_bytes()[:100] if content is None else content)
                 new.replace(file)
             return folder
 
@@ -371,11 +371,13 @@ CUT = {"*.so": "c", "*.fmu": "c", "*.ssd": "c", "whole.fmu": "fused"}
 
 
 @pytest.mark.parametrize("pattern", CUT)
-def test_a_file_that_is_cut_while_it_is_read_costs_a_line_and_no_run(cut, caplog, pattern):
+def test_a_file_that_is_cut_while_it_is_read_costs_a_line_and_no_run(cut, caplog, pattern, place):
     how = {"stop": 1.0, "executor": CUT[pattern]}
     required = run("sync_approach", **how)
     cut(pattern)
     reader._known.cache_clear()  # of the first run
+    for system in place.glob("*/content/system"):
+        shutil.rmtree(system.parents[1])
     found = run("sync_approach", **how)
     assert found.values.tobytes() == required.values.tobytes()
     assert caplog.text.count("a file in it was damaged while it was read") == 1
@@ -392,7 +394,11 @@ def test_a_command_and_a_run_of_a_campaign_survive_a_cut_too(cut, caplog, tmp_pa
 
 def test_a_damage_that_another_process_has_mended_meanwhile_costs_no_run(place, tmp_path):
     archive, attempts = fill(tmp_path / "x.zip"), []
-    mend = "import sys, pathlib; from harness.files import cache; cache.unpacked(pathlib.Path(sys.argv[1]))"
+    mend = (
+        "import pathlib, sys\n"
+        "from harness.files.cache import unpacked\n"
+        "unpacked(pathlib.Path(sys.argv[1]))"
+    )
 
     def work():
         attempts.append(cache.unpacked(archive))
@@ -417,6 +423,39 @@ def test_an_error_that_is_no_damage_is_reported_at_once(place, tmp_path):
         cache.with_second_try(work)
     assert len(attempts) == 1
     assert cache.folder() == place
+
+
+# ---- values
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x80\x05X", b"no pickle"])
+def test_a_value_is_computed_once_and_anew_when_its_file_is_damaged(cut, place, damage):
+    computed = []
+
+    def compute():
+        computed.append(len(computed))
+        return {"value": 0.1}
+
+    assert [cache.computed("x", b"key", compute) for _ in range(3)] == [{"value": 0.1}] * 3
+    assert len(computed) == 1
+    cache.computed("x", b"other", compute)
+    cache.computed("y", b"key", compute)
+    assert len(computed) == 3
+    cut("x", damage)
+    assert cache.computed("x", b"key", compute) == {"value": 0.1}
+    assert len(computed) == 4
+
+
+def test_a_value_is_computed_anew_by_other_code_and_without_a_cache(place, monkeypatch):
+    computed = []
+    for code in (b"1", b"1", b"2"):
+        monkeypatch.setattr(cache, "_code", lambda code=code: code)
+        cache.computed("x", b"key", lambda: computed.append(0))
+    assert len(computed) == 2
+    monkeypatch.setenv("HARNESS_CACHE", "off")
+    for _ in range(2):
+        cache.computed("x", b"key", lambda: computed.append(0))
+    assert len(computed) == 4
 
 
 # ---- a cache that cannot be used
