@@ -85,6 +85,12 @@ def show_command(
     word: Annotated[
         str | None, argument("[WORD]", "Show only rows with this word in name or description")
     ] = None,
+    changed: Annotated[
+        bool, option("--changed", "Show only values that --params, --set or --swap changes")
+    ] = False,
+    diff: Annotated[
+        str | None, option("SET1,SET2", "Show only values that differ between two parameter sets")
+    ] = None,
     changes: Any,
 ) -> None:
     """Show ports and parameters.
@@ -93,9 +99,25 @@ def show_command(
     values in the system. An FMU is listed with its own values.
     """
     from harness.cli import showing
-    from harness.studies.show import show
+    from harness.studies.show import differences, show
 
-    typer.echo(showing.text(show(system, word, **changes)))
+    if diff is None and not changed:
+        typer.echo(showing.text(show(system, word, **changes)))
+        return
+    first, comma, second = (diff or "").partition(",")
+    if diff is not None and (changed or "params" in changes or not (first and comma and second)):
+        raise UsageError(
+            f"--diff {diff}: expected SET1,SET2, without --changed and --params; "
+            "`default` names the values of the system"
+        )
+    if diff is None:
+        both: tuple[Any, Any] = {}, changes
+        heads = "system", "changed"
+    else:
+        both = {**changes, "params": first}, {**changes, "params": second}
+        heads = first, second
+    found = differences(system, word, before=both[0], after=both[1])
+    typer.echo(showing.text(found, heads))
 
 
 CheckedArgument = Annotated[

@@ -17,7 +17,7 @@ from harness.files import paths
 from harness.master.changes import set_names
 from harness.spelling import printable
 from harness.ssp.library import find_system, load
-from harness.studies.show import GROUPS, Nested, Part, Shown, Signal
+from harness.studies.show import GROUPS, Difference, Nested, Part, Shown, Signal
 from harness.system.interface import read_interface
 from harness.system.model import Experiment
 
@@ -75,8 +75,10 @@ def _time(experiment: Experiment) -> str:
 # ---- harness show
 
 
-def text(shown: Shown) -> str:
-    """Return the title, and a table of components or one table per causality."""
+def text(shown: Shown, heads: tuple[str, str] = ("before", "after")) -> str:
+    """Return the title, and a table of components, of differences (heads: of their two columns) or
+    one table per causality.
+    """
     parts = [row for row in shown.rows if isinstance(row, Part)]
     signals = [row for row in shown.rows if isinstance(row, Signal)]
     tables = []
@@ -84,6 +86,11 @@ def text(shown: Shown) -> str:
         head = ("component", "FMU", "step [s]", "samples [s]", "description")
         rows = [(p.name, p.fmu, _number(p.step), _number(p.sample_period), p.text) for p in parts]
         tables.append(_table(head, rows))
+    if different := [row for row in shown.rows if isinstance(row, Difference)]:
+        cells = [
+            (d.name, d.unit, value_text(d.before), value_text(d.after), d.text) for d in different
+        ]
+        tables.append(_table(("value", "unit", *heads, "description"), cells))
     for causality in GROUPS:
         if group := [s for s in signals if s.causality == causality]:
             tables.append(_signals(causality, group))

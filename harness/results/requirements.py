@@ -56,10 +56,14 @@ class Finding:
     margin_unit: str = ""
 
     def __str__(self) -> str:
-        word = Kind.REQUIREMENT.word(self.verdict)
-        shown = word.upper() if self.verdict is Verdict.NOT_MET else word
         named = f"{self.name} ({self.text})" if self.name != self.text else self.text
-        return f"{shown}: {named}{f'; {self.detail}' if self.detail else ''}"
+        return f"{self.word}: {named}{f'; {self.detail}' if self.detail else ''}"
+
+    @property
+    def word(self) -> str:
+        """Return the verdict in one or two words, in capitals where it is not met."""
+        word = Kind.REQUIREMENT.word(self.verdict)
+        return word.upper() if self.verdict is Verdict.NOT_MET else word
 
     @property
     def statement(self) -> str:
@@ -77,12 +81,19 @@ class Finding:
         if self.value is None:
             return self.reason
         place = "" if self.time is None else f" at {self.time:g} s"
-        if math.isnan(self.value):
-            return f"not a number{place}"
+        return f"{'not a number' if math.isnan(self.value) else f'worst {self.worst}'}{place}"
+
+    @property
+    def worst(self) -> str:
+        """Return the worst value with its unit, in m where a small unit needs many digits; "" if
+        there is none.
+        """
+        if self.value is None:
+            return ""
         value, unit = self.value, self.unit.removeprefix("1")
         if unit in SMALL and abs(value) >= MANY:
             value, unit = convert(value, unit, "m"), "m"
-        return f"worst {value:.6g} {unit}".rstrip() + place
+        return f"{value:.6g} {unit}".rstrip()
 
 
 def rejected(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:

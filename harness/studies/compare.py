@@ -27,8 +27,9 @@ from harness.mission.fields import several
 from harness.mission.library import of_result
 from harness.mission.mission import Mission, apart, exceeding, measured, together
 from harness.results.files import ResultFile, read
-from harness.results.requirements import findings
+from harness.results.requirements import Finding, findings
 from harness.results.result import Result
+from harness.results.verdict import Verdict
 from harness.spelling import one_line
 from harness.ssp.library import load
 from harness.studies.campaign.clusters import Workers
@@ -149,15 +150,19 @@ class Comparison:
         shown = table(chosen, self.labels, about, words)
         head = [self.in_force, ""] if self.in_force else []
         lines = [*head, shown, *warnings, *defined, *self.findings()]
-        return "\n".join(line if line is shown else _wrapped(line) for line in lines)
+        return "\n".join(line if "\n" in line else _wrapped(line) for line in lines)
 
     def findings(self) -> list[str]:
-        """Return one line per requirement and run."""
-        return [
-            f"requirement {label}: {finding}"
-            for label, result in self.results.items()
-            for finding in findings(result)
-        ]
+        """Return the table of runs and requirements, and a line for each that is not met or has no
+        verdict.
+        """
+        found = {label: findings(result) for label, result in self.results.items()}
+        lines: dict[str, list[str]] = {}
+        for label, each in found.items():
+            for text in (str(f) for f in each if f.verdict is not Verdict.MET):
+                lines.setdefault(text, []).append(label)
+        shown = [f"{', '.join(labels)}: {text}" for text, labels in lines.items()]
+        return ["", verdicts(found), *shown] if any(found.values()) else []
 
     @property
     def labels(self) -> list[str]:
@@ -311,7 +316,23 @@ def table(
         bracket = "" if named else f"[{unit}]"
         head = [*(*name.split(" ", 1), "")[:2], bracket, about.get(key, "")]
         columns.append([*head[:heads], *(cells if named else _numbers(values))])
-    first = [""] * heads + list(map(one_line, labels))
+    return _blocks([""] * heads + list(map(one_line, labels)), columns)
+
+
+def verdicts(found: Mapping[str, Sequence[Finding]]) -> str:
+    """Return the table of runs and requirements: verdict and worst value, `-` where a run lacks the
+    requirement.
+    """
+    columns: dict[str, list[str]] = {}
+    for k, each in enumerate(found.values()):
+        for finding in each:
+            cells = columns.setdefault(one_line(finding.name), ["-"] * len(found))
+            cells[k] = " ".join(filter(None, [finding.word, finding.worst]))
+    return _blocks(["", *map(one_line, found)], [[name, *cells] for name, cells in columns.items()])
+
+
+def _blocks(first: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
+    """Return a table as text, in blocks of at most WIDTH columns that begin with the first."""
     first = [label.ljust(max(map(len, first))) for label in first]
     blocks = [[first]]
     for texts in columns:

@@ -67,12 +67,24 @@ class Part(NamedTuple):
     text: str
 
 
+class Difference(NamedTuple):
+    """A parameter or open input, as `component.name`, with two values; None where a component lacks
+    it.
+    """
+
+    name: str
+    unit: str
+    before: Nested
+    after: Nested
+    text: str
+
+
 @dataclass(frozen=True)
 class Shown:
-    """Title in one line, and the parts (of a system) or signals (of an FMU)."""
+    """Title in one line, and the parts (of a system), signals (of an FMU) or differences."""
 
     title: str
-    rows: tuple[Part, ...] | tuple[Signal, ...]
+    rows: tuple[Part, ...] | tuple[Signal, ...] | tuple[Difference, ...]
 
 
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
@@ -89,8 +101,43 @@ def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) 
         with load(place[0]) as system:
             changed = rest(apply(system, **changes))
             found = _of_component(changed, place[1]) if place[1] else _of_system(changed)
-    if word is None:
-        return found
+    return found if word is None else _with_word(found, word)
+
+
+def differences(
+    name: str | Path, word: str | None = None, *, before: Changes, after: Changes
+) -> Shown:
+    """Return the values that differ between two changes of a system or of one of its components.
+
+    name: `SYSTEM` or `SYSTEM.component`; word: as for show(); before, after: changes as for run(),
+    none for the values of the system. Raises the errors of show().
+    """
+    if (place := of_component(name)) is None:
+        raise UsageError(f"{name or '(nothing)'}: is no system and no SYSTEM.component")
+    path, component = place
+    with load(path) as system:
+        first, second = (rest(apply(system, **changes)) for changes in (before, after))
+        known = (c.name for each in (first, second) for c in each.components)
+        chosen = [component] if component else dict.fromkeys(known)
+        rows = tuple(row for each in chosen for row in _different(first, second, each))
+    found = Shown(f"{name}: {'values that differ' if rows else 'no value differs'}", rows)
+    return found if word is None else _with_word(found, word)
+
+
+def _different(before: System, after: System, component: str) -> Iterator[Difference]:
+    """Yield the values of a component that differ between two systems."""
+    signals = [
+        {s.name: s for s in _of_component(each, component).rows if isinstance(s, Signal)}
+        for each in (before, after)
+    ]
+    for name, signal in (signals[1] | signals[0]).items():
+        old, new = (s.value if (s := each.get(name)) else None for each in signals)
+        if old != new:
+            yield Difference(f"{component}.{name}", signal.unit, old, new, signal.text)
+
+
+def _with_word(found: Shown, word: str) -> Shown:
+    """Return the rows with a word in name or description; raise UsageError if there are none."""
     rows = tuple(r for r in found.rows if word.casefold() in f"{r.name}\n{r.text}".casefold())
     if not rows:
         close = did_you_mean(word, [row.name for row in found.rows])

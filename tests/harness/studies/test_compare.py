@@ -19,10 +19,12 @@ from harness.errors import StructureError, UsageError
 from harness.figures import plots
 from harness.mission import Curve, Figure, Panel
 from harness.results.files import ResultFile, read
+from harness.results.requirements import Finding
 from harness.results.result import Result
+from harness.results.verdict import Verdict
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies.compare import ComparisonRuns, _thinning, compare, table
+from harness.studies.compare import ComparisonRuns, _thinning, compare, table, verdicts
 from harness.studies.variants import combinations
 from tests.harness.demo import TOML
 from tests.harness.interrupts import LONGEST, start, until
@@ -85,6 +87,19 @@ def test_the_table_has_one_line_per_run_and_is_retained_with_all_digits(system, 
     assert [row["run"] for row in rows] == ["jacobi", "gauss-seidel"]
     assert all(float(row["macro step [us]"]) > 0 for row in rows)
     assert {row["range error [m]"] for row in rows} == {""}
+
+
+def test_verdicts_are_a_table_of_runs_and_requirements():
+    required = {"above": Finding("above", "x >= 1", Verdict.MET, 2.0, "m", 1.0)}
+    required["later"] = Finding("later", "y >= 1", Verdict.NOT_EXERCISED, reason="it ends at 1 s")
+    failed = Finding("above", "x >= 1", Verdict.NOT_MET, 0.5, "m", 3.0)
+    shown = verdicts({"a": [*required.values()], "another": [failed]}).splitlines()
+    assert [line.split() for line in shown] == [
+        ["above", "later"],
+        ["a", "met", "2", "m", "not", "exercised"],
+        ["another", "NOT", "MET", "0.5", "m", "-"],
+    ]
+    assert len(set(map(len, shown[1:]))) == 1
 
 
 def test_results_of_an_earlier_comparison_are_not_taken_for_results_of_a_crashed_run(
@@ -344,6 +359,14 @@ def test_the_controllers_of_an_approach_are_compared_with_its_actuators(tmp_path
     assert max(map(len, text.splitlines())) <= 120
     metric = next(m for m in found.mission.metrics if m.name == "attitude settles")
     assert metric.about(found.limits, found.results) == "1 deg from 1200 s"
+    lines = text.splitlines()
+    head = next(k for k, line in enumerate(lines) if line.split()[:2] == ["distance", "tracking"])
+    assert [line.split()[:2] for line in lines[head + 1 : head + 3]] == [
+        ["adaptive_controller", "met"],
+        ["pid_controller", "met"],
+    ]
+    (tracking,) = (line for line in lines if "not exercised: tracking" in line)
+    assert tracking.startswith("adaptive_controller, pid_controller: ")
     names = text.splitlines()[-60:]
     assert any("corridor" in line for line in names)
     chosen = found.text(["peak force", "first violated"])

@@ -19,7 +19,7 @@ from harness.cli import showing
 from harness.cli.app import main
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies.show import Part, Shown, Signal
+from harness.studies.show import Part, Shown, Signal, differences
 
 TOML = """
 name = "pair"
@@ -179,3 +179,40 @@ def test_any_name_and_word_is_a_table_or_a_reason(folder, name, word):
             assert show(each, word).rows
         except HarnessError as error:
             assert str(error)
+
+
+# ---- what a set changes
+
+
+def test_differences_are_the_values_that_a_set_changes(folder):
+    found = differences("pair.ssp", before={}, after={"params": "other", "set": {"to.M.bias": 8.0}})
+    assert found.title == "pair.ssp: values that differ"
+    assert [row[:4] for row in found.rows] == [("to.M.bias", "1", 1.0, 8.0)]
+    matrix = {"set": {"to.J[1,2]": 5.0}}
+    (row,) = differences("pair.ssp.to", before={"params": "other"}, after=matrix).rows[:1]
+    assert row[:4] == ("to.J", "1", [[1.0, 2.0], [3.0, 4.0]], [[1.0, 5.0], [3.0, 4.0]])
+    assert not differences("pair.ssp.from", before={}, after={"params": "other"}).rows
+
+
+def test_the_command_shows_differences_of_a_set_and_of_two_sets(folder, capsys):
+    assert main(["show", "pair.ssp", "--changed", "--params", "other"]) == 0
+    assert re.search(r"^to\.M\.bias +1 +1 +7\.5$", capsys.readouterr().out, re.MULTILINE)
+    assert main(["show", "pair.ssp", "--diff", "other,default"]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"^value +unit +other +default +description$", shown, re.MULTILINE)
+    assert re.search(r"^to\.M\.bias +1 +7\.5 +1$", shown, re.MULTILINE)
+    assert main(["show", "pair.ssp.from", "--changed", "--params", "other"]) == 0
+    assert "no value differs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "options", [["--diff", "other"], ["--diff", "other,default", "--params", "other"]]
+)
+def test_wrong_use_of_differences_is_one_line(folder, capsys, options):
+    assert main(["show", "pair.ssp", *options]) == 2
+    assert "expected SET1,SET2" in capsys.readouterr().err
+
+
+def test_an_fmu_has_no_differences(folder, capsys):
+    assert main(["show", "source", "--changed"]) == 2
+    assert "is no system and no SYSTEM.component" in capsys.readouterr().err
