@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
@@ -33,10 +34,15 @@ _UNDERSCORED = re.compile(r"(.+?)((?:_\d{1,4})+)", re.ASCII | re.DOTALL)
 _ROUND = re.compile(r"(.+)\((\d{1,4}(?: *, *\d{1,4})*)\)", re.ASCII | re.DOTALL)
 
 
-def families(names: Collection[str]) -> dict[str, Family]:
+def families(names: Collection[str]) -> Mapping[str, Family]:
     """Return the signals to which scalar variables belong, by name. A scalar that is not part of a
     complete vector is a signal of its own.
     """
+    return _families(tuple(names))
+
+
+@lru_cache(maxsize=256)
+def _families(names: tuple[str, ...]) -> Mapping[str, Family]:
     groups: dict[tuple[str, str], dict[Index, str]] = {}
     for name in names:
         stem, style, place = _read(name)

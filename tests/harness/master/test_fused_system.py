@@ -399,26 +399,26 @@ def test_the_file_states_its_version_date_system_and_what_it_was_made_of(
     fmi, tmp_path, monkeypatch
 ):
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
-    changes = {"params": "robust", "set": {"servicer.mass_0": 90.0}}
-    file = export("sync_approach", tmp_path / "my-name.fmu", fmi, **changes)
+    changes = {"params": "circular", "set": {"joints.lock_from": 90.0}}
+    file = export("space_robot", tmp_path / "my-name.fmu", fmi, **changes)
     model = read_model_description(str(file))
-    ours = read_model_description(str(paths.fmus()["servicer"]))
-    assert model.modelName == model.coSimulation.modelIdentifier == "sync_approach"
+    ours = read_model_description(str(paths.fmus()["space_robot"]))
+    assert model.modelName == model.coSimulation.modelIdentifier == "space_robot"
     assert model.version == ours.version == version("servicing-fmus")
     assert model.generationTool == f"servicing-fmus {model.version}"
     assert model.generationDateAndTime == ours.generationDateAndTime
-    with load("sync_approach") as system:
+    with load("space_robot") as system:
         assert model.description == " ".join(system.description.split())
         names = [(c.name, c.fmu.name) for c in system.components]
     made = json.loads(read_all(file)["extra/io.github.servicing-fmus/provenance.json"])
-    assert (made["system"], made["params"]) == ("sync_approach", "robust")
-    assert made["set"] == [["servicer.mass_0", 90.0]]
+    assert (made["system"], made["params"]) == ("space_robot", "circular")
+    assert made["set"] == [["joints.lock_from", 90.0]]
     assert [(part["component"], part["fmu"]) for part in made["fmus"]] == names
-    servicer = made["fmus"][[name for name, _ in names].index("servicer")]
-    assert (servicer["guid"], servicer["version"]) == (ours.guid, ours.version)
-    assert servicer["sha256"] == sha256(paths.fmus()["servicer"].read_bytes()).hexdigest()
+    robot = made["fmus"][[name for name, _ in names].index("robot")]
+    assert (robot["guid"], robot["version"]) == (ours.guid, ours.version)
+    assert robot["sha256"] == sha256(paths.fmus()["space_robot"].read_bytes()).hexdigest()
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
-    dated = export("sync_approach", tmp_path / "dated.fmu", fmi, **changes)
+    dated = export("space_robot", tmp_path / "dated.fmu", fmi, **changes)
     assert read_model_description(str(dated)).generationDateAndTime == "1970-01-02T00:00:00Z"
 
 
