@@ -149,8 +149,8 @@ COMMANDS = {
     "list": ["list"],
 }
 FAIL = (("campaign", "n"), ("report", "v"))
-"""Commands that need more. The others succeed, but a campaign with little memory: there CPython 3.11
-may repeat for ever the unwinding of an exception for which it has no memory.
+"""Commands that need more; the others succeed. A campaign with little memory is among the long
+tests: CPython 3.11 may repeat for ever the unwinding of an exception for which it has no memory.
 """
 
 
