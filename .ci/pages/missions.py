@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -44,26 +45,63 @@ def facts(folder: Path) -> dict[str, Any]:
              for name in counted("mission", names())}  # fmt: skip
     for name in counted("live page", found):
         found[name][0]["live"] = live(name, folder / LIVE)
+    for name in counted("lesson", taught()):
+        found[name][0]["lesson"] = live(name, folder / LIVE, taught()[name])
     return found
 
 
-def live(name: str, folder: Path) -> str:
-    """Write the page in which a mission can be run again; return the name of its file, "" without
-    the compiler of the extra `live`.
+def live(name: str, folder: Path, lesson: Path | None = None) -> str:
+    """Write the page in which a mission can be run again, with the exercises of a lesson; return
+    the name of its file, "" without the compiler of the extra `live`.
     """
     import importlib.util
 
     from harness import Simulation, load, run
     from harness.report.html import write
+    from harness.report.live import read_lesson
 
     if importlib.util.find_spec("ziglang") is None:
         return ""
     folder.mkdir(parents=True, exist_ok=True)
+    params = read_lesson(lesson).params if lesson else ""
     with load(name) as system:
         simulation = Simulation(system)
         numbers = 8 * simulation.steps * len(simulation.graph.slots)
-        result = run(system, every=max(system.experiment.every, int(numbers / MOST_BYTES) + 1))
-    return write(result, folder / f"{name}.html", live=True).name
+        every = max(system.experiment.every, int(numbers / MOST_BYTES) + 1)
+        result = run(system, every=every, **({"params": params} if params else {}))
+    file = folder / f"{'lesson_' if lesson else ''}{name}.html"
+    return write(result, file, live=True, lesson=lesson).name
+
+
+LESSONS = """# Learn
+
+Five lessons, one per published work, ten minutes each. Nothing needs to be installed: each lesson
+is a page that contains its system and runs it in the browser. Move the sliders until all three
+exercises are solved. Each has a hint and an answer.
+
+"""
+
+
+def taught() -> dict[str, Path]:
+    """Return the lesson of every mission that has one."""
+    return {path.parents[1].name: path for path in sorted(SSP.glob("*/lessons/*.toml"))}
+
+
+def lessons(runs: Mapping[str, Any]) -> str:
+    """Return the page that lists the lessons."""
+    lines = [LESSONS]
+    for name in ORDER:
+        found = tomllib.loads(taught()[name].read_text(encoding="utf-8"))
+        page = next((run["lesson"] for run in runs.get(name, [])[:1] if run.get("lesson")), "")
+        title = f"[{found['title']}]({LIVE}/{page})" if page else found["title"]
+        mission = f"[equations and verdicts](reference/missions/{name}.md)"
+        lines.append(f"1. **{title}**: {' '.join(found['text'].split(chr(10) * 2)[0].split())}\n")
+        lines.append(f"    More: {mission}.\n")
+    return "\n".join(lines)
+
+
+ORDER = ("sync_approach", "ppc_tracking", "space_robot", "transposition", "relay_approach")
+"""Lessons in the order of the works."""
 
 
 def _cases(name: str) -> list[Any]:
@@ -145,6 +183,7 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
         yield f"reference/missions/{name}.md", page(name, systems, runs, parts)
     titles = ("Mission", "Purpose", "Systems")
     yield "reference/missions/index.md", INDEX + table(titles, rows)
+    yield "learn.md", lessons(facts.get("missions", {}))
 
 
 INDEX = """# Missions

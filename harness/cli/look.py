@@ -259,6 +259,9 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
     live: Annotated[
         bool, option("--live", "Put the system into the page: sliders run it in the browser")
     ] = False,
+    lesson: Annotated[
+        Path | None, option("FILE.toml", "Put exercises beside the sliders of a live page")
+    ] = None,
     require: RequireOption = None,
     strict: StrictOption = False,
     mission: MissionOption = None,
@@ -273,8 +276,8 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
 
     wanted = require or []
     _use(mission)
-    if live and (output is None or file.is_dir()):
-        raise UsageError("--live needs the results file of one run, and -o PAGE.html")
+    if (live or lesson) and (output is None or file.is_dir()):
+        raise UsageError("a live page needs the results file of one run, and -o PAGE.html")
     if file.is_dir():
         if output is None:
             raise UsageError(
@@ -285,7 +288,7 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
         return
     result = demanding(read(file), {text: text for text in wanted})
     if output is not None:
-        _page(result, output, live)
+        _page(result, output, live, lesson)
     else:
         show(result)
     insist({"": result}, wanted, strict, claims=strict or output is None)
@@ -293,10 +296,10 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
         raise typer.Exit(1)
 
 
-def _page(source: Any, output: Path, live: bool = False) -> None:
+def _page(source: Any, output: Path, live: bool = False, lesson: Path | None = None) -> None:
     from harness.report.html import write
 
-    typer.echo(write(source, output, live))
+    typer.echo(write(source, output, live, lesson))
 
 
 ConvertedOption = Annotated[

@@ -16,22 +16,29 @@ from harness.results.result import Result
 from harness.studies.compare import TABLE
 
 
-def write(source: Result | str | Path, path: str | Path, live: bool = False) -> Path:
+def write(
+    source: Result | str | Path,
+    path: str | Path,
+    live: bool = False,
+    lesson: str | Path | None = None,
+) -> Path:
     """Write the HTML report of a result, a results file, the folder of a comparison or the dataset
     of a campaign, and return its path.
 
     live: include the system of the run; the reader can change its parameters and run it again
-    (extra `live`).
+    (extra `live`); lesson: TOML with exercises for a live page.
 
     Raises UsageError or ResultsError if the source cannot be read, HarnessError if a library of the
     extra `report` is missing, ResultsError if the page cannot be written.
     """
     with catch_warnings():
         simplefilter("ignore", RuntimeWarning)  # numpy warns of values that are not finite
-        if not live:
-            text = of_run(source) if isinstance(source, Result) else _of_path(Path(source))
+        if live or lesson is not None:
+            taught = None if lesson is None else live_page.read_lesson(Path(lesson))
+            run = source if isinstance(source, Result) else read(Path(source))
+            text = live_page.of_run(run, taught)
         else:
-            text = live_page.of_run(source if isinstance(source, Result) else read(Path(source)))
+            text = of_run(source) if isinstance(source, Result) else _of_path(Path(source))
     page = Path(path)
     with written(page) as target:
         target.write_text(text, encoding="utf-8")

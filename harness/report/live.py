@@ -13,11 +13,13 @@ import base64
 import gzip
 import hashlib
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
-from harness.errors import UsageError
+from harness.errors import StructureError, UsageError
 from harness.master.changes import Changes, apply
 from harness.master.fused import Module, module_of
 from harness.master.isolated import guarded
@@ -34,6 +36,7 @@ from harness.ssp.library import load
 from harness.system.graph import Checked, checked, read_interfaces
 from harness.system.model import System
 from harness.system.sliders import Slider, sliders
+from harness.system.tables import Number, Text, problems, read_toml
 
 Data = dict[str, Any]
 
@@ -41,7 +44,48 @@ STEPS = 200
 """Steps of a slider; the slider of a switch has one."""
 
 
-def of_run(result: Result) -> str:
+class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Question of a lesson.
+
+    solved: requirement that the rows meet once the sliders are right; settings: sliders with which
+    they do.
+    """
+
+    question: Text
+    solved: Text
+    hint: Text
+    answer: Text
+    settings: dict[str, Number]
+
+
+class Lesson(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Text, equations and exercises beside the sliders of a live page.
+
+    system, params: the run that the lesson begins with (params "": the values of the system).
+    """
+
+    title: Text
+    system: Text
+    text: Text
+    exercises: Annotated[list[Exercise], msgspec.Meta(min_length=1)]
+    equations: list[Text] = []
+    params: Text = ""
+
+
+def read_lesson(path: Path) -> Lesson:
+    """Return the lesson of a TOML file; raise UsageError or StructureError with all problems."""
+    table = read_toml(path)
+    given = table.get("exercises")
+    exercises = given if isinstance(given, list) else []
+    places = [(each, f"exercises {k}") for k, each in enumerate(exercises, 1)]
+    inside = [problem for each, place in places for problem in problems(each, Exercise, place)]
+    wrong = [p for p in problems(table, Lesson) if not (inside and p.startswith("exercises:"))]
+    if wrong or inside:
+        raise StructureError(f"{path.name}: {problem}" for problem in (*wrong, *inside))
+    return msgspec.convert(table, Lesson)
+
+
+def of_run(result: Result, lesson: Lesson | None = None) -> str:
     """Return the live page of one run as text; it contains the system.
 
     Raises UsageError if the result does not name its system, HarnessError if the compiler is
@@ -52,10 +96,10 @@ def of_run(result: Result) -> str:
         raise UsageError("the result does not name its system, which a live page needs")
     changes: Changes = known.changes()  # type: ignore[assignment]
     with load(known.source) as found:
-        return _page(result, rest(apply(found, **changes)))
+        return _page(result, rest(apply(found, **changes)), lesson)
 
 
-def _page(result: Result, system: System) -> str:
+def _page(result: Result, system: System, lesson: Lesson | None) -> str:
     steps = checked(system)
     module: Module = guarded([c.fmu for c in system.components], module_of, system, steps)
     named = sliders(system.sliders, read_interfaces(system))
@@ -68,23 +112,26 @@ def _page(result: Result, system: System) -> str:
         live=True,
         **run.texts(result),
         sliders=[_slider(result, module, slider) for slider in named],
-        simulation=_simulation(result, system, steps, module) | programs(result, canvas),
+        lesson=lesson,
+        simulation=_simulation(result, system, steps, module) | programs(result, canvas, lesson),
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
     )
 
 
-def programs(result: Result, canvas: Canvas) -> Data:
-    """Return the instructions behind requirements, curves and samples. The instants of samples are
-    row numbers of the run, each list once.
+def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Data:
+    """Return the instructions behind requirements, exercises, curves and samples. The instants of
+    samples are row numbers of the run, each list once.
     """
     known, arrays, lists = result.provenance, canvas.arrays, dict[tuple[int, ...], int]()
     wanted = known.requirements if known else ()
+    questions = [(each.question, each.solved) for each in lesson.exercises] if lesson else []
     samples = {}
     for name, (history, over, time) in arrays.samples.items():
         rows = tuple(np.searchsorted(result.time, time).tolist())
         samples[name] = [history, over, lists.setdefault(rows, len(lists))]
     return {
         "requirements": [requirement(result, arrays.program, *each) for each in wanted],
+        "exercises": [requirement(result, arrays.program, *each) for each in questions],
         "samples": samples,
         "rows": list(lists),
         "program": arrays.program.data(),

@@ -18,7 +18,9 @@ import pytest
 
 from harness.files import paths
 from harness.master.changes import apply
+from harness.report.live import read_lesson
 from harness.results.expressions import parsed
+from harness.results.requirements import rejected
 from harness.ssp.library import load
 from harness.studies.campaign.draft import read_plan
 from harness.system.graph import read_interfaces
@@ -96,7 +98,8 @@ def test_blocks_are_found():
 
 @pytest.fixture
 def campaign():
-    return Each([b for b in TABLES if "system" in b.content], lambda b: b.page)
+    found = [b for b in TABLES if "system" in b.content and "exercises" not in b.content]
+    return Each(found, lambda b: b.page)
 
 
 def test_a_campaign_of_a_page_has_no_problem(campaign, tmp_path, monkeypatch):
@@ -106,6 +109,15 @@ def test_a_campaign_of_a_page_has_no_problem(campaign, tmp_path, monkeypatch):
     text = campaign.text if "runs" in campaign.content else f"runs = 4\n{campaign.text}"
     file.write_text(text.replace('executor = "fused"', 'executor = "c"'))  # without its compilation
     read_plan(file)
+
+
+def test_the_lesson_of_a_page_is_one(tmp_path):
+    (block,) = (b for b in TABLES if "exercises" in b.content)
+    (tmp_path / "lesson.toml").write_text(block.text)
+    lesson = read_lesson(tmp_path / "lesson.toml")
+    with load(lesson.system) as system:
+        assert rejected(system, {each.question: each.solved for each in lesson.exercises}) == []
+        assert all(set(each.settings) <= set(system.sliders) for each in lesson.exercises)
 
 
 @pytest.fixture

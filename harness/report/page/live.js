@@ -63,9 +63,9 @@
       return found;
     },
   });
-  const verdictsOf = (result, constants) => {
+  const verdictsOf = (wanted, result, constants) => {
     const tables = tablesOf(result.time, result.values, constants, result.complete), value = Program.evaluator(about.program, tables);
-    return about.requirements.map((each) => ({ name: each.name, ...(result.rows ? Program.verdictOf(tables, value, each) : { kind: "none", verdict: "not judged", detail: "nothing was recorded", time: null }) }));
+    return wanted.map((each) => ({ name: each.name, ...(result.rows ? Program.verdictOf(tables, value, each) : { kind: "none", verdict: "not judged", detail: "nothing was recorded", time: null }) }));
   };
 
   /* Data and arrays of the page for a run; after a run that ended early, bodies remain at its last row.
@@ -140,6 +140,11 @@
       verdict.replaceChildren(badge(v.kind, v.verdict));
     });
   };
+  /* an exercise that was solved once remains solved */
+  const writeExercises = (solved) => document.querySelectorAll(".exercises .state").forEach((state, k) => {
+    if (solved[k]) state.replaceChildren(badge("good", "solved"));
+    else if (!state.hasChildNodes()) state.replaceChildren(badge("none", "not solved yet"));
+  });
   const OF_FILE_ALONE = "#numbers, #claims, #margins .tiles, .hero .chips";
   const mark = (changed) => {
     for (const each of document.querySelectorAll(OF_FILE_ALONE)) each.classList.toggle("of-file", changed);
@@ -193,8 +198,10 @@
     const seconds = (performance.now() - began) / 1000, constants = constantsOf(settings), same = unchanged(settings);
     for (const name of ["progress", ".cancel"]) part(name).hidden = true;
     if (result.cancelled) return say(outcome(result, seconds));
-    const verdicts = verdictsOf(result, constants);
+    const verdicts = verdictsOf(about.requirements, result, constants);
+    const exercises = verdictsOf(about.exercises, result, constants).map((v) => v.kind === "good");
     writeVerdicts(verdicts);
+    writeExercises(exercises);
     part(".bits").textContent = same ? await compared(result) : "";
     mark(!same);
     const key = JSON.stringify(settings);
@@ -203,7 +210,7 @@
     }
     shown = key;
     say(outcome(result, seconds));
-    Object.assign(window.report.live, { result: { rows: result.rows, complete: result.complete, message: result.message, seconds }, verdicts, settings });
+    Object.assign(window.report.live, { result: { rows: result.rows, complete: result.complete, message: result.message, seconds }, verdicts, exercises, settings });
     return null;
   };
   const start = async (settings) => {
