@@ -20,15 +20,18 @@ FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 VIRTUAL = {("TN_out", "close_guidance", "q_TN"), ("TN_out", "close_guidance", "omega_TN_T")}
 """The closing follows the attitude that the manager commands, to the place of the target."""
 
-MONITOR = {("wrench_cmd_S_out", after, "F_cmd_S") for after in ("propulsion", "allocation")}
+FORCE_ALONE = {("wrench_cmd_S_out", after, "F_cmd_S") for after in ("propulsion", "allocation")}
 ARM = {("wrench_cmd_S_out", "arm_controller", "F_cmd_S")}
-"""The safety monitor passes on the force and leaves the torque alone."""
+"""Safety monitor and safety filter pass on the force and leave the torque alone."""
 
 DRIVEN_OTHERWISE = {
-    "ppc_tracking_guarded": MONITOR,
-    "sync_approach_thrusters_guarded": MONITOR,
-    "servicing_mission": VIRTUAL | MONITOR,
-    "servicing_mission_navigated": VIRTUAL | MONITOR,
+    "ppc_tracking_filtered": FORCE_ALONE,
+    "ppc_tracking_guarded": FORCE_ALONE,
+    "sync_approach_thrusters_filtered": FORCE_ALONE,
+    "sync_approach_thrusters_guarded": FORCE_ALONE,
+    "servicing_mission": VIRTUAL | FORCE_ALONE,
+    "servicing_mission_filtered": VIRTUAL | FORCE_ALONE,
+    "servicing_mission_navigated": VIRTUAL | FORCE_ALONE,
     "servicing_mission_by_arm": VIRTUAL | ARM,
 }
 """Members of a joined pair that the system drives from a further terminal."""
