@@ -113,9 +113,11 @@ oms: build
 .PHONY: clients
 CLIENTS ?= build/clients
 clients: build
-	@for client in fmuloader cofmupy; do test -d $(CLIENTS)/$$client || \
-	  { $(PYTHON) -m venv $(CLIENTS)/$$client && \
-	    $(CLIENTS)/$$client/bin/pip install --quiet --disable-pip-version-check $$client; } || exit 1; done
+	@for client in fmuloader cofmupy fmugym pathsim-fmi "sofirpy setuptools<81"; do \
+	  folder=$(CLIENTS)/$${client%% *}; test -f $$folder/.ready || \
+	  { $(PYTHON) -m venv $$folder && touch $$folder/.ready.new && \
+	    $$folder/bin/pip install --quiet --disable-pip-version-check $$client && \
+	    mv $$folder/.ready.new $$folder/.ready; } || exit 1; done
 	CLIENTS=$(abspath $(CLIENTS)) $(BIN)/pytest -m interop -rs --tool-table=docs/tools.md \
 	  tests/interop/test_clients.py
 

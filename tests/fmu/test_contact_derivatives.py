@@ -5,6 +5,8 @@ short that the contact is on one side of them.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,8 @@ from tests.close import close
 from tests.compliance.api import Status
 from tests.compliance.fmus import ARCHIVES
 from tests.compliance.probe import Fmu, Instance
+from tests.each import some
+from tests.reference import docking as reference
 from tests.reference.docking import PARAMETERS
 
 from .test_docking_mechanism import docked
@@ -71,11 +75,15 @@ class Slopes:
             instance.drop(state)
 
 
-def floor(depth):
-    """Return the probe so deep in the floor of the drogue [m], at rest."""
+def bodies_at(depth):
+    """Return bodies with the probe so deep in the floor of the drogue [m], at rest."""
     place = (-PARAMETERS["cone_depth"] - depth, 0.002, -0.003)
-    bodies = docked(PARAMETERS, np.random.default_rng(1), place, shift=False, rate=0)
-    return elements(PARAMETERS | bodies.inputs())
+    return docked(PARAMETERS, np.random.default_rng(1), place, shift=False, rate=0)
+
+
+def floor(depth):
+    """Return the parameters and inputs of bodies_at(depth)."""
+    return elements(PARAMETERS | bodies_at(depth).inputs())
 
 
 FORCE = tuple(f"F_contact_S[{i}]" for i in (1, 2, 3))
@@ -93,6 +101,37 @@ def test_the_force_at_the_edge_of_contact_has_hardly_a_slope(loaded):
     """The force is the depth to the power 1.5."""
     slopes = Slopes(loaded("docking_mechanism"), floor(0.0), "r_SN_N[1]", FORCE)
     close(slopes.given, np.zeros(3), rel=5e-3, of=STIFF)
+    for distance in DISTANCES:
+        assert np.all(np.abs(slopes.given) <= np.abs(reference_slope(0.0, "r", distance)).max())
+
+
+DISTANCES = {1e-4: 1e-2, 1e-5: 1e-4, 1e-6: 1e-5}
+"""Distances [m, m/s] of the differences of the reference, and the share by which they err: the
+curvature of force and friction within 0.1 mm and 0.1 mm/s.
+"""
+
+
+def reference_slope(depth, quantity, distance):
+    """Return the difference of the contact force of the independent derivation over one step."""
+
+    def force(moved):
+        bodies = bodies_at(depth)
+        getattr(bodies, quantity)["S"] = getattr(bodies, quantity)["S"] + (moved, 0, 0)
+        memory = reference.Memory(reference.CONTACT)
+        return reference.step(PARAMETERS, memory, bodies, 0, H)["F_contact_S"]
+
+    return (force(distance) - force(-distance)) / (2 * distance)
+
+
+@pytest.mark.parametrize(("depth", "quantity"), some(product((-8e-3, 3e-4, 5e-3), "rv"), 3, 2))
+def test_forces_and_friction_have_the_slope_of_the_reference(loaded, depth, quantity):
+    """x of N points across and into the floor: a velocity causes friction, and damping."""
+    known = f"{quantity}_SN_N[1]"
+    slopes = Slopes(loaded("docking_mechanism"), floor(depth), known, FORCE)
+    scale = max(1.0, np.abs(slopes.given).max())
+    assert (np.abs(slopes.given).max() > 10) == (depth > 0)
+    for distance, share in DISTANCES.items():
+        close(slopes.given, reference_slope(depth, quantity, distance), rel=share, of=scale)
 
 
 def test_a_kink_has_the_slope_ahead_of_the_seed_and_a_warning(loaded):

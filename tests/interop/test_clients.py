@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
 
-from harness import load
+from harness import export, load
 from harness.files import paths
 
 CLIENTS = Path(os.environ.get("CLIENTS", ""))
-STEPS, STEP = 20, 0.1
+STEPS, STEP = 20, 0.125
+FORCES = ("F_S[1]", "F_S[2]", "M_S[3]")
 
 pytestmark = [
     pytest.mark.interop,
@@ -47,6 +48,68 @@ for k in range(steps):
     slave.do_step(k * step, step)
     rows.append(read(references))
 print(json.dumps(rows))
+"""
+
+GYM = """
+import json, sys
+import numpy as np
+from fmugym import FMUGym, FMUGymConfig, VarSpace
+
+path, inputs, outputs, steps, step = json.loads(sys.argv[1])
+
+
+class Environment(FMUGym):
+    def _noisy_init(self):
+        return {}
+
+    def compute_reward(self, *_):
+        return 0.0
+
+
+def space(names):
+    found = VarSpace("space")
+    for name in names:
+        found.add_var_box(name, np.array([-1e9]), np.array([1e9]))
+    return found
+
+
+spaces = {"inputs": space(inputs), "outputs": space(outputs), "random_vars": space([])}
+environment = Environment(FMUGymConfig(path, 0.0, steps * step, step, step, **spaces))
+rows = [environment.reset()[0].tolist()]
+for _ in range(steps):
+    rows.append(environment.step(np.array([*inputs.values()]))[0].tolist())
+print(json.dumps(rows))
+"""
+
+SOFIRPY = """
+import json, sys
+from sofirpy import simulate
+
+path, inputs, outputs, steps, step = json.loads(sys.argv[1])
+table = simulate(
+    steps * step,
+    step,
+    fmu_paths={"one": path},
+    start_values={"one": inputs},
+    parameters_to_log={"one": outputs},
+)
+print(json.dumps(table[[f"one.{name}" for name in outputs]].to_numpy().tolist()))
+"""
+
+PATHSIM = """
+import json, sys
+from pathsim import Connection, Simulation
+from pathsim.blocks import Constant, Scope
+from pathsim_fmi import CoSimulationFMU
+
+path, inputs, outputs, steps, step = json.loads(sys.argv[1])
+unit, scope = CoSimulationFMU(path, dt=step), Scope()
+sources = [Constant(value) for value in inputs.values()]
+wires = [Connection(source, unit[name]) for name, source in zip(inputs, sources)]
+wires += [Connection(unit[name], scope[k]) for k, name in enumerate(outputs)]
+first = unit.outputs.to_array()[[unit.outputs._map(name) for name in outputs]].tolist()
+Simulation([*sources, unit, scope], wires, dt=step, log=False).run((steps - 1) * step)
+print(json.dumps([first, *scope.read()[1].T.tolist()]))
 """
 
 COFMUPY = """
@@ -96,6 +159,52 @@ def test_fmuloader_gives_the_bits_of_fmpy(fmi):
     )
     assert len(names) >= (10 if fmi == 2 else 1)
     assert np.array_equal(np.array(rows), np.column_stack([expected[n] for n in names]))
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def robot(request, tmp_path_factory):
+    """FMU with inputs of forces, of FMI 2.0 or as one FMU of FMI 3.0 without arrays: path, inputs,
+    outputs, and the rows of FMPy after the start, whose outputs most clients read before the inputs
+    are set. Multiples of the step are exact, so that all pass the same times.
+    """
+    path, prefix = paths.fmus()["space_robot"], ""
+    if request.param == 3:
+        path, prefix = tmp_path_factory.mktemp("scalar") / "robot.fmu", "robot."
+        export("space_robot", path, fmi=3, scalars=True, step=STEP)
+    inputs = {f"{prefix}{name}": 0.1 * k for k, name in enumerate(FORCES, 1)}
+    model = read_model_description(str(path))
+    outputs = [v.name for v in model.modelVariables if v.causality == "output"]
+    times = {"stop_time": STEPS * STEP, "step_size": STEP, "output_interval": STEP}
+    rows = simulate_fmu(str(path), start_values=inputs, output=outputs, **times)
+    return path, inputs, outputs, np.column_stack([rows[name] for name in outputs])[1:]
+
+
+def rows_of(client, script, robot):
+    path, inputs, outputs, _ = robot
+    given = json.dumps([str(path), inputs, outputs, STEPS, STEP])
+    return np.array(answered(client, script, given))[1:]
+
+
+@pytest.mark.tool("FMUGym", "0.2.0")
+def test_fmugym_gives_the_numbers_of_fmpy(robot):
+    """Its observations have single precision."""
+    found, expected = rows_of("fmugym", GYM, robot), robot[-1]
+    assert np.array_equal(found, expected.astype(np.float32).astype(float))
+    assert np.ptp(found, axis=0).max() > 1
+
+
+@pytest.mark.tool("sofirpy", "1.0.2")
+def test_sofirpy_gives_the_bits_of_fmpy(robot):
+    """It reads FMI 2.0 only."""
+    if robot[0] != paths.fmus()["space_robot"]:
+        pytest.skip("sofirpy has no FMI 3.0")
+    assert np.array_equal(rows_of("sofirpy", SOFIRPY, robot), robot[-1])
+
+
+@pytest.mark.tool("pathsim-fmi", "0.1.1")
+def test_pathsim_gives_the_bits_of_fmpy(robot):
+    """It shows the outputs at the end of a step at its start."""
+    assert np.array_equal(rows_of("pathsim-fmi", PATHSIM, robot), robot[-1])
 
 
 @pytest.mark.tool("cofmupy", "1.0.0")
