@@ -24,6 +24,10 @@ from harness.ssp.writer import write_ssp
 from harness.system.model import System
 from harness.system.values import base
 
+sys.path.insert(0, str(Path(__file__).parent))  # scripts, not a package
+
+import specimens
+
 ENDING = ".fmi3.ssp"
 """Ending of the twins that reference_systems.py writes."""
 STEPS, EVERY = 200, 10
@@ -44,6 +48,8 @@ traces/NAME.csv      what all three give: Jacobi (all FMUs read, then all step),
                      macro step, {steps} macro steps, each {every}th row
 traces/tolerances.csv  per trace and variable: tolerance and its reason
 compare.py           python compare.py traces/NAME.csv ROWS_OF_YOUR_TOOL.csv
+specimens/           FMUs of FMI 3.0 with Event Mode and early return, clocks, a table of vectors, a
+                     binary port: NAME.fmu, its source, and NAME.csv, which its tool must give
 
 The page "Test your tool in ten minutes" of the documentation has the steps.
 """
@@ -84,8 +90,10 @@ def tolerances(result: Result) -> list[tuple[object, ...]]:
     ]
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    """Return the files of the archive by name, from the systems in ssp/ of a release."""
+def contents(folder: Path, fmus: Path) -> dict[str, bytes]:
+    """Return the files of the archive by name, from the systems in ssp/ of a release and the FMUs
+    of specimens.
+    """
     limits: list[tuple[object, ...]] = [("trace", "variable", "tolerance", "reason")]
     files = {"README.txt": README.format(steps=STEPS, every=EVERY).encode()}
     files["compare.py"] = Path(__file__).with_name("compare.py").read_bytes()
@@ -101,14 +109,28 @@ def contents(folder: Path) -> dict[str, bytes]:
         files[f"ssp1/{path.name}"] = path.read_bytes()
         files[f"traces/{path.stem}.csv"] = trace_csv(result)
         limits += tolerances(result)
-    return files | {"traces/tolerances.csv": table(limits)}
+    return files | {"traces/tolerances.csv": table(limits)} | specimen_files(fmus)
 
 
-def write(folder: Path) -> Path:
-    """Write reference-ssps.zip and return its path. The same systems give the same bytes."""
+def specimen_files(folder: Path) -> dict[str, bytes]:
+    """Return specimens from the FMUs of a folder, with sources, traces and tolerances."""
+    limits: list[tuple[object, ...]] = [("trace", "variable", "tolerance", "reason")]
+    paths = (*folder.glob("*.fmu"), *specimens.SOURCES.glob("*.[ch]"))
+    files = {path.name: path.read_bytes() for path in paths}
+    for name in specimens.TRACES:
+        files[f"{name}.csv"] = table(specimens.trace(name))
+        limits += specimens.limits(name)
+    files["tolerances.csv"] = table(limits)
+    return {f"specimens/{name}": content for name, content in files.items()}
+
+
+def write(folder: Path, fmus: Path) -> Path:
+    """Write reference-ssps.zip and return its path; fmus: folder of the specimens. The same systems
+    and specimens give the same bytes.
+    """
     output = folder / "reference-ssps.zip"
     with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in sorted(contents(folder).items()):
+        for name, content in sorted(contents(folder, fmus).items()):
             entry = zipfile.ZipInfo(name, FIXED_DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
@@ -116,4 +138,6 @@ def write(folder: Path) -> Path:
 
 
 if __name__ == "__main__":
-    print(write(Path(sys.argv[1])))
+    with tempfile.TemporaryDirectory() as place:
+        specimens.write(Path(place))
+        print(write(Path(sys.argv[1]), Path(place)))

@@ -14,17 +14,22 @@ from harness.files import paths
 from tests.site.scripts import script
 
 SYSTEM = "space_robot"
+ENDINGS = ("c", "csv", "fmu")
+specimens = script("specimens")
 
 
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory):
     """The archive of one system; the same file represents the twin of FMI 3.0 here."""
     folder = tmp_path_factory.mktemp("dist")
-    (folder / "ssp").mkdir()
+    for name in ("ssp", "specimens"):
+        (folder / name).mkdir()
+    for name in script("specimens").TRACES:
+        (folder / "specimens" / f"{name}.fmu").write_bytes(b"an FMU")
     content = paths.systems()[SYSTEM].read_bytes()
     for ending in (".ssp", ".fmi3.ssp"):
         (folder / "ssp" / f"{SYSTEM}{ending}").write_bytes(content)
-    archive = script("reference_set").write(folder)
+    archive = script("reference_set").write(folder, folder / "specimens")
     with zipfile.ZipFile(archive) as files:
         files.extractall(folder / "set")
     return folder / "set"
@@ -48,12 +53,26 @@ def test_the_archive_has_systems_traces_and_reasons(unpacked):
     assert names == {
         "README.txt", "compare.py", f"traces/{SYSTEM}.csv", "traces/tolerances.csv",
         *(f"{folder}/{SYSTEM}.ssp" for folder in ("ssp1", "ssp2", "ssp2-fmi3")),
+        *(f"specimens/{name}.{ending}" for name in specimens.TRACES for ending in ENDINGS),
+        *(f"specimens/{name}" for name in (*specimens.HEADERS, "tolerances.csv")),
     }  # fmt: skip
     head, _ = rows_of(unpacked / "traces" / f"{SYSTEM}.csv")
     with (unpacked / "traces/tolerances.csv").open(encoding="utf-8", newline="") as file:
         limits = list(csv.DictReader(file))
     assert [row["variable"] for row in limits] == head[1:]
     assert all(row["reason"] and float(row["tolerance"]) >= 0 for row in limits)
+
+
+def test_rows_of_a_specimen_are_compared_without_tolerance(unpacked, tmp_path, capsys):
+    trace = unpacked / "specimens" / "event.csv"
+    assert script("compare").main([str(trace), str(trace)]) == 0
+    head, rows = rows_of(trace)
+    rows[5, 1] += 1e-12
+    spoiled = tmp_path / "rows.csv"
+    with spoiled.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([head, *rows.tolist()])
+    assert script("compare").main([str(trace), str(spoiled)]) == 1
+    assert "level differs" in capsys.readouterr().out
 
 
 @pytest.mark.long
