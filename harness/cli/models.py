@@ -104,17 +104,14 @@ def _report_c_api(names: list[str], folder: Path) -> None:
 
 
 SspOption = Annotated[
-    int | None,
-    option("--ssp", "Version of SSP of NAME.ssp: 1, or 2 (default: 1 if it can)", min=1, max=2),
+    float | None,
+    option("--ssp", "Version of SSP of NAME.ssp: 1 (default if it can), 2, or the draft 2.1"),
 ]
 
 
 HintsOption = Annotated[
     bool,
-    option(
-        "--hints",
-        "Write the periods of slow components for libcosim and ecos; OMSimulator rejects the file",
-    ),
+    option("--hints", "Write periods of slow components for libcosim and ecos, not OMSimulator"),
 ]
 
 

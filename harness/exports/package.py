@@ -18,6 +18,7 @@ from harness.master.isolated import guarded
 from harness.master.remainder import remainder, rest
 from harness.spelling import file_stem
 from harness.ssp.library import load
+from harness.ssp.terminals import DRAFT
 from harness.ssp.writer import write_ssp
 from harness.system.graph import Graph, checked, log_warnings
 from harness.system.model import System
@@ -27,7 +28,7 @@ def export(  # noqa: PLR0913 - one argument per option
     system: str | Path | System,
     target: str | Path,
     fmi: int | None = None,
-    ssp: int | None = None,
+    ssp: float | None = None,
     *,
     hints: bool = False,
     scalars: bool = False,
@@ -38,8 +39,9 @@ def export(  # noqa: PLR0913 - one argument per option
 
     target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi: version
     of FMI of an .fmu, 2 (default) or 3; ssp: version of SSP of an .ssp, 1 or 2 (default 1, with
-    FMUs of FMI 3.0 2); hints: write the periods of slow components for libcosim and ecos, which
-    otherwise step every component at every macro step, into a file that OMSimulator rejects;
+    FMUs of FMI 3.0 2), or 2.1, the draft with terminals, which no tool reads yet; hints: write the
+    periods of slow components for libcosim and ecos, which otherwise step every component at every
+    macro step, into a file that OMSimulator rejects;
     scalars: an .fmu of FMI 3.0 has no arrays, for tools that cannot read them;
     without: components that another tool is to run: what they drive are inputs of the rest;
     changes: as for run(). Running the .ssp gives the bits of running the system
@@ -53,11 +55,13 @@ def export(  # noqa: PLR0913 - one argument per option
         log_warnings(changed)
         graph = checked(changed).graph
         file = _file(Path(target), changed.name)
-        for kind, given, ending in (("FMI", fmi, ".fmu"), ("SSP", ssp, ".ssp")):
-            if given is not None and file.suffix != ending:
-                raise UsageError(f"{file}: --{kind.lower()} applies only to {ending} output")
-        if hints and file.suffix != ".ssp":
-            raise UsageError(f"{file}: --hints applies only to .ssp output")
+        for option, given, ending in (
+            ("--fmi", fmi, ".fmu"), ("--ssp", ssp, ".ssp"), ("--hints", hints, ".ssp")
+        ):  # fmt: skip
+            if given and file.suffix != ending:
+                raise UsageError(f"{file}: {option} applies only to {ending} output")
+        if ssp not in (None, 1, 2, DRAFT):
+            raise UsageError(f"--ssp: expected 1, 2 or {DRAFT}, got {ssp}")
         if scalars and (file.suffix != ".fmu" or fmi != 3):
             raise UsageError(f"{file}: --scalars applies only to .fmu output with --fmi 3")
         try:

@@ -23,6 +23,7 @@ from harness.files.archive import XmlElement, pack
 from harness.ssp import xml
 from harness.ssp.arrays import connector_name, joined, shape, type_name
 from harness.ssp.parameters import BaseUnits, bare_ssv, ssv, unit_table
+from harness.ssp.terminals import DRAFT, add_terminals
 from harness.ssp.xml import NS, attributes, child, document, serialized, tag
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
@@ -36,19 +37,15 @@ WIDTH, GAP, PITCH = 80, 60, 5
 
 
 def write_ssp(
-    system: System, path: Path, version: int | None = None, *, hints: bool = False
+    system: System, path: Path, version: float | None = None, *, hints: bool = False
 ) -> None:
-    """Write a system with its FMUs; version: of SSP, 1 or 2 (default: the first that can hold it);
-    hints: write the periods of slow components for libcosim and ecos too.
+    """Write a system with its FMUs; version: of SSP, 1, 2 (default: the first that can hold it), or
+    2.1, the draft with terminals; hints: write the periods of slow components for libcosim and
+    ecos too.
 
     Raises FmuError, StructureError, or ResultsError if the file cannot be written.
     """
     pack(path, _Writer(system, version, hints).content())
-
-
-def _annotation(annotations: XmlElement, kind: str) -> XmlElement:
-    """Add an annotation of a kind and return it."""
-    return child(annotations, "ssc:Annotation", type=kind)
 
 
 class _Writer:
@@ -56,14 +53,15 @@ class _Writer:
     schema.
     """
 
-    def __init__(self, system: System, version: int | None, hints: bool) -> None:
+    def __init__(self, system: System, version: float | None, hints: bool) -> None:
         self.system = system
         self.hints = hints
         self.interfaces = read_interfaces(system)
         new = [name for name, interface in self.interfaces.items() if interface.fmi == 3]
         if new and version == 1:
             raise StructureError(f"{name}: is of FMI 3.0, which needs SSP 2.0" for name in new)
-        self.version = version or (2 if new else 1)
+        self.draft = version == DRAFT
+        self.version = int(version or (2 if new else 1))
         self.units = _units(self.interfaces)
         self.sources = _sources(system.components)
         ends = {port for c in system.connections for port in c[:2]}
@@ -116,6 +114,8 @@ class _Writer:
         used = list(chain.from_iterable(self.connected.values()))
         self._enumerations(root, used)
         unit_table(root, "ssd:Units", self.units, (v.unit for v in used))
+        if self.draft:
+            add_terminals(root, {c.name: c.fmu for c in self.system.components})
         self._experiment(root)
         return serialized(root)
 
@@ -135,7 +135,9 @@ class _Writer:
             bindings = child(element, "ssd:ParameterBindings")
             child(bindings, "ssd:ParameterBinding", source=_ssv_name(component))
         if self.hints and component.every > 1 and (step := self.system.experiment.step):
-            hint = _annotation(child(element, "ssd:Annotations"), xml.OSP_ANNOTATION)
+            hint = child(
+                child(element, "ssd:Annotations"), "ssc:Annotation", type=xml.OSP_ANNOTATION
+            )
             child(hint, "osp:StepSizeHint", value=component.every * step)
 
     def _connectors(self, element: XmlElement, component: str) -> int:
@@ -178,7 +180,7 @@ class _Writer:
         millisecond or reject the system. The tolerances equal the values in OMSimulator's own
         files.
         """
-        annotation = _annotation(annotations, xml.OMS_ANNOTATION)
+        annotation = child(annotations, "ssc:Annotation", type=xml.OMS_ANNOTATION)
         settings = etree.SubElement(annotation, tag("oms:Annotations"), nsmap={"oms": NS["oms"]})
         master = {"description": "oms-ma", "stepSize": self.system.experiment.step}
         tolerances = {"absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
@@ -204,14 +206,15 @@ class _Writer:
         times = {"startTime": experiment.start, "stopTime": experiment.stop}
         default = child(root, "ssd:DefaultExperiment", **times)
         if experiment.step:
-            annotation = _annotation(child(default, "ssd:Annotations"), xml.OSP_ANNOTATION)
+            annotations = child(default, "ssd:Annotations")
+            annotation = child(annotations, "ssc:Annotation", type=xml.OSP_ANNOTATION)
             algorithm = child(annotation, "osp:Algorithm")
             fixed = {"baseStepSize": experiment.step, "numWorkerThreads": 0}
             child(algorithm, "osp:FixedStepAlgorithm", **fixed)
 
     def _run(self, annotations: XmlElement) -> None:
         """Write our annotation: run settings for which SSP has no place."""
-        annotation = _annotation(annotations, xml.RUN_ANNOTATION)
+        annotation = child(annotations, "ssc:Annotation", type=xml.RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
         system, experiment = self.system, self.system.experiment
         attributes(

@@ -125,6 +125,8 @@ def parse(source: Path, schema: str) -> XmlElement:
         root = parsed(data)
     except (OSError, UnsafeXmlError) as error:
         raise StructureError([f"{name}: {reason_of(error)}"]) from error
+    if root.get("version") == "2.1":
+        raise StructureError([f"{name}: SSP 2.1 is a draft; export SSP 1.0 or 2.0 to run a system"])
     _made_readable(root)
     cache.passed(
         f"{schema} of fmpy {fmpy.__version__}, and what is supported of SSP 2.0",
