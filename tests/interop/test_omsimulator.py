@@ -4,15 +4,14 @@
 import csv
 import os
 import subprocess
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harness import export, load
+from harness import export
 from harness.files import paths
-from harness.master.simulation import Simulation
 from tests.close import close
+from tests.interop.jacobi import jacobi
 
 PROGRAM = os.environ.get("OMSIMULATOR", "")
 
@@ -34,20 +33,6 @@ pytestmark = [
 STEPS = 200
 PRINTED = 1e-11
 """Its CSV files have twelve digits, and it adds up the steps to the time."""
-
-
-def ours(path):
-    """Return our Jacobi run with every component at every macro step, as OMSimulator steps them."""
-    with load(path) as system:
-        start, step = system.experiment.start, system.experiment.step
-        components = tuple(replace(c, every=1, latency=0) for c in system.components)
-        times = {"stop": start + STEPS * step, "algorithm": "jacobi", "every": 1}
-        system = replace(
-            system, components=components, experiment=replace(system.experiment, **times)
-        )
-        with Simulation(system) as simulation:
-            simulation.advance()
-            return simulation.result()
 
 
 def theirs(path, result, folder):
@@ -73,7 +58,7 @@ def test_every_system_as_shipped_gives_our_digits_in_omsimulator(name, ssp, tmp_
     path = paths.systems()[name]
     if ssp == 2:
         path = export(name, tmp_path / f"{name}.ssp", ssp=2)
-    result = ours(path)
+    result = jacobi(path, STEPS)
     time, columns = theirs(path, result, tmp_path)
     np.testing.assert_allclose(time, result.time, rtol=0, atol=1e-9)
     assert set(columns) == set(result.columns)
