@@ -123,10 +123,7 @@ ScalarsOption = Annotated[
 
 OpenOption = Annotated[
     Texts,
-    option(
-        "--open COMPONENT",
-        "Leave out a component that another tool runs: its outputs become inputs of the rest",
-    ),
+    option("--open COMPONENT", "Leave out a component: its outputs become inputs of the rest"),
 ]
 
 

@@ -12,10 +12,10 @@ from harness.errors import UsageError
 from harness.master.isolated import guarded
 from harness.master.simulation import Simulation
 from harness.results.expressions import parsed
-from harness.spelling import did_you_mean
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
 from harness.system.model import Parameter, Parameters, System
+from harness.system.swap import existing
 
 
 def rest(system: System) -> System:
@@ -28,12 +28,8 @@ def remainder(system: System, names: Collection[str]) -> System:
     """Return a system without the named components. Texts and parameter sets that need one of them
     go with it. Raises UsageError for an unknown name or if nothing remains.
     """
-    known = [component.name for component in system.components]
-    for name in names:
-        if name not in known:
-            close = did_you_mean(name, known)
-            raise UsageError(f"--open {name}: {system.name} has no such component{close}")
-    if not set(known) - set(names):
+    named = {existing(system, "--open", name) for name in names}
+    if len(named) == len(system.components):
         raise UsageError(f"--open: no component of {system.name} remains")
     starts = guarded([c.fmu for c in system.components], _starts, system, names)
 
