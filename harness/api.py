@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from harness.errors import library
 from harness.files.cache import with_second_try
-from harness.master.changes import Changes, Pairs, apply, pairs, timely
-from harness.master.isolated import PATIENCE, all_ours, guarded, simulate
+from harness.master.changes import Changes, Pairs, pairs, timely
+from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer
 from harness.master.remainder import rest
 from harness.results.files import save
@@ -174,13 +174,9 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
     FMUs run in a child process. Raises UsageError, and the errors of run() before its first step.
     """
     library("gymnasium", "learn")
-    from harness.learning.apart import Apart
-    from harness.learning.environment import Environment
+    from harness.learning import apart
 
-    given: Changes = {"swap": how.get("swap", ()), "map": how.get("map", ())}
-    with load(system) as found:
-        ours = all_ours(apply(found, **given))
-    return Environment(system, **how) if ours else Apart(system, **how)
+    return apart.environment(system, **how)
 
 
 def _texts(given: Several) -> list[str]:

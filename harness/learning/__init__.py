@@ -20,6 +20,6 @@ for _name in systems():
     gymnasium.register(
         f"servicing/{''.join(part.capitalize() for part in _name.split('_'))}-v0",
         entry_point="harness.api:environment",
-        vector_entry_point="harness.learning.vector:Environments",
+        vector_entry_point="harness.learning.vector:environments",
         kwargs={"system": _name, "scale": {}},
     )

@@ -5,10 +5,11 @@ training.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -16,8 +17,23 @@ from gymnasium.utils import EzPickle
 
 from harness.errors import FmuError, HarnessError
 from harness.learning.environment import Environment
+from harness.master.changes import Changes, apply
 from harness.master.child import Child, Send
+from harness.master.isolated import all_ours
 from harness.results.result import Array, Result
+from harness.ssp.library import load
+
+
+def trusted(system: str | Path, how: Mapping[str, Any]) -> bool:
+    """Return whether all FMUs of an environment are of the project."""
+    given: Changes = {"swap": how.get("swap", ()), "map": how.get("map", ())}
+    with load(system) as found:
+        return all_ours(apply(found, **given))
+
+
+def environment(system: str | Path, **how: Any) -> Environment | Apart:
+    """Return an environment, in a child process if one of its FMUs is third-party."""
+    return Environment(system, **how) if trusted(system, how) else Apart(system, **how)
 
 
 class Apart(gymnasium.Env[Array, Array], EzPickle):
@@ -31,6 +47,7 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         self.render_mode = how.get("render_mode")
         self._begin()
         self._observation: Any = None
+        self._run: int | None = None
 
     def _begin(self) -> None:
         """Start the child, which creates the environment; raise its errors."""
@@ -42,7 +59,7 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         self._life.callback(self._pipe.close)
         self._answer()
         for name in SHOWN:
-            setattr(self, name, self._call("shown", name))
+            setattr(self, name, self._call(name))
 
     def _call(self, name: str, *arguments: Any, **named: Any) -> Any:
         self._pipe.send((name, arguments, named))
@@ -70,7 +87,10 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         super().reset(seed=seed)
         if not self._child.process.is_alive():
             self._begin()
+            if seed is None and self._run is not None:  # the new process does not know it
+                options = {"run": self._run + self._order[1].get("stride", 1), **(options or {})}
         self._observation, info = self._call("reset", seed=seed, options=options)
+        self._run = info.get("run")
         return self._observation, info
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -118,4 +138,5 @@ def _serve(_: Send, pipe: Connection, system: Any, how: dict[str, Any]) -> None:
     with suppress(EOFError):
         while env is not None:
             name, arguments, named = pipe.recv()
-            answer(getattr(env, name), *arguments, **named)
+            found = getattr(env, name)
+            answer(found if callable(found) else lambda found=found: found, *arguments, **named)

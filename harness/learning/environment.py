@@ -18,11 +18,12 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from harness.authoring.policy import Policy, Ports
+from harness.authoring.policy import Policy
 from harness.errors import RunError, UsageError
 from harness.figures.picture import picture
-from harness.learning import rows, signals
-from harness.learning.signals import FAR, Bound, Limits
+from harness.learning.scoring import Scoring, Weights
+from harness.learning.signals import Bound, actuator_limits
+from harness.learning.spaces import Spaces
 from harness.master.changes import Changes, apply, joined
 from harness.master.executors import Stretch
 from harness.master.simulation import Simulation
@@ -35,7 +36,6 @@ from harness.ssp.library import load
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.plan import changes_of
 from harness.system.model import System
-from harness.system.values import base
 
 
 class Environment(gymnasium.Env[Array, Array], EzPickle):
@@ -53,7 +53,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         every: int = 0,
         reward: str = "",
         cost: str | None = None,
-        weights: Mapping[str, float] | float = 1.0,
+        weights: Weights = 1.0,
         ends: Sequence[str] | None = None,
         shield: str = "",
         bounds: Mapping[str, Bound] | None = None,
@@ -64,11 +64,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        EzPickle.__init__(
-            self, system, open=open, observe=observe, act=act, every=every, reward=reward,
-            cost=cost, weights=weights, ends=ends, shield=shield, bounds=bounds, scale=scale,
-            factors=factors, stride=stride, record=record, render_mode=render_mode, **changes,
-        )  # fmt: skip
+        arguments = {k: x for k, x in locals().items() if k not in ("self", "changes", "__class__")}
+        EzPickle.__init__(self, **arguments, **changes)
         self.render_mode = render_mode
         self._plan = read_plan(factors)[0] if factors else None
         self._life = ExitStack()
@@ -76,11 +73,21 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         usual = _usual(found, open)
         self._simulate(found, usual, every, record, changes)
         self._run, self._stride, self._error = -stride, stride, ""
-        self._spaces(
-            observe, act, (bounds or {}, signals.actuator_limits(found), dict(usual.bounds)), scale
+        limits = bounds or {}, actuator_limits(found), dict(usual.bounds)
+        self._look_up(Spaces(self.simulation, (observe, act), limits, scale))
+        self._start = self.result()
+        worth = reward, usual.cost if cost is None else cost, weights
+        aborts, self.intervention = _shield(self._start.columns, shield)
+        over = ends, (*usual.ends, *aborts)
+        self.scoring = Scoring(
+            self._start, self._system.requirements, worth, over, self.intervention
         )
-        self._rewards(self._system, reward, usual.cost if cost is None else cost, weights)
-        self._ends_of(ends, usual.ends, shield)
+        self._constants = self.scoring.values.constants(self._start)
+
+    def _look_up(self, spaces: Spaces) -> None:
+        self.spaces, self._ports = spaces, spaces.ports(self.simulation)
+        self.observation_names, self.action_names = spaces.observed, spaces.acted
+        self.observation_space, self.action_space = spaces.observation, spaces.action
 
     def _simulate(
         self, found: System, usual: Steering, every: int, record: int, changes: Mapping[str, Any]
@@ -100,76 +107,6 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         saves = all(n.interface.model.coSimulation.canGetAndSetFMUstate for n in nodes)
         self._first = self.simulation.save() if saves else None
 
-    # ---- spaces
-
-    def _spaces(
-        self,
-        observe: Sequence[str],
-        act: Sequence[str],
-        limits: Limits,
-        scale: Mapping[str, float] | None,
-    ) -> None:
-        seen, acted = (
-            signals.observed(self.simulation, observe),
-            signals.acted(self.simulation, act, limits),
-        )
-        self.observation_names = [f"{s.name} [{s.unit}]" for s in seen]
-        self.action_names = [f"{s.name} [{s.unit}]" for s in acted]
-        sizes = np.array([dict(scale or {}).get(base(s.name), 1.0) for s in seen])
-        self._sizes = sizes
-        self._slots = np.array([s.wire.slot for s in seen], dtype=np.intp)
-        self._factors = np.array([s.wire.change.factor for s in seen]) / sizes
-        self._offsets = np.array([s.wire.change.offset for s in seen]) / sizes
-        low, high = np.array([(s.low, s.high) for s in seen]).reshape(-1, 2).T / sizes
-        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
-        self._low, self._high = np.array([(s.low, s.high) for s in acted]).T
-        one = np.ones(len(acted))
-        self._ends = (-one, one) if scale is not None else (self._low, self._high)
-        self.action_space = gymnasium.spaces.Box(*self._ends, dtype=np.float64)
-        self._scaled = scale is not None
-        names = list(dict.fromkeys(base(s.name) for s in acted))
-        ports = [self.simulation.port(name).reshape(-1) for name in names]
-        last = np.cumsum([port.size for port in ports]).tolist()
-        self._ports = [(p, slice(n - p.size, n)) for p, n in zip(ports, last, strict=True)]
-
-    # ---- rewards and ends
-
-    def _rewards(
-        self, system: System, reward: str, cost: str, weights: Mapping[str, float] | float
-    ) -> None:
-        self._kinds = self.result()
-        found = {n: rows.margin(self._kinds, t) for n, t in system.requirements.items()}
-        self._margins = {name: row for name, row in found.items() if row is not None}
-        given = weights if isinstance(weights, Mapping) else dict.fromkeys(self._margins, weights)
-        self._weights = [(name, w) for name in self._margins if (w := given.get(name, 0.0))]
-        self._reward, self._cost = (self._row(text or "0") for text in (reward, cost))
-
-    def _row(self, text: str) -> rows.Row:
-        try:
-            found = rows.value(self._kinds, text)
-        except (ValueError, KeyError) as error:
-            raise UsageError(f"{text}: {error.args[0]}") from error
-        if found is None:
-            raise UsageError(f"{text}: depends on other rows than the present one")
-        return found
-
-    def _ends_of(self, ends: Sequence[str] | None, usual: Sequence[str], shield: str) -> None:
-        """Note what ends an episode: requirements, conditions, and the abort of a shield."""
-        given = [*usual, *(self._margins if ends is None else ends)]
-        self._shield = -1
-        columns = self._kinds.columns
-        if shield:
-            if not {f"{shield}.abort", f"{shield}.intervention"} & {*columns}:
-                raise UsageError(
-                    f"shield {shield}: {self._kinds.system} has no such component that aborts or "
-                    "intervenes; systems with a filter are called NAME_filtered"
-                )
-            given += [f"{shield}.abort"] if f"{shield}.abort" in columns else []
-            if f"{shield}.intervention" in columns:
-                self._shield = columns.index(f"{shield}.intervention")
-        self._lost = [name for name in given if name in self._margins]
-        self._over = {text: self._row(text) for text in given if text not in self._margins}
-
     # ---- episodes
 
     def reset(
@@ -181,85 +118,82 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         super().reset(seed=seed)
         plan, given = self._plan, (options or {}).get("run", seed)
         self._run = self._run + self._stride if given is None else int(given)
-        simulation, info = self.simulation, {}
-        if plan is None and self._first:
-            simulation.restore(self._first)
-        elif plan is None:
-            simulation.begin(self._system)
-            simulation.initialize()
-        else:
+        info: dict[str, Any] = {}
+        if plan:
             self._run %= plan.runs
             drawn = plan.values(self._run)
             info = {"run": self._run, "factors": drawn}
             changes = joined(self._changes, changes_of(drawn))
-            simulation.begin(apply(simulation.base, **changes))
-            simulation.initialize()
+            self._begin(apply(self.simulation.base, **changes))
+        elif self._first:
+            self.simulation.restore(self._first)
+        else:
+            self._begin(self._system)
         self._error = ""
-        self._spent = self._cost(*self._now())
+        self.spent = self.values()[1]
         return self._observation(), info
+
+    def _begin(self, system: System) -> None:
+        self.simulation.begin(system)
+        self.simulation.initialize()
+        self._ports = self.spaces.ports(self.simulation)
+        self._constants = self.scoring.values.constants(self.result())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold an action for `every` macro steps."""
         try:
-            self.simulation.forward(self.act(action))
+            self.simulation.forward(self.put(self.spaces.commands(action), self.simulation.step))
         except RunError as error:
             self._error = str(error)
-        return self.outcome()
+        values = self.values()
+        info: dict[str, Any] = {"margins": self.scoring.margins(values)}
+        if self.intervention:
+            info["intervention"] = values[3]
+        reward, self.spent = values[0] - (values[1] - self.spent), values[1]
+        lost, over = bool(values[2] or self._error), self.simulation.step >= self.simulation.steps
+        if lost or over:
+            info |= self.ending(values)
+        return self._observation(), reward, lost, over and not lost, info
 
-    def finish(self, stretch: Stretch) -> None:
-        """Note how far the macro steps of a vector came; an FMU that fails ends the episode."""
-        try:
-            self.simulation.finish(stretch)
-        except RunError as error:
-            self._error = str(error)
+    def ending(self, values: Sequence[float]) -> dict[str, Any]:
+        """Return what ended the episode, and the verdicts of its requirements."""
+        ended = self.scoring.ended(values) + ([self._error] if self._error else [])
+        found = {f.name: f for f in findings(self.result())}
+        return {"requirements": found} | ({"ended": ended} if ended else {})
 
-    def act(self, action: Array) -> int:
-        """Set the outputs of the open components and return the macro step to which they are
-        held.
+    def put(self, command: Array, now: int) -> int:
+        """Set the outputs of the open components in macro step `now`, and return the macro step to
+        which they are held.
         """
-        action = np.asarray(action, dtype=np.float64)
-        if self._scaled:
-            action = self._low + 0.5 * (action + 1.0) * (self._high - self._low)
         for port, part in self._ports:
-            port[:] = action[part]
-        return min(self.simulation.step + self.every, self.simulation.steps)
+            port[:] = command[part]
+        return min(now + self.every, self.simulation.steps)
 
-    def outcome(self) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Return observation, reward, whether the episode has ended by itself or at the stop time,
-        and the margins of the requirements.
+    def failed(self, stretch: Stretch) -> bool:
+        """Note how far the macro steps of a vector came and return whether an FMU failed, which
+        ends the episode.
         """
-        b, t = self._now()
-        margins = {name: row(b, t) for name, row in self._margins.items()}
-        info: dict[str, Any] = {"margins": margins}
-        if self._shield >= 0:
-            info["intervention"] = b[self._shield]
-        spent = self._cost(b, t)
-        reward = self._reward(b, t) - (spent - self._spent)
-        reward -= sum(w * -m for name, w in self._weights if (m := max(margins[name], -FAR)) < 0)
-        self._spent = spent
-        ended = [name for name in self._lost if margins[name] < 0]
-        ended += [text for text, row in self._over.items() if row(b, t)]
-        ended += [self._error] if self._error else []
-        over = self.simulation.step >= self.simulation.steps
-        if ended:
-            info["ended"] = ended
-        if ended or over:
-            info["requirements"] = {f.name: f for f in findings(self.result())}
-        return self._observation(), reward, bool(ended), over and not ended, info
+        if stretch.stop.status:
+            try:
+                self.simulation.finish(stretch)
+            except RunError as error:
+                self._error = str(error)
+        return bool(self._error)
 
-    def _now(self) -> tuple[Any, float]:
-        """Return the last recorded row and its time: what is evaluated is what is recorded."""
+    def values(self) -> tuple[float, ...]:
+        """Return the values of the scoring in the last recorded row: what is evaluated is what is
+        recorded.
+        """
         recorder, clock = self.simulation.recorder, self.simulation.clock
         done, every = recorder.done, recorder.every
         row, over = done // every, done == recorder.steps
         if over:
             row = -(-done // every)
         time = clock.time(done if over else row * every)
-        return memoryview(recorder.table[row]), time
+        return self.scoring.values(memoryview(recorder.table[row]), self._constants, time)
 
     def _observation(self) -> Array:
-        seen: Array = self.simulation.bus[self._slots] * self._factors + self._offsets
-        return seen
+        return self.spaces.seen(self.simulation.bus)
 
     def render(self) -> Any:
         """Return a picture (height, width, 3) of the bodies and their paths so far."""
@@ -272,10 +206,6 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
                 return picture(scene.build(result, arrays), arrays.take, title)
         raise UsageError(f"{result.system}: its mission has no replay to render")
 
-    def shown(self, name: str) -> Any:
-        """Return an attribute, for an environment in another process."""
-        return getattr(self, name)
-
     def result(self) -> Result:
         """Return the episode so far as the result of a run."""
         found = self.simulation.result(self._error)
@@ -285,22 +215,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         """Return a network as a policy with the ports of the open component, see Policy. Raises
         UsageError with several open components, or for a name that is none in C.
         """
-        opened, nodes = self.simulation.system.without, self.simulation.graph.nodes
-        if len(opened) > 1:
-            raise UsageError(f"a policy takes the place of one component, not of {len(opened)}")
-        seen, acted = (_ports(names) for names in (self.observation_names, self.action_names))
-        read = {wire.slot for node in nodes for wire in node.inputs}
-        commanded = {name for name, _, _ in acted}
-        starts: dict[str, tuple[str, str, list[float]]] = {}
-        for wire in next(n for n in nodes if n.component.name == opened[0]).outputs:
-            name = base(wire.variable.name)
-            if wire.slot in read or name in commanded:
-                value = float(self._kinds.values[0, wire.slot])
-                starts.setdefault(name, (name, wire.variable.unit or "1", []))[2].append(value)
         period = self.every * (self.simulation.system.experiment.step or 0.0)
-        bounds = self._low.tolist(), self._high.tolist()
-        sizes, given = self._sizes.tolist(), [*starts.values()]
-        ports = Ports(seen, acted, sizes, *bounds, self._scaled, given, period)
+        ports = self.spaces.of_policy(self.simulation, self._start.values[0], period)
         return Policy(ports, [(np.asarray(w), np.asarray(b)) for w, b in layers], activation)
 
     def close(self) -> None:
@@ -308,17 +224,17 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self._life.close()
 
 
-def _ports(names: Sequence[str]) -> list[tuple[str, str, int]]:
-    """Return variables with their units and numbers of elements, without their components."""
-    found: dict[str, tuple[str, str, int]] = {}
-    for text in names:
-        name, _, unit = text.rpartition(" ")
-        variable = base(name).partition(".")[2]
-        if not variable.isidentifier() or found.get(variable, (name,))[0] not in (name, variable):
-            raise UsageError(f"{name}: cannot be a port of a policy, which is written in C")
-        count = found.get(variable, ("", "", 0))[2] + 1
-        found[variable] = variable, unit.strip("[]"), count
-    return list(found.values())
+def _shield(columns: Sequence[str], name: str) -> tuple[list[str], str]:
+    """Return the conditions with which a shield ends an episode, and what it changes in an action
+    ("": nothing); raise UsageError if there is no such component.
+    """
+    abort, change = f"{name}.abort", f"{name}.intervention"
+    if name and not {abort, change} & {*columns}:
+        raise UsageError(
+            f"shield {name}: the system has no such component that aborts or intervenes; "
+            "systems with a filter are called NAME_filtered"
+        )
+    return [abort] if abort in columns else [], change if change in columns else ""
 
 
 def _usual(system: System, given: Sequence[str]) -> Steering:

@@ -3,15 +3,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from harness.learning.apart import environment, trusted
 from harness.learning.environment import Environment
-from harness.master.executors import Stretch, execute_all
+from harness.master.executors import Stretches
 from harness.results.result import Array
+
+
+def environments(num_envs: int, system: str | Path, **how: Any) -> VectorEnv[Array, Array, Array]:
+    """Return a vector of environments; each with third-party FMUs has a child process."""
+    if trusted(system, how):
+        return Environments(num_envs, system=system, **how)
+    one = partial(environment, system, stride=num_envs, **how)
+    return SyncVectorEnv([one] * num_envs)
 
 
 class Environments(VectorEnv[Array, Array, Array]):
@@ -27,11 +39,16 @@ class Environments(VectorEnv[Array, Array, Array]):
         """
         self.num_envs = num_envs
         self.envs = [Environment(**arguments, stride=num_envs) for _ in range(num_envs)]
-        self.render_mode = self.envs[0].render_mode
-        self.single_observation_space = self.envs[0].observation_space
-        self.single_action_space = self.envs[0].action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        first = self.envs[0]
+        self.render_mode, self._spaces, self._scoring = (
+            first.render_mode,
+            first.spaces,
+            first.scoring,
+        )
+        self.single_observation_space = first.observation_space
+        self.single_action_space = first.action_space
+        self.observation_space = batch_space(first.observation_space, num_envs)
+        self.action_space = batch_space(first.action_space, num_envs)
         self._over = np.zeros(num_envs, dtype=np.bool_)
         self._begun = False
 
@@ -46,48 +63,49 @@ class Environments(VectorEnv[Array, Array, Array]):
             seeds = [(seed or 0) + i for i in range(self.num_envs)]
         self._begun, self._over[:] = True, False
         found = [e.reset(seed=s, options=options) for e, s in zip(self.envs, seeds, strict=True)]
-        self._stretches = (Stretch * self.num_envs)(*(e.simulation.stretch(0) for e in self.envs))
+        self._stretches = Stretches([env.simulation.stretch(0) for env in self.envs])
+        self._spent = np.array([env.spent for env in self.envs])
         observations, infos = zip(*found, strict=True)
-        return np.array(observations), self._infos(list(infos))
+        return np.array(observations), self._infos({}, enumerate(infos))
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Hold the actions for `every` macro steps."""
-        over = self._over.tolist()
-        for env, stretch, action, ended in zip(
-            self.envs, self._stretches, actions, over, strict=True
+        begun, commands = self._over, self._spaces.commands(actions)
+        first = [env.simulation.step for env in self.envs]
+        for env, stretch, command, now, ended in zip(
+            self.envs, self._stretches.each, commands, first, begun.tolist(), strict=True
         ):
-            stretch.first = env.simulation.step
-            stretch.last = stretch.first if ended else env.act(action)
-        execute_all(self._stretches)
-        found = []
-        for i, (env, ended) in enumerate(zip(self.envs, over, strict=True)):
-            if ended:
-                found.append(self._begin(i))
-                continue
-            if self._stretches[i].stop.status:
-                env.finish(self._stretches[i])
-            found.append(env.outcome())
-        observations, rewards, terminated, truncated, infos = zip(*found, strict=True)
-        lost, out = np.array(terminated), np.array(truncated)
+            stretch.first, stretch.last = now, now if ended else env.put(command, now)
+        self._stretches.execute()
+        failed = [e.failed(s) for e, s in zip(self.envs, self._stretches.each, strict=True)]
+        single = {i: self._begin(i) for i in np.flatnonzero(begun).tolist()}
+        values = np.array([env.values() for env in self.envs])
+        rewards = np.where(begun, 0.0, values[:, 0] - (values[:, 1] - self._spent))
+        self._spent = values[:, 1]
+        lost = ~begun & (failed | (values[:, 2] != 0))
+        out = ~lost & np.array([env.simulation.step >= env.simulation.steps for env in self.envs])
         self._over = lost | out
-        return np.array(observations), np.array(rewards), lost, out, self._infos(list(infos))
+        for i in np.flatnonzero(self._over).tolist():
+            single[i] = self.envs[i].ending(values[i].tolist())
+        seen = self._spaces.seen(np.array([env.simulation.bus for env in self.envs]))
+        columns = np.where(begun[:, None], np.nan, values).T
+        infos: dict[str, Any] = {"margins": self._scoring.margins(columns)}
+        if self.envs[0].intervention:
+            infos |= {"intervention": columns[3], "_intervention": ~begun}
+        return seen, rewards, lost, out, self._infos(infos, single.items())
 
-    def _begin(self, i: int) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        observation, info = self.envs[i].reset()
-        self._stretches[i] = self.envs[i].simulation.stretch(0)
-        return observation, 0.0, False, False, info
+    def _begin(self, i: int) -> dict[str, Any]:
+        _, info = self.envs[i].reset()
+        self._stretches.all[i] = self.envs[i].simulation.stretch(0)
+        return info
 
-    def _infos(self, infos: list[dict[str, Any]]) -> dict[str, Any]:
-        """Return the infos as arrays; margins of requirements, NaN where an episode begins."""
-        given = [info.pop("margins", {}) for info in infos]
-        names = list(dict.fromkeys(name for margins in given for name in margins))
-        table = np.array([[margins.get(name, np.nan) for name in names] for margins in given])
-        columns = dict(zip(names, table.T, strict=True))
-        merged: dict[str, Any] = {"margins": columns} if names else {}
-        for i, info in enumerate(infos):
-            if info:
-                merged = self._add_info(merged, info, i)
-        return merged
+    def _infos(
+        self, infos: dict[str, Any], single: Iterable[tuple[int, dict[str, Any]]]
+    ) -> dict[str, Any]:
+        """Return the infos of all environments and of single ones together, as arrays."""
+        for i, info in single:
+            infos = self._add_info(infos, info, i)
+        return infos
 
     def render(self) -> tuple[Any, ...]:
         """Return a picture of every environment."""

@@ -229,9 +229,19 @@ def _loaded(path: Path) -> Any:
     return found
 
 
-def execute_all(stretches: ctypes.Array[Stretch]) -> None:
-    """Perform stretches of several simulations without Python between them; each has its `stop`."""
-    library().execute_all(stretches, ctypes.c_size_t(len(stretches)))
+class Stretches:
+    """Stretches of several simulations, performed without Python between them; `each` shows its
+    `stop`.
+    """
+
+    def __init__(self, given: Sequence[Stretch]) -> None:
+        self.all = (Stretch * len(given))(*given)
+        self.each = list(self.all)
+        self._execute, self._count = library().execute_all, ctypes.c_size_t(len(given))
+
+    def execute(self) -> None:
+        """Perform the macro steps."""
+        self._execute(self.all, self._count)
 
 
 Executor = PythonExecutor | CExecutor

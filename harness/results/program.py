@@ -106,18 +106,22 @@ class Program:
         if not inner.is_history:
             raise ValueError(f"{node.name}(): `{inner.text}` has no rows")
         row = self.add(node.name, *map(self.expression, node.parts[1:]), rows=False)
-        if not all(map(_is_per_row, inner.walk())):
+        if not is_per_row(inner):
             return self.add("row", self.expression(inner), row, rows=False)
         first = self.add("first", rows=False)
         return self.add("row", self.expression(inner, row), first, rows=False)
 
-    def run(self, look_up: LookUp, complete: bool = True) -> list[Any]:
-        """Return the values of all instructions; complete: the last row is the end of the run."""
+    def run(self, look_up: LookUp, complete: bool = True, rows: bool = True) -> list[Any]:
+        """Return the values of all instructions; complete: the last row is the end of the run;
+        rows: False leaves out histories, None is in their places.
+        """
         values: list[Any] = []
         with np.errstate(all="ignore"):
             for each in self.instructions:
                 given = [(values[part], self.instructions[part].rows) for part in each.parts]
-                if each.operation == "look up":
+                if each.rows and not rows:
+                    values.append(None)
+                elif each.operation == "look up":
                     values.append(_flat(look_up(each.constant), each.rows))
                 else:
                     values.append(_value(each, given, complete))
@@ -128,9 +132,10 @@ class Program:
         return [[each.operation, each.parts, _finite(each.constant)] for each in self.instructions]
 
 
-def _is_per_row(node: Node) -> bool:
-    reduces = node.kind == "call" and not FUNCTIONS[node.name].per_row
-    return not (reduces and any(part.is_history for part in node.parts))
+def is_per_row(tree: Node) -> bool:
+    """Return whether the value of an expression in a row depends on that row alone."""
+    reducing = (n for n in tree.walk() if n.kind == "call" and not FUNCTIONS[n.name].per_row)
+    return not tree.has_window and not any(p.is_history for n in reducing for p in n.parts)
 
 
 def _finite(constant: Any) -> Any:

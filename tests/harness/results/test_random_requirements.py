@@ -10,12 +10,17 @@ import operator
 import random
 import re
 from fractions import Fraction
+from functools import partial
 from itertools import product
 
 import numpy as np
 
-from harness.results.requirements import finding
+from harness.results.evaluation import fitted, unit_in
+from harness.results.margins import Requirement
+from harness.results.program import Program, is_per_row
+from harness.results.requirements import finding, margin
 from harness.results.result import Result
+from harness.results.rows import RowProgram
 from harness.results.verdict import Verdict
 from harness.system.units import SYMBOLS
 from tests.each import each
@@ -253,6 +258,31 @@ def test_verdict_margin_and_instant_equal_an_evaluation_row_by_row(seed, odd):
         assert (found.verdict, found.margin, found.time) == expected(rows, tree, late), text
         verdicts.add(found.verdict)
     assert verdicts >= {Verdict.MET, Verdict.NOT_MET}
+
+
+@np.errstate(all="ignore")
+@each("odd", [False, True])
+@each("seed", range(1))
+def test_the_least_margin_of_single_rows_is_the_margin(seed, odd):
+    """The program over a row as a function of Python has the bits of the interpreted program."""
+    rng, checked = random.Random(f"{seed} {odd}"), 0
+    for _ in range(CASES):
+        rows = Rows(rng, odd)
+        result, text = rows.result, rows.text(rows.condition(2))
+        program, tree = Program(), fitted(result, text)
+        if not is_per_row(tree):
+            continue
+        wanted = Requirement(tree, partial(unit_in, result), program).margin
+        if not tree.is_history:  # a constant of the run
+            continue
+        of_row = RowProgram(result, program, [wanted])
+        constants = of_row.constants(result)
+        found = [of_row(row, constants, t)[0] for row, t in zip(result.values, result.time,
+                                                               strict=True)]  # fmt: skip
+        expected = margin(result, text)
+        assert min(found) == expected or (min(found), expected) == (0, -math.ulp(0.0)), text
+        checked += 1
+    assert checked > CASES / 3
 
 
 @each("sign", [*COMPARED, "+", "-"])

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Programs over a single row as Python functions: margins, rewards and conditions of every step of
+an environment.
+
+The instructions are those that harness.results.program interprets over histories, which takes a
+millisecond for one row. Here every element is a local variable, and a row takes microseconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from harness.results.evaluation import history
+from harness.results.expressions import FUNCTIONS
+from harness.results.program import Instruction, Program
+from harness.results.result import Result
+
+OPERATORS = ("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=")
+MATHS = ("abs", "cos", "degrees", "exp", "log", "sin", "sqrt")
+EACH: Mapping[str, str] = {
+    **{name: f"{{}} {name} {{}}" for name in OPERATORS},
+    **{name: f"{name}({{}})" for name in MATHS},
+    "**": "pow({}, {})", "negative": "-{}", "not": "not {}",
+    "implies": "not {}", "and": "{} != 0 and {} != 0", "or": "{} != 0 or {} != 0",
+    "isnan": "{0} != {0}", "where": "{1} if {0} else {2}",
+    "both": "0.0 if {0} == 0 or {1} == 0 else {0} * {1}",
+    "difference": "0.0 if {0} == {1} else {0} - {1}",
+    "fmin": "{0} if {0} <= {1} or {1} != {1} else {1}",
+    "fmax": "{0} if {0} >= {1} or {1} != {1} else {1}",
+}  # fmt: skip
+"""Operations element by element."""
+
+
+def _length(x: Sequence[str]) -> str:
+    return f"sqrt({' + '.join(f'({a}) * ({a})' for a in x)})"
+
+
+def _angle(q: Sequence[str], p: Sequence[str]) -> str:
+    """Return the angle between quaternions as in harness.results.expressions."""
+    lengths = (_length([f"{a} {sign} {b}" for a, b in zip(q, p, strict=True)]) for sign in "-+")
+    return f"4 * atan2(*sorted(({', '.join(lengths)})))"
+
+
+def _least(x: Sequence[str]) -> str:
+    return f"min({', '.join(x)}) if {' and '.join(f'{a} == {a}' for a in x)} else nan"
+
+
+ALL: Mapping[str, Callable[..., str]] = {
+    "angle": _angle, "least": _least, "norm": _length, "total": " + ".join,
+}  # fmt: skip
+"""Operations that join all elements of their parts."""
+
+VECTORS = {name for name, each in FUNCTIONS.items() if each.per_row} - EACH.keys() - ALL.keys()
+"""Further functions of a row, which numpy evaluates."""
+SAME = ("table", "positive")
+"""Operations that change no element."""
+
+
+def _of_vectors(name: str, *vectors: Sequence[float]) -> list[float]:
+    found: list[float] = np.ravel(FUNCTIONS[name].value(*map(np.array, vectors))).tolist()
+    return found
+
+
+_QUICK = vars(math) | {"abs": abs, "min": min, "sorted": sorted, "of_vectors": _of_vectors}
+_SAFE = _QUICK | {name: getattr(np, name) for name in MATHS} | {"atan2": np.arctan2,
+                                                                "pow": np.power}  # fmt: skip
+"""Names in a function: of Python, which rejects a division by zero and the root of a negative
+number, and of numpy, which gives infinity and NaN.
+"""
+
+
+class RowProgram:
+    """Values of some instructions of a program, of one element each, in single rows of results with
+    the same columns. The program does not depend on other rows, see is_per_row().
+    """
+
+    def __init__(self, result: Result, program: Program, wanted: Sequence[int]) -> None:
+        self._program = program
+        values = program.run(partial(history, result))
+        rows = len(result.time)
+        sizes = [np.size(x) // (rows if each.rows else 1)
+                 for x, each in zip(values, program.instructions, strict=True)]  # fmt: skip
+        lines = "".join(f"    {line}\n" for line in _lines(result, program, wanted, sizes))
+        names: tuple[dict[str, Any], ...] = dict(_QUICK), dict(_SAFE)
+        for each in names:
+            exec(f"def of_row(b, p, t):\n{lines}", each)
+        self._quick, self._safe = (each["of_row"] for each in names)
+
+    def constants(self, result: Result) -> list[float]:
+        """Return the elements of all values that depend on parameters alone."""
+        values = self._program.run(partial(history, result), rows=False)
+        return [float(x) for value in values if value is not None for x in np.ravel(value)]
+
+    def __call__(self, row: Any, constants: Sequence[float], time: float) -> tuple[float, ...]:
+        """Return the values in a row of all columns, with the constants of its run; time [s]."""
+        try:
+            found: tuple[float, ...] = self._quick(row, constants, time)
+        except (ArithmeticError, ValueError):
+            with np.errstate(all="ignore"):
+                found = self._safe(np.array(row), np.array(constants), np.float64(time))
+        return found
+
+
+def _lines(
+    result: Result, program: Program, wanted: Sequence[int], sizes: Sequence[int]
+) -> Iterator[str]:
+    """Yield assignments of the elements of all needed instructions."""
+    needed = {*wanted}
+    for k in range(max(wanted), -1, -1):
+        needed |= {*program.instructions[k].parts} if k in needed else set()
+    names: list[Sequence[str]] = []
+    constants = 0
+    for k, (each, size) in enumerate(zip(program.instructions, sizes, strict=True)):
+        names.append([f"x{k}_{i}" for i in range(size)])
+        given = [names[part] for part in each.parts]
+        if not each.rows:
+            names[k] = [f"p[{constants + i}]" for i in range(size)]
+            constants += size
+        elif each.operation in SAME or (each.operation == "least" and len(given[0]) == 1):
+            names[k] = given[0]
+        elif k in needed and each.operation in VECTORS:
+            vectors = ", ".join(f"[{', '.join(x)}]" for x in given)
+            yield f"{', '.join(names[k])}, = of_vectors({each.operation!r}, {vectors})"
+        elif k in needed:
+            yield from map("{} = {}".format, names[k], _texts(result, each, given))
+    yield f"return {''.join(f'{names[k][0]}, ' for k in wanted)}"
+
+
+def _texts(
+    result: Result, instruction: Instruction, given: Sequence[Sequence[str]]
+) -> Sequence[str]:
+    """Return the elements of the value of an instruction as Python."""
+    operation, _, constant, _ = instruction
+    if operation == "element":
+        return [given[0][constant[0]]]
+    if operation == "look up":
+        return ["t"] if constant == "time" else _elements(result, constant)
+    if operation in ALL:
+        return [ALL[operation](*given)]
+    size = max(map(len, given))
+    columns = zip(*(list(x) * size if len(x) == 1 else x for x in given), strict=True)
+    if operation == "decided":  # a value, and what determines whether it is decided
+        return [f"{x} if {' and '.join(f'{y} == {y}' for y in by)} else nan" for x, *by in columns]
+    return [EACH[operation].format(*elements) for elements in columns]
+
+
+def _elements(result: Result, name: str) -> list[str]:
+    places = result.vectors[name].flat if name in result.vectors else [result.columns.index(name)]
+    return [f"b[{i}]" for i in places]
