@@ -38,7 +38,7 @@ PRINTS = {
     "own_controller.py": r"(?s).*position error after 5 min: at most \d\.\d mm\n",
 }
 """Output of the scripts, by name; my_controller.py is run by the interoperability tests;
-learn.py and psy_taliro.py need packages that no extra has.
+learn.py (test_learn_example.py) and psy_taliro.py need packages that no extra has.
 """
 BY_FOLDER = ("three_fmus.py",)
 """Scripts that take the folder of the FMUs."""
