@@ -35,6 +35,7 @@ from harness.results.result import Array, Result
 from harness.ssp.library import load
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.plan import changes_of
+from harness.system.graph import constants
 from harness.system.model import System
 
 
@@ -82,7 +83,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self.scoring = Scoring(
             self._start, self._system.requirements, worth, over, self.intervention
         )
-        self._constants = self.scoring.values.constants(self._start)
+        self._constants = self._given()
 
     def _look_up(self, spaces: Spaces) -> None:
         self.spaces, self._ports = spaces, spaces.ports(self.simulation)
@@ -137,7 +138,11 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self.simulation.begin(system)
         self.simulation.initialize()
         self._ports = self.spaces.ports(self.simulation)
-        self._constants = self.scoring.values.constants(self.result())
+        self._constants = self._given()
+
+    def _given(self) -> list[float]:
+        """Return what the scoring takes from the parameters of the episode."""
+        return self.scoring.values.constants(x for _, x in constants(self.simulation.graph))
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold an action for `every` macro steps."""

@@ -9,7 +9,8 @@ millisecond for one row. Here every element is a local variable, and a row takes
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +20,7 @@ from harness.results.evaluation import history
 from harness.results.expressions import FUNCTIONS
 from harness.results.program import Instruction, Program
 from harness.results.result import Result
+from harness.system.values import base
 
 OPERATORS = ("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=")
 MATHS = ("abs", "cos", "degrees", "exp", "log", "sin", "sqrt")
@@ -90,11 +92,26 @@ class RowProgram:
         for each in names:
             exec(f"def of_row(b, p, t):\n{lines}", each)
         self._quick, self._safe = (each["of_row"] for each in names)
+        read = {x.constant for x in program.instructions if x.operation == "look up" and not x.rows}
+        self._columns = () if result.parameters is None else result.parameters.columns
+        self._used = {i for i, name in enumerate(self._columns)
+                      if {f"parameter {name}", f"parameter {base(name)}"} & read}  # fmt: skip
+        self._known: list[float] | None = None
+        self._constants: list[float] = []
 
-    def constants(self, result: Result) -> list[float]:
-        """Return the elements of all values that depend on parameters alone."""
-        values = self._program.run(partial(history, result), rows=False)
-        return [float(x) for value in values if value is not None for x in np.ravel(value)]
+    def constants(self, parameters: Iterable[float]) -> list[float]:
+        """Return the elements of all values that depend on parameters alone, from all parameters of
+        a run.
+        """
+        used = [x for i, x in enumerate(parameters) if i in self._used] if self._used else []
+        if used != self._known:
+            names = tuple(self._columns[i] for i in sorted(self._used))
+            table = Result("", np.zeros(1), names, ("",) * len(names), np.array([used]))
+            run = replace(table, parameters=table)
+            values = self._program.run(partial(history, run), rows=False)
+            self._constants = [float(x) for v in values if v is not None for x in np.ravel(v)]
+            self._known = used
+        return self._constants
 
     def __call__(self, row: Any, constants: Sequence[float], time: float) -> tuple[float, ...]:
         """Return the values in a row of all columns, with the constants of its run; time [s]."""

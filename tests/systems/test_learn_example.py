@@ -63,8 +63,8 @@ def test_the_learned_policy_holds_as_an_fmu_too(learn, env, tmp_path, monkeypatc
     found = learn.beside_the_paper(policy, "learned")
     assert not found.failures
     learned = next(label for label in found.results if "learned" in label)
-    assert found.metrics["position error"][learned] < 1.0
-    assert found.metrics["delta-v"][learned] < 0.2
+    assert found.metrics["position error", "m"][learned] < 1.0
+    assert found.metrics["delta-v", "m/s"][learned] < 0.2
     assert learn.margin(found.results[learned], learn.HOLD) > 0
     same = run(
         "sync_approach", swap={"controller": build("learned.npz")}, params="limited", every=20,

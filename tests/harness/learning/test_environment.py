@@ -91,7 +91,7 @@ def test_margins_of_a_row_are_the_margins_of_the_evaluation(name):
     result = run(name, stop={"space_robot": 3000.0}.get(name, 4.0), every=2)
     texts = dict(result.provenance.requirements)
     scoring = scored(result, texts)
-    constants = scoring.values.constants(result)
+    constants = scoring.values.constants(result.parameters.values[0])
     rows = [scoring.margins(scoring.values(row, constants, time))
             for row, time in zip(result.values, result.time, strict=True)]  # fmt: skip
     checked = 0

@@ -276,7 +276,7 @@ def test_the_least_margin_of_single_rows_is_the_margin(seed, odd):
         if not tree.is_history:  # a constant of the run
             continue
         of_row = RowProgram(result, program, [wanted])
-        constants = of_row.constants(result)
+        constants = of_row.constants(result.parameters.values[0])
         found = [of_row(row, constants, t)[0] for row, t in zip(result.values, result.time,
                                                                strict=True)]  # fmt: skip
         expected = margin(result, text)

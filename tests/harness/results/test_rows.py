@@ -43,7 +43,7 @@ def result():
 def test_a_row_has_the_value_of_the_interpreter(result, text):
     program, tree = Program(), fitted(result, text)
     of_row = RowProgram(result, program, [program.expression(tree)])
-    constants = of_row.constants(result)
+    constants = of_row.constants(result.parameters.values[0])
     found = [of_row(row, constants, time)[0]
              for row, time in zip(result.values, result.time, strict=True)]  # fmt: skip
     expected = evaluate(tree, partial(history, result)).astype(float)
@@ -61,5 +61,7 @@ def test_constants_belong_to_the_run(result):
     )
     other = replace(result, parameters=replace(result.parameters, values=np.array([[5.0, 1, 2]])))
     row = result.values[0]
-    first, second = (of_row(row, of_row.constants(r), 0.0)[0] for r in (result, other))
+    first, second = (
+        of_row(row, of_row.constants(r.parameters.values[0]), 0.0)[0] for r in (result, other)
+    )
     assert first - second == pytest.approx(2.0, rel=1e-14)
