@@ -189,6 +189,30 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
     insist(found.results, changes.get("require", ()), strict)
 
 
+@command("bound", "params", "set", "swap", "map", "step", "stop")
+def bound_command(  # noqa: PLR0913 - one argument per option or group of them
+    *,
+    system: SystemArgument,
+    output: Annotated[Path | None, output("File for the run of the optimal force")] = None,
+    cost: Annotated[str, option("--cost sum|norm", "Count force per axis, or its length")] = "sum",
+    grid: Annotated[float | None, option("", "Solve on a grid of this step [s]")] = None,
+    without: Annotated[Texts, option("--without NAME", "Leave this constraint out")] = None,
+    changes: Any,
+) -> None:
+    """Show what a run would have cost at least under its constraints.
+
+    The least impulse is the optimum of a convex problem with the constraints of the mission. Its
+    force is simulated open loop, with the requirements of the system.
+    """
+    from harness.studies.optimum import bound
+
+    found = bound(system, cost=cost, grid=grid, without=without or (), **changes)
+    for line in found.lines():
+        typer.echo(line)
+    if output is not None:
+        found.verified.save(output)
+
+
 def _written(results: Any, folder: Path, pictures: Pictures) -> str:
     """Draw the figures of a comparison, and return the contents of its folder as text."""
     if not pictures.figures:

@@ -20,6 +20,7 @@ from harness.mission.claim import (
 from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel, Phase
 from harness.mission.library import inherit
 from harness.mission.mission import (
+    Bound,
     Exchange,
     Limits,
     Metric,
@@ -34,6 +35,7 @@ from harness.results.verdict import Verdict
 
 __all__ = [
     "Band",
+    "Bound",
     "Case",
     "Claim",
     "Curve",

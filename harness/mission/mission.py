@@ -196,6 +196,21 @@ class Steering(NamedTuple):
     bounds: tuple[tuple[str, float | tuple[float, float]], ...] = ()
 
 
+class Bound(NamedTuple):
+    """Least impulse of a run, for results with these variables and parameters; problem: the convex
+    problem (harness.studies.optimum) of a result and the step of its grid [s]; actuator: component
+    with the outputs F_S and impulse; follows: its other outputs and the commands that they follow;
+    grid: default of the step [s].
+    """
+
+    needs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    problem: Callable[[Result, float], Any]
+    actuator: str = "propulsion"
+    follows: tuple[tuple[str, str], ...] = (("propulsion.M_S", "controller.M_cmd_S"),)
+    grid: float = 2.0
+
+
 class Plan(Protocol):
     """Answer of a planner before a run; histories: by label, for figures."""
 
@@ -223,7 +238,8 @@ class Mission(Checked):
     variables with the value from which on nothing is in force; validations: cases with published
     reference values; exchange: files of other tools; restarts: a parameter that contains a state,
     another parameter, and its value that enables the state; examples: sources that can replace a
-    component; steering: components that an agent replaces, the first choice first.
+    component; steering: components that an agent replaces, the first choice first; bounds: convex
+    problems whose optimum a run is compared with.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()
@@ -244,6 +260,7 @@ class Mission(Checked):
     restarts: tuple[tuple[str, str, float], ...] = ()
     examples: tuple[Example, ...] = ()
     steering: tuple[Steering, ...] = ()
+    bounds: tuple[Bound, ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:
         """Return the limits, completed by the bands that these results suggest."""

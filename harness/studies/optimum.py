@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Bound of a run: the least impulse with which its constraints can be met, as a convex problem in
+the motion relative to the target, whose path and attitude are data.
+
+    x_{i+1} = A_i x_i + B_i (C_NS,i F_i / m + d_i),   x = (rho, v),   A_i = exp(h [0 1; G_i 0])
+    min h sum_i |F_i|_1  or  h sum_i |F_i|,   F_i in axes S, held in N over a step
+
+Constraints are cones |A rho + B v + b| <= c . rho + e at nodes of the grid. A mission states them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple, Unpack
+
+import numpy as np
+
+from harness.errors import HarnessError, UsageError, library
+from harness.master.changes import Changes, apply
+from harness.master.simulation import Simulation
+from harness.mission.library import mission
+from harness.mission.mission import Bound
+from harness.results.histories import turned
+from harness.results.requirements import findings
+from harness.results.result import Array, Result, Rows
+from harness.ssp.library import load
+from harness.system.model import System
+
+COSTS = ("sum", "norm")
+"""Costs of a step: of every axis on its own, or of the length of the force."""
+
+
+class Cone(NamedTuple):
+    """Constraint |position rho + velocity v + offset| <= slope . rho + limit at nodes (k,) of the
+    grid: position, velocity (k, m, 3), offset (k, m), slope (k, 3), limit (k,). m = 0: slope . rho
+    + limit >= 0; slope and limit 0: position rho + velocity v + offset = 0.
+    """
+
+    name: str
+    nodes: Rows
+    position: Array
+    velocity: Array
+    offset: Array
+    slope: Array
+    limit: Array
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Data of the convex problem: time (n + 1,) [s]; start: rho, v (6,) in N; gradient (n, 3, 3) of
+    gravity [1/s2] and known acceleration (n, 3) [m/s2] in N; axes (n, 3, 3): C_NS in the middle of
+    a step; mass [kg]; box (3,) [N]: largest force per axis, inf: none.
+    """
+
+    time: Array
+    start: Array
+    gradient: Array
+    known: Array
+    axes: Array
+    mass: float
+    box: Array
+    cones: tuple[Cone, ...] = ()
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Solution: time (n + 1,), rho and v (n + 1, 3) in N, force (n, 3) in S, and impulse [N s]."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    force: Array
+    impulse: float
+
+
+def transitions(problem: Problem) -> tuple[Array, Array]:
+    """Return A (n, 6, 6) and B (n, 6, 3) of the steps, from the series of the exponential."""
+    step = np.diff(problem.time)[:, None, None]
+    rate = np.zeros((len(step), 6, 6))
+    rate[:, :3, 3:], rate[:, 3:, :3] = np.eye(3), problem.gradient
+    power = np.broadcast_to(np.eye(6), rate.shape)
+    A, integral = power.copy(), step * power
+    for k in range(1, 9):  # |G| h^2 is far below 1
+        power = power @ rate * step / k
+        A += power
+        integral += power * step / (k + 1)
+    return A, integral[:, :, 3:]
+
+
+def solve(problem: Problem, cost: str = "sum") -> Optimum:
+    """Return the optimum of a problem; raise HarnessError if there is none."""
+    cp = library("cvxpy", "optimum")
+    n = len(problem.time) - 1
+    rho, v, force = (cp.Variable((k, 3)) for k in (n + 1, n + 1, n))
+    state = cp.hstack([rho, v])
+    A, B = transitions(problem)
+    thrust = np.einsum("nij,njk->nik", B, problem.axes) / problem.mass
+    drift = np.einsum("nij,nj->ni", B, problem.known)
+    rules = [
+        state[0] == problem.start,
+        state[1:] == _each(A, state[:-1]) + _each(thrust, force) + drift,
+        *(_rule(cone, rho, v) for cone in problem.cones if len(cone.nodes)),
+    ]
+    limited = np.isfinite(problem.box)
+    if limited.any():
+        rules.append(cp.abs(force[:, limited]) <= np.tile(problem.box[limited], (n, 1)))
+    step = np.diff(problem.time)
+    size = cp.norm(force, 1 if cost == "sum" else 2, axis=1)
+    task = cp.Problem(cp.Minimize(step @ size), rules)
+    task.solve(solver=cp.CLARABEL)
+    if task.status != cp.OPTIMAL:
+        raise HarnessError(f"the convex problem has no optimum ({task.status})")
+    return Optimum(problem.time, rho.value, v.value, force.value, float(task.value))
+
+
+def _each(matrices: Array, rows: Any) -> Any:
+    """Return matrices (n, i, j) times rows (n, j)."""
+    cp = library("cvxpy", "optimum")
+    sparse = library("scipy.sparse", "optimum")
+    n, i, j = matrices.shape
+    block = sparse.bsr_array((matrices, np.arange(n), np.arange(n + 1)), shape=(n * i, n * j))
+    return cp.reshape(block.tocsr() @ cp.vec(rows, order="C"), (n, i), order="C")
+
+
+def _rule(cone: Cone, rho: Any, v: Any) -> Any:
+    cp = library("cvxpy", "optimum")
+    here, there = rho[cone.nodes], v[cone.nodes]
+    far = cp.sum(cp.multiply(cone.slope, here), axis=1) + cone.limit
+    if not cone.offset.shape[1]:
+        return far >= 0
+    left = _each(cone.position, here) + _each(cone.velocity, there) + cone.offset
+    if not (cone.slope.any() or cone.limit.any()):
+        return left == 0
+    return cp.norm(left, 2, axis=1) <= far
+
+
+# ---- the bound of a run
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Run, its optimum, and the optimal force in the simulation; cost: one of COSTS."""
+
+    run: Result
+    optimum: Optimum
+    verified: Result
+    cost: str
+    spent: float
+    """Cost of the run [N s]."""
+
+    def lines(self) -> Iterator[str]:
+        """Yield the ratio, what the verification shows, and the requirements in it."""
+        best = self.optimum.impulse
+        ratio = f"{self.spent / best:.3g} times the optimum of {best:.4g} N s"
+        yield f"{self.run.system}: {self.spent:.4g} N s, {ratio}"
+        yield f"open loop in the simulation: {1e3 * self.miss:.0f} mm off the plan at the end"
+        yield from (f"{f.name}: {f.statement}" for f in findings(self.verified))
+
+    @property
+    def miss(self) -> float:
+        """Return the distance of the verification from the plan at the end [m]."""
+        last = self.verified[SERVICER][-1] - self.verified[TARGET][-1]
+        return float(np.linalg.norm(last - self.optimum.position[-1]))
+
+
+SERVICER, TARGET, ATTITUDE = "servicer.r_SN_N", "target.r_TN_N", "servicer.q_SN"
+
+
+def bound(
+    system: str | Path,
+    *,
+    cost: str = "sum",
+    grid: float | None = None,
+    without: Collection[str] = (),
+    **changes: Unpack[Changes],
+) -> Answer:
+    """Return what a run costs at least under its constraints, and the run of the optimal force.
+
+    cost: `sum` of the axes, or `norm`; grid: step of the problem [s] (None: of the mission);
+    without: constraints by name that are left out. Raises UsageError, the exceptions of run(), and
+    HarnessError if there is no optimum.
+    """
+    if cost not in COSTS:
+        raise UsageError(f"--cost {cost}: expected {' or '.join(COSTS)}")
+    with load(system) as found:
+        changed = apply(found, **changes)
+        with Simulation(changed, every=1) as simulation:
+            simulation.advance()
+            run = simulation.result()
+        offered = _offered(changed, run)
+        problem = offered.problem(run, grid or offered.grid)
+        if unknown := {*without} - {cone.name for cone in problem.cones}:
+            names = ", ".join(cone.name for cone in problem.cones)
+            raise UsageError(f"--without {min(unknown)}: the constraints are {names}")
+        chosen = tuple(cone for cone in problem.cones if cone.name not in without)
+        problem = replace(problem, cones=chosen)
+        best = solve(problem, cost)
+        force = np.abs(run[f"{offered.actuator}.F_S"][1:])
+        rates = force.sum(axis=1) if cost == "sum" else np.linalg.norm(force, axis=1)
+        spent = float(rates @ np.diff(run.time))
+        return Answer(run, best, verified(changed, offered, problem, best), cost, spent)
+
+
+def _offered(system: System, result: Result) -> Bound:
+    """Return the bound that the mission offers for a result; raise UsageError."""
+    offered = mission(system.mission) if system.mission else None
+    for each in offered.bounds if offered else ():
+        if result.holds(*each.needs, parameters=each.parameters):
+            return each
+    raise UsageError(f"{system.name}: its mission offers no convex problem")
+
+
+def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum) -> Result:
+    """Return the run in which the actuator gives the optimal force, turned into the axes of the
+    servicer, and all other components work as ever.
+    """
+    push = np.einsum("nij,nj->ni", problem.axes, optimum.force)
+    with Simulation(system, open=[offered.actuator], every=1) as simulation:
+        names = ATTITUDE, f"{offered.actuator}.F_S", f"{offered.actuator}.impulse"
+        q, force, impulse = (simulation.port(name) for name in names)
+        follows = [tuple(map(simulation.port, pair)) for pair in offered.follows]
+        inverse, h = np.array([1, -1, -1, -1]), simulation.clock.step
+        places = np.searchsorted(problem.time, np.arange(simulation.steps) * h + h / 2) - 1
+        for k, i in enumerate(places):
+            force[:] = turned(q * inverse, push[i])
+            impulse += np.abs(force) * h
+            for output, command in follows:
+                output[:] = command
+            simulation.advance(k + 1)
+        return simulation.result()

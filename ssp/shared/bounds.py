@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Convex problems of approaches: what a run costs at least, see harness.studies.optimum.
+
+Every constraint is linear or a cone about data of the run: path and attitude of the target, axes of
+the thrusters as they turned. Where a requirement is not convex it is replaced from inside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.histories import turned
+from harness.results.result import Array, Result, Rows
+from harness.studies.optimum import Cone, Problem
+
+BODIES = ("target.r_TN_N", "target.v_TN_N", "target.q_TN", "target.omega_TN_T",
+          "servicer.r_SN_N", "servicer.v_SN_N", "servicer.q_SN", "servicer.mass")  # fmt: skip
+EYE = np.eye(3)
+Mask = NDArray[np.bool_]
+
+
+def at(result: Result, name: str, time: Array) -> Array:
+    """Return a variable at instants, linear between rows."""
+    values = np.asarray(result[name], dtype=np.float64)
+    columns = [np.interp(time, result.time, column) for column in values.reshape(len(values), -1).T]
+    return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])
+
+
+def quaternions(result: Result, name: str, time: Array) -> Array:
+    """Return an attitude at instants (n, 4); rows are close, and signs do not jump within a run."""
+    found = at(result, name, time)
+    return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+
+
+def axes(q: Array) -> Array:
+    """Return the matrices C_NB (n, 3, 3) of attitudes."""
+    return np.stack([turned(q, np.broadcast_to(e, (len(q), 3))) for e in EYE], axis=2)
+
+
+def gradient(result: Result, r: Array) -> Array:
+    """Return the gradient (n, 3, 3) of point-mass gravity with J2 at positions, as the plants have
+    it: by differences of 1 m, whose error is far below that of the linear motion.
+    """
+    mu, R, J2 = (float(result.parameter(f"target.{name}")) for name in ("mu", "R_E", "J2"))
+    J2 *= float(result.parameter("target.use_J2"))
+
+    def gravity(x: Array) -> Array:
+        if mu == 0:
+            return np.zeros_like(x)
+        rr = np.sum(x * x, axis=1)[:, None]
+        zz, j = 5 * x[:, 2:] ** 2 / rr, 1.5 * J2 * R * R / rr
+        return np.asarray(-mu / rr**1.5 * x * (1 + j * (np.array([1, 1, 3]) - zz)))
+
+    return np.stack([(gravity(r + e) - gravity(r - e)) / 2 for e in EYE], axis=2)
+
+
+def hill(r: Array, v: Array) -> tuple[Array, Array]:
+    """Return C_NH (n, 3, 3) and the rate of the Hill frame in N (n, 3)."""
+    h = np.cross(r, v)
+    x, z = (a / np.linalg.norm(a, axis=1)[:, None] for a in (r, h))
+    return np.stack([x, np.cross(z, x), z], axis=2), h / np.sum(r * r, axis=1)[:, None]
+
+
+def disturbance(result: Result, time: Array, hill_axes: Array) -> Array:
+    """Return the known acceleration of the servicer (n, 3) in N."""
+    bias, amplitude, frequency, phase = (
+        np.asarray(result.parameter(f"servicer.a_dist.{name}"))
+        for name in ("bias", "amplitude", "frequency", "phase")
+    )
+    found = bias + amplitude * np.sin(frequency * time[:, None] + phase)
+    if result.parameter("servicer.a_dist_axes") == 1:
+        found = np.einsum("nij,nj->ni", hill_axes, found)
+    return np.asarray(found)
+
+
+def problem(result: Result, step: float, box: Array) -> Problem:
+    """Return the motion without constraints, on a grid over the whole run."""
+    count = round((result.time[-1] - result.time[0]) / step)
+    time = np.linspace(result.time[0], result.time[-1], count + 1)
+    middle = 0.5 * (time[1:] + time[:-1])
+    r, v = at(result, BODIES[0], middle), at(result, BODIES[1], middle)
+    start = [result[BODIES[4 + k]][0] - result[BODIES[k]][0] for k in (0, 1)]
+    return Problem(
+        time,
+        np.hstack(start),
+        gradient(result, r),
+        disturbance(result, middle, hill(r, v)[0]),
+        axes(quaternions(result, BODIES[6], middle)),
+        float(result[BODIES[7]][0]),
+        np.where(box > 0, box, np.inf),
+    )
+
+
+# ---- constraints
+
+
+def _part(mask: Mask, *arrays: Array) -> tuple[Rows, list[Array]]:
+    nodes = np.flatnonzero(mask)
+    return nodes, [array[nodes] for array in arrays]
+
+
+def about(name: str, mask: Mask, axis: Array, half_angle: float) -> Cone:
+    """Return the cone about an axis (n + 1, 3) with its apex at the target, where mask holds."""
+    nodes, (a,) = _part(mask, axis)
+    across = EYE - a[:, :, None] * a[:, None, :]
+    zero = np.zeros(len(nodes))
+    matrices = across, 0 * across
+    return Cone(name, nodes, *matrices, 0 * a, np.tan(half_angle) * a, zero)
+
+
+def beyond(name: str, mask: Mask, axis: Array, least: float) -> Cone:
+    """Return axis . rho >= least: the part of a keep-out sphere's outside that is convex."""
+    nodes, (a,) = _part(mask, axis)
+    none = np.zeros((len(nodes), 0, 3))
+    return Cone(name, nodes, none, none, none[:, :, 0], a, np.full(len(nodes), -least))
+
+
+def within(name: str, mask: Mask, centre: Array, radius: float) -> Cone:
+    """Return |rho - centre| <= radius."""
+    nodes, (c,) = _part(mask, centre)
+    matrix = np.broadcast_to(EYE, (len(nodes), 3, 3))
+    limit = np.full(len(nodes), radius)
+    return Cone(name, nodes, matrix, 0 * matrix, -c, 0 * c, limit)
+
+
+def target_axis(result: Result, time: Array, axis: Array) -> Array:
+    """Return an axis that is fixed to the target, in N (n + 1, 3)."""
+    return np.asarray(axes(quaternions(result, BODIES[2], time)) @ axis)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Convex problem of the synchronised approach: its requirements, and the corridor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from harness.mission import Bound
+from harness.results.result import Result
+from harness.studies.optimum import Problem
+
+from ..shared import bounds
+
+HALF_ANGLE, KEEP_OUT = "monitor.corridor_half_angle", "monitor.keep_out_half"
+REFERENCE, BOX, AXIS = "guidance.rho_ref_N", "propulsion.F_max", "guidance.p_T"
+TRACKED, POINTED = 1200.0, 600.0
+"""Instants from which tracking and pointing are required [s], see system.toml."""
+
+
+def problem(result: Result, grid: float) -> Problem:
+    """Return the convex problem of a run. The range is at least the distance along the axis."""
+    found = bounds.problem(result, grid, np.asarray(result.parameter(BOX)))
+    time, sample = found.time, result.time[1] - result.time[0]
+    axis = bounds.target_axis(result, time, np.asarray(result.parameter(AXIS)))
+    centre = bounds.at(result, REFERENCE, time + sample)  # published a sample after its instant
+    later, half_angle = time > 0, float(result.parameter(HALF_ANGLE))
+    cones = (
+        bounds.about("corridor", later, axis, half_angle),
+        bounds.beyond("distance", later, axis, float(np.min(result.parameter(KEEP_OUT)))),
+        bounds.within("tracking", time >= TRACKED, centre, 0.05),
+        bounds.about("pointing", time >= POINTED, axis, np.radians(1.0)),
+    )
+    return replace(found, cones=cones)
+
+
+BOUND = Bound(
+    (*bounds.BODIES, REFERENCE, "propulsion.impulse"), (HALF_ANGLE, KEEP_OUT, BOX, AXIS), problem
+)

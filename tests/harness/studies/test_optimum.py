@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Bounds of runs: closed forms of the double integrator, invariances, and a run of a system."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from harness.cli import main
+from tests.close import close
+
+pytest.importorskip("cvxpy", reason="cvxpy is not installed")
+
+from harness.errors import HarnessError, UsageError
+from harness.results.requirements import margin
+from harness.studies.optimum import Cone, Problem, bound, solve, transitions
+
+EYE = np.eye(3)
+
+
+def fixed(node, end, velocity=False):
+    """Position, or velocity, at one node."""
+    one, none = EYE[None], np.zeros((1, 3, 3))
+    matrices = (none, one) if velocity else (one, none)
+    zero = np.zeros((1, 3))
+    return Cone("end", np.array([node]), *matrices, -np.array([end]), zero, zero[:, 0])
+
+
+def double_integrator(n=4, step=10.0, box=0.02, end=(6.0, 1.0, 0.0)):
+    """From rest to rest in free space, 1 kg."""
+    zero = np.zeros((n, 3))
+    axes = np.broadcast_to(EYE, (n, 3, 3))
+    ends = fixed(n, end), fixed(n, np.zeros(3), velocity=True)
+    time = step * np.arange(n + 1)
+    return Problem(time, np.zeros(6), 0 * axes, zero, axes, 1.0, np.full(3, box), ends)
+
+
+@pytest.mark.parametrize("n", [4, 40])
+def test_rest_to_rest_has_the_closed_form(n):
+    """Thrust, coast, brake: 6 m = 0.2 m/s (40 - 10) s at the limit, 0.5 m in a step of thrust."""
+    step, end = 40.0 / n, (6.0, 0.5, 0.0)
+    found = solve(double_integrator(n, step, end=end))
+    close(found.impulse, 2 * 0.2 + 2 * 0.5 / (40 - step), rel=1e-6)
+    close(found.position[-1], end, rel=1e-6)
+    close(found.velocity[-1], np.zeros(3), rel=1e-6, of=1.0)
+
+
+def test_a_known_acceleration_is_held_against():
+    problem = replace(double_integrator(end=(0, 0, 0)), known=np.tile([0, 0, -0.01], (4, 1)))
+    found = solve(problem)
+    assert found.impulse >= 0.01 * 40 * (1 - 1e-7)
+    for cost in ("sum", "norm"):
+        close(solve(problem, cost).impulse, 0.01 * 40, rel=1e-6)
+
+
+def test_turned_axes_change_no_optimum_and_a_larger_box_does_not_raise_it():
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
+    given = double_integrator(8, 5.0)
+    ends = (fixed(8, turn @ [6, 1, 0]), fixed(8, np.zeros(3), velocity=True))
+    turned = replace(given, axes=np.broadcast_to(turn, (8, 3, 3)), cones=ends)
+    for cost in ("sum", "norm"):
+        close(solve(turned, cost).impulse, solve(given, cost).impulse, rel=1e-6)
+    wide = replace(given, box=2 * given.box)
+    assert solve(wide).impulse <= solve(given).impulse * (1 + 1e-7)
+    assert solve(wide).impulse < solve(given).impulse - 0.01
+
+
+def test_a_problem_that_nothing_solves_is_an_error():
+    with pytest.raises(HarnessError, match="no optimum"):
+        solve(double_integrator(box=1e-4))
+
+
+def test_transitions_are_the_exponential():
+    rng = np.random.default_rng(3)
+    given = double_integrator(3)
+    gradient = 1e-6 * rng.normal(size=(3, 3, 3))
+    A, B = transitions(replace(given, gradient=gradient))
+    for k in range(3):
+        rate = np.zeros((9, 9))
+        rate[:3, 3:6], rate[3:6, :3], rate[3:6, 6:] = EYE, gradient[k], EYE
+        whole = expm(10.0 * rate)
+        close(A[k], whole[:6, :6], rel=1e-13)
+        close(B[k], whole[:6, 6:], rel=1e-13)
+
+
+def test_a_run_costs_more_than_its_optimum_and_the_optimum_can_be_simulated():
+    found = bound("sync_approach", params="limited", stop=60.0, grid=3.0)
+    assert found.spent > found.optimum.impulse > 0
+    close(found.spent, found.run["propulsion.impulse"][-1].sum(), rel=1e-12)
+    verified = found.verified["propulsion.impulse"][-1].sum()
+    close(verified, found.optimum.impulse, rel=0.01)
+    assert found.miss < 0.02
+    assert margin(found.verified, "monitor.corridor_margin >= 0 m") > -0.01
+
+
+def test_names_of_constraints_are_checked(capsys):
+    with pytest.raises(UsageError, match=r"--without x: the constraints are corridor, distance"):
+        bound("sync_approach", stop=2.0, grid=1.0, without=("x",))
+    with pytest.raises(UsageError, match="offers no convex problem"):
+        bound("space_robot", stop=1.0)
+    assert main(["bound", "sync_approach", "--stop", "2", "--cost", "cube"]) == 2
+    assert "expected sum or norm" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_the_synchronised_approach_has_its_published_bound():
+    """142.1 N s and 100.4 N s of an independent set-up; half of the grid changes 0.5 % at most."""
+    how = {"params": "limited"}
+    found = bound("sync_approach", **how)
+    close(found.optimum.impulse, 142.1, rel=1e-3)
+    close(found.spent / found.optimum.impulse, 1.254, rel=2e-3)
+    close(bound("sync_approach", cost="norm", **how).optimum.impulse, 100.4, rel=1e-3)
+    half = bound("sync_approach", grid=1.0, **how).optimum.impulse
+    close(half, found.optimum.impulse, rel=5e-3)
+    assert found.miss < 0.1
+    close(found.verified["propulsion.impulse"][-1].sum(), found.optimum.impulse, rel=2e-3)
+    less = bound("sync_approach", without=("corridor",), **how).optimum.impulse
+    assert less < found.optimum.impulse
