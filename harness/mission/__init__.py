@@ -20,7 +20,6 @@ from harness.mission.claim import (
 from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel, Phase
 from harness.mission.library import inherit
 from harness.mission.mission import (
-    Bound,
     Exchange,
     Limits,
     Metric,
@@ -31,6 +30,7 @@ from harness.mission.mission import (
     Steering,
     WatchedMetric,
 )
+from harness.mission.optimum import Bound, Cone, Problem
 from harness.results.verdict import Verdict
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "Bound",
     "Case",
     "Claim",
+    "Cone",
     "Curve",
     "Drawing",
     "Exchange",
@@ -52,6 +53,7 @@ __all__ = [
     "Paper",
     "Phase",
     "Plan",
+    "Problem",
     "RuleFinding",
     "Scene",
     "Start",

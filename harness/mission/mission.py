@@ -30,6 +30,7 @@ from harness.mission.claim import (
 )
 from harness.mission.fields import Checked, one, place_of
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
+from harness.mission.optimum import Bound
 from harness.results.result import Result
 
 
@@ -194,21 +195,6 @@ class Steering(NamedTuple):
     cost: str = ""
     ends: tuple[str, ...] = ()
     bounds: tuple[tuple[str, float | tuple[float, float]], ...] = ()
-
-
-class Bound(NamedTuple):
-    """Least impulse of a run, for results with these variables and parameters; problem: the convex
-    problem (harness.studies.optimum) of a result and the step of its grid [s]; actuator: component
-    with the outputs F_S and impulse; follows: its other outputs and the commands that they follow;
-    grid: default of the step [s].
-    """
-
-    needs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    problem: Callable[[Result, float], Any]
-    actuator: str = "propulsion"
-    follows: tuple[tuple[str, str], ...] = (("propulsion.M_S", "controller.M_cmd_S"),)
-    grid: float = 2.0
 
 
 class Plan(Protocol):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -21,47 +21,15 @@ from harness.errors import HarnessError, UsageError, library
 from harness.master.changes import Changes, apply
 from harness.master.simulation import Simulation
 from harness.mission.library import mission
-from harness.mission.mission import Bound
+from harness.mission.optimum import Bound, Cone, Problem
 from harness.results.histories import turned
 from harness.results.requirements import findings
-from harness.results.result import Array, Result, Rows
+from harness.results.result import Array, Result
 from harness.ssp.library import load
 from harness.system.model import System
 
 COSTS = ("sum", "norm")
 """Costs of a step: of every axis on its own, or of the length of the force."""
-
-
-class Cone(NamedTuple):
-    """Constraint |position rho + velocity v + offset| <= slope . rho + limit at nodes (k,) of the
-    grid: position, velocity (k, m, 3), offset (k, m), slope (k, 3), limit (k,). m = 0: slope . rho
-    + limit >= 0; slope and limit 0: position rho + velocity v + offset = 0.
-    """
-
-    name: str
-    nodes: Rows
-    position: Array
-    velocity: Array
-    offset: Array
-    slope: Array
-    limit: Array
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Data of the convex problem: time (n + 1,) [s]; start: rho, v (6,) in N; gradient (n, 3, 3) of
-    gravity [1/s2] and known acceleration (n, 3) [m/s2] in N; axes (n, 3, 3): C_NS in the middle of
-    a step; mass [kg]; box (3,) [N]: largest force per axis, inf: none.
-    """
-
-    time: Array
-    start: Array
-    gradient: Array
-    known: Array
-    axes: Array
-    mass: float
-    box: Array
-    cones: tuple[Cone, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,6 +111,7 @@ def _rule(cone: Cone, rho: Any, v: Any) -> Any:
 class Answer:
     """Run, its optimum, and the optimal force in the simulation; cost: one of COSTS."""
 
+    offered: Bound
     run: Result
     optimum: Optimum
     verified: Result
@@ -161,11 +130,8 @@ class Answer:
     @property
     def miss(self) -> float:
         """Return the distance of the verification from the plan at the end [m]."""
-        last = self.verified[SERVICER][-1] - self.verified[TARGET][-1]
-        return float(np.linalg.norm(last - self.optimum.position[-1]))
-
-
-SERVICER, TARGET, ATTITUDE = "servicer.r_SN_N", "target.r_TN_N", "servicer.q_SN"
+        own, other = (self.verified[name][-1] for name in self.offered.positions)
+        return float(np.linalg.norm(own - other - self.optimum.position[-1]))
 
 
 def bound(
@@ -197,10 +163,10 @@ def bound(
         chosen = tuple(cone for cone in problem.cones if cone.name not in without)
         problem = replace(problem, cones=chosen)
         best = solve(problem, cost)
-        force = np.abs(run[f"{offered.actuator}.F_S"][1:])
+        force = np.abs(run[offered.force][1:])
         rates = force.sum(axis=1) if cost == "sum" else np.linalg.norm(force, axis=1)
         spent = float(rates @ np.diff(run.time))
-        return Answer(run, best, verified(changed, offered, problem, best), cost, spent)
+        return Answer(offered, run, best, verified(changed, offered, problem, best), cost, spent)
 
 
 def _offered(system: System, result: Result) -> Bound:
@@ -217,14 +183,20 @@ def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum)
     servicer, and all other components work as ever.
     """
     push = np.einsum("nij,nj->ni", problem.axes, optimum.force)
-    with Simulation(system, open=[offered.actuator], every=1) as simulation:
-        names = ATTITUDE, f"{offered.actuator}.F_S", f"{offered.actuator}.impulse"
+    actuator = offered.force.partition(".")[0]
+    with Simulation(system, open=[actuator], every=1) as simulation:
+        names = offered.attitude, offered.force, offered.impulse
         q, force, impulse = (simulation.port(name) for name in names)
         follows = [tuple(map(simulation.port, pair)) for pair in offered.follows]
         inverse, h = np.array([1, -1, -1, -1]), simulation.clock.step
         places = np.searchsorted(problem.time, np.arange(simulation.steps) * h + h / 2) - 1
+        before = q.copy()
         for k, i in enumerate(places):
-            force[:] = turned(q * inverse, push[i])
+            middle = (
+                1.5 * q - 0.5 * before
+            ) * inverse  # of the macro step, in which the body turns
+            force[:] = turned(middle / np.linalg.norm(middle), push[i])
+            before = q.copy()
             impulse += np.abs(force) * h
             for output, command in follows:
                 output[:] = command

@@ -5,7 +5,10 @@ controllers, which are available in every approach.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..shared.approach import approach
+from .bound import BOUND
 from .claims import PAPERS
 
-MISSION = approach(claims=PAPERS)
+MISSION = replace(approach(claims=PAPERS), bounds=(BOUND,))

@@ -7,17 +7,40 @@ the thrusters as they turned. Where a requirement is not convex it is replaced f
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.mission.optimum import Bound, Cone, Problem
 from harness.results.histories import turned
 from harness.results.result import Array, Result, Rows
-from harness.studies.optimum import Cone, Problem
 
 BODIES = ("target.r_TN_N", "target.v_TN_N", "target.q_TN", "target.omega_TN_T",
           "servicer.r_SN_N", "servicer.v_SN_N", "servicer.q_SN", "servicer.mass")  # fmt: skip
+IMPULSE = "propulsion.impulse"
 EYE = np.eye(3)
 Mask = NDArray[np.bool_]
+
+
+def bound(
+    needs: tuple[str, ...],
+    parameters: tuple[str, ...],
+    stated: Callable[[Result, float], Problem],
+    grid: float = 2.0,
+) -> Bound:
+    """Return the bound of an approach with ideal propulsion."""
+    return Bound(
+        (*BODIES, IMPULSE, *needs),
+        parameters,
+        stated,
+        (BODIES[4], BODIES[0]),
+        BODIES[6],
+        "propulsion.F_S",
+        IMPULSE,
+        (("propulsion.M_S", "controller.M_cmd_S"),),
+        grid,
+    )
 
 
 def at(result: Result, name: str, time: Array) -> Array:
@@ -40,7 +63,7 @@ def axes(q: Array) -> Array:
 
 def gradient(result: Result, r: Array) -> Array:
     """Return the gradient (n, 3, 3) of point-mass gravity with J2 at positions, as the plants have
-    it: by differences of 1 m, whose error is far below that of the linear motion.
+    it, by differences of 1 m: their error is far below the error of the linear motion.
     """
     mu, R, J2 = (float(result.parameter(f"target.{name}")) for name in ("mu", "R_E", "J2"))
     J2 *= float(result.parameter("target.use_J2"))

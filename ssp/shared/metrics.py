@@ -18,7 +18,7 @@ from harness.results.expressions import STEADY, settling_time, steady_error
 from harness.results.histories import minus, total
 from harness.results.result import Array, Result
 
-from . import estimates, safety
+from . import estimates, optima, safety
 from . import relative_motion as derived
 from .relative_motion import (
     attitude_error,
@@ -279,6 +279,7 @@ METRICS = (
         "first violation", "s", safety.FOUND, lambda r, _: safety.first_violation(r), beside=True
     ),
     Metric("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
+    optima.METRIC,
     Metric("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
     Metric("peak force", "N", ("propulsion.F_S",), _peak_force, apart=APART),
     Metric("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",), apart=APART),

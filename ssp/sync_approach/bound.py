@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.mission import Bound
+from harness.mission.optimum import Problem
 from harness.results.result import Result
-from harness.studies.optimum import Problem
 
 from ..shared import bounds
 
@@ -35,6 +34,4 @@ def problem(result: Result, grid: float) -> Problem:
     return replace(found, cones=cones)
 
 
-BOUND = Bound(
-    (*bounds.BODIES, REFERENCE, "propulsion.impulse"), (HALF_ANGLE, KEEP_OUT, BOX, AXIS), problem
-)
+BOUND = bounds.bound((REFERENCE,), (HALF_ANGLE, KEEP_OUT, BOX, AXIS), problem)

@@ -8,14 +8,17 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from harness import run
 from harness.cli import main
+from harness.errors import HarnessError, UsageError
+from harness.mission import Limits
+from harness.mission.optimum import Cone, Problem
+from harness.results.requirements import margin
+from harness.studies.optimum import bound, solve, transitions
+from ssp.shared import optima
 from tests.close import close
 
 pytest.importorskip("cvxpy", reason="cvxpy is not installed")
-
-from harness.errors import HarnessError, UsageError
-from harness.results.requirements import margin
-from harness.studies.optimum import Cone, Problem, bound, solve, transitions
 
 EYE = np.eye(3)
 
@@ -90,8 +93,8 @@ def test_a_run_costs_more_than_its_optimum_and_the_optimum_can_be_simulated():
     assert found.spent > found.optimum.impulse > 0
     close(found.spent, found.run["propulsion.impulse"][-1].sum(), rel=1e-12)
     verified = found.verified["propulsion.impulse"][-1].sum()
-    close(verified, found.optimum.impulse, rel=0.01)
-    assert found.miss < 0.02
+    close(verified, found.optimum.impulse, rel=1e-3)
+    assert found.miss < 1e-3
     assert margin(found.verified, "monitor.corridor_margin >= 0 m") > -0.01
 
 
@@ -104,6 +107,18 @@ def test_names_of_constraints_are_checked(capsys):
     assert "expected sum or norm" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("system", "stop"), [("sync_approach", 1800.0), ("ppc_tracking", 120.0)])
+def test_the_default_cases_have_a_stored_optimum(system, stop):
+    """Otherwise a parameter has changed: python .ci/bounds.py computes the optima anew."""
+    result = run(system, params="limited", stop=1.0)
+    whole = replace(result, time=np.append(result.time[:-1], stop))
+    assert optima.case(whole) in optima.stored()
+    ratio = optima.METRIC(whole, Limits())
+    spent = result["propulsion.impulse"][-1].sum()
+    close(ratio * optima.stored()[optima.case(whole)], spent, rel=1e-14)
+    assert np.isnan(optima.METRIC(result, Limits()))
+
+
 @pytest.mark.long
 def test_the_synchronised_approach_has_its_published_bound():
     """142.1 N s and 100.4 N s of an independent set-up; half of the grid changes 0.5 % at most."""
@@ -114,7 +129,8 @@ def test_the_synchronised_approach_has_its_published_bound():
     close(bound("sync_approach", cost="norm", **how).optimum.impulse, 100.4, rel=1e-3)
     half = bound("sync_approach", grid=1.0, **how).optimum.impulse
     close(half, found.optimum.impulse, rel=5e-3)
-    assert found.miss < 0.1
+    assert found.miss < 0.005
+    assert margin(found.verified, "guidance.range >= 3.999 m") > 0
     close(found.verified["propulsion.impulse"][-1].sum(), found.optimum.impulse, rel=2e-3)
     less = bound("sync_approach", without=("corridor",), **how).optimum.impulse
     assert less < found.optimum.impulse

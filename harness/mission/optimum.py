@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Convex problem of a run, as a mission states it; harness.studies.optimum solves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from harness.results.result import Array, Result, Rows
+
+
+class Cone(NamedTuple):
+    """Constraint |position rho + velocity v + offset| <= slope . rho + limit at nodes (k,) of the
+    grid: position, velocity (k, m, 3), offset (k, m), slope (k, 3), limit (k,). m = 0: slope . rho
+    + limit >= 0; slope and limit 0: position rho + velocity v + offset = 0.
+    """
+
+    name: str
+    nodes: Rows
+    position: Array
+    velocity: Array
+    offset: Array
+    slope: Array
+    limit: Array
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Data of the convex problem: time (n + 1,) [s]; start: rho, v (6,) in N; gradient (n, 3, 3) of
+    gravity [1/s2] and known acceleration (n, 3) [m/s2] in N; axes (n, 3, 3): C_NS in the middle of
+    a step; mass [kg]; box (3,) [N]: largest force per axis, inf: none.
+    """
+
+    time: Array
+    start: Array
+    gradient: Array
+    known: Array
+    axes: Array
+    mass: float
+    box: Array
+    cones: tuple[Cone, ...] = ()
+
+
+class Bound(NamedTuple):
+    """Least impulse of a run, for results with these variables and parameters; problem: the convex
+    problem of a result and the step of its grid [s]; positions of both bodies and attitude of the
+    one with thrusters; force and impulse: outputs of its actuator in axes of that body; follows:
+    further outputs of the actuator with the commands that they follow; grid: default of the step.
+    """
+
+    needs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    problem: Callable[[Result, float], Problem]
+    positions: tuple[str, str]
+    attitude: str
+    force: str
+    impulse: str
+    follows: tuple[tuple[str, str], ...] = ()
+    grid: float = 2.0
