@@ -30,7 +30,7 @@ from harness.mission.mission import (
     Steering,
     WatchedMetric,
 )
-from harness.mission.optimum import Bound, Cone, Problem
+from harness.mission.optimum import Bound
 from harness.results.verdict import Verdict
 
 __all__ = [
@@ -38,7 +38,6 @@ __all__ = [
     "Bound",
     "Case",
     "Claim",
-    "Cone",
     "Curve",
     "Drawing",
     "Exchange",
@@ -53,7 +52,6 @@ __all__ = [
     "Paper",
     "Phase",
     "Plan",
-    "Problem",
     "RuleFinding",
     "Scene",
     "Start",

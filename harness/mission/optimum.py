@@ -45,8 +45,9 @@ class Problem:
 class Bound(NamedTuple):
     """Least impulse of a run, for results with these variables and parameters; problem: the convex
     problem of a result and the step of its grid [s]; positions of both bodies and attitude of the
-    one with thrusters; force and impulse: outputs of its actuator in axes of that body; follows:
-    further outputs of the actuator with the commands that they follow; grid: default of the step.
+    one with thrusters; force and impulse ("": none): outputs of its actuator in axes of that body;
+    follows: further outputs of the actuator with the commands that they follow; grid: default of
+    the step; every: macro steps per row; spent: impulse of a run [N s] (None: of all its force).
     """
 
     needs: tuple[str, ...]
@@ -55,6 +56,8 @@ class Bound(NamedTuple):
     positions: tuple[str, str]
     attitude: str
     force: str
-    impulse: str
+    impulse: str = ""
     follows: tuple[tuple[str, str], ...] = ()
     grid: float = 2.0
+    every: int = 1
+    spent: Callable[[Result], float] | None = None

@@ -10,7 +10,7 @@ Constraints are cones |A rho + B v + b| <= c . rho + e at nodes of the grid. A m
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -152,30 +152,36 @@ def bound(
         raise UsageError(f"--cost {cost}: expected {' or '.join(COSTS)}")
     with load(system) as found:
         changed = apply(found, **changes)
-        with Simulation(changed, every=1) as simulation:
+        own = mission(changed.mission) if changed.mission else None
+        offered = own.bounds if own else ()
+        with Simulation(changed, every=min((b.every for b in offered), default=1)) as simulation:
             simulation.advance()
             run = simulation.result()
-        offered = _offered(changed, run)
-        problem = offered.problem(run, grid or offered.grid)
-        if unknown := {*without} - {cone.name for cone in problem.cones}:
-            names = ", ".join(cone.name for cone in problem.cones)
-            raise UsageError(f"--without {min(unknown)}: the constraints are {names}")
-        chosen = tuple(cone for cone in problem.cones if cone.name not in without)
-        problem = replace(problem, cones=chosen)
+        chosen = _fitting(offered, run)
+        problem = _reduced(chosen.problem(run, grid or chosen.grid), without)
         best = solve(problem, cost)
-        force = np.abs(run[offered.force][1:])
-        rates = force.sum(axis=1) if cost == "sum" else np.linalg.norm(force, axis=1)
-        spent = float(rates @ np.diff(run.time))
-        return Answer(offered, run, best, verified(changed, offered, problem, best), cost, spent)
+        spent = chosen.spent(run) if chosen.spent else _spent(run, chosen.force, cost)
+        return Answer(chosen, run, best, verified(changed, chosen, problem, best), cost, spent)
 
 
-def _offered(system: System, result: Result) -> Bound:
-    """Return the bound that the mission offers for a result; raise UsageError."""
-    offered = mission(system.mission) if system.mission else None
-    for each in offered.bounds if offered else ():
+def _fitting(offered: Sequence[Bound], result: Result) -> Bound:
+    """Return the first bound that fits a result; raise UsageError."""
+    for each in offered:
         if result.holds(*each.needs, parameters=each.parameters):
             return each
-    raise UsageError(f"{system.name}: its mission offers no convex problem")
+    raise UsageError(f"{result.system}: its mission offers no convex problem")
+
+
+def _reduced(problem: Problem, without: Collection[str]) -> Problem:
+    names = [cone.name for cone in problem.cones]
+    if unknown := {*without} - {*names}:
+        raise UsageError(f"--without {min(unknown)}: the constraints are {', '.join(names)}")
+    return replace(problem, cones=tuple(c for c in problem.cones if c.name not in without))
+
+
+def _spent(result: Result, name: str, cost: str) -> float:
+    size = np.linalg.norm(result[name][1:], 1 if cost == "sum" else 2, axis=1)
+    return float(size @ np.diff(result.time))
 
 
 def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum) -> Result:
@@ -184,21 +190,19 @@ def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum)
     """
     push = np.einsum("nij,nj->ni", problem.axes, optimum.force)
     actuator = offered.force.partition(".")[0]
-    with Simulation(system, open=[actuator], every=1) as simulation:
-        names = offered.attitude, offered.force, offered.impulse
-        q, force, impulse = (simulation.port(name) for name in names)
+    with Simulation(system, open=[actuator], every=offered.every) as simulation:
+        q, force = (simulation.port(name) for name in (offered.attitude, offered.force))
+        impulse = simulation.port(offered.impulse) if offered.impulse else np.zeros(3)
         follows = [tuple(map(simulation.port, pair)) for pair in offered.follows]
         inverse, h = np.array([1, -1, -1, -1]), simulation.clock.step
         places = np.searchsorted(problem.time, np.arange(simulation.steps) * h + h / 2) - 1
         before = q.copy()
         for k, i in enumerate(places):
-            middle = (
-                1.5 * q - 0.5 * before
-            ) * inverse  # of the macro step, in which the body turns
+            middle = (1.5 * q - 0.5 * before) * inverse  # of the step, in which the body turns
             force[:] = turned(middle / np.linalg.norm(middle), push[i])
             before = q.copy()
             impulse += np.abs(force) * h
             for output, command in follows:
                 output[:] = command
-            simulation.advance(k + 1)
+            simulation.forward(k + 1)
         return simulation.result()

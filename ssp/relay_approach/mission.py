@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..shared.approach import approach
+from .bound import BOUND
 from .claims import PAPER
 from .figures import FIGURES
 
-MISSION = approach(FIGURES, (PAPER,))
+MISSION = replace(approach(FIGURES, (PAPER,)), bounds=(BOUND,))

@@ -15,6 +15,8 @@ from harness.mission import Limits
 from harness.mission.optimum import Cone, Problem
 from harness.results.requirements import margin
 from harness.studies.optimum import bound, solve, transitions
+from ssp.ppc_tracking import bound as ppc_tracking
+from ssp.relay_approach import bound as relay_approach
 from ssp.shared import optima
 from tests.close import close
 
@@ -107,7 +109,10 @@ def test_names_of_constraints_are_checked(capsys):
     assert "expected sum or norm" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("system", "stop"), [("sync_approach", 1800.0), ("ppc_tracking", 120.0)])
+@pytest.mark.parametrize(
+    ("system", "stop"),
+    [("sync_approach", 1800.0), ("ppc_tracking", 120.0), ("relay_approach", 40000.0)],
+)
 def test_the_default_cases_have_a_stored_optimum(system, stop):
     """Otherwise a parameter has changed: python .ci/bounds.py computes the optima anew."""
     result = run(system, params="limited", stop=1.0)
@@ -134,3 +139,20 @@ def test_the_synchronised_approach_has_its_published_bound():
     close(found.verified["propulsion.impulse"][-1].sum(), found.optimum.impulse, rel=2e-3)
     less = bound("sync_approach", without=("corridor",), **how).optimum.impulse
     assert less < found.optimum.impulse
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("problem", "changes", "expected", "ratio"),
+    [
+        (ppc_tracking.BOUND, {"system": "ppc_tracking", "every": 1}, 1486, 6.48),
+        (relay_approach.BOUND, {"system": "relay_approach", "every": 10}, 28.4, 2.03),
+    ],
+)
+def test_two_more_approaches_have_their_published_bounds(problem, changes, expected, ratio):
+    result = run(**changes, params="limited")
+    found = solve(problem.problem(result, problem.grid))
+    close(found.impulse, expected, rel=2e-3)
+    spent = problem.spent(result) if problem.spent else result["propulsion.impulse"][-1].sum()
+    close(spent / found.impulse, ratio, rel=3e-3)
+    close(found.impulse, optima.stored()[optima.case(result)], rel=1e-5)

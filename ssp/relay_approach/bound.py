@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Convex problem of the relay approach: translation alone, from the start to within 60 m of the
+target in the last 100 s, at rest at the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from harness.mission import Bound
+from harness.mission.optimum import Cone, Problem
+from harness.results.result import Result
+
+from ..shared import bounds
+
+ENGINES = slice(8, 13)
+"""Thrusters of translation; the others turn the servicer."""
+ARRIVAL, RANGE, REST = 39_900.0, 60.0, 0.002
+"""Instant [s] and range [m] of the requirement `arrival`; speed that counts as rest [m/s]."""
+
+
+def problem(result: Result, grid: float) -> Problem:
+    """Return the convex problem of a run."""
+    found = bounds.problem(result, grid, np.zeros(3))
+    count = len(found.time)
+    one, nothing = np.eye(3)[None], np.zeros((1, 3))
+    rest = Cone("rest", np.array([count - 1]), 0 * one, one, nothing, nothing, np.array([REST]))
+    arrival = bounds.within("arrival", found.time >= ARRIVAL, np.zeros((count, 3)), RANGE)
+    return replace(found, cones=(arrival, rest))
+
+
+def spent(result: Result) -> float:
+    """Return the impulse of the engines of translation [N s]."""
+    return float(result[bounds.IMPULSE][-1, ENGINES].sum())
+
+
+BOUND = Bound(
+    (*bounds.BODIES, bounds.IMPULSE),
+    ("propulsion.thruster_position",),
+    problem,
+    (bounds.BODIES[4], bounds.BODIES[0]),
+    bounds.BODIES[6],
+    "propulsion.F_S",
+    grid=100.0,
+    every=10,
+    spent=spent,
+)
