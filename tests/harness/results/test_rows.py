@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from harness.results.evaluation import fitted, history
+from harness.results.evaluation import fitted, history, unit_in
+from harness.results.margins import Requirement
 from harness.results.program import Program, evaluate
 from harness.results.result import Result
 from harness.results.rows import RowProgram
@@ -51,6 +52,25 @@ def test_a_row_has_the_value_of_the_interpreter(result, text):
     finite = np.isfinite(expected)
     np.testing.assert_array_equal(np.array(found)[~finite], expected[~finite])
     close(np.array(found)[finite], expected[finite], rel=1e-15)
+
+
+CONDITIONS = [
+    "a.x > 0 and a.y > 100", "a.y > 100 and a.x > 0", "a.x > 0 or a.y < 100",
+    "a.y < 100 or a.x > 0", "not (a.x >= 0 and a.r[1] < 1)", "implies(time < 3, a.x != a.y)",
+    "norm(a.r) <= 1 or time < 2", "a.x == a.z",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", CONDITIONS)
+def test_margins_of_rows_with_what_is_no_number(result, text):
+    """Row 4 of a.x is NaN: where the other part decides, it counts alone."""
+    program, tree = Program(), fitted(result, text)
+    wanted = Requirement(tree, partial(unit_in, result), program)
+    of_row = RowProgram(result, program, [wanted.margin])
+    values = program.run(partial(history, result))[wanted.margin]
+    constants = of_row.constants(result.parameters.values[0])
+    for row, time, expected in zip(result.values, result.time, values[:, 0], strict=True):
+        assert of_row(row, constants, time) == (expected,)
 
 
 def test_constants_belong_to_the_run(result):
