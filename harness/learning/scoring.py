@@ -40,6 +40,7 @@ class Scoring:
         conditions (None: all requirements), and further ones. Raises UsageError.
         """
         self._result, self._program = result, Program()
+        add, zero = self._program.add, self._program.number(0)
         trees = {name: fitted(result, text) for name, text in requirements.items()}
         margins = {n: self._margin(tree) for n, tree in trees.items() if is_per_row(tree)}
         self.requirements = tuple(margins)
@@ -50,14 +51,12 @@ class Scoring:
         earned = self._value(reward or "0")
         for name, margin in margins.items():
             if weight := given.get(name, 0.0):
-                earned = self._add("+", earned, self._violation(margin, weight))
+                earned = add("+", earned, self._violation(margin, weight))
         over = [
-            self._add("<", margins[text], self._number(0))
-            if text in margins
-            else self._add("!=", self._value(text), self._number(0))
+            add("<", margins[text], zero) if text in margins else add("!=", self._value(text), zero)
             for text in self.ends
         ]
-        any_over = self._program.fold("or", [self._number(0), *over])
+        any_over = self._program.fold("or", [zero, *over])
         spent, changed = self._value(cost or "0"), self._value(intervention or "0")
         wanted = [earned, spent, any_over, changed, *over, *margins.values()]
         self.values = RowProgram(result, self._program, wanted)
@@ -70,20 +69,14 @@ class Scoring:
         """Return the margins of the requirements by name; values of one row, or a column each."""
         return dict(zip(self.requirements, values[4 + len(self.ends) :], strict=True))
 
-    def _add(self, operation: str, *parts: int) -> int:
-        return self._program.add(operation, *parts)
-
-    def _number(self, value: float) -> int:
-        return self._program.number(value)
-
     def _margin(self, tree: Node) -> int:
         return Requirement(tree, partial(unit_in, self._result), self._program).margin
 
     def _violation(self, margin: int, weight: float) -> int:
         """Return the margin below 0 times the weight; a row without evidence counts as FAR."""
-        least = self._add("fmax", margin, self._number(-FAR))
-        below = self._add("fmin", least, self._number(0))
-        return self._add("*", below, self._number(weight))
+        add, number = self._program.add, self._program.number
+        below = add("fmin", add("fmax", margin, number(-FAR)), number(0))
+        return add("*", below, number(weight))
 
     def _value(self, text: str) -> int:
         """Return the number of the value of an expression, the least element of a vector."""
@@ -93,6 +86,7 @@ class Scoring:
                 raise UsageError(f"{text}: depends on other rows than the present one")
             for name in tree.variables:
                 history(self._result, name)  # raises KeyError with close names
-            return self._add("least", self._add("table", self._program.expression(tree)))
+            table = self._program.add("table", self._program.expression(tree))
+            return self._program.add("least", table)
         except (ValueError, KeyError) as error:
             raise UsageError(f"{text}: {error.args[0]}") from error

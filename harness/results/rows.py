@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -96,22 +96,21 @@ class RowProgram:
         self._columns = () if result.parameters is None else result.parameters.columns
         self._used = {i for i, name in enumerate(self._columns)
                       if {f"parameter {name}", f"parameter {base(name)}"} & read}  # fmt: skip
-        self._known: list[float] | None = None
-        self._constants: list[float] = []
+        self._of_used = lru_cache(maxsize=1)(self._computed)
 
     def constants(self, parameters: Iterable[float]) -> list[float]:
         """Return the elements of all values that depend on parameters alone, from all parameters of
         a run.
         """
-        used = [x for i, x in enumerate(parameters) if i in self._used] if self._used else []
-        if used != self._known:
-            names = tuple(self._columns[i] for i in sorted(self._used))
-            table = Result("", np.zeros(1), names, ("",) * len(names), np.array([used]))
-            run = replace(table, parameters=table)
-            values = self._program.run(partial(history, run), rows=False)
-            self._constants = [float(x) for v in values if v is not None for x in np.ravel(v)]
-            self._known = used
-        return self._constants
+        given = enumerate(parameters) if self._used else ()
+        return self._of_used(tuple(x for i, x in given if i in self._used))
+
+    def _computed(self, used: tuple[float, ...]) -> list[float]:
+        names = tuple(self._columns[i] for i in sorted(self._used))
+        table = Result("", np.zeros(1), names, ("",) * len(names), np.array([used]))
+        run = replace(table, parameters=table)
+        values = self._program.run(partial(history, run), rows=False)
+        return [float(x) for v in values if v is not None for x in np.ravel(v)]
 
     def __call__(self, row: Any, constants: Sequence[float], time: float) -> tuple[float, ...]:
         """Return the values in a row of all columns, with the constants of its run; time [s]."""

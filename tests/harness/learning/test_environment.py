@@ -141,6 +141,19 @@ def test_resets_are_the_runs_of_the_campaign():
     env.close()
 
 
+def test_margins_depend_on_the_parameters_of_the_episode():
+    plan = {"system": "ppc_tracking", "runs": 3, "seed": 1,
+            "factors": {"guidance.rho_f": {"uniform": {"low": 18.0, "high": 30.0}}}}  # fmt: skip
+    require = {"far": "guidance.range >= parameter(guidance.rho_f)"}
+    env = environment("ppc_tracking", factors=plan, require=require, stop=1.0, every=20, ends=())
+    for k in (0, 2):
+        _, info = env.reset(seed=k)
+        drawn = info["factors"]["guidance.rho_f"]
+        *_, info = env.step(0 * env.action_space.high)
+        assert info["margins"]["far"] == env.result()["guidance.range"][-1] - drawn
+    env.close()
+
+
 def test_a_vector_gives_the_bits_of_single_environments_and_begins_anew():
     how = {"system": "ppc_tracking", "stop": 1.0, "every": 10, "ends": ()}
     how["factors"] = campaigns()["ppc_tracking_worst"]
