@@ -70,6 +70,15 @@ static inline double limit_after_hold(const FilterParameters *p, const Geometry 
     return speed_limit(p, larger(range, 0)) - sideways * sideways / p->speed_at_zero - unknown;
 }
 
+/* (14): by the errors of the velocity a servicer within its limit may seem to be 2 e_v' above it.
+ * This part of the deceleration takes a share of the force that leaves two other rules their own. */
+static inline double speed_force(const FilterParameters *p, const Geometry *g, double beta)
+{
+    double share = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z)) / sqrt(3.0);
+    double certain = force_of(p, beta - 2 * g->e_v / g->P);
+    return larger(certain, smaller(force_of(p, beta), share));
+}
+
 /* (12), (14) */
 static inline double add_speed(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
@@ -79,7 +88,7 @@ static inline double add_speed(const FilterParameters *p, const Geometry *g, Row
     if (s > 0 && s + sideways > L) {
         vec3 n = scale(-1 / s, v);
         double beta = (s - g->P * dot(n, g->a_H) - L) / g->P;
-        add_row(rows, SPEED, mul(g->C_SN, n), force_of(p, beta));
+        add_row(rows, SPEED, mul(g->C_SN, n), speed_force(p, g, beta));
     }
     return speed_limit(p, g->R) - norm(g->v_H) - p->velocity_error;
 }

@@ -78,15 +78,6 @@ def test_a_delay_that_it_does_not_know_does(loop):
     assert min(found.violations) > 0
 
 
-@pytest.mark.parametrize("count", [FEW, MANY])
-def test_with_delay_and_lag_the_sphere_and_the_speed_hold(loop, count):
-    """Not the corridor: a speed above its limit is taken back within one hold, which may need the
-    whole box (docs/models.md M.6).
-    """
-    found = summary(runs_of(loop, SMALL, count, delay=0.5, lag=0.3, reaction=0.8))
-    assert found.violations[0] == found.violations[2] == 0
-
-
 def test_a_gentle_controller_is_left_alone(loop):
     found = summary(runs_of(loop, SMALL, 10, policies=[GENTLE]))
     assert found.changed < 1 and found.impulse < 1

@@ -292,7 +292,15 @@ static int all_inside(const Output *y)
     return 1;
 }
 
-/* a random start with all barriers >= 0; 0: none was found */
+static int is_inside(const Parameters *p, const World *x)
+{
+    double margin[4] = {0, 0, 0, 0};
+    observe_truth(p, x, margin);
+    return margin[0] >= 0 && margin[1] >= 0 && margin[2] >= 0;
+}
+
+/* a random start inside, with all barriers >= 0: with a reaction the barriers belong to a later
+ * time; 0: none was found */
 static int begin(const Parameters *p, const Setup *f, World *x)
 {
     Parameters off = *p;
@@ -300,6 +308,7 @@ static int begin(const Parameters *p, const Setup *f, World *x)
     for (int k = 0; k < TRIES; k++) {
         Model m = prototype;
         *x = random_world(p, f);
+        if (!is_inside(p, x)) continue;
         Input u = seen(p, x, 0);
         initialize(&off, &u, &m.x, &m.y, 0);
         if (all_inside(&m.y)) return 1;

@@ -208,7 +208,9 @@ def speed_row(g: Geometry):
     if not (s > 0 and s + c_P > L):
         return h, None
     n = -ahead / s
-    return h, g.row(SPEED, n, (s - P * n @ g.a_H - L) / P)
+    beta = (s - P * n @ g.a_H - L) / P
+    certain, full = (g.row(SPEED, n, b) for b in (beta - 2 * g.e_v / P, beta))
+    return h, replace(full, c=max(certain.c, min(full.c, min(p.F_max) / np.sqrt(3))))
 
 
 def pyramid(p):
