@@ -109,7 +109,12 @@ static double uniform(double low, double high)
     z ^= z >> 31;
     return low + (high - low) * (double)(z >> 11) * 0x1p-53;
 }
-static vec3 in_cube(double a) { return vec(uniform(-a, a), uniform(-a, a), uniform(-a, a)); }
+/* in a fixed order: compilers evaluate arguments in different ones */
+static vec3 in_cube(double a)
+{
+    double z = uniform(-a, a), y = uniform(-a, a), x = uniform(-a, a);
+    return vec(x, y, z);
+}
 static vec3 direction(void)
 {
     for (;;) {
@@ -118,11 +123,13 @@ static vec3 direction(void)
         if (n > 0.1 && n <= 1) return scale(1 / n, a);
     }
 }
-static quat attitude(void)
+/* in a random direction, of a random length up to this */
+static vec3 up_to(double most)
 {
-    vec3 a = scale(uniform(0, 1), direction());
-    return quat_of_mrp(a);
+    vec3 way = direction();
+    return scale(uniform(0, 1) * most, way);
 }
+static quat attitude(void) { return quat_of_mrp(up_to(1)); }
 
 /* ---- the true world ---- */
 typedef struct { vec3 rT, vT, rS, vS, wT; } Rates;
@@ -210,10 +217,10 @@ static Input seen(const Parameters *p, const World *x, double error)
                .S = {x->rS, x->vS, x->qS, x->wS},
                .approaching = 1,
                .relative_valid = 1};
-    u.S.r = add(u.S.r, scale(uniform(0, 1) * error * p->position_error, direction()));
-    u.S.v = add(u.S.v, scale(uniform(0, 1) * error * p->velocity_error, direction()));
-    u.T.omega = add(u.T.omega, scale(uniform(0, 1) * error * p->rate_error, direction()));
-    u.T.q = turned(u.T.q, scale(uniform(0, 1) * error * p->attitude_error, direction()), 1);
+    u.S.r = add(u.S.r, up_to(error * p->position_error));
+    u.S.v = add(u.S.v, up_to(error * p->velocity_error));
+    u.T.omega = add(u.T.omega, up_to(error * p->rate_error));
+    u.T.q = turned(u.T.q, up_to(error * p->attitude_error), 1);
     return u;
 }
 
@@ -254,8 +261,8 @@ static vec3 command(const Parameters *p, const Setup *f, const Input *u, const O
     case RANDOM: return times(full, in_cube(1));
     case BANG_BANG:
         if (norm(last) > 0 && uniform(0, 1) < 0.9) return last;
-        return times(full, vec(uniform(0, 1) < 0.5 ? -1 : 1, uniform(0, 1) < 0.5 ? -1 : 1,
-                               uniform(0, 1) < 0.5 ? -1 : 1));
+        last = in_cube(1);
+        return times(full, vec(last.x < 0 ? -1 : 1, last.y < 0 ? -1 : 1, last.z < 0 ? -1 : 1));
     case AT_TARGET: return to_S(u, scale(-norm(most), g.out));
     case ALONG_V: return to_S(u, along(g.v, norm(full)));
     case AGAINST_BARRIER: return to_S(u, against_barrier(p, &g, y->barrier));
@@ -267,12 +274,11 @@ static vec3 command(const Parameters *p, const Setup *f, const Input *u, const O
 /* ---- runs ---- */
 static World random_world(const Parameters *p, const Setup *f)
 {
-    World x = {.rT = {7e6, 0, 0},
-               .vT = {0, 7546.0, 0},
-               .wT = scale(f->rate_T, direction()),
-               .wS = scale(f->rate_S, direction()),
-               .qT = attitude(),
-               .qS = attitude()};
+    World x = {.rT = {7e6, 0, 0}, .vT = {0, 7546.0, 0}};
+    x.wT = scale(f->rate_T, direction());
+    x.wS = scale(f->rate_S, direction());
+    x.qT = attitude();
+    x.qS = attitude();
     if (p->mu == 0) x.rT = x.vT = vec(0, 0, 0);
     mat3 C_TN = dcm_of_quat(x.qT);
     vec3 out = direction();
@@ -281,7 +287,7 @@ static World random_world(const Parameters *p, const Setup *f)
     vec3 rho = tmul(C_TN, scale(uniform(f->nearest, f->farthest), out)), w = tmul(C_TN, x.wT);
     vec3 turning = p->use_corridor ? cross(w, rho) : vec(0, 0, 0);
     x.rS = add(x.rT, rho);
-    x.vS = sum3(x.vT, turning, scale(uniform(0, f->speed), direction()));
+    x.vS = sum3(x.vT, turning, up_to(f->speed));
     return x;
 }
 
