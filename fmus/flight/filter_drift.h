@@ -65,7 +65,9 @@ static inline void drift_points(const DriftFan *f, vec3 u, vec3 q[])
 static inline DriftFan drift_fan(const FilterParameters *p, const FilterInput *u, const Geometry *g)
 {
     mat3 C_HN = hill_frame(p->mu, u->T.r, u->T.v).C_HN;
-    DriftFan f = {.count = (int)p->passive_points, .P = g->P, .n = norm(g->w_H)};
+    DriftFan f;
+    memset(&f, 0, sizeof f);
+    f.count = (int)p->passive_points, f.P = g->P, f.n = norm(g->w_H);
     double Delta = p->passive_time / p->passive_points;
     SineCosine one = sine_and_cosine(f.n * Delta), now = {0, 1};
     for (int j = 0; j <= f.count; j++) {
@@ -92,7 +94,7 @@ static inline vec3 nearest_of_chord(vec3 a, vec3 b)
 
 static inline double sag_at(const vec3 q[], int last, int j)
 {
-    int i = j == 0 ? 1 : j == last ? last - 1 : j;
+    int i = j == 0 ? 1 : j < last ? j : last - 1;
     return norm(sum3(q[i - 1], scale(-2, q[i]), q[i + 1])) / 8;
 }
 
@@ -117,6 +119,7 @@ static inline Worst worst_chord(const DriftFan *f, const vec3 q[])
 static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, vec3 u)
 {
     vec3 q[MOST_POINTS + 1];
+    memset(q, 0, sizeof q);
     drift_points(f, scale(1 / (1 - p->mass_error), u), q);
     Worst light = worst_chord(f, q);
     drift_points(f, scale(1 / (1 + p->mass_error), u), q);

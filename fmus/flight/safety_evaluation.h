@@ -166,6 +166,7 @@ static const struct {
 static inline Finding evaluate_rule(const Interval *i, int rule)
 {
     Setting s;
+    memset(&s, 0, sizeof s);
     const Arc *arc = rules[rule].in_force(i, &s);
     if (!arc) return resting;
     const Margin m = {rules[rule].value, rules[rule].bound, &s.of};

@@ -104,7 +104,7 @@ static void relax(const Parameters *p, Rows *rows, int i)
 {
     Row *r = &rows->row[i];
     double tol = tolerance(p);
-    vec3 best, far = scale(1e3 * norm(p->F_max), r->n);
+    vec3 far = scale(1e3 * norm(p->F_max), r->n), best = far;
     int possible = !r->failed && nearest_point(rows->row, i, far, tol, &best) == ALL_SATISFIED;
     r->c = possible ? dot(r->n, best) - 2 * tol : DROPPED;
     r->failed = 1;
