@@ -162,7 +162,8 @@ def prove(source: Path, model: Model, folder: Path, seconds: int = 600) -> Proof
         return Proof(source.stem, (), 0, 0, f"no end within {seconds} s")
     log.write_text(done.stdout + done.stderr, encoding="utf-8")
     proof = read_log(source.stem, done.stdout + done.stderr)
-    recorded.write_text(json.dumps({"key": about, "proof": proof._asdict()}), encoding="utf-8")
+    if not proof.error:
+        recorded.write_text(json.dumps({"key": about, "proof": proof._asdict()}), encoding="utf-8")
     return proof
 
 
@@ -175,7 +176,7 @@ def files(source: Path) -> list[Path]:
 
 def key(command: list[str], file: Path, source: Path) -> str:
     """Return the hash of an analysis: options, program and all files that it includes."""
-    about = sha256(repr(command).encode() + file.read_bytes())
+    about = sha256(repr(command[:-1]).encode() + file.read_bytes())
     for path in files(source):
         about.update(path.read_bytes())
     return about.hexdigest()

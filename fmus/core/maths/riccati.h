@@ -155,7 +155,8 @@ static inline mat6 unpacked(Packed p)
 /* row (i,j) of T A + A^T T: sum over k of T_ik A_kj + T_kj A_ki */
 static inline void lyapunov_inverse(mat6 A, LyapunovInverse *inverse)
 {
-    double equations[ELEMENTS][ELEMENTS] = {{0}};
+    double equations[ELEMENTS][ELEMENTS];
+    memset(equations, 0, sizeof equations);
     for (int i = 0; i < ORDER; i++)
         for (int j = i; j < ORDER; j++)
             for (int k = 0; k < ORDER; k++) {
