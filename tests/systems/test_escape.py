@@ -65,3 +65,38 @@ def test_aborts_of_the_nominal_mission_at_every_10_s_stay_outside_the_zone(syste
     for instant in range(70, end, 10):
         phase, least = aborted(system, float(instant))
         assert least > (12 if phase < 5 else 2.9), (instant, phase, least)
+
+
+# ---- the drift without thrust ----
+@pytest.mark.long
+def test_the_passive_margin_is_true_in_every_phase():
+    """The sign of passive_margin, up to 5 s old, against drifts of an hour without oblateness: two
+    bodies, Runge-Kutta at 5 s.
+    """
+    result = run("servicing_mission", stop=3600.0)
+    here = np.arange(0, len(result.time), 11)
+    bodies = ("target.r_TN_N", "servicer.r_SN_N"), ("target.v_TN_N", "servicer.v_SN_N")
+    r, v = (np.stack([result[name][here] for name in names], axis=1) for names in bodies)
+    least, h = np.full(len(here), np.inf), 5.0
+    for _ in range(720):
+        least = np.minimum(least, np.linalg.norm(r[:, 1] - r[:, 0], axis=1))
+        r, v = drifted(r, v, h)
+    margin, phase = result["monitor.passive_margin"][here], result["manager.phase"][here]
+    assert np.max(result["monitor.passive_age"]) < 5
+    for number in range(5):
+        found = (phase == number) & (margin < 1e8)
+        right = np.mean((margin[found] < 0) == (least[found] < 12))
+        print(f"phase {number}: {100 * right:.1f} % of {found.sum()} instants")
+        assert found.sum() > 20 and right > 0.95
+
+
+def drifted(r, v, h):
+    """Return positions and velocities after a step without thrust about a point mass."""
+
+    def pull(r):
+        return -3.986004415e14 * r / np.linalg.norm(r, axis=-1, keepdims=True) ** 3
+
+    k1, k2 = pull(r), pull(r + h / 2 * v)
+    k3 = pull(r + h / 2 * v + h * h / 4 * k1)
+    k4 = pull(r + h * v + h * h / 2 * k2)
+    return r + h * v + h * h / 6 * (k1 + k2 + k3), v + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
