@@ -29,7 +29,7 @@ typedef struct {
     Eta Gamma_eta, eta_hat_0;
     double Gamma_scale, use_wheels, t_att, projection, m_hat_range, eta_hat_range, J_offdiag_max,
         A_offdiag_max;
-    double damping_in_regressor, sample_period;
+    double damping_in_regressor, wheel_rest, sample_period;
 } Parameters;
 typedef struct {
     Body T, S;
@@ -98,6 +98,8 @@ static const Variable variables[] = {
     NONNEGATIVE(A_offdiag_max, "kg.m2",
                 "projection: largest change of the off-diagonal wheel inertia estimates"),
     SWITCH(damping_in_regressor, "1: P e2 is part of the regressor of the mass estimate"),
+    NONNEGATIVE(wheel_rest, "rad/s",
+                "the inertia estimates rest while a wheel is at least this fast; 0: never"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -188,6 +190,12 @@ static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gai
     for (int i = 0; i < 6; i++) estimate->v[i] += period * p->Gamma_scale * gain->v[i] * Wt_dw.v[i];
 }
 
+/* a wheel at its limit does not do what is commanded, and its error contains nothing about inertias */
+static int is_at_limit(const Parameters *p, vec3 wheel_speed)
+{
+    return p->wheel_rest > 0 && largest_size(wheel_speed) >= p->wheel_rest;
+}
+
 /* (19), A.5.2 */
 static void control_attitude(const Parameters *p, const Input *u, State *x, Output *y,
                              double period)
@@ -206,6 +214,7 @@ static void control_attitude(const Parameters *p, const Input *u, State *x, Outp
     vec3 dOmega = y->wheel_accel_cmd;
     Eta Wt_dw = {.J = minus_sum(X_transposed(wd, wd, dw), Y_transposed(wdd, dw)),
                  .A = minus_sum(X_transposed(wd, Omega, dw), Y_transposed(dOmega, dw))};
+    if (is_at_limit(p, Omega)) return;
     adapt(p, &x->eta_hat.J, &p->Gamma_eta.J, Wt_dw.J, period);
     adapt(p, &x->eta_hat.A, &p->Gamma_eta.A, Wt_dw.A, period);
 }

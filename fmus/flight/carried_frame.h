@@ -1,12 +1,17 @@
 /* carried_frame.h - frame D of a fly-around at constant range from any direction: an attitude that
  * is integrated from sample to sample.
  *
- * D rotates with H at first, then with T, and is steered until n = -X_D equals the grasp axis a:
- *   W  = w_H + s (w_T - w_H) + steer,   dW = dw_H + s (dw_T - dw_H) + s' (w_T - w_H) + d(steer)
- *   s  = 10 x^3 - 15 x^4 + 6 x^5,   x = clip((t - t_a)/spin_time, 0, 1)
+ * D rotates with H, from t_a on more and more with T, and is steered until n = -X_D equals the grasp
+ * axis a:
+ *   W  = w_H + s (w_T - w_H) + steer + b
+ *   dW = dw_H + s (dw_T - dw_H) + s' (w_T - w_H) + d(steer) + db
+ *   s  = 10 x^3 - 15 x^4 + 6 x^5,   x = clip((t - t_a)/T_s, 0, 1)
+ *   T_s = spin_time, or longer: 1.875 |w_T - w_H|/spin_accel at the start
  *   c  = n x a,   dc = (W x n) x a + n x (w_T x a)
  *   steer = k_steer c,             d(steer) = k_steer dc
  *   beyond w_steer: w_steer c/|c|, w_steer (dc - c (c.dc)/c.c)/|c|
+ *   b:  its rate in D is k_integral C_DN c while x = 1 and the steering is within w_steer, else 0;
+ *       |b| <= w_steer. It removes the lag behind a rate of T that is estimated with an error
  * It begins at the position of the servicer, with X_D towards the target and the roll angle of S.
  * All vectors are in N axes, derivatives as seen in N. Equations: docs/models.md J.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -17,12 +22,18 @@
 #include "reference_rows.h"
 #include "small_rotation.h"
 
-typedef struct { double spin_time, k_steer, w_steer; } Steering;
+typedef struct { double spin_time, k_steer, w_steer, k_integral, spin_accel; } Steering;
 typedef struct {
     double carried, t;
     quat q_DN;
-} CarriedFrame; /* carried: 1 after the first sample; t: time of the first sample */
+    double turns, spin; /* turns: 1 from t_a on; spin: T_s */
+    vec3 b_D;
+} CarriedFrame;                               /* carried: 1 after the first sample; t: t_a */
 typedef struct { vec3 w, dw; } AngularMotion; /* angular velocity and its derivative, N axes */
+typedef struct {
+    AngularMotion D;
+    vec3 db_D; /* rate of b, D axes */
+} CarriedMotion;
 typedef struct { double L, d, dd; } Radius;
 
 /* rows X, Z x X, Z: X towards the target, Z as near as possible to the Z axis of S, or to its Y
@@ -54,18 +65,44 @@ static inline vec3 steer_rate(const Steering *p, vec3 c, vec3 dc)
     return scale(p->w_steer / size, sub(dc, scale(dot(c, dc) / dot(c, c), c)));
 }
 
-/* W, dW of D at t */
-static inline AngularMotion carried_rate(const Steering *p, const CarriedFrame *d, AngularMotion H,
+static inline double spin_duration(const Steering *p, vec3 w_H, vec3 w_T)
+{
+    if (p->spin_accel == 0) return p->spin_time;
+    return larger(p->spin_time, 1.875 * norm(sub(w_T, w_H)) / p->spin_accel);
+}
+
+static inline void begin_turning(const Steering *p, CarriedFrame *d, vec3 w_H, vec3 w_T, double t)
+{
+    d->turns = 1;
+    d->t = t;
+    d->spin = spin_duration(p, w_H, w_T);
+}
+
+/* W, dW of D at t, rate of b */
+static inline CarriedMotion carried_rate(const Steering *p, const CarriedFrame *d, AngularMotion H,
                                          AngularMotion T, vec3 a, double t)
 {
+    if (!d->turns) return (CarriedMotion){H, vec(0, 0, 0)};
     mat3 C_DN = dcm_of_quat(d->q_DN);
-    double x = clamp((t - d->t) / p->spin_time, 0, 1), y = 1 - x;
-    double s = x * x * x * (10 - 15 * x + 6 * x * x), ds = 30 * x * x * y * y / p->spin_time;
+    double x = clamp((t - d->t) / d->spin, 0, 1), y = 1 - x;
+    double s = x * x * x * (10 - 15 * x + 6 * x * x), ds = 30 * x * x * y * y / d->spin;
     vec3 n = neg(C_DN.row[0]), c = rotation_to_axis(C_DN, n, a), difference = sub(T.w, H.w);
-    vec3 W = sum3(H.w, scale(s, difference), steer(p, c));
+    vec3 W = sum3(H.w, scale(s, difference), steer(p, c)), b = tmul(C_DN, d->b_D);
+    int integrates = p->k_integral > 0 && x >= 1 && p->k_steer * norm(c) <= p->w_steer;
+    vec3 db_D = integrates ? scale(p->k_integral, mul(C_DN, c)) : vec(0, 0, 0);
+    if (p->k_integral > 0) W = add(W, b);
     vec3 dc = add(cross(cross(W, n), a), cross(n, cross(T.w, a)));
-    return (AngularMotion){
-        W, sum4(H.dw, scale(s, sub(T.dw, H.dw)), scale(ds, difference), steer_rate(p, c, dc))};
+    vec3 dW = sum4(H.dw, scale(s, sub(T.dw, H.dw)), scale(ds, difference), steer_rate(p, c, dc));
+    if (p->k_integral > 0) dW = sum3(dW, cross(W, b), tmul(C_DN, db_D));
+    return (CarriedMotion){{W, dW}, db_D};
+}
+
+/* b after one period, at most w_steer */
+static inline vec3 integrated_steering(const Steering *p, vec3 b_D, vec3 db_D, double period)
+{
+    vec3 b = add(b_D, scale(period, db_D));
+    double size = norm(b);
+    return size > p->w_steer ? scale(p->w_steer / size, b) : b;
 }
 
 /* rho = L n for n that turns with D */

@@ -7,7 +7,8 @@
  * With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional torque M_w:
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
  * which is switched on above unload_on and off below unload_off of wheel_speed_max; in law 1, which
- * does not command the wheels, it is always on. The throttles th of the relays command virtual
+ * does not command the wheels, and with `prepare` it is always on. With `prepare` the wheels are
+ * brought to wheel_bias instead of wheel_speed_ref. The throttles th of the relays command virtual
  * engines, whose force and torque the allocation distributes to the thrusters:
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
@@ -40,6 +41,8 @@ typedef struct {
     vec3 F_retreat_S;
     vec3 wheel_stack, M_unload_S;
     vec3 wheel_speed;
+    double prepare;
+    vec3 wheel_bias;
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
@@ -96,6 +99,8 @@ static const Variable variables[] = {
     INPUT(wheel_stack, "rad/s2", "wheel acceleration commanded by the law of the stack"),
     INPUT(M_unload_S, "N.m", "torque of the thrusters that unloads the wheels, servicer axes"),
     OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with k_unload"),
+    OPTIONAL_SWITCH(prepare, "1: the wheels are brought to wheel_bias, with k_unload"),
+    OPTIONAL_INPUT(wheel_bias, "rad/s", "wheel speeds that a coming manoeuvre needs"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
@@ -131,11 +136,19 @@ static int selection(double value, int count)
     return n < count && nearest_whole(value) == n ? n : -1;
 }
 
+static Unloading unloading_now(const Parameters *p, const Input *u)
+{
+    Unloading now = p->unload;
+    if (u->prepare) now.ref = u->wheel_bias;
+    return now;
+}
+
 /* in law 1 the wheels have no other task and are always unloaded */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
-    int law = torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
-    return law ? unloading_is_on(&p->unload, u->wheel_speed, torque == FAR_LAW ? 1 : before) : 0;
+    if (torque < FAR_LAW || torque > SYNC_LAW || p->unload.k == 0) return 0;
+    if (u->prepare) return 1;
+    return unloading_is_on(&p->unload, u->wheel_speed, torque == FAR_LAW ? 1 : before);
 }
 
 static Command selected_command(const Parameters *p, const Input *u, int force, int torque)
@@ -155,7 +168,8 @@ static Command selected_command(const Parameters *p, const Input *u, int force, 
 static Command with_unloading(const Parameters *p, const Input *u, double on, Command now)
 {
     if (!on) return now;
-    vec3 M = unloading_torque(&p->unload, on, p->A_w, u->wheel_speed);
+    Unloading unload = unloading_now(p, u);
+    vec3 M = unloading_torque(&unload, on, p->A_w, u->wheel_speed);
     return (Command){now.F, add(now.M, M), add(now.W, solve(p->A_w, M))};
 }
 

@@ -11,13 +11,17 @@
  * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|: on and off the grasp
  * axis. Speeds are as seen in H (far, closing), in T (fly-around to mating). Inputs of ground are
  * levels: a level that is no longer set has no effect. Phases 8 to 10 are not left by a retreat.
+ * With budget > 0 the estimated tumble rate decides at hold 2 whether the target can be captured,
+ * and how: range and steering of the fly-around, wheel speeds before it (mission_budget.h). A
+ * time-out of FINAL or HOLD_3 backs off to the range of the fly-around while attempts are left.
  * With by_arm the arm mates from L_3: the servicer stays there and does not push. Equations,
  * numbers: docs/models.md J. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
 #include "mission_aim.h"
-#include "mission_profile.h"
+#include "mission_budget.h"
 #include "mission_retreat.h"
+#include "mission_window.h"
 
 typedef MissionParameters Parameters;
 typedef MissionInput Input;
@@ -28,10 +32,13 @@ typedef struct {
 typedef struct {
     double begun, phase, t_phase, reason, attempt, torque;
     double t_valid;
-    RelativeState valid;              /* the last valid one, at t_valid */
-    vec3 axis_H;                      /* grasp axis at t_valid */
-    Timer good, touched, error, fast; /* hold timers: condition of the phase, contact, ... */
+    RelativeState valid; /* the last valid one, at t_valid */
+    vec3 axis_H;         /* grasp axis at t_valid */
+    Timer good, touched, error, fast,
+        doomed; /* hold timers: condition of the phase, contact, ... */
     Profile profile;
+    double spins;  /* the servicer turns with the target */
+    Budget budget; /* in phases 0 to 3 of the present estimate, then as decided at hold 2 */
     Aim aim;
     vec3 dv_N;
     double planned, clearance; /* plan of the last retreat: 1 if there was one, least range */
@@ -45,12 +52,15 @@ typedef struct {
     double approaching, monitor_valid, latch_enable, release, push, arm_mode_cmd, momentum;
     vec3 F_retreat_S, dv_left_N;
     double clearance;
+    double verdict, dv_ahead, steer_max, prepare, spin;
+    vec3 wheel_bias;
 } Output;
 MODEL_STRUCT;
 
 /* ---- phases ---- */
 enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, AS_BEFORE };
 enum { STOW, DEPLOY, GRASP, REST }; /* commands to the arm */
+/* a verdict of mission_budget.h is the reason ATTEMPTS + verdict */
 enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
 
 static const struct {
@@ -66,7 +76,7 @@ static const struct {
     [HOLD_1]    = {FAR_LAW,   FAR_LAW,   CLOSING,   0,   1,     0, STOW},
     [CLOSING]   = {CLOSE_LAW, CLOSE_LAW, HOLD_2,    0,   1,     0, STOW},
     [HOLD_2]    = {CLOSE_LAW, CLOSE_LAW, FLYAROUND, 0,   1,     0, STOW},
-    [FLYAROUND] = {SYNC_LAW,  SYNC_LAW,  FINAL,     0,   1,     0, STOW},
+    [FLYAROUND] = {SYNC_LAW,  SYNC_LAW,  FINAL,     0,   1,     1, STOW},
     [FINAL]     = {SYNC_LAW,  SYNC_LAW,  HOLD_3,    1,   1,     1, STOW},
     [HOLD_3]    = {SYNC_LAW,  SYNC_LAW,  MATING,    1,   1,     1, DEPLOY},
     [MATING]    = {SYNC_LAW,  SYNC_LAW,  RIGIDISE,  1,   1,     1, GRASP},
@@ -88,6 +98,33 @@ static int may_grasp(const Parameters *p, const Geometry *g)
     return p->momentum_max == 0 || g->momentum <= p->momentum_max;
 }
 
+static int wheels_within_budget(const Parameters *p, const Input *u)
+{
+    return p->budget == 0 || largest_size(u->wheel_speed) <= p->budget * p->wheel_speed_max;
+}
+static int wheels_are_prepared(const Parameters *p, const Input *u, const Budget *b)
+{
+    double off = largest_size(sub(u->wheel_speed, b->bias));
+    return p->budget == 0 || off <= p->bias_tol * p->wheel_speed_max;
+}
+
+/* at the end of the fly-around: in front of the grasp axis, turning with the target */
+static int is_before_axis(const Parameters *p, const Input *u, const State *x, const Geometry *g,
+                          double t)
+{
+    return x->spins && reached(t, x->t_phase + profile_duration(p, &x->profile)) &&
+           u->relative_valid > 0 && g->los <= p->angle_2 &&
+           fabs(g->R - x->profile.to) <= p->tol_2 && g->v_rel <= p->v_2 &&
+           g->pointing <= p->angle_abort && (p->rate_2 == 0 || g->w_rel <= p->rate_2) &&
+           wheels_within_budget(p, u);
+}
+
+/* backing off beyond the third hold, after a time-out */
+static int is_far_back(const Parameters *p, const State *x)
+{
+    return x->phase == BACKOFF && x->profile.to != p->L_3;
+}
+
 /* condition that must hold for `dwell` seconds before the next phase begins */
 static int condition_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                            double t)
@@ -104,16 +141,16 @@ static int condition_holds(const Parameters *p, const Input *u, const State *x, 
         [FAR]       = valid && off_R_1 <= p->tol_1 && v_H <= p->v_1,
         [HOLD_1]    = valid && u->go_1 > 0 && off_R_1 <= 2 * p->tol_1,
         [CLOSING]   = at_hold_2,
-        [HOLD_2]    = at_hold_2 && u->go_2 > 0,
-        [FLYAROUND] = valid && g->los <= p->angle_2 && fabs(g->R - p->R_2) <= p->tol_2 &&
-                      g->v_rel <= p->v_2 && g->pointing <= p->angle_abort,
+        [HOLD_2]    = at_hold_2 && u->go_2 > 0 && x->budget.verdict == CAN_CAPTURE &&
+                      wheels_are_prepared(p, u, &x->budget),
+        [FLYAROUND] = is_before_axis(p, u, x, g, t),
         [FINAL]     = at_hold_3,
-        [HOLD_3]    = at_hold_3 && u->go_3 > 0 && may_grasp(p, g),
+        [HOLD_3]    = at_hold_3 && u->go_3 > 0 && may_grasp(p, g) && wheels_within_budget(p, u),
         [MATING]    = 0, /* `mate` */
         [RIGIDISE]  = u->hard > 0,
         [DETUMBLE]  = u->done > 0 && norm(u->S.omega) <= p->settle_rate,
         [STACK]     = 0,
-        [BACKOFF]   = at_hold_3,
+        [BACKOFF]   = is_far_back(p, x) ? is_before_axis(p, u, x, g, t) : at_hold_3,
         [RETREAT]   = norm(x->dv_N) == 0 && g->R >= p->R_safe,
         [SAFE]      = valid && u->resume > 0,
         [ABORTED]   = 0,
@@ -152,7 +189,7 @@ static const Model start = {
           .drift_time = 86400,
           .drift_step = 120,
           .dwell = {30, 60, 30, 30, 30, 10, 20, 0, 0, 0, 0, 10, 0, 0, 0},
-          .time_out = {7200, 3600, 3600, 3600, 3600, 1200, 1800, 120, 0, 1200, 0, 300, 0, 0, 0},
+          .time_out = {7200, 3600, 3600, 3600, 3600, 1200, 1800, 120, 0, 1200, 0, 600, 0, 0, 0},
           .attempts = 2,
           .mass_dry = 85,
           .reserve = 1,
@@ -162,11 +199,22 @@ static const Model start = {
           .angle_abort = 0.2618,
           .error_dwell = 3,
           .v_0 = {0.6, 0.06},
-          .v_slope = {0.01, 0.0185},
+          .v_slope = {0.01, 0.0083},
+          .tumble_max = 0.04,
           .speed_dwell = 5,
           .mass_T = 150,
           .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
           .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},
+          .F_axis = 2,
+          .R_around = 14,
+          .w_steer = 0.005,
+          .steer_least = 0.002,
+          .Isp = 220,
+          .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},
+          .wheel_speed_max = 0.3,
+          .bias_max = 0.65,
+          .bias_tol = 0.1,
+          .spin_time = 60,
           .abort_relative = 1,
           .axis_radius = 3,
           .sample_period = 0.1},
@@ -189,7 +237,8 @@ static const Variable variables[] = {
          "back-off|retreat|safe|aborted"),
     OUTPUT(t_phase, "s", "time at which the phase began"),
     MODE(reason, "what ended the phase before",
-         "its condition|abort|ground|navigation|propellant|error|too fast|time-out|attempts"),
+         "its condition|abort|ground|navigation|propellant|error|too fast|time-out|attempts|force|"
+         "momentum|propellant ahead|only by arm"),
     NONNEGATIVE_OUTPUT(attempt, "1", "attempts to mate since the start"),
     MODE(select_force, "source of the force", "nobody|far|close|sync||retreat"),
     MODE(select_torque, "source of the torque", "nobody|far|close|sync|stack"),
@@ -214,6 +263,16 @@ static const Variable variables[] = {
     OUTPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
     OUTPUT(dv_left_N, "m/s", "increment of velocity left of the retreat, N axes"),
     OUTPUT(clearance, "m", "least range of the drift after the retreat, as planned; -1: none yet"),
+    MODE(verdict,
+         "whether the target can be captured, with budget; from the fly-around on as it was",
+         "yes|force|momentum|propellant ahead|only by arm"),
+    NONNEGATIVE_OUTPUT(dv_ahead, "m/s",
+                       "increment that fly-around, final approach and mating need against the "
+                       "rotation with the target, with budget"),
+    NONNEGATIVE_OUTPUT(steer_max, "rad/s", "steering of the fly-around that force leaves here"),
+    FLAG(prepare, "1: the wheels are brought to wheel_bias"),
+    FLAG(spin, "1: the servicer turns with the target, 0 in the fly-around: it still waits"),
+    OUTPUT(wheel_bias, "rad/s", "wheel speeds before the servicer turns with the target"),
 };
 
 static void check(const Parameters *p, Problems *problems) { check_mission(p, problems); }
@@ -234,14 +293,38 @@ static int is_longer_ago(double since, double duration, double t)
     return !reached(since + duration, t);
 }
 
-/* step 2: error near the target, speed before capture */
+/* rate that the speed limit allows for: where the servicer turns with the target */
+static double tumble_of_limit(const Parameters *p, const State *x, const Geometry *g)
+{
+    return phases[phase_of(x)].force == SYNC_LAW ? smaller(g->tumble, p->tumble_max) : 0;
+}
+
+/* in the fly-around the servicer rests in H until it is at its range and the grasp axis will pass */
+static void update_spin(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
+{
+    double begun = x->t_phase + profile_duration(p, &x->profile);
+    if (x->phase != FLYAROUND) x->spins = x->phase > FLYAROUND;
+    else if (u->relative_valid > 0 && reached(t, begun))
+        x->spins = x->spins || window_is_open(p, g->w_T, g->a, g->rho, t - begun);
+}
+
+/* step 2: error near the target, speed before capture, a verdict against the capture */
 static void update_timers(const Parameters *p, const Geometry *g, State *x, double t)
 {
     int near = phases[phase_of(x)].near, before = phases[phase_of(x)].before;
     double d_most = p->d_abort[0] + p->d_abort[1] * larger(g->l - p->L_3, 0);
-    double v_most = p->v_0[near] + p->v_slope[near] * g->R;
+    double v_most = p->v_0[near] + (p->v_slope[near] + tumble_of_limit(p, x, g)) * g->R;
     x->error = hold_timer(x->error, near && (g->d > d_most || g->pointing > p->angle_abort), t);
     x->fast = hold_timer(x->fast, before && norm(g->drho_H) > v_most, t);
+    x->doomed = hold_timer(x->doomed, x->phase == HOLD_2 && x->budget.verdict != CAN_CAPTURE, t);
+}
+
+/* up to the second hold the budget follows the estimate, its wheels until the servicer turns */
+static void update_budget(const Parameters *p, const Input *u, State *x, const Geometry *g)
+{
+    if (u->relative_valid <= 0 || x->spins) return;
+    if (x->phase <= HOLD_2) x->budget = budget_for(p, u, g);
+    else x->budget.bias = wheel_bias(p, g->w_mean_S);
 }
 
 /* ---- changes of phase ---- */
@@ -255,7 +338,8 @@ static void enter_phase(const Parameters *p, State *x, const Geometry *g, double
     x->good = x->touched = (Timer){0, 0};
     if (phase == MATING) x->attempt++;
     if (phase == FAR) x->attempt = 0;
-    if (phases[phase_of(x)].profile) x->profile = (Profile){phase, t, g->l};
+    if (phase == FLYAROUND) x->profile = (Profile){phase, t, p->R_2, x->budget.R};
+    else if (phases[phase_of(x)].profile) x->profile = (Profile){phase, t, g->l, p->L_3};
     if (phases[phase_of(x)].torque != AS_BEFORE && phases[phase_of(x)].torque != NONE)
         x->torque = phases[phase_of(x)].torque;
     if (phase == CLOSING) x->aim = aim_from(p, g->rho_H, g->R);
@@ -284,7 +368,23 @@ static int reason_to_retreat(const Parameters *p, const Input *u, const State *x
     };
     for (int reason = GROUND; reason < ATTEMPTS; reason++)
         if (holds[reason]) return reason;
-    return NO_REASON;
+    if (!has_held(x->doomed, p->dwell[HOLD_2], t)) return NO_REASON;
+    return ATTEMPTS + (int)x->budget.verdict;
+}
+
+/* a final approach that does not end begins anew from the range of the fly-around, unless the mating
+ * waits for ground or for the momentum of the pair */
+static int may_begin_anew(const Parameters *p, const Input *u, const State *x, const Geometry *g)
+{
+    int waits = x->phase == HOLD_3 && (u->go_3 <= 0 || !may_grasp(p, g));
+    return (x->phase == FINAL || x->phase == HOLD_3) && !waits && x->attempt + 1 < p->attempts;
+}
+
+static void back_off_far(const Parameters *p, State *x, const Geometry *g, double t)
+{
+    enter_phase(p, x, g, BACKOFF, TIME_OUT, t);
+    x->attempt++;
+    x->profile.to = x->budget.R;
 }
 
 /* step 4 in MATING: soft capture, or the attempt has failed */
@@ -310,7 +410,7 @@ static void advance_phase(const Parameters *p, const Input *u, State *x, const G
 {
     x->good = hold_timer(x->good, condition_holds(p, u, x, g, t), t);
     if (has_held(x->good, p->dwell[phase_of(x)], t))
-        enter_phase(p, x, g, phases[phase_of(x)].next, NO_REASON, t);
+        enter_phase(p, x, g, is_far_back(p, x) ? FINAL : phases[phase_of(x)].next, NO_REASON, t);
 }
 
 static int may_abort(const State *x)
@@ -322,6 +422,7 @@ static void change_phase(const Parameters *p, const Input *u, State *x, const Ge
 {
     int reason = phases[phase_of(x)].before ? reason_to_retreat(p, u, x, t) : NO_REASON;
     if (u->abort > 0 && may_abort(x)) enter_phase(p, x, g, ABORTED, ABORT, t);
+    else if (reason == TIME_OUT && may_begin_anew(p, u, x, g)) back_off_far(p, x, g, t);
     else if (reason) enter_phase(p, x, g, RETREAT, reason, t);
     else if (x->phase == MATING) update_mating(p, u, x, g, t);
     else advance_phase(p, u, x, g, t);
@@ -361,8 +462,21 @@ static void publish_switches(const Parameters *p, const Input *u, const State *x
     y->latch_enable = x->phase == MATING || docked;
     y->release = 0;
     y->push = !p->by_arm && x->phase == MATING && x->touched.runs;
-    y->arm_mode_cmd = p->by_arm ? phases[phase_of(x)].arm : STOW;
+    y->arm_mode_cmd = p->by_arm && !is_far_back(p, x) ? phases[phase_of(x)].arm : STOW;
     y->momentum = g->momentum;
+}
+
+static void publish_budget(const Parameters *p, const Input *u, const State *x, const Geometry *g,
+                           Output *y)
+{
+    int before = x->phase == CLOSING || x->phase == HOLD_2 || (x->phase == FLYAROUND && !x->spins);
+    int prepares = p->budget > 0 && before;
+    y->verdict = x->budget.verdict;
+    y->dv_ahead = x->budget.dv;
+    y->steer_max = steering_left(p, u->mass, g->tumble, larger(g->R, p->L_3));
+    y->prepare = prepares;
+    y->spin = x->phase == FLYAROUND ? x->spins : 1;
+    y->wheel_bias = prepares ? x->budget.bias : vec(0, 0, 0);
 }
 
 /* V of the closing beside the target */
@@ -414,14 +528,18 @@ static void manage(const Parameters *p, const Input *u, State *x, Output *y, dou
                      .torque = FAR_LAW,
                      .t_valid = t,
                      .valid = seen,
-                     .axis_H = axis_H};
+                     .axis_H = axis_H,
+                     .budget = budget_for(p, u, &g)};
     if (u->relative_valid > 0) x->t_valid = t, x->valid = seen, x->axis_H = axis_H;
+    update_budget(p, u, x, &g);
     update_timers(p, &g, x, t);
     change_phase(p, u, x, &g, t);
+    update_spin(p, u, x, &g, t);
 
     publish_phase(x, y);
     publish_selection(x, y);
     publish_switches(p, u, x, &g, y);
+    publish_budget(p, u, x, &g, y);
     publish_virtual_target(p, x, &g, y, t);
     publish_profile(p, x, y, t);
     vec3 F_N = x->phase == RETREAT ? burn(p, u->mass, period, &x->dv_N) : vec(0, 0, 0);

@@ -39,7 +39,11 @@ typedef struct {
     double v_retreat, v_drift, F_retreat, R_safe, drift_time, drift_step;
     double dwell[PHASES], time_out[PHASES];
     double attempts, mass_dry, reserve, nav_far, nav_near;
-    double d_abort[2], angle_abort, error_dwell, v_0[2], v_slope[2], speed_dwell;
+    double d_abort[2], angle_abort, error_dwell, v_0[2], v_slope[2], tumble_max, speed_dwell;
+    double budget, F_axis, R_around, w_steer, steer_least, rate_2, rate_probe, Isp;
+    mat3 A_w;
+    double wheel_speed_max, bias_max, bias_tol;
+    double await_axis, spin_time, spin_accel;
     double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp */
     mat3 J_T, J_S;
     double abort_relative, axis_radius, aim_radius;
@@ -49,6 +53,7 @@ typedef struct {
     Body T, S;
     double mass, relative_valid, abort, retreat, resume, go_1, go_2, go_3;
     double contact, soft, hard, done;
+    vec3 wheel_speed;
 } MissionInput;
 
 #define MISSION_PARAMETERS                                                                         \
@@ -72,7 +77,8 @@ typedef struct {
         POSITIVE(v_final, "m/s", "peak speed of the final approach"),                              \
         POSITIVE(v_mate, "m/s", "speed of mating"),                                                \
         NONNEGATIVE(ramp_mate, "s", "time to that speed"),                                         \
-        POSITIVE(v_back, "m/s", "peak speed of backing off"),                                      \
+        POSITIVE(v_back, "m/s",                                                                    \
+                 "peak speed of backing off, and of the change of range in the fly-around"),       \
         NONNEGATIVE(capture_time, "s", "an attempt has failed this long after its first contact"), \
         NONNEGATIVE(settle_rate, "rad/s", "largest rate of a stack at rest"),                      \
         POSITIVE(v_retreat, "m/s", "speed of the retreat outwards"),                               \
@@ -94,14 +100,42 @@ typedef struct {
         NONNEGATIVE(angle_abort, "rad", "largest pointing error when near"),                       \
         NONNEGATIVE(error_dwell, "s", "either of them for so long is too much"),                   \
         NONNEGATIVE(v_0, "m/s", "speed limit at range 0: far, near"),                              \
-        NONNEGATIVE(v_slope, "1/s", "rise of the speed limit with the range: far, near"),          \
+        NONNEGATIVE(v_slope, "1/s",                                                                \
+                    "rise of the speed limit with the range: far, near; in phases 4, 5, 6, 7, 11 " \
+                    "the tumble rate is added"),                                                   \
+        NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that the speed limit allows for"),   \
         NONNEGATIVE(speed_dwell, "s", "too fast for so long is too much"),                         \
         SWITCH(by_arm, "1: mating is by the arm, which grasps from L_3; 0: by the probe"),         \
         NONNEGATIVE(momentum_max, "N.m.s",                                                         \
                     "angular momentum of the pair above which it is not mated; 0 = no limit"),     \
+        NONNEGATIVE(budget, "1",                                                                   \
+                    "share of force and of wheels that turning with the target may take; 0: "      \
+                    "nothing is planned"),                                                         \
+        POSITIVE(F_axis, "N", "thrust along +X, towards the target in the fly-around"),            \
+        POSITIVE(R_around, "m", "least range of the fly-around, with budget"),                     \
+        NONNEGATIVE(w_steer, "rad/s", "largest rate of the steering of the fly-around"),           \
+        NONNEGATIVE(steer_least, "rad/s",                                                          \
+                    "a target for which force leaves less for steering is not captured"),          \
+        NONNEGATIVE(rate_2, "rad/s", "largest relative rate after the fly-around; 0: any"),        \
+        NONNEGATIVE(rate_probe, "rad/s",                                                           \
+                    "largest tumble rate at which the probe mates; 0 = no limit"),                 \
+        POSITIVE(Isp, "s", "specific impulse of the thrusters"),                                   \
+        MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, servicer axes"),             \
+        POSITIVE(wheel_speed_max, "rad/s", "largest wheel speed, per wheel"),                      \
+        NONNEGATIVE(bias_max, "1",                                                                 \
+                    "largest bias of the wheels before the fly-around, share of "                  \
+                    "wheel_speed_max; below the level at which they are unloaded"),                \
+        NONNEGATIVE(bias_tol, "1",                                                                 \
+                    "the fly-around begins with the wheels this close to their bias, share of "    \
+                    "wheel_speed_max"),                                                            \
         NONNEGATIVE(mass_T, "kg", "mass of the target, for that momentum"),                        \
         MATRIX(J_T, "kg.m2", "inertia of the target, for that momentum, target axes"),             \
         MATRIX(J_S, "kg.m2", "inertia of the servicer, for that momentum, servicer axes"),         \
+        NONNEGATIVE(await_axis, "rad",                                                             \
+                    "the servicer begins to turn with the target this close to the best passage "  \
+                    "of the grasp axis; 0: at once"),                                              \
+        POSITIVE(spin_time, "s", "from turning with H to turning with the target, as guidance"),   \
+        NONNEGATIVE(spin_accel, "rad/s2", "largest acceleration meanwhile; 0: always spin_time"),  \
         SWITCH(abort_relative,                                                                     \
                "1: the retreat leaves from the last valid state after its drift until now, and "   \
                "along the grasp axis near the target; 0: from the last valid state, outwards"),    \
@@ -124,13 +158,20 @@ typedef struct {
         INPUT(go_3, "1", "1: go for mating"),                                                    \
         INPUT(contact, "1", "1: the mechanism feels contact"),                                   \
         INPUT(soft, "1", "1: soft capture"), INPUT(hard, "1", "1: hard capture"),                \
-        INPUT(done, "1", "1: the guidance of the stack has come to its end")
+        INPUT(done, "1", "1: the guidance of the stack has come to its end"),                    \
+        OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with budget")
 
 /* ---- checks of parameters ---- */
 static inline void check_below(Problems *problems, const char *name, double value, double limit,
                                const char *rule)
 {
     if (!(value < limit)) reject(problems, name, value, rule);
+}
+
+static inline void check_between(Problems *problems, const MissionParameters *p)
+{
+    if (p->budget == 0 || (p->R_around > p->L_3 && p->R_around <= p->R_2)) return;
+    reject(problems, "R_around", p->R_around, "must be above L_3 and not above R_2");
 }
 
 static inline void check_mission(const MissionParameters *p, Problems *problems)
@@ -140,6 +181,9 @@ static inline void check_mission(const MissionParameters *p, Problems *problems)
     check_inertia(problems, "J_S", p->J_S);
     check_below(problems, "R_2", p->R_2, p->R_1, "must be below R_1");
     check_below(problems, "L_3", p->L_3, p->R_2, "must be below R_2");
+    check_between(problems, p);
+    check_positive_definite(problems, "A_w", p->A_w);
+    if (p->budget > 1) reject(problems, "budget", p->budget, "must not be above 1");
     check_below(problems, "L_end", p->L_end, p->L_3, "must be below L_3");
     check_below(problems, "aim_radius", p->aim_radius, p->R_2, "must be below R_2");
     if (p->drift_time > 1e5 * p->drift_step)
@@ -153,7 +197,18 @@ typedef struct {
     vec3 rho_H, drho_H;                          /* drho as seen in H */
     double R, l, d, los, v_rel, pointing, w_rel; /* v_rel as seen in T */
     double momentum; /* of both bodies about their centre of mass, without wheels */
+    double tumble;   /* rate of the target */
+    vec3 w_mean_S;   /* its mean over a nutation, servicer axes */
+    vec3 w_T, a;     /* rate of the target and grasp axis, N axes */
+    vec3 rho;        /* N axes */
 } Geometry;
+
+/* along the angular momentum h: for a free body as constant as h */
+static inline vec3 mean_rate(vec3 w, vec3 h)
+{
+    double square = dot(h, h);
+    return square > 0 ? scale(dot(w, h) / square, h) : h;
+}
 
 static inline Geometry geometry(const MissionParameters *p, const MissionInput *u)
 {
@@ -171,8 +226,13 @@ static inline Geometry geometry(const MissionParameters *p, const MissionInput *
     g.v_rel = norm(sub(v, cross(w_T, rho)));
     g.pointing = angle(g.C_SN.row[0], neg(a));
     g.w_rel = norm(sub(w_S, w_T));
+    g.tumble = norm(w_T);
+    g.w_T = w_T;
+    g.a = a;
+    g.rho = rho;
     double reduced = u->mass > 0 ? u->mass * p->mass_T / (u->mass + p->mass_T) : 0;
     vec3 h_T = tmul(C_TN, mul(p->J_T, u->T.omega)), h_S = tmul(g.C_SN, mul(p->J_S, u->S.omega));
+    g.w_mean_S = mul(g.C_SN, mean_rate(w_T, h_T));
     g.momentum = norm(sum3(h_T, h_S, scale(reduced, cross(rho, v))));
     return g;
 }

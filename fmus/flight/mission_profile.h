@@ -1,7 +1,9 @@
 /* mission_profile.h - distance on the grasp axis over time: final approach, mating, backing off.
  *
  *   s(x) = 10 x^3 - 15 x^4 + 6 x^5 in 0..1: fifth-order step, at rest at both ends
- *   FINAL, BACKOFF   L = a + (L_3 - a) s(tau/T),  T = 1.875 |a - L_3|/v: peak speed v
+ *   FLYAROUND        L = R_2 + (R_f - R_2) s(tau/T), R_f: range of the fly-around
+ *   FINAL            L = a + (L_3 - a) s(tau/T),  T = 1.875 |a - L_3|/v: peak speed v
+ *   BACKOFF          the same, to L_3 or to R_f
  *   MATING           dL = -v s(tau/T), then -v, until L_end; with by_arm: at rest at L_3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_PROFILE_H
@@ -10,17 +12,19 @@
 #include "mission_ports.h"
 
 typedef struct {
-    double phase, t, from;
-} Profile; /* phase and time of its beginning, l at that time */
+    double phase, t, from, to;
+} Profile; /* phase and time of its beginning, l at that time and at its end */
 typedef struct { double L, d, dd; } Distance;
 
 static inline Distance constant_distance(double L) { return (Distance){L, 0, 0}; }
 
 static inline double profile_duration(const MissionParameters *p, const Profile *a)
 {
-    double way = 1.875 * fabs(a->from - p->L_3);
+    double way = 1.875 * fabs(a->from - a->to);
     if (a->phase == FINAL) return way / p->v_final;
-    return a->phase == BACKOFF ? larger(way / p->v_back, 1) : 0;
+    if (a->phase == FLYAROUND) return way / p->v_back; /* an abort must stop it outside the zone */
+    if (a->phase != BACKOFF) return 0;
+    return larger(way / (a->to == p->L_3 ? p->v_back : p->v_final), 1);
 }
 
 static inline Distance fifth_order_step(double from, double to, double T, double tau)
@@ -47,7 +51,7 @@ static inline Distance profile_at(const MissionParameters *p, const Profile *a, 
         Distance now = mating_distance(p, tau);
         return now.L <= p->L_end ? constant_distance(p->L_end) : now;
     }
-    return tau < T ? fifth_order_step(a->from, p->L_3, T, tau) : constant_distance(p->L_3);
+    return tau < T ? fifth_order_step(a->from, a->to, T, tau) : constant_distance(a->to);
 }
 
 #endif

@@ -109,9 +109,16 @@ static inline const Arc *corridor(const Interval *i, Setting *s)
     return p->use_corridor && i->from->approaching ? arc_in(i, p->corridor_axes) : NULL;
 }
 
+/* near a tumbling target the speed as seen in H has a share of |w_T| |rho| */
+static inline double speed_slope_at(const SafetyParameters *p, const SafetyInput *u)
+{
+    double tumble = smaller(norm(u->T.omega), p->tumble_max);
+    return p->speed_tumble ? p->speed_slope + tumble : p->speed_slope;
+}
+
 static inline const Arc *speed(const Interval *i, Setting *s)
 {
-    s->of.speed = (SpeedLimit){i->p->speed_at_zero, i->p->speed_slope};
+    s->of.speed = (SpeedLimit){i->p->speed_at_zero, speed_slope_at(i->p, i->from)};
     return i->p->use_speed_limit && i->from->approaching ? arc_in(i, HILL_AXES) : NULL;
 }
 

@@ -3,7 +3,7 @@
  *
  *   1 keep-out    ellipsoid or box about the target, Hill or target axes
  *   2 corridor    cone about the direction of approach, Hill or target axes
- *   3 speed       |drho_H| <= v_0 + k |rho|
+ *   3 speed       |drho_H| <= v_0 + k |rho|;  with speed_tumble k + |w_T|
  *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
@@ -12,8 +12,8 @@
  *                 for all states and burns within the bounds e_r, e_v, k_p, k_n
  *
  * Rules 1, 2, 3 and 5 are evaluated in continuous time: between two samples the servicer moves on
- * the cubic arc through both states, and the inputs approaching and F_cmd_S of the first sample
- * hold until the second. Published margins are the least since the last sample, never above the
+ * the cubic arc through both states, and the inputs approaching, F_cmd_S and omega_TN_T (rule 3) of
+ * the first sample hold until the second. Published margins are the least since the last sample, never above the
  * true least of the arc and below it by no more than 1e-7; a rule that is off or does not apply has
  * margin 1e9. Rule 4 is evaluated at samples, passive_period apart or more (with passive_opens not
  * while approaching); if it fails, the instant is found by bisection of the arc. Rule 7 is
@@ -66,6 +66,7 @@ static const Model start = {
           .corridor_half_angle = PI / 9,
           .speed_at_zero = 0.1,
           .speed_slope = 0.01,
+          .tumble_max = 0.04,
           .passive_step = 60,
           .plume_half_angle = PI / 9,
           .plume_range = 20,

@@ -17,7 +17,7 @@ typedef struct {
     vec3 keep_out_half;
     double use_corridor, corridor_axes, corridor_half_angle, corridor_length;
     vec3 corridor_axis, corridor_apex;
-    double use_speed_limit, speed_at_zero, speed_slope;
+    double use_speed_limit, speed_at_zero, speed_slope, speed_tumble, tumble_max;
     double passive_time, passive_step, passive_period, passive_opens;
     double use_plume, plume_half_angle, plume_range, plume_force_min;
     double lost_time, t_armed;
@@ -55,6 +55,8 @@ typedef struct {
         SWITCH(use_speed_limit, "1: speed limit, while approaching"),                              \
         NONNEGATIVE(speed_at_zero, "m/s", "speed limit at range 0, as seen in the Hill frame"),    \
         NONNEGATIVE(speed_slope, "1/s", "rise of the speed limit with the range"),                 \
+        SWITCH(speed_tumble, "1: the tumble rate of the target is added to speed_slope"),          \
+        NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that speed_tumble allows for"),      \
         NONNEGATIVE(passive_time, "s",                                                             \
                     "the drift without thrust must keep out of the zone that long; 0 = rule off"), \
         POSITIVE(passive_step, "s", "integration step of the drift"),                              \

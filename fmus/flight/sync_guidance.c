@@ -24,19 +24,22 @@
 #include "rigid_body.h"
 #include "sinusoid.h"
 
+#define RATIOS 5
+
 typedef struct {
     double mu;
     mat3 J_T;
     vec3 p_T;
     double rho_M, rho_0, beta, know_M_dist, use_gravity_gradient, guard_angle, sample_period;
-    double range_input, frame;
+    double range_input, frame, steer_input, spin_input, use_inertia_hat;
     RollLimits roll;
     Steering steering;
     Sinusoid M_dist_T;
 } Parameters;
 typedef struct {
     Body T, S;
-    double active, L_ref, dL_ref, ddL_ref;
+    double active, L_ref, dL_ref, ddL_ref, steer_max, spin;
+    double inertia_hat[RATIOS];
 } Input;
 typedef struct {
     vec3 k_H; /* k of the last sample outside the guard */
@@ -63,7 +66,8 @@ static const Model start = {
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .active = 1,
-          .L_ref = 4},
+          .L_ref = 4,
+          .inertia_hat = {1.5, 0.9}},
 };
 
 static const Variable variables[] = {
@@ -91,6 +95,14 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("k_steer", steering.k_steer, "1/s",
                    "carried frame: rate per angle off the grasp axis"),
     NONNEGATIVE_AS("w_steer", steering.w_steer, "rad/s", "carried frame: largest of these rates"),
+    NONNEGATIVE_AS("k_integral", steering.k_integral, "1/s2",
+                   "carried frame: rate of the integral of the steering per angle off the axis"),
+    NONNEGATIVE_AS("spin_accel", steering.spin_accel, "rad/s2",
+                   "carried frame: largest acceleration while it begins to turn with the target; "
+                   "0: spin_time for every target"),
+    SWITCH(steer_input, "1: w_steer is at most steer_max (needs frame)"),
+    SWITCH(spin_input, "1: the carried frame turns with H until spin is 1 (needs frame)"),
+    SWITCH(use_inertia_hat, "1: the inertia of the target is inertia_hat, 0: J_T"),
     SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque on the target, used with know_M_dist"),
 
     BODY_INPUTS("T", T, "target"),
@@ -99,6 +111,10 @@ static const Variable variables[] = {
     OPTIONAL_INPUT(L_ref, "m", "distance on the grasp axis, with range_input"),
     OPTIONAL_INPUT(dL_ref, "m/s", "rate of L_ref, with range_input"),
     OPTIONAL_INPUT(ddL_ref, "m/s2", "acceleration of L_ref, with range_input"),
+    OPTIONAL_INPUT(steer_max, "rad/s", "largest rate of the steering, with steer_input"),
+    OPTIONAL_SWITCH(spin, "1: the carried frame begins to turn with the target, with spin_input"),
+    OPTIONAL_INPUT(inertia_hat, "1",
+                   "J22, J33, J12, J13, J23 of the target over J11, with use_inertia_hat"),
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(rho_H, "m", "position of the servicer relative to the target, Hill axes"),
@@ -125,22 +141,36 @@ static void check(const Parameters *p, Problems *problems)
                "must be above 0 with roll_rate_max, and 0 without");
     if (p->frame == 1 && p->range_input != 1)
         reject(problems, "frame", p->frame, "needs range_input = 1");
+    if (p->steer_input == 1 && p->frame != 1)
+        reject(problems, "steer_input", p->steer_input, "needs frame = 1");
+    if (p->spin_input == 1 && p->frame != 1)
+        reject(problems, "spin_input", p->spin_input, "needs frame = 1");
+}
+
+/* over J11: neither the free motion nor the gravity gradient depends on the scale */
+static mat3 known_inertia(const Parameters *p, const Input *u)
+{
+    const double *k = u->inertia_hat;
+    if (!p->use_inertia_hat) return p->J_T;
+    return rows(vec(1, k[2], k[3]), vec(k[2], k[0], k[4]), vec(k[3], k[4], k[1]));
 }
 
 /* A.4.3: dw_T as the software knows it, T axes */
-static vec3 acceleration_of_target(const Parameters *p, const Body *T, mat3 C_TN, vec3 torque)
+static vec3 acceleration_of_target(const Parameters *p, const Input *u, mat3 C_TN, vec3 torque)
 {
-    if (p->use_gravity_gradient)
-        torque = add(torque, gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T));
-    return solve(p->J_T, sub(torque, cross(T->omega, mul(p->J_T, T->omega))));
+    const Body *T = &u->T;
+    mat3 J = known_inertia(p, u);
+    if (p->use_gravity_gradient) torque = add(torque, gravity_gradient(p->mu, mul(C_TN, T->r), J));
+    return solve(J, sub(torque, cross(T->omega, mul(J, T->omega))));
 }
 
 /* A.4.3: grasp axis in H, derivatives as seen in H, from the target model */
-static Motion grasp_axis(const Parameters *p, const Body *T, const HillFrame *H, double t)
+static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H, double t)
 {
+    const Body *T = &u->T;
     mat3 C_TN = dcm_of_quat(canonical(T->q)), C_TH = matmul_t(C_TN, H->C_HN);
     vec3 torque = p->know_M_dist ? sinusoid(&p->M_dist_T, t, t) : vec(0, 0, 0);
-    vec3 domega = acceleration_of_target(p, T, C_TN, torque);
+    vec3 domega = acceleration_of_target(p, u, C_TN, torque);
 
     vec3 wH_T = mul(C_TH, H->w_H);
     vec3 w = sub(T->omega, wH_T); /* angular velocity of T relative to H, T axes */
@@ -245,13 +275,18 @@ static void guide_by_carried_frame(const Parameters *p, const Input *u, const Hi
                                    CarriedFrame *D, Output *y, double t, double period)
 {
     const Body *T = &u->T;
+    Steering steering = p->steering;
+    if (p->steer_input) steering.w_steer = clamp(u->steer_max, 0, p->steering.w_steer);
     mat3 C_TN = dcm_of_quat(canonical(T->q)), C_SN = dcm_of_quat(canonical(u->S.q));
-    if (!D->carried) *D = (CarriedFrame){1, t, carried_start(sub(u->S.r, T->r), C_SN)};
-
-    vec3 dw_T = acceleration_of_target(p, T, C_TN, vec(0, 0, 0));
+    vec3 dw_T = acceleration_of_target(p, u, C_TN, vec(0, 0, 0));
     AngularMotion with_H = {tmul(H->C_HN, H->w_H), tmul(H->C_HN, H->dw_H)};
     AngularMotion with_T = {tmul(C_TN, T->omega), tmul(C_TN, dw_T)};
-    AngularMotion W = carried_rate(&p->steering, D, with_H, with_T, tmul(C_TN, p->p_T), t);
+    if (!D->carried)
+        *D = (CarriedFrame){.carried = 1, .q_DN = carried_start(sub(u->S.r, T->r), C_SN)};
+    if (!D->turns && (!p->spin_input || u->spin))
+        begin_turning(&steering, D, with_H.w, with_T.w, t);
+    CarriedMotion motion = carried_rate(&steering, D, with_H, with_T, tmul(C_TN, p->p_T), t);
+    AngularMotion W = motion.D;
     mat3 C_DN = dcm_of_quat(D->q_DN);
     Motion ref = carried_position(reference_radius(p, u, t), neg(C_DN.row[0]), W);
 
@@ -259,12 +294,13 @@ static void guide_by_carried_frame(const Parameters *p, const Input *u, const Hi
     y->attitude_guard = 0;
     y->ref = (Reference){ref.x, ref.d, ref.dd, D->q_DN, mul(C_DN, W.w), mul(C_DN, W.dw)};
     D->q_DN = integrate_carried(D->q_DN, W, period);
+    D->b_D = integrated_steering(&steering, D->b_D, motion.db_D, period);
 }
 
 static void guide(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
 {
     HillFrame H = hill_frame(p->mu, u->T.r, u->T.v);
-    Motion axis = grasp_axis(p, &u->T, &H, t);
+    Motion axis = grasp_axis(p, u, &H, t);
     publish_relative_state(u, &H, axis.x, y);
     if (p->frame) {
         guide_by_carried_frame(p, u, &H, &x->D, y, t, period);

@@ -28,9 +28,7 @@ static inline void check_unloading(const Unloading *p, Problems *problems)
 /* whether the wheels are unloaded now; before: whether they were at the sample before */
 static inline double unloading_is_on(const Unloading *p, vec3 wheel_speed, double before)
 {
-    vec3 excess = sub(wheel_speed, p->ref);
-    double most = larger(fabs(excess.x), larger(fabs(excess.y), fabs(excess.z)));
-    double full = most / p->speed_max;
+    double full = largest_size(sub(wheel_speed, p->ref)) / p->speed_max;
     return full >= p->on ? 1 : full <= p->off ? 0 : before;
 }
 

@@ -203,6 +203,19 @@ def test_gain_scale_multiplies_the_steps_of_the_inertia_estimates_only(fmu, rng)
     assert full["m_hat"] == tenth["m_hat"]
 
 
+@pytest.mark.parametrize("share", [1 - 1e-9, 1 + 1e-9])
+def test_inertia_estimates_rest_while_a_wheel_is_at_its_limit(fmu, rng, share):
+    """The command and the mass estimate are as without the rule."""
+    p, u = parameters(rng), situation(rng)
+    fastest = np.abs(u["wheel_speed"]).max()
+    free, limited = one_step(fmu, p, u), one_step(fmu, p | {"wheel_rest": share * fastest}, u)
+    expected = p["eta_hat_0"] if share < 1 else free["eta_hat"]
+    assert deviation(limited["eta_hat"], expected) == 0
+    assert deviation(free["eta_hat"], p["eta_hat_0"]) > 0
+    assert limited["m_hat"] == free["m_hat"]
+    assert deviation(limited["wheel_accel_cmd"], free["wheel_accel_cmd"]) == 0
+
+
 def test_projection_retains_every_estimate_within_its_range_of_the_start_value(fmu, rng):
     """Gains so large that one sample leaves every range; without projection they do leave them."""
     p = parameters(rng) | {"Gamma_m": 1e5, "Gamma_eta": np.full(12, 1e7)}

@@ -73,7 +73,15 @@ def servicer(T, rho_N, rng):
 NAMES = ("q_DN", "omega_DN_D", "alpha_DN_D", "rho_ref_N", "drho_ref_N", "ddrho_ref_N")
 
 
-def simulate(fmu, rng, seconds, period=P, rate=0.01, L=distance, rho=None, **parameters):
+def ratios_of(J):
+    """inertia_hat of a target."""
+    return {"inertia_hat": np.array((J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])) / J[0, 0]}
+
+
+def simulate(
+    fmu, rng, seconds, period=P, rate=0.01, L=distance, rho=None, ratios=False, inputs=None,
+    **parameters,
+):  # fmt: skip
     """Outputs at each sample. The servicer stays where it is: nothing but the start depends on
     it.
     """
@@ -81,14 +89,18 @@ def simulate(fmu, rng, seconds, period=P, rate=0.01, L=distance, rho=None, **par
     p_T = random_direction(rng)
     p = CARRIED | {"J_T": T.J, "p_T": p_T, "use_gravity_gradient": 0, "mu": MU}
     S = servicer(T.states(0), 20 * random_direction(rng) if rho is None else rho(T, p_T), rng)
+    more = inputs or {}
+    if ratios:
+        more |= ratios_of(T.J)
+        p |= {"use_inertia_hat": 1, "J_T": np.eye(3)}
 
-    def inputs(t):
-        return T.states(t) | S | dict(zip(("L_ref", "dL_ref", "ddL_ref"), L(t), strict=True))
+    def at(t):
+        return T.states(t) | S | dict(zip(("L_ref", "dL_ref", "ddL_ref"), L(t), strict=True)) | more
 
-    unit = fmu("sync_guidance", p | {"sample_period": period} | parameters, inputs(0.0))
+    unit = fmu("sync_guidance", p | {"sample_period": period} | parameters, at(0.0))
     rows = []
     for k in range(round(seconds / period)):
-        unit.step(period, inputs(k * period))
+        unit.step(period, at(k * period))
         rows.append([unit.get(name) for name in NAMES])
     columns = {
         name: np.array(column) for name, column in zip(NAMES, zip(*rows, strict=True), strict=True)
@@ -114,6 +126,104 @@ def test_follows_the_reference_sample_by_sample(fmu, rng):
         for name, value in expected.items():
             assert np.abs(f[name][k] - value).max() < 1e-9 * max(1, np.abs(value).max()), (name, k)
         C_DN = carried.carried_on(C_DN, W, dW, P)
+
+
+def test_steering_with_an_integral_follows_the_reference(fmu, rng):
+    """A spin-up that takes as long as spin_accel allows, a limit of the steering from outside, and
+    inertias from ratios.
+    """
+    changes = {"k_steer": 0.3, "k_integral": 0.02, "w_steer": 0.02, "spin_accel": 1.5e-3}
+    inputs = {"steer_max": 0.01}
+    f = simulate(fmu, rng, 60.0, spin_time=8.0, rho=towards(0.35), ratios=True, inputs=inputs,
+                 steer_input=1, **changes)  # fmt: skip
+    T, p = f["T"], carried.Steering(8.0, 0.3, 0.01, 0.02, 1.5e-3)
+    rho = f["S"]["r_SN_N"] - T.states(0)["r_TN_N"]
+    C_DN, b = carried.start(rho, dcm_of_quaternion(f["S"]["q_SN"])), np.zeros(3)
+    of_H, of_T, _ = T.turnings(0.0)
+    spin = p.spin(of_H[0], of_T[0])
+    assert 8.5 < spin < 20
+    grown = []
+    for k in range(600):
+        of_H, of_T, C_TN = T.turnings(k * P)
+        a = C_TN.T @ f["p_T"]
+        W, dW = carried.turning(p, C_DN, k * P, of_H, of_T, a, b, spin)
+        expected = carried.reference(C_DN, W, dW, distance(k * P))
+        for name, value in expected.items():
+            assert np.abs(f[name][k] - value).max() < 1e-9 * max(1, np.abs(value).max()), (name, k)
+        rate = carried.growth(p, C_DN, k * P, spin, a)
+        b = carried.integrated(p, b, rate, P)
+        C_DN = carried.carried_on(C_DN, W, dW, P)
+        grown.append(bool(np.any(rate)))
+    assert not any(grown[: int(spin / P)])
+    assert any(grown) and not all(grown[int(spin / P) + 1 :])
+
+
+def test_until_spin_is_set_the_frame_turns_with_the_hill_frame(fmu):
+    """Then as if its first sample were then; once begun, it goes on."""
+    rng = np.random.default_rng(2)
+    T = Tumbling(rng, 60.0)
+    S = servicer(T.states(0), 20 * random_direction(rng), rng)
+    p = CARRIED | {"J_T": T.J, "use_gravity_gradient": 0, "mu": MU, "sample_period": 0.5}
+    p |= {"spin_time": 10.0, "spin_input": 1}
+    unit = fmu("sync_guidance", p, T.states(0) | S | {"L_ref": 20.0, "spin": 0})
+    reference = carried.Steering(10.0)
+    C_DN = carried.start(S["r_SN_N"] - T.states(0)["r_TN_N"], dcm_of_quaternion(S["q_SN"]))
+    for k in range(100):
+        t = 0.5 * k
+        unit.step(0.5, T.states(t) | S | {"L_ref": 20.0, "spin": float(k == 40)})
+        of_H, of_T, C_TN = T.turnings(t)
+        W, dW = of_H
+        if k >= 40:
+            since = t - 20.0
+            W, dW = carried.turning(reference, C_DN, since, of_H, of_T, C_TN.T @ np.eye(3)[0])
+        expected = carried.reference(C_DN, W, dW, np.array((20.0, 0, 0)))
+        for name, value in expected.items():
+            assert np.abs(unit.get(name) - value).max() < 1e-8 * max(1, np.abs(value).max()), name
+        C_DN = carried.carried_on(C_DN, W, dW, 0.5)
+
+
+def drift_of_axis(fmu, bias, **changes):
+    """Angle off the grasp axis after 600 s if the rate of the target is known with an error that is
+    constant in its axes.
+    """
+    T = Tumbling(np.random.default_rng(5), 600.0, 0.01)
+    p = CARRIED | {"J_T": T.J, "use_gravity_gradient": 0, "mu": MU, "sample_period": 0.5}
+    p |= {"spin_time": 10.0, "k_steer": 0.06} | changes
+    a = dcm_of_quaternion(T.states(0)["q_TN"])[0]
+    S = servicer(T.states(0), 20 * a, np.random.default_rng(1))
+
+    def inputs(t):
+        now = T.states(t)
+        return now | S | {"omega_TN_T": now["omega_TN_T"] + bias, "L_ref": 20.0}
+
+    unit = fmu("sync_guidance", p, inputs(0.0))
+    for k in range(1200):
+        unit.step(0.5, inputs(0.5 * k))
+    a = dcm_of_quaternion(T.states(599.5)["q_TN"])[0]
+    return np.arccos(np.clip(-dcm_of_quaternion(unit.get("q_DN"))[0] @ a, -1, 1))
+
+
+def test_the_integral_removes_the_lag_behind_a_wrong_rate(fmu):
+    """Without it the lag is the error across the axis over k_steer: 6.5e-4/0.06 = 0.62 deg."""
+    bias = np.array((2e-4, 5e-4, -4e-4))
+    lag = np.linalg.norm(bias[1:]) / 0.06
+    assert drift_of_axis(fmu, bias) == pytest.approx(lag, rel=0.02)
+    assert drift_of_axis(fmu, bias, k_integral=9e-4) < 0.02 * lag
+
+
+def test_ratios_of_inertia_take_the_place_of_the_inertia(fmu, rng):
+    """Twice the inertia has the same ratios; gravity gradient and free motion have the same
+    rates.
+    """
+    T = Tumbling(rng, 1.0, 0.02)
+    u = T.states(0.0) | servicer(T.states(0.0), 20 * random_direction(rng), rng) | ratios_of(T.J)
+    p = {"use_gravity_gradient": 1, "mu": MU, "range_input": 1}
+    right = fmu("sync_guidance", p | {"J_T": 2 * T.J}, u)
+    other = fmu("sync_guidance", p | {"use_inertia_hat": 1}, u)
+    wrong = fmu("sync_guidance", p, u)
+    for name in ("ddrho_ref_N", "alpha_DN_D"):
+        assert other.get(name) == pytest.approx(right.get(name), rel=1e-9, abs=1e-15)
+        assert np.abs(wrong.get(name) - right.get(name)).max() > 1e-9
 
 
 def test_rates_and_derivatives_are_central_differences(fmu, rng):
@@ -230,6 +340,9 @@ def test_the_model_of_the_target_knows_no_disturbance(fmu, rng):
         ({"frame": 1}, "frame = 1: needs range_input = 1"),
         (CARRIED | {"spin_time": 0}, "spin_time = 0: must be > 0"),
         (CARRIED | {"k_steer": -1}, "k_steer = -1: must be >= 0"),
+        (CARRIED | {"k_integral": -1}, "k_integral = -1: must be >= 0"),
+        ({"steer_input": 1}, "steer_input = 1: needs frame = 1"),
+        ({"spin_input": 1}, "spin_input = 1: needs frame = 1"),
     ],
 )
 def test_rejected(change, words, tmp_path):

@@ -124,6 +124,26 @@ def test_unloading_begins_and_ends_at_its_levels(fmu, torque, begins):
     assert seen == [0, 1, 1, 0, 0]
 
 
+@pytest.mark.parametrize("torque", range(5))
+def test_wheels_are_brought_to_the_bias_of_a_coming_manoeuvre(fmu, torque):
+    """At any speed, with the laws before the capture; without k_unload nothing happens."""
+    bias, now = np.array((0.1, -0.2, 0.05)), np.array((0.01, 0.02, 0.04))
+    u = select(0, torque, wheel_speed=now, wheel_bias=bias, prepare=1)
+    for k, law in ((0.01, torque in (1, 2, 3)), (0, False)):
+        unit = fmu("command_selector", {"k_unload": k}, u)
+        added = command(unit) - settled(fmu, 0, torque, wheel_speed=now)
+        expected = 0.01 * (bias - now) * law
+        assert added[1] == pytest.approx(expected * (12, 15, 10), abs=1e-15)
+        assert added[2] == pytest.approx(expected, abs=1e-15)
+        assert unit.get("wheels_unloading") == law
+
+
+def test_a_bias_is_ignored_after_the_preparation(fmu):
+    added = command(fmu("command_selector", {"k_unload": 0.01},
+                        select(0, 3, wheel_speed=FULL, wheel_bias=FULL)))  # fmt: skip
+    assert added[1] - LAWS["M_sync_S"] == pytest.approx(-0.01 * np.array(FULL) * (12, 15, 10))
+
+
 def test_unloading_pulls_no_harder_than_it_may(fmu):
     p = {"k_unload": 1.0, "M_unload_max": 0.04, "wheel_speed_ref": (0, 0, 0.1)}
     added = settled_with(fmu, p, FULL)

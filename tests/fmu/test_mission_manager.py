@@ -9,15 +9,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from tests.each import each, some
 from tests.reference import mission
 
-from .mission_cases import AXIS, GEO, GOOD, HOLDING, P, Recording, in_hill, line, on_axis
+from .mission_cases import AXIS, GEO, GOOD, HOLDING, P, Recording, T, in_hill, line, on_axis
 from .rejections import rejection
-from .theory import MU, dcm_of_quaternion
+from .theory import MU, dcm_of_quaternion, quaternion_of_dcm
 
 NEAR, BEFORE = (5, 6, 7, 11), (0, 1, 2, 3, 4, 5, 6, 7, 11)
+TURNING = (4, *NEAR)
 TINY = 1e-7
 """Positions of 4e7 m have a rounding of 1e-8 m."""
 FOLLOWS = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5, 5: 6, 6: 7, 7: 8, 8: 9, 9: 10, 11: 6, 13: 0}
@@ -169,9 +171,12 @@ def test_errors_count_near_the_target_only_and_in_one_stretch(fmu, phase, error)
 
 @each("phase", range(15))
 def test_speed_limit_by_range_before_the_capture(fmu, phase):
-    """As seen in H: 0.6 + 0.01 R far, 0.06 + 0.0185 R near; speed_dwell 5 s."""
+    """As seen in H: 0.6 + 0.01 R far, 0.06 + 0.0083 R near, and the tumble rate times R where the
+    servicer turns with the target; speed_dwell 5 s.
+    """
     R = 40.0
-    limit = 0.06 + 0.0185 * R if phase in NEAR else 0.6 + 0.01 * R
+    limit = 0.06 + 0.0083 * R if phase in NEAR else 0.6 + 0.01 * R
+    limit += np.hypot(0.002, 0.01) * R if phase in TURNING else 0
     slow, fast = (
         in_hill((R, 0, 0), (0, limit + e, 0)) | {"relative_valid": 0} for e in (-TINY, TINY)
     )
@@ -182,6 +187,18 @@ def test_speed_limit_by_range_before_the_capture(fmu, phase):
     assert recording.stay(fast, 6) == [phase] * 5 + [12 if phase in BEFORE else phase]
     if phase in BEFORE:
         assert recording["reason"] == 6
+
+
+@pytest.mark.parametrize(("rate", "counted"), [(0.03, 0.03), (0.05, 0.04)])
+def test_speed_limit_allows_for_no_more_than_tumble_max(fmu, rate, counted):
+    limit = 0.06 + (0.0083 + counted) * 10
+    slow, fast = (
+        in_hill((10, 0, 0), (0, limit + e, 0), omega_TN_T=(0, 0, rate), relative_valid=0)
+        for e in (-TINY, TINY)
+    )
+    recording = Recording(fmu, {"nav_near": 60, "error_dwell": 60}).lead_to(5)
+    assert recording.stay(slow, 8) == [5] * 8
+    assert recording.stay(fast, 6) == [5] * 5 + [12]
 
 
 @each("phase", range(15))
@@ -204,7 +221,7 @@ def test_of_several_reasons_that_hold_at_once_the_first_counts(fmu, first):
     """All clocks end at the sixth second of FINAL; those before `first` are switched off."""
     at = [0.0] * 15
     at[5] = 6.0
-    changes = {"time_out": at, "nav_near": 5.0}
+    changes = {"time_out": at, "nav_near": 5.0, "attempts": 1}
     changes |= {"error_dwell": 5.0 if first <= 5 else 99, "speed_dwell": 5 if first <= 6 else 99}
     bad = on_axis(30, off=9, v_rel=5, relative_valid=float(first > 3))
     orders = {1: {"abort": 1}, 2: {"retreat": 1}, 4: {"mass": 80}}
@@ -574,6 +591,267 @@ def test_pair_with_more_momentum_than_allowed_is_not_mated(fmu, share, phase):
     assert recording.stay(GOOD[6], 10)[-1] == phase
 
 
+# ---- what turning with the target needs ----
+PLANNED = {"budget": 0.8, "rate_2": 0.005, "nav_far": 1e9, "nav_near": 1e9}
+AT_HOLD = in_hill(line(20))
+W = np.hypot(0.002, 0.01)
+J_S, WHEELS = np.diag((200.0, 250, 150)), np.array((12.0, 15, 10))
+MEAN = mission.mean(mission.seen(mission.PARAMETERS, AT_HOLD))
+BIAS = mission.bias_for(mission.PARAMETERS, MEAN)
+"""Of the nominal tumble for a servicer without rotation."""
+
+
+def tumbling(rate, **other):
+    """The second hold before a target that turns about its z axis."""
+    return in_hill(line(20), omega_TN_T=(0, 0, rate), **other)
+
+
+def at_hold(fmu, changes, place):
+    """A run in the second hold, the wheels at rest."""
+    recording = Recording(fmu, PLANNED | changes).lead_to(3)
+    recording.stay(place, 1)
+    return recording
+
+
+@pytest.mark.parametrize(("rate", "R", "steer"), [
+    (0.0102, 20, 0.005),                                 # force for more
+    (0.0255, 1.6 / (100 * 0.0305**2), 0.005),
+    (0.0306, 14, np.sqrt(1.6 / 1400) - 0.0306),
+])  # fmt: skip
+def test_range_and_steering_of_turning_leave_a_fifth_of_the_force(fmu, rate, R, steer):
+    """Centripetal force 100 kg (w + steer)^2 R of 2 N; the range is reached with v_back."""
+    place = tumbling(rate)
+    bias = mission.plan(
+        mission.PARAMETERS | PLANNED, place, mission.seen(mission.PARAMETERS, place)
+    ).bias
+    recording = at_hold(fmu, {"v_back": 0.05}, place | {"wheel_speed": bias})
+    while recording["phase"] == 3:
+        recording.sample(place | {"wheel_speed": bias})
+    assert recording["phase"] == 4
+    assert recording["L_ref"] == 20
+    recording.stay(place, round(1.875 * (20 - R) / 0.05) + 2)
+    assert recording["L_ref"] == pytest.approx(R, abs=1e-9)
+    C_NT = dcm_of_quaternion(place["q_TN"]).T
+    rho = R * C_NT[:, 0]
+    recording.sample(place | {"r_SN_N": place["r_TN_N"] + rho})
+    assert recording["steer_max"] == pytest.approx(steer, abs=1e-9)
+    used = 100 * (rate + recording["steer_max"]) ** 2 * R
+    assert used <= 1.6 * (1 + 1e-9)
+
+
+def test_wheels_are_brought_to_half_of_what_the_rotation_takes(fmu):
+    """Parallel to the mean rate: beta w, with w J w/2 in beta; in closing and second hold."""
+    for phase in (1, 2, 3, 4):
+        recording = Recording(fmu, PLANNED | {"dwell": [0.0] * 15})
+        place = AT_HOLD | {"wheel_speed": BIAS}
+        while (
+            recording.sample(GOOD[max(recording.model.phase, 0)] | {"wheel_speed": BIAS}) != phase
+        ):
+            pass
+        assert recording["prepare"] == (phase in (2, 3))
+        expected = BIAS if phase in (2, 3) else np.zeros(3)
+        assert recording["wheel_bias"] == pytest.approx(expected, abs=1e-15), place
+    h, w_S = WHEELS * BIAS, MEAN
+    h_T = np.diag((100.0, 150, 90)) @ T["omega_TN_T"]  # in axes of T; twice the energy over it
+    assert np.linalg.norm(w_S) == pytest.approx(h_T @ T["omega_TN_T"] / np.linalg.norm(h_T))
+    assert np.linalg.norm(np.cross(h, w_S)) < 1e-12
+    assert h @ w_S == pytest.approx(w_S @ J_S @ w_S / 2)
+    assert np.abs(h).max() > 0.5
+
+
+def test_bias_has_a_limit_and_its_direction(fmu):
+    """65 % of the wheel that is filled first, for a rate that needs 85 %."""
+    place = tumbling(0.06)
+    recording = at_hold(fmu, {"steer_least": 0}, place)
+    bias, w_S = recording["wheel_bias"], mission.seen(mission.PARAMETERS, place).w_T
+    assert np.abs(bias).max() == pytest.approx(0.65 * 0.3)
+    assert np.linalg.norm(np.cross(WHEELS * bias, w_S)) < 1e-12
+    assert bias @ w_S > 0
+
+
+@pytest.mark.parametrize("off", [-1, 1])
+def test_turning_begins_with_prepared_wheels(fmu, off):
+    tolerance = 0.1 * 0.3
+    recording = at_hold(fmu, {}, AT_HOLD)
+    near = AT_HOLD | {"wheel_speed": BIAS + off * np.array((0, 0, tolerance - 1e-9))}
+    beside = AT_HOLD | {"wheel_speed": BIAS + off * np.array((0, 0, tolerance + 1e-9))}
+    assert recording.stay(beside, 5) == [3] * 5
+    assert recording.stay(near, 4) == [3] * 3 + [4]
+
+
+def verdicts(rate, **changes):
+    """Parameters and place of one reason against a capture."""
+    return {"speed_dwell": 1e9} | changes, tumbling(rate)
+
+
+AGAINST = {
+    # sqrt(1.6/1400) = 33.806e-3 at R_around
+    "force": (9, verdicts(0.0318), verdicts(0.0319)),
+    "momentum": (10, verdicts(0.02, momentum_max=0.02 * (90 + 250 + 60 * 9) + 1e-6),
+                 verdicts(0.02, momentum_max=0.02 * (90 + 250 + 60 * 9) - 1e-6)),
+    "propellant ahead": (11, verdicts(0.02, Isp=3.8), verdicts(0.02, Isp=3.6)),
+    "only by arm": (12, verdicts(0.02, rate_probe=0.02 + 1e-9),
+                    verdicts(0.02, rate_probe=0.02 - 1e-9)),
+}  # fmt: skip
+
+
+@each("reason", AGAINST)
+def test_a_target_that_cannot_be_captured_is_left_at_the_second_hold(fmu, reason):
+    """With its reason, after the dwell; without budget there is no verdict."""
+    number, (may, place), (may_not, other) = AGAINST[reason]
+    recording = at_hold(fmu, may, place)
+    assert recording["verdict"] == 0
+    assert recording.stay(place, 5) == [3] * 5  # the wheels are not prepared
+    recording = at_hold(fmu, may_not, other)
+    assert recording["verdict"] == number - 8
+    assert recording.stay(other, 3) == [3] * 2 + [12]
+    assert recording["reason"] == number
+    recording = at_hold(fmu, may_not | {"budget": 0}, other)
+    assert recording["verdict"] == 0
+    assert recording.stay(other, 3) == [3] * 2 + [4]
+
+
+def turned_target(angle, rate=0.02, **other):
+    """A servicer 20 m behind a target that turns about the orbit normal, its grasp axis `angle`
+    ahead of the line to the servicer.
+    """
+    place = in_hill(line(20), omega_TN_T=(0, 0, rate))
+    x = Rotation.from_rotvec(angle * AXIS[:, 2]).apply(place["r_SN_N"] - place["r_TN_N"]) / 20
+    C_TN = np.array((x, np.cross(AXIS[:, 2], x), AXIS[:, 2]))
+    return place | {"q_TN": quaternion_of_dcm(C_TN)} | other
+
+
+@pytest.mark.parametrize(("spin_accel", "lead"), [(0, 0.02 * 30), (4e-4, 1.875 * 0.02**2 / 8e-4)])
+@pytest.mark.parametrize("off", [-0.1, 0.1])
+def test_the_servicer_joins_where_the_grasp_axis_will_pass(fmu, spin_accel, lead, off):
+    """An axis in the plane of the motion passes in front of the servicer; while the servicer spins
+    up it turns by w T_s/2.
+    """
+    changes = {"await_axis": 0.1, "spin_accel": spin_accel}
+    inside, outside = (turned_target(-lead + off * s) for s in (1 - 1e-6, 1 + 1e-6))
+    recording = waiting(fmu, changes)
+    assert spins(recording, outside, 8) == [0] * 8
+    assert spins(recording, inside, 1) == [1]
+    assert spins(recording, outside, 2) == [1] * 2  # it has begun
+
+
+def waiting(fmu, changes):
+    """A run that has just come to the fly-around."""
+    recording = Recording(fmu, changes).lead_to(3)
+    while recording["phase"] == 3:
+        recording.sample(GOOD[3] | turned_target(2.0, go_2=1))
+    assert (recording["phase"], recording["spin"]) == (4, 0)
+    return recording
+
+
+def spins(recording, place, seconds):
+    return [(recording.sample(place), recording["spin"])[1] for _ in range(seconds)]
+
+
+def test_the_axis_is_awaited_for_a_turn_at_most(fmu):
+    """2 pi/0.02 s = 314.2 s; a target at rest has no axis to wait for."""
+    recording = waiting(fmu, {"await_axis": 0.1})
+    found = spins(recording, turned_target(2.0), 316)
+    assert found.index(1) + 1 == 315
+    recording = waiting(fmu, {"await_axis": 0.1})
+    assert spins(recording, turned_target(2.0, 0.0), 1) == [1]
+
+
+def test_the_servicer_joins_at_the_range_of_turning_only(fmu):
+    """14 m at 3 times the nominal rate, 1 m/s: 11.25 s; and with a valid state."""
+    changes = PLANNED | {"await_axis": 4.0, "v_back": 1.0, "bias_tol": 9.0}
+    recording = Recording(fmu, changes).lead_to(3)
+    place = turned_target(0.0, 0.0306)
+    while recording.sample(place) == 3:
+        pass
+    assert (recording["spin"], recording["prepare"]) == (0, 1)
+    assert spins(recording, place, 11) == [0] * 11
+    assert spins(recording, place | {"relative_valid": 0}, 2) == [0] * 2
+    assert spins(recording, place, 1) == [1]
+    assert recording["prepare"] == 0
+
+
+def test_an_axis_out_of_the_plane_is_awaited_where_it_comes_nearest(fmu):
+    """Rate across the line of sight, axis 0.5 rad from the rate: never nearer than pi/2 - 0.5."""
+    inclined = np.array((np.sin(0.5), 0, np.cos(0.5)))
+    recording = waiting(fmu, {"await_axis": 0.2, "p_T": inclined})
+    assert spins(recording, turned_target(0.6), 8) == [0] * 8
+    assert spins(recording, turned_target(-0.6), 1) == [1]
+
+
+def test_a_verdict_of_one_sample_ends_nothing(fmu):
+    may_not = verdicts(0.0319)[1]
+    recording = at_hold(fmu, {}, AT_HOLD)
+    for _ in range(3):
+        assert recording.stay(may_not, 2) == [3] * 2
+        assert recording.stay(AT_HOLD, 1) == [3]
+
+
+def test_increment_ahead_is_the_centripetal_acceleration_over_its_time(fmu):
+    """Nominal tumble, R_f = 20 m: half a turn at 5e-3 rad/s, 17 m at 0.1 m/s, 3 m for 80.67 s."""
+    recording = at_hold(fmu, {"v_final": 0.1, "dwell": [10.0] * 15}, AT_HOLD)
+    inwards, there = 1.875 * 17 / 0.1, 20 + 1.52 / 0.03
+    expected = W**2 * (20 * np.pi / 0.005 + 11.5 * inwards + 3 * there)
+    assert recording["dv_ahead"] == pytest.approx(expected)
+
+
+@each(("phase", "following"), [(4, 5), (6, 7)])
+@each("wheel", range(3))
+def test_with_a_full_wheel_no_mating_begins(fmu, phase, following, wheel):
+    """80 % of 0.3 rad/s, either way round; and a rate error after the fly-around."""
+    full = np.eye(3)[wheel] * 0.24
+    recording = Recording(fmu, PLANNED)
+    recording.unit = fmu("mission_manager", recording.p, GOOD[0] | {"wheel_speed": BIAS}, 0.0)
+    while recording.sample(GOOD[max(recording.model.phase, 0)] | {"wheel_speed": BIAS}) != phase:
+        pass
+    bad = GOOD[phase] | {"wheel_speed": -full * (1 + 1e-9)}
+    assert recording.stay(bad, 6) == [phase] * 6
+    good = GOOD[phase] | {"wheel_speed": full * (1 - 1e-9)}
+    assert recording.stay(good, 4) == [phase] * 3 + [following]
+
+
+@pytest.mark.parametrize("error", [-1, 1])
+def test_turning_ends_when_the_servicer_turns_with_the_target(fmu, error):
+    recording = Recording(fmu, {"rate_2": 0.005}).lead_to(4)
+    inside, outside = (on_axis(20, w_rel=error * (0.005 + e)) for e in (-TINY, TINY))
+    assert recording.stay(outside, 6) == [4] * 6
+    assert recording.stay(inside, 4) == [4] * 3 + [5]
+
+
+@pytest.mark.parametrize("phase", [5, 6])
+def test_a_final_approach_that_does_not_end_begins_anew(fmu, phase):
+    """Attempts 2: one time-out backs off to 20 m with v_final, the arm stowed; the next one
+    retreats.
+    """
+    at = [0.0] * 15
+    at[5] = at[6] = 12.0
+    changes = {"time_out": at, "by_arm": 1, "nav_far": 1e9, "nav_near": 1e9, "v_final": 5.0}
+    recording = Recording(fmu, changes).lead_to(phase)
+    waiting = on_axis(3, off=0.06)  # beside the axis
+    seen = recording.stay(waiting, 12)
+    assert seen == [phase] * 11 + [11]
+    assert (recording["reason"], recording["attempt"], recording["arm_mode_cmd"]) == (7, 1, 0)
+    assert recording["approaching"] == 1
+    assert recording.stay(on_axis(3), 9) == [11] * 9  # on the axis, but not far back
+    assert recording["L_ref"] == 20
+    assert recording.stay(GOOD[4], 4) == [11] * 3 + [5]
+    while recording.sample(waiting) == 5:
+        pass
+    assert (recording["phase"], recording["reason"]) == (12, 7)
+
+
+@pytest.mark.parametrize("wait", [{"go_3": 0}, {"r_SN_N": None}])
+def test_a_third_hold_that_waits_for_ground_or_momentum_does_not_begin_anew(fmu, wait):
+    at = [0.0] * 15
+    at[6] = 12.0
+    limit = 1e-3 if "r_SN_N" in wait else 0
+    changes = {"time_out": at, "momentum_max": limit}
+    recording = Recording(fmu, changes).lead_to(6)
+    place = GOOD[6] | ({"go_3": 0} if "go_3" in wait else {})
+    assert recording.stay(place, 12) == [6] * 11 + [12]
+    assert (recording["reason"], recording["attempt"]) == (7, 0)
+
+
 # ---- everything at random ----
 @pytest.mark.parametrize("seed", some(range(3), 3, 1))
 def test_random_runs_follow_the_reference(fmu, seed):
@@ -616,6 +894,9 @@ def test_random_runs_follow_the_reference(fmu, seed):
         ({"dwell": [0] * 14 + [-1]}, "dwell[15] = -1: must be >= 0"),
         ({"drift_step": 0.1}, "must not be below drift_time / 1e5"),
         ({"aim_radius": 20}, "aim_radius = 20: must be below R_2"),
+        ({"budget": 1.1}, "budget = 1.1: must not be above 1"),
+        ({"budget": 0.8, "R_around": 21}, "R_around = 21: must be above L_3 and not above R_2"),
+        ({"budget": 0.8, "R_around": 3}, "R_around = 3: must be above L_3 and not above R_2"),
     ],
 )  # fmt: skip
 def test_rejected(change, words, tmp_path):

@@ -166,6 +166,17 @@ def test_speed_margin_is_the_limit_at_this_range_minus_the_speed_in_the_hill_fra
     assert abs(point(fmu, p, case).get("speed_margin") - expected) < 1e-8
 
 
+@pytest.mark.parametrize(("most", "counted"), [(1.0, 1.0), (0.01, 0.01)])
+def test_speed_limit_rises_with_the_tumble_rate(fmu, rng, most, counted):
+    """As estimated, at most tumble_max; without speed_tumble it does not count."""
+    case = random_case(rng)
+    p = {"use_speed_limit": 1, "speed_at_zero": 0.05, "speed_slope": 0.02, "tumble_max": most}
+    plain, unit = (point(fmu, p | {"speed_tumble": k}, case) for k in (0, 1))
+    more = min(np.linalg.norm(case[2][1]), counted) * np.linalg.norm(case[0])
+    assert more > 1e-3
+    assert abs(unit.get("speed_margin") - plain.get("speed_margin") - more) < 1e-8
+
+
 def test_plume_margin_is_the_distance_of_the_target_from_the_cone_of_exhaust(fmu, rng):
     """Exhaust leaves against the force; the target is seen from the servicer at -rho."""
     case, F, beta = random_case(rng), rng.normal(size=3), rng.uniform(0.1, 1.2)

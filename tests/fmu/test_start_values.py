@@ -167,7 +167,7 @@ GUIDANCES = {
     | {"q_TN": AHEAD, "q_SN": AHEAD, "active": 1},
     "sync_guidance": asdict(guidance.Parameters())
     | asdict(carried.Steering())
-    | {"J_T": paper_case.J_T, "active": 1, "L_ref": 4}
+    | {"J_T": paper_case.J_T, "active": 1, "L_ref": 4, "inertia_hat": (1.5, 0.9, 0, 0, 0)}
     | TARGET
     | BEHIND,
     "los_guidance": TARGET
@@ -230,7 +230,7 @@ CONTROLLERS = {
     | BEHIND
     | EARTH
     | {"use_J2": 1, "keep_out_shape": 1, "keep_out_half": (2, 2, 2), "corridor_axis": (0, 1, 0)}
-    | {"corridor_half_angle": radians(20), "speed_at_zero": 0.1, "speed_slope": 0.01}
+    | {"corridor_half_angle": radians(20), "speed_at_zero": 0.1, "speed_slope": 0.01, "tumble_max": 0.04}
     | {"passive_step": 60, "plume_half_angle": radians(20), "plume_range": 20}
     | {"plume_force_min": 1e-3, "lost_time": 20, "abort_on": (1,) * 7, "mass": 100}
     | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1}

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reference of the carried frame: attitude as a matrix C_DN, derivatives by complex steps.
 
-    W = w_H + s (w_T - w_H) + steer(n x a),   n = -X_D,  a = grasp axis;   rho_ref = L n
+    W = w_H + s (w_T - w_H) + steer(n x a) + b,   n = -X_D,  a = grasp axis;   rho_ref = L n
+
+b, the integral of the steering, is fixed in D but for its growth.
 
 A complex number x + i h dx carries a derivative through every formula, so none is derived by hand.
 """
@@ -23,6 +25,16 @@ class Steering:
     spin_time: float = 60.0
     k_steer: float = 0.02
     w_steer: float = 0.005
+    k_integral: float = 0.0
+    spin_accel: float = 0.0
+
+    def spin(self, w_H: Array, w_T: Array) -> float:
+        """How long D takes to turn with T: the peak of the acceleration of a fifth-order step is
+        15/8 of its mean.
+        """
+        if not self.spin_accel:
+            return self.spin_time
+        return max(self.spin_time, 15 / 8 * np.linalg.norm(w_T - w_H) / self.spin_accel)
 
 
 def length(x: Array) -> Array:
@@ -60,21 +72,37 @@ def spin(x: Array) -> Array:
 
 
 def turning(
-    p: Steering, C_DN: Array, since: float, H_turn: Array, T_turn: Array, a: Array
-) -> tuple[Array, Array]:
-    """W and dW; H_turn, T_turn: rows w and dw in N axes."""
+    p: Steering, C_DN: Array, since: float, H_turn: Array, T_turn: Array, a: Array,
+    b: Array | None = None, spin_time: float | None = None,
+) -> tuple[Array, Array]:  # fmt: skip
+    """W and dW; H_turn, T_turn: rows w and dw in N axes; b: integral of the steering, D axes."""
     (w_H, dw_H), (w_T, dw_T) = H_turn, T_turn
     n = -C_DN[0]
     c = np.cross(n, a)
     if np.linalg.norm(c) < 1e-6 and n @ a < 0:
         c = 1e-6 * C_DN[2]
-    s = spin(since / p.spin_time)
-    W = w_H + s * (w_T - w_H) + steer(p, c)
+    spin_time = spin_time or p.spin_time
+    s = spin(since / spin_time)
+    b_N = np.zeros(3) if b is None else C_DN.T @ b
+    W = w_H + s * (w_T - w_H) + steer(p, c) + b_N
     # everything moves a complex step on: n with D, a with T
     dc = slope(cross(along(n, np.cross(W, n)), along(a, np.cross(w_T, a))))
-    s1 = spin(along(since, 1.0) / p.spin_time)
+    s1 = spin(along(since, 1.0) / spin_time)
     w_H1, w_T1 = along(w_H, dw_H), along(w_T, dw_T)
-    return W, slope(w_H1 + s1 * (w_T1 - w_H1) + steer(p, along(c, dc)))
+    b1 = along(b_N, np.cross(W, b_N) + C_DN.T @ growth(p, C_DN, since, spin_time, a))
+    return W, slope(w_H1 + s1 * (w_T1 - w_H1) + steer(p, along(c, dc)) + b1)
+
+
+def growth(p: Steering, C_DN: Array, since: float, spin_time: float, a: Array) -> Array:
+    """Rate of the integral, D axes: none while D spins up or the steering is at its limit."""
+    c = C_DN @ np.cross(-C_DN[0], a)
+    rests = since < spin_time or p.k_steer * np.linalg.norm(c) > p.w_steer
+    return 0 * c if rests else p.k_integral * c
+
+
+def integrated(p: Steering, b: Array, rate: Array, period: float) -> Array:
+    b = b + period * rate
+    return b * min(1.0, p.w_steer / max(np.linalg.norm(b), 1e-300))
 
 
 def reference(C_DN: Array, W: Array, dW: Array, L: Array) -> dict[str, Array]:

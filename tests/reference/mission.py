@@ -30,10 +30,13 @@ PARAMETERS = {
     "capture_time": 20, "settle_rate": 2e-4,
     "v_retreat": 0.1, "v_drift": 0.05, "F_retreat": 0.9, "R_safe": 200,
     "dwell": (30, 60, 30, 30, 30, 10, 20, 0, 0, 0, 0, 10, 0, 0, 0),
-    "time_out": (7200, 3600, 3600, 3600, 3600, 1200, 1800, 120, 0, 1200, 0, 300, 0, 0, 0),
+    "time_out": (7200, 3600, 3600, 3600, 3600, 1200, 1800, 120, 0, 1200, 0, 600, 0, 0, 0),
     "attempts": 2, "mass_dry": 85, "reserve": 1, "nav_far": 10, "nav_near": 2,
     "d_abort": (0.2, 0.1), "angle_abort": 0.2618, "error_dwell": 3,
-    "v_0": (0.6, 0.06), "v_slope": (0.01, 0.0185), "speed_dwell": 5,
+    "v_0": (0.6, 0.06), "v_slope": (0.01, 0.0083), "tumble_max": 0.04, "speed_dwell": 5,
+    "budget": 0, "F_axis": 2, "R_around": 14, "w_steer": 0.005, "steer_least": 0.002, "rate_2": 0,
+    "rate_probe": 0, "Isp": 220, "A_w": np.diag((12.0, 15, 10)), "wheel_speed_max": 0.3,
+    "bias_max": 0.65, "bias_tol": 0.1, "await_axis": 0, "spin_time": 60, "spin_accel": 0,
     "drift_time": 86400, "drift_step": 120, "sample_period": 0.1,
     "by_arm": 0, "momentum_max": 0, "mass_T": 150,
     "J_T": np.diag((100.0, 150, 90)), "J_S": np.diag((200.0, 250, 150)),
@@ -67,6 +70,10 @@ class Seen:
     momentum: float
     axis: Array
     """Grasp axis, H axes."""
+    w_T: Array
+    """Rate of the target, S axes."""
+    h_T: Array
+    """Direction of its angular momentum, S axes."""
 
 
 def seen(p: dict, u: dict) -> Seen:
@@ -89,8 +96,13 @@ def seen(p: dict, u: dict) -> Seen:
         C_HN, w, C_HN @ rho, C_HN @ (drho - cross(w * C_HN[2], rho)), C_SN,
         np.linalg.norm(rho), rho @ a, np.linalg.norm(cross(rho, a)), angle_between(rho, a),
         np.linalg.norm(drho - cross(w_T, rho)), angle_between(C_SN[0], -a),
-        np.linalg.norm(w_S - w_T), momentum, C_HN @ a,
+        np.linalg.norm(w_S - w_T), momentum, C_HN @ a, C_SN @ w_T,
+        C_SN @ C_TN.T @ direction(p["J_T"] @ u["omega_TN_T"]),
     )  # fmt: skip
+
+
+def direction(a: Array) -> Array:
+    return a / (np.linalg.norm(a) or 1.0)
 
 
 def about_centre(masses, places, speeds, spins) -> float:
@@ -109,11 +121,11 @@ def moved(start: float, end: float, T: float, tau: float) -> tuple[float, float,
     )
 
 
-def profile(p: dict, kind: int, start: float, tau: float) -> tuple[float, float, float]:
-    """L, dL, ddL of the profile that began with phase `kind`, tau seconds ago at the distance
-    `start`.
+def profile(p: dict, kind: int, start: float, end: float, tau: float) -> tuple[float, float, float]:
+    """L, dL, ddL of the profile from `start` to `end` that began with phase `kind`, tau seconds
+    ago.
     """
-    T = duration(p, kind, start)
+    T = duration(p, kind, start, end)
     if kind == 0:
         return p["R_2"], 0.0, 0.0
     if kind == 7 and p["by_arm"]:
@@ -127,12 +139,89 @@ def profile(p: dict, kind: int, start: float, tau: float) -> tuple[float, float,
         else:
             L = p["L_3"] - v * ramp * rate(1) - v * (tau - ramp), -v, 0.0
         return L if L[0] > p["L_end"] else (p["L_end"], 0.0, 0.0)
-    return moved(start, p["L_3"], T, tau)
+    return moved(start, end, T, tau)
 
 
-def duration(p: dict, kind: int, start: float) -> float:
-    way = 1.875 * abs(start - p["L_3"])
-    return {5: way / p["v_final"], 11: max(way / p["v_back"], 1.0)}.get(kind, 0.0)
+def duration(p: dict, kind: int, start: float, end: float) -> float:
+    way = 1.875 * abs(start - end)
+    back = p["v_back"] if end == p["L_3"] else p["v_final"]
+    times = {4: way / p["v_back"], 5: way / p["v_final"], 11: max(way / back, 1.0)}
+    return times.get(kind, 0.0)
+
+
+# ---- what turning with the target needs ----
+@dataclass
+class Plan:
+    """The budget of one sample: range of the fly-around, wheels before it, verdict."""
+
+    R: float
+    bias: Array
+    verdict: int
+    dv: float
+
+
+def steering(p: dict, mass: float, w: float, R: float) -> float:
+    """What the centripetal force mass (w + steer)^2 R leaves of its share."""
+    if not p["budget"]:
+        return p["w_steer"]
+    whole = np.sqrt(p["budget"] * p["F_axis"] / (mass * R))
+    return min(max(whole - w, 0.0), p["w_steer"])
+
+
+def plan(p: dict, u: dict, g: Seen) -> Plan:
+    w, m = np.linalg.norm(g.w_T), u["mass"]
+    if not p["budget"]:
+        return Plan(p["R_2"], np.zeros(3), 0, increment_ahead(p, w, p["R_2"], p["w_steer"]))
+    R = p["budget"] * p["F_axis"] / (m * (w + p["w_steer"]) ** 2)
+    R = min(max(R, p["R_around"]), p["R_2"])
+    left = steering(p, m, w, R)
+    dv = increment_ahead(p, w, R, left) if left > 0 else 0.0
+    pair = np.linalg.norm(p["J_T"] @ u["omega_TN_T"]) + w * np.diag(p["J_S"]).max()
+    pair += w * p["L_3"] ** 2 / (1 / m + 1 / p["mass_T"])
+    against = (
+        left < p["steer_least"],
+        0 < p["momentum_max"] < pair,
+        dv > 9.80665 * p["Isp"] * (m - p["mass_dry"] - p["reserve"]) / m,
+        0 < p["rate_probe"] < w and not p["by_arm"],
+    )
+    return Plan(R, bias_for(p, mean(g)), 1 + against.index(True) if any(against) else 0, dv)
+
+
+def axis_passes(p: dict, g: Seen, since: float) -> bool:
+    """Whether the grasp axis, once the servicer turns with it, is as near to the line of sight as
+    it comes in a turn of the target; in axes of H.
+    """
+    w = g.C_HN @ g.C_SN.T @ g.w_T
+    rate = np.linalg.norm(w)
+    if not p["await_axis"] or not rate or since >= 2 * np.pi / rate:
+        return True
+    spin = p["spin_time"]
+    if p["spin_accel"]:
+        spin = max(spin, 15 / 8 * rate / p["spin_accel"])
+    then = Rotation.from_rotvec(w * spin / 2).apply(g.axis)
+    # spherical triangle of rate, axis and line of sight: the third side is least on one meridian
+    best = abs(angle_between(w, g.rho) - angle_between(w, g.axis))
+    return angle_between(then, g.rho) <= best + p["await_axis"]
+
+
+def mean(g: Seen) -> Array:
+    """Part of the rate along the angular momentum, which both stay."""
+    return g.h_T * (g.h_T @ g.w_T)
+
+
+def bias_for(p: dict, w: Array) -> Array:
+    """Half of the momentum that turning with w takes along w, as speeds of the wheels."""
+    along = w / np.linalg.norm(w)
+    bias = np.linalg.inv(p["A_w"]) @ (along * (along @ p["J_S"] @ w)) / 2
+    most = p["bias_max"] * p["wheel_speed_max"]
+    return bias * min(1.0, most / np.abs(bias).max())
+
+
+def increment_ahead(p: dict, w: float, R: float, steer: float) -> float:
+    """Centripetal acceleration times time: half a turn at R, then inwards, then at L_3."""
+    inwards = duration(p, 5, R, p["L_3"])
+    there = p["dwell"][5] + p["dwell"][6] + (p["L_3"] - p["L_end"]) / p["v_mate"]
+    return w**2 * (R * np.pi / steer + (R + p["L_3"]) / 2 * inwards + p["L_3"] * there)
 
 
 # ---- retreat ----
@@ -244,7 +333,10 @@ class Manager:
     touched: float = nan
     error_since: float = nan
     fast_since: float = nan
-    profile: tuple = (0, 0.0, 0.0)
+    profile: tuple = (0, 0.0, 0.0, 0.0)
+    plan: Plan | None = None
+    doomed_since: float = nan
+    spins: bool = False
     torque: int = 1
     dv: Array = field(default_factory=lambda: np.zeros(3))
     clear: float = -1.0
@@ -256,18 +348,33 @@ class Manager:
             self.phase, self.t_phase, self.t_valid, self.valid = 0, t, t, g
         if u["relative_valid"]:
             self.t_valid, self.valid = t, g
+        if self.plan is None or (u["relative_valid"] and self.phase <= 3):
+            self.plan = plan(self.p, u, g)
+        elif u["relative_valid"] and self.phase == 4 and not self.spins and self.p["budget"]:
+            self.plan = replace(self.plan, bias=bias_for(self.p, mean(g)))
         self._clocks(g, t)
         self._change(u, g, t)
+        self._spin(u, g, t)
         return self._outputs(u, g, t)
+
+    def _spin(self, u: dict, g: Seen, t: float) -> None:
+        arrived = self.t_phase + duration(self.p, 4, self.p["R_2"], self.profile[3])
+        if self.phase < 4:
+            self.spins = False
+        elif self.phase == 4 and later(t, arrived) and u["relative_valid"]:
+            self.spins |= axis_passes(self.p, g, t - arrived)
 
     def _clocks(self, g: Seen, t: float) -> None:
         p, near = self.p, self.phase in NEAR
         d = p["d_abort"][0] + p["d_abort"][1] * max(g.l - p["L_3"], 0)
-        v = p["v_0"][near] + p["v_slope"][near] * g.R
+        tumble = min(np.linalg.norm(g.w_T), p["tumble_max"]) if FORCE[self.phase] == 3 else 0.0
+        v = p["v_0"][near] + (p["v_slope"][near] + tumble) * g.R
         wrong = near and (g.d > d or g.pointing > p["angle_abort"])
         fast = self.phase in BEFORE and np.linalg.norm(g.drho) > v
         self.error_since = started(self.error_since, wrong, t)
         self.fast_since = started(self.fast_since, fast, t)
+        doomed = self.phase == 3 and self.plan.verdict > 0
+        self.doomed_since = started(self.doomed_since, doomed, t)
 
     def _retreat_reason(self, u: dict, t: float) -> int:
         p, limit = self.p, self.p["time_out"][self.phase]
@@ -279,6 +386,7 @@ class Manager:
             5: later(t, self.error_since + p["error_dwell"]),
             6: later(t, self.fast_since + p["speed_dwell"]),
             7: limit > 0 and self.phase != 7 and later(t, self.t_phase + limit),
+            8 + self.plan.verdict: later(t, self.doomed_since + p["dwell"][3]),
         }
         return next((k for k, holds in reasons.items() if holds), 0)
 
@@ -286,6 +394,10 @@ class Manager:
         reason = self._retreat_reason(u, t) if self.phase in BEFORE else 0
         if u["abort"] and self.phase not in (8, 9, 10, 14):
             self._enter(14, 1, g, t)
+        elif reason == 7 and self._may_begin_anew(u, g):
+            self._enter(11, 7, g, t)
+            self.attempt += 1
+            self.profile = (*self.profile[:3], self.plan.R)
         elif reason:
             self._enter(12, reason, g, t)
         elif self.phase == 7:
@@ -293,31 +405,51 @@ class Manager:
         else:
             self.ok_since = started(self.ok_since, self._row(u, g, t), t)
             if later(t, self.ok_since + self.p["dwell"][self.phase]):
-                self._enter(NEXT[self.phase], 0, g, t)
+                self._enter(5 if self._far_back() else NEXT[self.phase], 0, g, t)
+
+    def _may_begin_anew(self, u: dict, g: Seen) -> bool:
+        """Only where nobody else is waited for."""
+        waits = self.phase == 6 and not (u["go_3"] and self._may_grasp(g))
+        return self.phase in (5, 6) and not waits and self.attempt < self.p["attempts"] - 1
+
+    def _may_grasp(self, g: Seen) -> bool:
+        return g.momentum <= (self.p["momentum_max"] or inf)
+
+    def _far_back(self) -> bool:
+        return self.phase == 11 and self.profile[3] != self.p["L_3"]
 
     def _row(self, u: dict, g: Seen, t: float) -> bool:
         p, v = self.p, bool(u["relative_valid"])
         line = np.array((np.cos(p["line_angle"]), np.sin(p["line_angle"]), 0))
         speed, k = np.linalg.norm(g.drho), self.phase
         on_line = v and np.linalg.norm(g.rho - p["R_2"] * line) <= p["tol_2"] and speed <= p["v_2"]
-        over = later(t, self.t_phase + duration(p, self.profile[0], self.profile[2]))
+        kind, _, *ends = self.profile
+        over = later(t, self.t_phase + duration(p, kind, *ends))
+        fullest = np.abs(u.get("wheel_speed", np.zeros(3))).max() / p["wheel_speed_max"]
+        wheels = not p["budget"] or fullest <= p["budget"]
+        off_bias = np.abs(u.get("wheel_speed", np.zeros(3)) - self.plan.bias).max()
+        ready = not p["budget"] or off_bias <= p["bias_tol"] * p["wheel_speed_max"]
         on_axis = (
             over and v and g.d <= p["tol_3"] and abs(g.l - p["L_3"]) <= p["tol_3"]
             and g.v_rel <= p["v_3"] and g.pointing <= p["angle_3"] and g.w_rel <= p["rate_3"]
         )  # fmt: skip
         off = abs(g.R - p["R_1"])
-        around = g.los <= p["angle_2"] and abs(g.R - p["R_2"]) <= p["tol_2"]
+        around = (
+            over and v and wheels and (self.spins or k > 4) and g.los <= p["angle_2"]
+            and abs(g.R - ends[1]) <= p["tol_2"] and g.v_rel <= p["v_2"]
+            and g.pointing <= p["angle_abort"] and g.w_rel <= (p["rate_2"] or inf)
+        )  # fmt: skip
         rows = {
             0: v and off <= p["tol_1"] and speed <= p["v_1"],
             1: v and u["go_1"] and off <= 2 * p["tol_1"],
             2: on_line,
-            3: on_line and u["go_2"],
-            4: v and around and g.v_rel <= p["v_2"] and g.pointing <= p["angle_abort"],
+            3: on_line and u["go_2"] and ready and not self.plan.verdict,
+            4: around,
             5: on_axis,
-            6: on_axis and u["go_3"] and g.momentum <= (p["momentum_max"] or inf),
+            6: on_axis and u["go_3"] and self._may_grasp(g) and wheels,
             8: u["hard"],
             9: u["done"] and np.linalg.norm(u["omega_SN_S"]) <= p["settle_rate"],
-            11: on_axis,
+            11: around if self._far_back() else on_axis,
             12: not self.dv.any() and p["R_safe"] <= g.R,
             13: u["resume"] and v,
         }
@@ -343,7 +475,9 @@ class Manager:
         self.ok_since = self.touched = nan
         self.attempt = 0 if phase == 0 else self.attempt + (phase == 7)
         if phase in (0, 5, 6, 7, 11):
-            self.profile = phase, t, g.l
+            self.profile = phase, t, g.l, self.p["L_3"]
+        if phase == 4:
+            self.profile = phase, t, self.p["R_2"], self.plan.R
         if TORQUE[phase] > 0:
             self.torque = TORQUE[phase]
         beside = phase == 2 and self.p["aim_radius"] and self.p["R_2"] + 1 < g.R
@@ -375,21 +509,27 @@ class Manager:
             turn, rate = self.line.frame(g, t)
             omega = turn @ (omega + rate)
         hidden = k in (12, 13) and p["R_2"] > g.R
+        waits = k == 4 and not self.spins
+        prepares = p["budget"] > 0 and (k in (2, 3) or waits)
         names = ("far", "close", "sync", "stack")
         return {
             "phase": k, "t_phase": self.t_phase, "reason": self.reason, "attempt": self.attempt,
             "select_force": force, "select_torque": torque,
             **{f"active_{name}": float(i in (force, torque)) for i, name in enumerate(names, 1)},
             **dict(zip(("L_ref", "dL_ref", "ddL_ref"),
-                       profile(p, self.profile[0], self.profile[2], t - self.profile[1]),
+                       profile(p, self.profile[0], *self.profile[2:], t - self.profile[1]),
                        strict=True)),
             "q_VN": quaternion_of_dcm(turn @ g.C_HN), "omega_VN_V": omega,
             "approaching": float(5 <= k <= 11),
             "monitor_valid": float(8 <= k <= 10 or (bool(u["relative_valid"]) and not hidden)),
             "latch_enable": float(7 <= k <= 10), "release": 0.0,
             "push": float(k == 7 and not p["by_arm"] and not np.isnan(self.touched)),
-            "arm_mode_cmd": ARM[k] * p["by_arm"], "momentum": g.momentum,
+            "arm_mode_cmd": ARM[k] * p["by_arm"] * (not self._far_back()), "momentum": g.momentum,
             "F_retreat_S": g.C_SN @ F, "dv_left_N": self.dv, "clearance": self.clear,
+            "verdict": self.plan.verdict, "dv_ahead": self.plan.dv,
+            "steer_max": steering(p, u["mass"], np.linalg.norm(g.w_T), max(g.R, p["L_3"])),
+            "prepare": float(prepares), "spin": float(not waits),
+            "wheel_bias": self.plan.bias * prepares,
         }  # fmt: skip
 
 
@@ -411,8 +551,11 @@ class Selector:
 
     def unload(self, u: dict, law: int) -> Array:
         """Torque that empties the wheels in laws 1 to 3, and the part that the wheels take up."""
-        excess = np.array(u["wheel_speed"]) - self.p["wheel_speed_ref"]
+        to = u["wheel_bias"] if u.get("prepare") else self.p["wheel_speed_ref"]
+        excess = np.array(u["wheel_speed"]) - to
         full = np.abs(excess).max() / self.p["wheel_speed_max"]
+        if u.get("prepare"):
+            full = inf
         before = self.unloading or law == 1
         level = self.p["unload_off"] if before else self.p["unload_on"]
         self.unloading = bool(

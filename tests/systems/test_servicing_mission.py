@@ -138,19 +138,6 @@ def test_wheels_and_stack_stay_within_their_limits(nominal):
     assert rate[-1] < rate[0]
 
 
-@pytest.mark.long
-def test_unloading_does_nothing_to_a_run_that_never_fills_a_wheel():
-    """On truth, closing at the target, no wheel reaches 0.7 of its limit before capture: the same
-    states, bit for bit.
-    """
-    one, other = (
-        run("servicing_mission", params=params, set={"manager.aim_radius": 0})
-        for params in (None, "unloading")
-    )
-    for name in one.vectors:
-        assert np.array_equal(one[name], other[name]), name
-
-
 def drift_of_a_day(result):
     """Least range of free drift from the last row on [m]."""
 

@@ -31,7 +31,7 @@ ENDS = {
     "thruster_stuck": (NOMINAL[:6], "error", [STOWED]),
     "manoeuvre": (NOMINAL[:6], "error", [STOWED]),
     "ground_retreat": (NOMINAL[:7], "ground", [STOWED, DEPLOY, FOLD, STOWED]),
-    "momentum": (NOMINAL[:7], "time-out", [STOWED, DEPLOY, FOLD, STOWED]),
+    "momentum": (NOMINAL[:4], "momentum", [STOWED]),
     "dropout": (NOMINAL[:8], "navigation", [STOWED, DEPLOY, ALIGN, FOLD, STOWED]),
     "bounce": (
         NOMINAL[:8] + AGAIN,

@@ -72,26 +72,13 @@ def simulate(name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", sorted(set(ENDS) - {"bounce"}))
+@pytest.mark.parametrize("name", sorted(ENDS))
 def test_sets_of_the_truth_end_for_the_same_reasons(name):
     before, reason = ENDS[name]
     result = simulate(name)
     simulated = stays(result)
     assert [s.phase for s in simulated] == [*before, "retreat", "safe"]
     assert simulated[-2].reason == reason
-    assert drift_of_a_day(result) > 150
-
-
-@pytest.mark.long
-def test_bounce_ends_in_a_safe_drift_when_the_wheels_are_full():
-    """Pushing and backing off take so long that a wheel is at its limit before the second try."""
-    result = simulate("bounce")
-    simulated = stays(result)
-    assert [s.phase for s in simulated] == [*NOMINAL[:8], "back-off", "retreat", "safe"]
-    assert simulated[-2].reason == "time-out"
-    backing = result["manager.phase"] == 11
-    assert np.abs(result["servicer.wheel_speed"][backing]).max() == pytest.approx(0.3)
-    assert not collided(result)
     assert drift_of_a_day(result) > 150
 
 
@@ -153,40 +140,36 @@ def test_orbital_express_retreats_at_its_reset_and_comes_back_to_the_outer_hold(
 
 
 @pytest.mark.long
-def test_a_second_approach_needs_wheels_that_were_unloaded():
-    """After reset, retreat and resume: with full wheels the fly-around never ends, unloaded ones
-    bring a capture; the requirement on the wheels distinguishes the two.
-    """
-    full, unloaded = simulate("orbital_express_full"), simulate("orbital_express_unloaded")
+def test_a_second_approach_after_reset_and_retreat_captures():
+    """The wheels are emptied in the far approach and prepared again."""
+    again = simulate("orbital_express_again")
     first = [*NOMINAL[:6], "retreat", "safe"]
-    simulated = [s.phase for s in stays(full)]
-    assert simulated[:13] == [*first, *NOMINAL[:5]]
-    assert "FINAL" not in simulated[8:]
-    assert [s.phase for s in stays(unloaded)] == [*first, *NOMINAL]
-    assert outcome(unloaded) == "captured"
-    resumed = full.time > 4500
-    assert np.abs(full["servicer.wheel_speed"][resumed]).max() == pytest.approx(0.3)
-    assert np.abs(unloaded["servicer.wheel_speed"][resumed]).max() < 0.25
-    far = unloaded["manager.phase"] == 0
-    assert np.abs(unloaded["servicer.wheel_speed"][far & resumed][-1]).max() < 0.031  # unload_off
-    wheels = "abs(servicer.wheel_speed) <= 0.29 rad/s"
-    assert margin(full, wheels) < 0 < margin(unloaded, wheels)
-    assert increments(unloaded)[-1] < increments(full)[-1]
+    assert [s.phase for s in stays(again)] == [*first, *NOMINAL]
+    assert outcome(again) == "captured"
+    resumed = again.time > 4500
+    far = again["manager.phase"] == 0
+    assert np.abs(again["servicer.wheel_speed"][far & resumed][-1]).max() < 0.031  # unload_off
+    assert margin(again, "abs(servicer.wheel_speed) <= 0.29 rad/s") > 0
 
 
 @pytest.mark.long
-def test_unloading_leaves_a_momentum_margin_in_the_wheels_of_the_nominal_run(nominal):
-    result = simulate("unloading")
-    assert [s.phase for s in stays(result)] == NOMINAL
-    assert np.abs(nominal["servicer.wheel_speed"]).max() == pytest.approx(0.3)
-    assert np.abs(result["servicer.wheel_speed"]).max() < 0.26
-    assert increments(result)[-1] < increments(nominal)[-1]
+@pytest.mark.parametrize("rate", [0.5, 2.0, 3.0])
+def test_slow_and_fast_targets_are_captured_without_a_full_wheel(rate):
+    result = run(SYSTEM, set={"target.omega_TN_T_0": [0.002 * rate, 0.01 * rate, 0]}, every=50)
+    assert outcome(result) == "captured"
+    assert margin(result, "abs(servicer.wheel_speed) <= 0.29 rad/s") > 0
+    mating = result["manager.phase"] == 7
+    assert np.abs(result["servicer.wheel_speed"][mating][0]).max() <= 0.24 * 1.01
+    turning = (result["manager.phase"] == 4) & (result["manager.spin"] == 1)
+    assert turning.sum() * 50 * 0.01 < 2 * np.pi / 0.0102
 
 
 @pytest.mark.long
-def test_bounce_with_unloaded_wheels_uses_up_its_attempts_as_on_truth():
-    result = run(SYSTEM, params="bounce", set={"selector.k_unload": 0.02}, every=50)
-    before, reason = ENDS["bounce"]
+def test_a_target_that_turns_too_fast_is_left_for_a_reason_known_at_the_second_hold():
+    """3.5 times: 2 N do not turn 100 kg at 14 m with 0.0357 rad/s and a fifth to spare."""
+    result = run(SYSTEM, set={"target.omega_TN_T_0": [0.007, 0.035, 0]}, every=50)
     simulated = stays(result)
-    assert [s.phase for s in simulated] == [*before, "retreat", "safe"]
-    assert simulated[-2].reason == reason
+    assert [s.phase for s in simulated] == [*NOMINAL[:4], "retreat", "safe"]
+    assert simulated[-2].reason == "force"
+    assert range_(result).min() > 19
+    assert drift_of_a_day(result) > 150

@@ -21,6 +21,11 @@ static inline vec3 sum3(vec3 a, vec3 b, vec3 c) { return add(add(a, b), c); }
 static inline vec3 sum4(vec3 a, vec3 b, vec3 c, vec3 d) { return add(sum3(a, b, c), d); }
 static inline double dot(vec3 a, vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 static inline double norm(vec3 a) { return sqrt(dot(a, a)); }
+/* largest size of a component */
+static inline double largest_size(vec3 a)
+{
+    return larger(fabs(a.x), larger(fabs(a.y), fabs(a.z)));
+}
 static inline vec3 unit(vec3 a) { return scale(1 / norm(a), a); }
 
 static inline vec3 cross(vec3 a, vec3 b)

@@ -1,0 +1,105 @@
+/* mission_budget.h - what turning with a target needs, known at the second hold: force,
+ * momentum, propellant; and whether it can be captured.
+ *
+ *   w = |w_T| as estimated,  a = budget F_axis/mass
+ *   R_f     = clip(a/(w + w_steer)^2, R_around, R_2)                   range of the fly-around
+ *   steer   = clip(sqrt(a/R) - w, 0, w_steer)                       steering that force leaves at R
+ *   w_m     = (w_T.h_T)/(h_T.h_T) h_T,  h_T = J_T w_T:  mean rate, at rest while the target nutates
+ *   beta    = (w_m.J_S w_m)/(2 w_m.w_m),   h = beta w_m, wheels at most bias_max wheel_speed_max
+ *   momentum = |J_T w_T| + w (J_S + mass mass_T/(mass + mass_T) L_3^2)   of the pair at L_3
+ *   dv      = w^2 (R_f pi/steer + L_3 T_3 + (R_f + L_3)/2 T_5)      against the rotation
+ * h is the momentum of the wheels before the servicer turns with w: parallel to w_m it stays where it
+ * is in the body, and once the servicer turns h - J_S w is left, as much with the other sign.
+ * docs/models.md J.13 */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef MISSION_BUDGET_H
+#define MISSION_BUDGET_H
+
+#include "mission_profile.h"
+
+#define STANDARD_GRAVITY 9.80665
+
+enum { CAN_CAPTURE, NO_FORCE, TOO_MUCH_MOMENTUM, NO_PROPELLANT, ONLY_BY_ARM };
+
+typedef struct {
+    double R, steer, dv, verdict;
+    vec3 bias; /* wheel speeds before the fly-around */
+} Budget;
+
+/* acceleration along the axis that the budget leaves for turning with the target */
+static inline double allotted_acceleration(const MissionParameters *p, double mass)
+{
+    return mass > 0 ? p->budget * p->F_axis / mass : 0;
+}
+
+static inline double steering_left(const MissionParameters *p, double mass, double tumble, double R)
+{
+    if (p->budget == 0) return p->w_steer;
+    return clamp(sqrt(allotted_acceleration(p, mass) / R) - tumble, 0, p->w_steer);
+}
+
+static inline double range_around(const MissionParameters *p, double mass, double tumble)
+{
+    double W = tumble + p->w_steer;
+    if (p->budget == 0 || W == 0) return p->R_2;
+    return clamp(allotted_acceleration(p, mass) / (W * W), p->R_around, p->R_2);
+}
+
+/* w_S: mean rate of the target in axes of the servicer */
+static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
+{
+    double square = dot(w_S, w_S), share = 1;
+    if (p->budget == 0 || square == 0) return vec(0, 0, 0);
+    vec3 h = scale(dot(w_S, mul(p->J_S, w_S)) / (2 * square), w_S);
+    vec3 bias = solve(p->A_w, h);
+    double most = p->bias_max * p->wheel_speed_max, size = largest_size(bias);
+    if (size > most) share = most / size;
+    return scale(share, bias);
+}
+
+static inline double momentum_at_grasp(const MissionParameters *p, double mass, vec3 w_T_T)
+{
+    double reduced = mass > 0 ? mass * p->mass_T / (mass + p->mass_T) : 0;
+    double J = larger(p->J_S.row[0].x, larger(p->J_S.row[1].y, p->J_S.row[2].z));
+    return norm(mul(p->J_T, w_T_T)) + norm(w_T_T) * (J + reduced * p->L_3 * p->L_3);
+}
+
+/* increment against the rotation with the target: half a turn of steering at R, the final approach
+ * at its mean range, third hold and mating at L_3 */
+static inline double increment_ahead(const MissionParameters *p, double tumble, double R,
+                                     double steer)
+{
+    double final = 1.875 * (R - p->L_3) / p->v_final;
+    double there = p->dwell[FINAL] + p->dwell[HOLD_3] + (p->L_3 - p->L_end) / p->v_mate;
+    return tumble * tumble * (R * PI / steer + (R + p->L_3) / 2 * final + p->L_3 * there);
+}
+
+/* a lower bound: log(1 + x) >= x/(1 + x) */
+static inline double increment_left(const MissionParameters *p, double mass)
+{
+    return mass > 0 ? p->Isp * STANDARD_GRAVITY * (1 - (p->mass_dry + p->reserve) / mass) : 0;
+}
+
+static inline double verdict_on(const MissionParameters *p, const MissionInput *u, double tumble,
+                                const Budget *b)
+{
+    double momentum = momentum_at_grasp(p, u->mass, u->T.omega);
+    if (p->budget == 0) return CAN_CAPTURE;
+    if (b->steer < p->steer_least) return NO_FORCE;
+    if (p->momentum_max > 0 && momentum > p->momentum_max) return TOO_MUCH_MOMENTUM;
+    if (b->dv > increment_left(p, u->mass)) return NO_PROPELLANT;
+    return p->rate_probe > 0 && !p->by_arm && tumble > p->rate_probe ? ONLY_BY_ARM : CAN_CAPTURE;
+}
+
+static inline Budget budget_for(const MissionParameters *p, const MissionInput *u,
+                                const Geometry *g)
+{
+    Budget b = {.R = range_around(p, u->mass, g->tumble)};
+    b.steer = steering_left(p, u->mass, g->tumble, b.R);
+    b.dv = b.steer > 0 ? increment_ahead(p, g->tumble, b.R, b.steer) : 0;
+    b.bias = wheel_bias(p, g->w_mean_S);
+    b.verdict = verdict_on(p, u, g->tumble, &b);
+    return b;
+}
+
+#endif

@@ -1,0 +1,39 @@
+/* mission_window.h - when to begin to turn with the target: its grasp axis turns, and the fly-around
+ * is short if the servicer joins where the axis will pass.
+ *
+ *   T_s    = max(spin_time, 1.875 w/spin_accel), w = |w_T|: the servicer comes to turn with the target
+ *   a_s    = a turned by w T_s/2 about w_T:  what the target turns meanwhile is lost
+ *   off    = angle(a_s, rho),   least = |angle(w_T, rho) - angle(w_T, a)|:  over a turn of the target
+ *   open:    off <= least + await_axis, or it has been awaited for 2 pi/w
+ * docs/models.md J.14 */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef MISSION_WINDOW_H
+#define MISSION_WINDOW_H
+
+#include "mission_ports.h"
+
+static inline double spin_up_time(const MissionParameters *p, double tumble)
+{
+    if (p->spin_accel == 0) return p->spin_time;
+    return larger(p->spin_time, 1.875 * tumble / p->spin_accel);
+}
+
+/* a turned about the unit vector u */
+static inline vec3 turned_about(vec3 a, vec3 u, double by)
+{
+    SineCosine s = sine_and_cosine(by);
+    return sum3(scale(s.c, a), scale(s.s, cross(u, a)), scale((1 - s.c) * dot(u, a), u));
+}
+
+/* all vectors in the same axes; since: how long it has been awaited */
+static inline int window_is_open(const MissionParameters *p, vec3 w_T, vec3 axis, vec3 rho,
+                                 double since)
+{
+    double w = norm(w_T);
+    if (p->await_axis == 0 || w == 0 || since >= 2 * PI / w) return 1;
+    vec3 later = turned_about(axis, scale(1 / w, w_T), w * spin_up_time(p, w) / 2);
+    double least = fabs(angle(w_T, rho) - angle(w_T, axis));
+    return angle(later, rho) <= least + p->await_axis;
+}
+
+#endif
