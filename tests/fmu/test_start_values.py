@@ -230,7 +230,12 @@ CONTROLLERS = {
     | BEHIND
     | EARTH
     | {"use_J2": 1, "keep_out_shape": 1, "keep_out_half": (2, 2, 2), "corridor_axis": (0, 1, 0)}
-    | {"corridor_half_angle": radians(20), "speed_at_zero": 0.1, "speed_slope": 0.01, "tumble_max": 0.04}
+    | {
+        "corridor_half_angle": radians(20),
+        "speed_at_zero": 0.1,
+        "speed_slope": 0.01,
+        "tumble_max": 0.04,
+    }
     | {"passive_step": 60, "plume_half_angle": radians(20), "plume_range": 20}
     | {"plume_force_min": 1e-3, "lost_time": 20, "abort_on": (1,) * 7, "mass": 100}
     | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1}

@@ -72,7 +72,7 @@ def simulate(name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", sorted(ENDS))
+@pytest.mark.parametrize("name", sorted(set(ENDS) - {"bounce"}))
 def test_sets_of_the_truth_end_for_the_same_reasons(name):
     before, reason = ENDS[name]
     result = simulate(name)
@@ -80,6 +80,15 @@ def test_sets_of_the_truth_end_for_the_same_reasons(name):
     assert [s.phase for s in simulated] == [*before, "retreat", "safe"]
     assert simulated[-2].reason == reason
     assert drift_of_a_day(result) > 150
+
+
+@pytest.mark.long
+def test_bounce_captures_at_the_second_attempt():
+    """Errors of the estimate push the slow probe over the catch."""
+    result = simulate("bounce")
+    assert [s.phase for s in stays(result)][8:11] == ["back-off", "hold 3", "mating"]
+    assert outcome(result) == "captured"
+    assert np.abs(result["servicer.wheel_speed"]).max() < 0.29
 
 
 @pytest.mark.long
@@ -91,7 +100,7 @@ def test_dart_collides_on_its_own_estimate_and_aborts_on_the_independent_range()
     assert np.linalg.norm(v) > 0.6
     assert not blind["monitor.violated"][:met, [0, 1, 2, 5]].any()  # all looked well
     assert outcome(watched) == "aborted"
-    assert watched["monitor.t_first"][-1][5] < 1420  # of a fault at 1384 s
+    assert watched["monitor.t_first"][-1][5] < 1503  # of a fault at 1467 s
     assert range_(watched).min() > 50
     assert drift_of_a_day(watched) > 150
 
@@ -99,13 +108,13 @@ def test_dart_collides_on_its_own_estimate_and_aborts_on_the_independent_range()
 @pytest.mark.long
 def test_elsa_d_without_half_of_its_thrusters_stays_at_the_hold_and_drifts_safely():
     known, unseen = simulate("elsa_d"), simulate("elsa_d_blind")
-    stated = (known.time > 2032.5) & (known.time < 2090)
+    stated = (known.time > 2059.5) & (known.time < 2117)
     assert known["allocation.infeasible"][stated].mean() > 0.9
-    assert not unseen["allocation.infeasible"][(unseen.time > 2032) & (unseen.time < 2043)].any()
+    assert not unseen["allocation.infeasible"][(unseen.time > 2059) & (unseen.time < 2070)].any()
     assert [s.phase for s in stays(known)] == [*NOMINAL[:4], "retreat", "safe"]
     assert drift_of_a_day(known) > 150
     assert [s.phase for s in stays(unseen)][4] == "fly-around"
-    lost = [np.ptp(increments(r)[r.time > 2032]) for r in (known, unseen)]
+    lost = [np.ptp(increments(r)[r.time > 2059]) for r in (known, unseen)]
     assert lost[0] < 0.3
     assert lost[1] > 5
 
@@ -135,8 +144,12 @@ def test_orbital_express_retreats_at_its_reset_and_comes_back_to_the_outer_hold(
     assert range_(guarded)[simulated[6].row :].min() > 8
     assert 95 < range_(guarded)[-1] < 110
     assert (guarded["monitor.least_margin"][-1, :3] > 0).all()
-    assert collided(blind)
-    assert not blind["monitor.violated"][blind.time < 3200][:, :3].any()  # the estimate is at 3 m
+    unseen = (blind.time > 2800) & (blind.time < 3600)
+    assert (blind["manager.phase"][unseen] == 5).all()
+    assert not blind["monitor.violated"][unseen][:, :3].any()  # the estimate is at 3 m
+    assert np.ptp(range_(blind)[unseen]) > 0.8
+    assert outcome(blind) == "aborted"  # when the sensors are back
+    assert blind.time[blind["monitor.abort"] == 1][0] > 3605
 
 
 @pytest.mark.long

@@ -135,7 +135,7 @@ def of_arm(expression: str, show: str) -> Any:
 TRUTH = ("no_go", "dropout", "bounce", "thruster_stuck", "manoeuvre", "ground_retreat", "limited")
 REENACTED = (
     *("dart", "dart_blind", "elsa_d", "elsa_d_blind", "adras_j", "adras_j_blind"),
-    *("orbital_express", "orbital_express_unloaded", "orbital_express_blind"),
+    *("orbital_express", "orbital_express_again", "orbital_express_blind"),
 )
 ARM = (
     *("no_go", "thruster_stuck", "manoeuvre", "ground_retreat", "momentum", "dropout", "bounce"),
