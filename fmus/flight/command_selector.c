@@ -6,12 +6,13 @@
  *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
  * With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional torque M_w:
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
- * which is switched on above unload_on and off below unload_off of wheel_speed_max; in law 1, which
- * does not command the wheels, and with `prepare` it is always on. With `prepare` the wheels are
+ * which is switched on above unload_on and off below unload_off of wheel_speed_max; in law 1 without
+ * far_wheels, which does not command the wheels, and with `prepare` it is always on. With `prepare` the wheels are
  * brought to wheel_bias instead of wheel_speed_ref. The throttles th of the relays command virtual
  * engines, whose force and torque the allocation distributes to the thrusters:
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
+ * With far_wheels the wheels give that torque, W_1 = -A_w^-1 M_1, and M_1 = 0.
  * The change between laws is bumpless, the change to and from no law and to the retreat immediate:
  * when the selection changes from law to law, D is set to the last command minus F*, and decreases,
  *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not in D)
@@ -30,7 +31,7 @@ typedef struct {
     double main_thrust, brake_thrust;
     vec3 relay_torque;
     mat3 A_w;
-    double push_force, blend_time;
+    double far_wheels, push_force, blend_time;
     Unloading unload;
     double sample_period;
 } Parameters;
@@ -72,6 +73,7 @@ static const Variable variables[] = {
     NONNEGATIVE(brake_thrust, "N", "force of the four virtual brakes together, along -X"),
     NONNEGATIVE(relay_torque, "N.m", "torque of the virtual attitude engines, per body axis"),
     MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, body axes"),
+    SWITCH(far_wheels, "1: the wheels give the torque of law 1, 0: the thrusters"),
     NONNEGATIVE(push_force, "N", "force along +X after contact"),
     NONNEGATIVE(blend_time, "s", "time constant of the change from law to law; 0 = immediate"),
     SAMPLE_PERIOD,
@@ -143,22 +145,24 @@ static Unloading unloading_now(const Parameters *p, const Input *u)
     return now;
 }
 
-/* in law 1 the wheels have no other task and are always unloaded */
+/* in law 1 the wheels have no other task and are always unloaded, unless they turn the body */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
     if (torque < FAR_LAW || torque > SYNC_LAW || p->unload.k == 0) return 0;
     if (u->prepare) return 1;
-    return unloading_is_on(&p->unload, u->wheel_speed, torque == FAR_LAW ? 1 : before);
+    return unloading_is_on(&p->unload, u->wheel_speed,
+                           torque == FAR_LAW && !p->far_wheels ? 1 : before);
 }
 
 static Command selected_command(const Parameters *p, const Input *u, int force, int torque)
 {
     vec3 none = vec(0, 0, 0), unload = solve(p->A_w, u->M_unload_S);
+    vec3 M_1 = relay_torque(p, u->throttle), W_1 = none;
+    if (p->far_wheels) W_1 = neg(solve(p->A_w, M_1)), M_1 = none;
     const vec3 F[SELECTIONS] = {
         none, relay_force(p, u->throttle), u->F_close_S, u->F_sync_S, none, u->F_retreat_S};
-    const vec3 M[RETREAT_LAW] = {none, relay_torque(p, u->throttle), u->M_close_S, u->M_sync_S,
-                                 u->M_unload_S};
-    const vec3 W[RETREAT_LAW] = {none, none, u->wheel_close, u->wheel_sync,
+    const vec3 M[RETREAT_LAW] = {none, M_1, u->M_close_S, u->M_sync_S, u->M_unload_S};
+    const vec3 W[RETREAT_LAW] = {none, W_1, u->wheel_close, u->wheel_sync,
                                  add(u->wheel_stack, unload)};
     return (Command){F[force > 0 ? force : NONE], M[torque > 0 ? torque : NONE],
                      W[torque > 0 ? torque : NONE]};

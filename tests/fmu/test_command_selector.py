@@ -63,6 +63,26 @@ def test_attitude_engines_give_their_torque_and_no_force(fmu, engine):
     assert not W.any()
 
 
+@pytest.mark.parametrize("engine", range(8))
+def test_wheels_give_the_torque_of_the_attitude_engines(fmu, rng, engine):
+    """far_wheels: the body gets -A_w times their acceleration, the thrusters have no torque; and
+    full wheels are unloaded at unload_on, not always.
+    """
+    A, u = random_inertia(rng, 5, 20), select(1, 1, throttle=np.eye(16)[engine])
+    by_thrusters = command(fmu("command_selector", {"A_w": A}, u))
+    F, M, W = command(fmu("command_selector", {"A_w": A, "far_wheels": 1}, u))
+    assert pytest.approx(by_thrusters[1], abs=1e-14) == -A @ W
+    assert np.abs(W).max() > 0
+    assert not M.any()
+    assert pytest.approx(by_thrusters[0], abs=1e-15) == F
+    unit = fmu("command_selector", {"k_unload": 0.01, "far_wheels": 1}, select(0, 1))
+    seen = []
+    for speed in (0.2, 0.22, 0.04, 0.02, 0.2):
+        unit.step(P, select(0, 1, wheel_speed=(0, speed, 0)))
+        seen.append(unit.get("wheels_unloading"))
+    assert seen == [0, 1, 1, 0, 0]
+
+
 def test_main_engine_pushes_forward_and_four_brakes_together_backward(fmu):
     p = {"main_thrust": 3.0, "brake_thrust": 2.0}
     for throttle, expected in (

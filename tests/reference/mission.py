@@ -556,7 +556,7 @@ class Selector:
         full = np.abs(excess).max() / self.p["wheel_speed_max"]
         if u.get("prepare"):
             full = inf
-        before = self.unloading or law == 1
+        before = self.unloading or (law == 1 and not self.p.get("far_wheels"))
         level = self.p["unload_off"] if before else self.p["unload_on"]
         self.unloading = bool(
             law in (1, 2, 3)
@@ -575,9 +575,12 @@ class Selector:
         M_1 = np.array(((th[5] + th[7] - th[4] - th[6]) / 2, th[3] - th[1], th[0] - th[2]))
         M_1 = M_1 * self.p["relay_torque"]
         F = (zero, F_1, u["F_close_S"], u["F_sync_S"], zero, u["F_retreat_S"])[force]
+        W_1 = zero
+        if self.p.get("far_wheels"):  # the body is turned against the wheels
+            M_1, W_1 = zero, -np.linalg.inv(A) @ M_1
         M = (zero, M_1, u["M_close_S"], u["M_sync_S"], u["M_unload_S"])[torque]
         stack = u["wheel_stack"] + np.linalg.inv(A) @ u["M_unload_S"]
-        W = (zero, zero, u["wheel_close"], u["wheel_sync"], stack)[torque]
+        W = (zero, W_1, u["wheel_close"], u["wheel_sync"], stack)[torque]
         return np.concatenate((F, M, W))
 
     def sample(self, u: dict) -> dict[str, Array]:

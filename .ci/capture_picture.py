@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Draw the share of captured missions over the tumble rate, with the limits of physics.
+
+python .ci/capture_picture.py results/servicing_mission_dispersions.zarr PICTURE.png
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+
+from harness import run
+from harness.studies.campaign.summary import wilson
+
+SYSTEM = "servicing_mission_navigated"
+NOMINAL = float(np.hypot(0.002, 0.01))
+"""Nominal tumble rate [rad/s]."""
+
+
+def shares(data: Any) -> list[tuple[float, int, int]]:
+    """Return tumble rate [rad/s], captured and complete missions of each rate."""
+    rate = np.linalg.norm(data["target.omega_TN_T_0"].values, axis=1).round(6)
+    complete, captured = data["status"].values == 1, data["captured"].values == 1
+    return [
+        (
+            float(w),
+            int((captured & complete & (rate == w)).sum()),
+            int((complete & (rate == w)).sum()),
+        )
+        for w in np.unique(rate)
+    ]
+
+
+def limits() -> dict[str, float]:
+    """Return the tumble rates at which force and wheels end [rad/s]."""
+    result = run(SYSTEM, stop=0.1)
+    names: tuple[str, ...] = ("budget", "F_axis", "R_around", "steer_least", "J_S", "A_w")
+    names += ("wheel_speed_max", "bias_max")
+    p = {name: np.array(result.parameter(f"manager.{name}"), float) for name in names}
+    mass = float(result.parameter("servicer.mass_0"))
+    wheel, J = p["A_w"][1, 1] * p["wheel_speed_max"], p["J_S"][1, 1]
+    force = p["F_axis"] / (mass * p["R_around"])
+    return {
+        "a wheel without bias": float(wheel / J),
+        "a wheel with bias, then thrusters": float((p["bias_max"] + p["budget"]) * wheel / J),
+        "force within the budget: retreat": float(np.sqrt(p["budget"] * force) - p["steer_least"]),
+        "all force": float(np.sqrt(force)),
+    }
+
+
+def main(dataset: str, picture: str) -> None:
+    """Draw the picture."""
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    found = [row for row in shares(xr.open_zarr(dataset, consolidated=False)) if row[2]]
+    figure, axes = plt.subplots(figsize=(7, 3.6), dpi=80, layout="constrained")
+    for w, captured, count in found:
+        low, high = wilson(captured, count)
+        axes.plot([w / NOMINAL] * 2, [low, high], color="C0")
+        axes.plot(w / NOMINAL, captured / count, "o", color="C0")
+        axes.annotate(f"{captured}/{count}", (w / NOMINAL, low), (0, -12), ha="center",
+                      textcoords="offset points", fontsize=8)  # fmt: skip
+    for k, (name, w) in enumerate(limits().items()):
+        axes.axvline(w / NOMINAL, color=f"C{k + 1}", linestyle="--", label=name)
+    axes.set(xlim=(0, 4.2), ylim=(0, 1.05), xlabel=f"tumble rate / {NOMINAL:.4f} rad/s",
+             ylabel="share captured, 95 %")  # fmt: skip
+    axes.legend(loc="lower left", fontsize=8)
+    figure.savefig(picture)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
