@@ -18,11 +18,11 @@ ZONE = 12.0
 LISTED = 6
 """Largest number of phases that are shown of the end of a run."""
 PHASES = {
-    "100 to 20 m": "CLOSING",
-    "fly-around": "FLYAROUND",
-    "20 to 3 m": "FINAL",
-    "at 3 m": "HOLD_3",
-    "mating": "MATING",
+    "100 to 20 m": "closing",
+    "fly-around": "fly-around",
+    "20 to 3 m": "final",
+    "at 3 m": "hold 3",
+    "mating": "mating",
 }
 
 
@@ -68,7 +68,7 @@ def ending(result: Any) -> str:
     from ssp.shared.relative_motion import range_
 
     far, found = range_(result), stays(result)
-    left = [s for s in found if s.phase in {"BACKOFF", "RETREAT", "SAFE", "ABORTED", "STACK"}]
+    left = [s for s in found if s.phase in {"back-off", "retreat", "safe", "aborted", "stack"}]
     steps = [f"{s.phase}{f' ({s.reason})' if s.reason else ''} {s.begin:.0f} s, {far[s.row]:.1f} m"
              for s in left[:LISTED]]  # fmt: skip
     return "; ".join([*steps, outcome(result)])
