@@ -113,10 +113,11 @@ def test_elsa_d_without_half_of_its_thrusters_stays_at_the_hold_and_drifts_safel
     assert not unseen["allocation.infeasible"][(unseen.time > 2119) & (unseen.time < 2130)].any()
     assert [s.phase for s in stays(known)] == [*NOMINAL[:4], "retreat", "safe"]
     assert drift_of_a_day(known) > 150
-    assert [s.phase for s in stays(unseen)][4] == "fly-around"
+    assert [s.phase for s in stays(unseen)] == NOMINAL[:4]  # nothing prepares the wheels
     lost = [np.ptp(increments(r)[r.time > 2119]) for r in (known, unseen)]
     assert lost[0] < 0.3
-    assert lost[1] > 5
+    assert lost[1] < 0.1
+    assert range_(unseen).min() > 19
 
 
 @pytest.mark.long
@@ -154,14 +155,11 @@ def test_orbital_express_retreats_at_its_reset_and_comes_back_to_the_outer_hold(
 
 @pytest.mark.long
 def test_a_second_approach_after_reset_and_retreat_captures():
-    """The wheels are emptied in the far approach and prepared again."""
+    """The wheels turn the thrust axis of the far approach and are prepared again."""
     again = simulate("orbital_express_again")
     first = [*NOMINAL[:6], "retreat", "safe"]
     assert [s.phase for s in stays(again)] == [*first, *NOMINAL]
     assert outcome(again) == "captured"
-    resumed = again.time > 4500
-    far = again["manager.phase"] == 0
-    assert np.abs(again["servicer.wheel_speed"][far & resumed][-1]).max() < 0.031  # unload_off
     assert margin(again, "abs(servicer.wheel_speed) <= 0.29 rad/s") > 0
 
 
