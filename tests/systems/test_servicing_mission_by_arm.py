@@ -149,7 +149,7 @@ def test_every_set_retreats_for_the_reason_in_its_name_and_folds_the_arm(name):
     assert not result["mechanism.phase"].any()
     leaving = result["manager.phase"] == 12
     tip = np.linalg.norm((result["servicer.r_EN_N"] - result["target.r_TN_N"])[leaving], axis=1)
-    assert tip.argmin() == 0 if DEPLOY in moved else tip.min() > 4
+    assert tip.argmin() == 0 if DEPLOY in moved else tip.min() > 3.5
     assert (result["monitor.least_margin"][-1, :3] > 0).all()
     assert drift_of_a_day(result) > 150
 
