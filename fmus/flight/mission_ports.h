@@ -183,6 +183,7 @@ static inline void check_mission(const MissionParameters *p, Problems *problems)
     check_below(problems, "L_3", p->L_3, p->R_2, "must be below R_2");
     check_between(problems, p);
     check_positive_definite(problems, "A_w", p->A_w);
+    check_positive_definite(problems, "J_S - A_w", minus(p->J_S, p->A_w));
     if (p->budget > 1) reject(problems, "budget", p->budget, "must not be above 1");
     check_below(problems, "L_end", p->L_end, p->L_3, "must be below L_3");
     check_below(problems, "aim_radius", p->aim_radius, p->R_2, "must be below R_2");

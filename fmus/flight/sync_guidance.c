@@ -111,7 +111,7 @@ static const Variable variables[] = {
     OPTIONAL_INPUT(L_ref, "m", "distance on the grasp axis, with range_input"),
     OPTIONAL_INPUT(dL_ref, "m/s", "rate of L_ref, with range_input"),
     OPTIONAL_INPUT(ddL_ref, "m/s2", "acceleration of L_ref, with range_input"),
-    OPTIONAL_INPUT(steer_max, "rad/s", "largest rate of the steering, with steer_input"),
+    OPTIONAL_NONNEGATIVE(steer_max, "rad/s", "largest rate of the steering, with steer_input"),
     OPTIONAL_SWITCH(spin, "1: the carried frame begins to turn with the target, with spin_input"),
     OPTIONAL_INPUT(inertia_hat, "1",
                    "J22, J33, J12, J13, J23 of the target over J11, with use_inertia_hat"),

@@ -99,7 +99,7 @@ def of_run(result: Result, lesson: Lesson | None = None) -> str:
         return _page(result, rest(apply(found, **changes)), lesson)
 
 
-def _page(result: Result, system: System, lesson: Lesson | None) -> str:
+def _page(result: Result, system: System, lesson: Lesson | None = None) -> str:
     steps = checked(system)
     module: Module = guarded([c.fmu for c in system.components], module_of, system, steps)
     named = sliders(system.sliders, read_interfaces(system))

@@ -192,7 +192,7 @@ SPOILED = [
     ("guard_angle", 3, "1.5 rad"),
     ("eta_hat_0", [180, 0, 0, 240, 0, 160, -14, 0, 0, 16, 0, 12], "positive"),
     ("F_max", [-1, 1, 1], "must be >"),
-    ("Isp", -1, ">= 0"),
+    ("Isp", -1, "must be >"),
 ]
 
 

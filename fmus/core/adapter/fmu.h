@@ -105,6 +105,8 @@ typedef struct {
 #define OPTIONAL_INPUT_AS(name, member, unit, text) \
     ROW(INPUT_ROW, u, name, member, 1, unit, text, ANY_VALUE, OPTIONAL_ROW)
 #define OPTIONAL_INPUT(member, unit, text) OPTIONAL_INPUT_AS(#member, member, unit, text)
+#define OPTIONAL_NONNEGATIVE(member, unit, text) \
+    ROW(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE, OPTIONAL_ROW)
 #define OPTIONAL_SWITCH(member, text) \
     ROW(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE, OPTIONAL_ROW)
 #define OUTPUT(member, unit, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, ANY_VALUE)
