@@ -33,7 +33,7 @@ help:
 	@echo "     oms OMSIMULATOR=CHECKOUT | clients |"
 	@echo "     test-processors | pil |"
 	@echo "     validation | gallery | quoted-values | lint | warnings | format | coverage | sanitize |"
-	@echo "     tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
+	@echo "     proofs | evidence | tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -295,6 +295,26 @@ proofs: build
 	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
 	     apt-get install -y --no-install-recommends frama-c-base; }
 	$(BIN)/python .ci/proofs.py build/proofs $(COMPONENTS)
+
+# evidence per component of flight software: statements, branches and conditions that the tests reach
+# (clang with counters), and absence of run-time errors (Frama-C Eva); on Debian (and Ubuntu) the
+# packages are installed. Writes docs/evidence_figures.md and build/evidence from the runs. An analysis
+# of the same files is not repeated, so the target may be interrupted.
+.PHONY: evidence
+EVIDENCE_PACKAGES := clang-19 llvm-19 frama-c-base
+COUNTERS := -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc
+evidence: build
+	@for tool in clang-19 llvm-cov-19 frama-c; do command -v $$tool > /dev/null || missing="$$missing $$tool"; done; \
+	 test -z "$$missing" || { echo "missing:$$missing; packages of Debian: $(EVIDENCE_PACKAGES)"; \
+	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
+	     apt-get install -y --no-install-recommends $(EVIDENCE_PACKAGES); }
+	$(CMAKE) --preset mcdc
+	LLVM_PROFILE_FILE=/dev/null $(RUN) cmake --build --preset mcdc
+	rm -rf build/mcdc/profiles build/mcdc/tmp
+	SERVICING_FMUS_BUILD=$(CURDIR)/build/mcdc CC="clang-19 -w $(COUNTERS)" \
+	  LLVM_PROFILE_FILE=$(CURDIR)/build/mcdc/profiles/%m-%p.profraw \
+	  $(PYTEST) --basetemp=build/mcdc/tmp tests/fmu tests/unit
+	$(BIN)/python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md
 
 # compiles examples/cfs and examples/fprime with checkouts of the frameworks; F Prime needs its
 # requirements.txt in the environment: make flight-examples CFE=... OSAL=... PSP=... ELF2CFETBL=...,

@@ -50,7 +50,8 @@ static inline quat carried_start(vec3 rho, mat3 C_SN)
 static inline vec3 rotation_to_axis(mat3 C_DN, vec3 n, vec3 a)
 {
     vec3 c = cross(n, a);
-    return norm(c) < 1e-6 && dot(n, a) < 0 ? scale(1e-6, C_DN.row[2]) : c;
+    if (norm(c) < 1e-6 && dot(n, a) < 0) return scale(1e-6, C_DN.row[2]);
+    return c;
 }
 
 static inline vec3 steer(const Steering *p, vec3 c)

@@ -102,7 +102,8 @@ typedef struct {
 static inline vec3 least_axis(vec3 a)
 {
     double x = fabs(a.x), y = fabs(a.y), z = fabs(a.z);
-    return x <= y && x <= z ? vec(1, 0, 0) : y <= z ? vec(0, 1, 0) : vec(0, 0, 1);
+    if (x <= y && x <= z) return vec(1, 0, 0);
+    return y <= z ? vec(0, 1, 0) : vec(0, 0, 1);
 }
 
 /* (15): returns the number of faces; slope: tan(half angle) cos(pi/8) */

@@ -174,7 +174,8 @@ static vec3 required_rate(const Parameters *p, quat L)
 {
     vec3 omega = scale(2 * p->k_q, vector_part(L));
     double size = norm(omega);
-    return p->omega_max > 0 && size > p->omega_max ? scale(p->omega_max / size, omega) : omega;
+    if (p->omega_max > 0 && size > p->omega_max) return scale(p->omega_max / size, omega);
+    return omega;
 }
 
 static void publish_pointing(const Parameters *p, quat q_SN, vec3 d, Output *y)

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Evidence per component of flight software, from tools that run here: structural coverage and
+absence of run-time errors.
+
+    python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md      (make evidence)
+
+The first folder has the libraries with counters and the counts of the tests (profiles/). Into the
+second goes a JSON file per component. The page has a row per component. Exits with 1 if something
+is not reached and has no reason in .ci/unreached.toml, if a reason there is no longer true, or if
+the outcome of Frama-C Eva is not the one of .ci/proofs.py.
+"""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+
+import proofs
+import structure
+
+from fmus.core.build import flight_rules
+
+FMUS = flight_rules.FMUS
+ROOT = FMUS.parent
+PROOFS = ROOT / "build/proofs"
+SHARED = "shared headers"
+HEAD = """# Evidence, measured
+
+`make evidence` writes this page, and `build/evidence/COMPONENT.json` with the same numbers, from
+its runs. [Evidence](evidence.md) states what they mean and what is missing.
+
+* Statements, branches, conditions: reached by the tests of the FMUs and of the core headers
+  (`tests/fmu`, `tests/unit`, without the long ones), counted by {clang}. A condition of a decision
+  with several is counted if it is shown to change the decision alone (MC/DC). A row counts the C
+  file and the headers that only this component includes; `{shared}` counts the headers of several.
+* Reasoned: what the tests do not reach, each with a reason below. Reasons that begin with "open"
+  wait for a test.
+* Eva: alarms of {frama_c} for all parameters and inputs that the rows allow
+  ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it followed.
+* Sources: first digits of the SHA-256 of the C file and of all headers that it includes.
+
+"""
+COLUMNS = (
+    "component", "statements", "branches", "conditions", "reasoned", "Eva", "functions, statements",
+    "sources",
+)  # fmt: skip
+LIST = """
+## Not reached
+| file | line | not reached | reason |
+|---|---|---|---|
+"""
+
+
+class Row(NamedTuple):
+    """Evidence of a component: files that are counted in its row, counters, what is not reached,
+    outcome of Eva, hash of its sources.
+    """
+
+    name: str
+    files: tuple[str, ...]
+    reached: tuple[tuple[int, int], ...]
+    missing: tuple[structure.Missing, ...]
+    proof: proofs.Proof | None
+    sources: str
+
+
+# ---- files ----
+@cache
+def includes(source: Path) -> tuple[str, ...]:
+    """Return a C file and the headers that it includes, relative to fmus/, without the adapter."""
+    paths = [path.relative_to(FMUS) for path in proofs.files(source)]
+    return tuple(str(p) for p in paths if p.parts[:2] != ("core", "adapter"))
+
+
+def hash_of(source: Path) -> str:
+    """Return the first digits of the hash of a C file and the headers that it includes."""
+    about = sha256()
+    for name in includes(source):
+        content = (FMUS / name).read_bytes()
+        about.update(f"{name}\0{len(content)}\0".encode() + content)
+    return about.hexdigest()[:12]
+
+
+def owners() -> dict[str, tuple[str, ...]]:
+    """Return the files that are counted in each row; files of several components are shared."""
+    users = Counter(name for source in flight_rules.sources() for name in includes(source))
+    own = {
+        source.stem: tuple(name for name in includes(source) if users[name] == 1)
+        for source in flight_rules.sources()
+    }
+    return own | {SHARED: tuple(sorted(name for name, n in users.items() if n > 1))}
+
+
+# ---- rows ----
+def proof_of(source: Path, models: Mapping) -> proofs.Proof:
+    """Return the outcome of Eva; a component that it does not end for is not run."""
+    if source.stem in proofs.ENDLESS:
+        return proofs.Proof(source.stem, (), 0, 0, proofs.ENDLESS[source.stem])
+    return proofs.prove(source, models[source.stem], PROOFS)
+
+
+def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
+    """Yield the evidence of all components and of the shared headers."""
+    sources = {source.stem: source for source in flight_rules.sources()}
+    models = proofs.models()
+    for name, files in owners().items():
+        counted = [found[file] for file in files if file in found]
+        reached = [c.reached() for c in counted]
+        sums = tuple(tuple(sum(r[k][i] for r in reached) for i in range(2)) for k in range(3))
+        absent = tuple(
+            m
+            for file in files
+            if file in found
+            for m in structure.missing(
+                file, found[file], (FMUS / file).read_text(encoding="utf-8").splitlines()
+            )
+        )
+        source = sources.get(name)
+        proof = source and proof_of(source, models)
+        print(f"{name}: {sums}, {proof and (proof.error or len(proof.alarms))}", flush=True)
+        yield Row(name, files, sums, absent, proof, hash_of(source) if source else "")
+
+
+def total(evidence: Iterable[Row]) -> Row:
+    """Return the sum of all rows."""
+    evidence = list(evidence)
+    sums = tuple(
+        tuple(sum(row.reached[k][i] for row in evidence) for i in (0, 1)) for k in range(3)
+    )
+    return Row("all", (), sums, tuple(m for row in evidence for m in row.missing), None, "")
+
+
+# ---- outputs ----
+def outcome(proof: proofs.Proof | None) -> tuple[str, str]:
+    """Return the cells of Eva."""
+    if not proof:
+        return "", ""
+    if proof.error:
+        return "no end", ""
+    return f"{len(proof.alarms)} alarms", f"{proof.functions}, {proof.statements}"
+
+
+def cells(row: Row) -> str:
+    """Return the line of a row."""
+    of = [f"{a} of {b}" for a, b in row.reached]
+    reasoned = sum(len(m.what) for m in row.missing)
+    name = f"`{row.name}`" if row.sources else row.name
+    return f"| {' | '.join((name, *of, str(reasoned), *outcome(row.proof), row.sources))} |\n"
+
+
+def code(text: str) -> str:
+    """Return code for a cell of a table."""
+    return "`" + text.replace("|", "\\|").replace("`", "'") + "`"
+
+
+def version(command: str) -> str:
+    """Return name and number of a tool."""
+    done = subprocess.run([command, "-version"], capture_output=True, text=True, check=False)
+    number = re.search(r"\d+\.\d[\w.-]*", done.stdout)
+    return number[0] if number else "?"
+
+
+def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str]) -> str:
+    """Return the page."""
+    evidence = list(evidence)
+    text = HEAD.format(
+        clang=f"clang {version('clang-19')}", frama_c=f"Frama-C {version('frama-c')}", shared=SHARED
+    )
+    text += f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|\n"
+    text += "".join(map(cells, evidence))
+    text += cells(total(evidence))
+    text += (
+        "\nNo outcome of Eva: "
+        + ", ".join(f"`{name}` ({reason})" for name, reason in proofs.ENDLESS.items())
+        + ". Reasons of the alarms are in `.ci/proofs.py`.\n"
+        + LIST
+    )
+    for m in sorted(m for row in evidence for m in row.missing):
+        what = "<br>".join(code(part) for part in m.what)
+        text += f"| `{m.file}` | {code(m.line)} | {what} | {known.get(m, '')} |\n"
+    return text
+
+
+def as_json(row: Row, known: Mapping[structure.Missing, str]) -> str:
+    """Return the evidence of a component as JSON."""
+    names = ("statements", "branches", "conditions")
+    document = {
+        "component": row.name,
+        "sources": row.sources,
+        "files": row.files,
+        **{n: {"reached": a, "of": b} for n, (a, b) in zip(names, row.reached, strict=True)},
+        "not_reached": [m._asdict() | {"reason": known.get(m, "")} for m in row.missing],
+        "eva": row.proof._asdict() if row.proof else None,
+    }
+    return json.dumps(document, indent=1) + "\n"
+
+
+def main() -> None:
+    """Run the command line, see the docstring of the module."""
+    parser = argparse.ArgumentParser()
+    for name in ("counted", "folder", "page"):
+        parser.add_argument(name, type=Path)
+    a = parser.parse_args()
+    for folder in (a.folder, PROOFS):
+        folder.mkdir(parents=True, exist_ok=True)
+    profile = a.counted / "all.profdata"
+    profiles = sorted((a.counted / "profiles").glob("*.profraw"))
+    command = ["llvm-profdata-19", "merge", "-sparse", *profiles, "-o", profile]
+    subprocess.run(command, check=True)
+    compiled = (path for path in a.counted.glob("tmp/**/*.so") if "binaries" not in path.parts)
+    libraries = sorted((a.counted / "fmus").glob("*/*.so")) + sorted(compiled)
+    found = structure.counters((structure.exported(x, profile) for x in libraries), FMUS)
+    known = structure.reasons()
+    evidence = list(rows(found))
+    for row in evidence:
+        (a.folder / f"{row.name.replace(' ', '_')}.json").write_text(as_json(row, known), "utf-8")
+    a.page.write_text(page(evidence, known), "utf-8")
+    wrong = list(structure.differences((m for row in evidence for m in row.missing), known))
+    wrong += [f"{row.name}: {proofs.verdict(row.proof)}\n" for row in evidence if row.proof
+              and proofs.verdict(row.proof)]  # fmt: skip
+    sys.exit("".join(wrong) or 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Structural coverage of C files: statements, branches and conditions that tests reach, from the
+counters of clang (-fcoverage-mcdc), and the checked list of those that they do not reach.
+
+Several libraries may contain a file. What one of them reaches is reached. A condition of a decision
+with several conditions is shown (MC/DC) if a pair of evaluations that differ in its value alone
+differs in the outcome of the decision.
+"""
+
+import json
+import subprocess
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+REASONS = Path(__file__).with_name("unreached.toml")
+CODE = 0
+"""Kind of a region of the counters: code."""
+
+Span = tuple[int, int, int, int]
+"""First line and column, last line and column."""
+
+
+class Counters(NamedTuple):
+    """Counters of a file: runs of each statement, outcomes true and false of each condition, and
+    which conditions of each decision are shown.
+    """
+
+    statements: dict[Span, int]
+    branches: dict[Span, tuple[int, int]]
+    decisions: dict[Span, tuple[bool, ...]]
+
+    def reached(self) -> tuple[tuple[int, int], tuple[int, int], tuple[int, int]]:
+        """Return how many are reached, and how many there are: statements, branches, conditions."""
+        statements = [n > 0 for n in self.statements.values()]
+        branches = [n > 0 for pair in self.branches.values() for n in pair]
+        conditions = [shown for decision in self.decisions.values() for shown in decision]
+        return tuple((sum(x), len(x)) for x in (statements, branches, conditions))
+
+
+class Missing(NamedTuple):
+    """Parts of a line of a file that tests do not reach."""
+
+    file: str
+    line: str
+    what: tuple[str, ...]
+
+
+def exported(library: Path, profile: Path) -> Mapping:
+    """Return the counters of a library as llvm-cov writes them; without its counters: {}."""
+    command = ["llvm-cov-19", "export", "-instr-profile", profile, library]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return json.loads(done.stdout)["data"][0] if done.stdout else {}
+
+
+def counters(exports: Iterable[Mapping], root: Path) -> dict[str, Counters]:
+    """Return the counters of all files below a folder by relative path, joined over libraries."""
+    found: dict[str, Counters] = {}
+
+    def of(name: str) -> Counters | None:
+        path = Path(name)
+        if not path.is_relative_to(root):
+            return None
+        return found.setdefault(str(path.relative_to(root)), Counters({}, {}, {}))
+
+    for export in exports:
+        for function in export.get("functions", ()):
+            names = function["filenames"]
+            for *span, count, file, _, kind in function["regions"]:
+                if (c := of(names[file])) and kind == CODE and span[:2] != span[2:]:
+                    add_statement(c, tuple(span), count)
+        for file in export.get("files", ()):
+            if c := of(file["filename"]):
+                add_decisions(c, file)
+    return found
+
+
+def add_statement(c: Counters, span: Span, count: int) -> None:
+    """Add the runs of a statement."""
+    c.statements[span] = c.statements.get(span, 0) + count
+
+
+def add_decisions(c: Counters, file: Mapping) -> None:
+    """Add the branches and decisions of a file in one library."""
+    for *span, true, false, _, _, _ in file["branches"]:
+        before = c.branches.get(tuple(span), (0, 0))
+        c.branches[tuple(span)] = (before[0] + true, before[1] + false)
+    for *span, _, _, shown in file["mcdc_records"]:
+        before = c.decisions.get(tuple(span), (False,) * len(shown))
+        c.decisions[tuple(span)] = tuple(map(max, before, shown))
+
+
+# ---- what is not reached ----
+def text_of(lines: Sequence[str], span: Span) -> str:
+    """Return the code of a span in one line."""
+    first, column, last, end = span
+    part = list(lines[first - 1 : last])
+    part[-1] = part[-1][: end - 1]
+    part[0] = part[0][column - 1 :]
+    return " ".join(" ".join(part).split())
+
+
+def unreached(c: Counters, lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Yield line number and text of everything that is not reached."""
+    for span, count in sorted(c.statements.items()):
+        if not count:
+            yield span[0], f"not run: {text_of(lines, span)}"
+    for span, outcomes in sorted(c.branches.items()):
+        for outcome, count in zip(("true", "false"), outcomes, strict=True):
+            if not count:
+                yield span[0], f"never {outcome}: {text_of(lines, span)}"
+    for span, shown in sorted(c.decisions.items()):
+        for number, good in enumerate(shown, 1):
+            if not good:
+                yield span[0], f"not shown: condition {number} of {text_of(lines, span)}"
+
+
+def missing(name: str, c: Counters, lines: Sequence[str]) -> Iterator[Missing]:
+    """Yield what is not reached, by line."""
+    by_line: dict[int, dict[str, None]] = {}
+    for number, text in unreached(c, lines):
+        by_line.setdefault(number, {})[text] = None
+    for number, texts in sorted(by_line.items()):
+        yield Missing(name, lines[number - 1].strip(), tuple(texts))
+
+
+# ---- reasons ----
+def reasons(file: Path = REASONS) -> dict[Missing, str]:
+    """Return the reasons of the list."""
+    entries = tomllib.loads(file.read_text(encoding="utf-8")).get("unreached", ())
+    return {Missing(e["file"], e["line"], tuple(e["missing"])): e["reason"] for e in entries}
+
+
+def differences(found: Iterable[Missing], known: Mapping[Missing, str]) -> Iterator[str]:
+    """Yield what is not reached and has no reason, and reasons for what is reached."""
+    there = set(found)
+    for m in sorted(there - set(known)):
+        yield f"{m.file}: {m.line}\n" + "".join(f"    {what}\n" for what in m.what)
+    for m in sorted(set(known) - there):
+        yield f"{m.file}: the reason does not match what the tests reach: {m.line}\n"
