@@ -162,7 +162,7 @@ def code(text: str) -> str:
 
 def version(command: str) -> str:
     """Return name and number of a tool."""
-    done = subprocess.run([command, "-version"], capture_output=True, text=True, check=False)
+    done = subprocess.run([command, "--version"], capture_output=True, text=True, check=False)
     number = re.search(r"\d+\.\d[\w.-]*", done.stdout)
     return number[0] if number else "?"
 
