@@ -15,8 +15,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from harness import run  # noqa: E402
-from harness.studies.optimum import Answer, bound  # noqa: E402
+from harness.studies.optimum import Answer, bound, solve  # noqa: E402
 from ssp.shared import optima  # noqa: E402
+from tests.reference import optimal_start  # noqa: E402
 
 LAWS = {
     "sync_approach": ("adaptive_controller", "theta_d_controller", "ppc_controller",
@@ -68,12 +69,20 @@ def iterations() -> None:
         )
 
 
+def cold() -> None:
+    """Print what iterations from a cold start give for the start of the synchronised approach."""
+    for count in (5, 10, 20, 50, 200, 5000):
+        print("| {} | {:.1f} | {:.3f} |".format(count, *optimal_start.iterated(count)))
+    print(f"| optimum | {solve(optimal_start.problem()).impulse:.1f} | 0 |")
+
+
 def main() -> None:
     """Print the tables and write the file."""
     cases: dict[str, float] = {}
     laws(cases)
     prices()
     iterations()
+    cold()
     optima.FILE.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
 
 

@@ -19,6 +19,7 @@ from ssp.ppc_tracking import bound as ppc_tracking
 from ssp.relay_approach import bound as relay_approach
 from ssp.shared import optima
 from tests.close import close
+from tests.reference import optimal_start
 
 pytest.importorskip("cvxpy", reason="cvxpy is not installed")
 
@@ -88,6 +89,14 @@ def test_transitions_are_the_exponential():
         whole = expm(10.0 * rate)
         close(A[k], whole[:6, :6], rel=1e-13)
         close(B[k], whole[:6, 6:], rel=1e-13)
+
+
+def test_iterations_of_the_controller_converge_to_the_optimum():
+    """The first ten minutes of the synchronised approach, from a cold start."""
+    best = solve(optimal_start.problem()).impulse
+    spent, broken = zip(*map(optimal_start.iterated, (10, 50, 1000)), strict=True)
+    close(spent[-1], best, rel=5e-3)
+    assert broken[0] > broken[1] > broken[2]
 
 
 def test_a_run_costs_more_than_its_optimum_and_the_optimum_can_be_simulated():
