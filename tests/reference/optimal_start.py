@@ -54,7 +54,7 @@ def problem():
 
 
 def iterated(count):
-    """Impulse [N s] and largest violation of the corridor [m] after iterations from a cold start."""
+    """Impulse [N s] and largest violation of the corridor [m] after iterations, cold start."""
     axis, end, velocity = target()
     time = DT * np.arange(1, N + 1)[:, None]
     C = np.broadcast_to(matrix_of(Q_SN), (N, 3, 3))
