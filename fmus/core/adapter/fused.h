@@ -117,15 +117,8 @@ static inline bool satisfies_rules(const Part *part, const double m[])
 {
     const ModelInterface *model = part->model;
     if (!all_finite(m + part->tail, tail_count(model))) return false;
-    for (const Variable *v = model->variables; v < model->variables + model->variable_count; v++) {
-        if (v->rule == ANY_VALUE || v->causality == PARAMETER_ROW) continue;
-        const size_t first = v->offset / sizeof *m;
-        const double *value = v->causality == OUTPUT_ROW
-                                  ? m + part->tail + (first - head_count(model))
-                                  : m + part->head + first;
-        if (!satisfy_rule(v->rule, value, v->size)) return false;
-    }
-    return true;
+    return satisfy_rows(model, INPUT_ROW, m + part->head, 0) &&
+           satisfy_rows(model, OUTPUT_ROW, m + part->tail, head_count(model));
 }
 
 /* start values for driven inputs, zeros for states and outputs */
