@@ -128,13 +128,15 @@ def test_follows_the_reference_sample_by_sample(fmu, rng):
         C_DN = carried.carried_on(C_DN, W, dW, P)
 
 
-def test_steering_with_an_integral_follows_the_reference(fmu, rng):
+@pytest.mark.parametrize("angle", [0.35, 0.01])
+def test_steering_with_an_integral_follows_the_reference(fmu, rng, angle):
     """A spin-up that takes as long as spin_accel allows, a limit of the steering from outside, and
-    inertias from ratios.
+    inertias from ratios. From 0.35 rad the steering is at its limit throughout the spin-up; from
+    0.01 rad it is within, and only the spin-up lets the integral rest.
     """
     changes = {"k_steer": 0.3, "k_integral": 0.02, "w_steer": 0.02, "spin_accel": 1.5e-3}
     inputs = {"steer_max": 0.01}
-    f = simulate(fmu, rng, 60.0, spin_time=8.0, rho=towards(0.35), ratios=True, inputs=inputs,
+    f = simulate(fmu, rng, 60.0, spin_time=8.0, rho=towards(angle), ratios=True, inputs=inputs,
                  steer_input=1, **changes)  # fmt: skip
     T, p = f["T"], carried.Steering(8.0, 0.3, 0.01, 0.02, 1.5e-3)
     rho = f["S"]["r_SN_N"] - T.states(0)["r_TN_N"]
@@ -142,7 +144,7 @@ def test_steering_with_an_integral_follows_the_reference(fmu, rng):
     of_H, of_T, _ = T.turnings(0.0)
     spin = p.spin(of_H[0], of_T[0])
     assert 8.5 < spin < 20
-    grown = []
+    grown, within = [], []
     for k in range(600):
         of_H, of_T, C_TN = T.turnings(k * P)
         a = C_TN.T @ f["p_T"]
@@ -152,10 +154,13 @@ def test_steering_with_an_integral_follows_the_reference(fmu, rng):
             assert np.abs(f[name][k] - value).max() < 1e-9 * max(1, np.abs(value).max()), (name, k)
         rate = carried.growth(p, C_DN, k * P, spin, a)
         b = carried.integrated(p, b, rate, P)
+        within.append(0.3 * np.linalg.norm(np.cross(C_DN[0], a)) <= 0.01)
         C_DN = carried.carried_on(C_DN, W, dW, P)
         grown.append(bool(np.any(rate)))
     assert not any(grown[: int(spin / P)])
-    assert any(grown) and not all(grown[int(spin / P) + 1 :])
+    assert any(grown)
+    assert all(grown[int(spin / P) + 1 :]) == (angle < 0.1)
+    assert any(within[: int(spin / P)]) == (angle < 0.1)
 
 
 def test_until_spin_is_set_the_frame_turns_with_the_hill_frame(fmu):
