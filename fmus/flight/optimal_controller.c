@@ -314,7 +314,10 @@ static void improve(const Parameters *p, State *x)
     int n = (int)p->iterations, c = (int)x->sample;
     int count = n * c / (SAMPLES - 1) - n * (c - 1) / (SAMPLES - 1);
     for (int i = 0; i < 7; i++)
-        if (i < count) x->progress = iterate(&x->problem, &x->gains, NODES, &x->it, q);
+        if (i < count) {
+            Progress *last = c == SAMPLES - 1 && i == count - 1 ? &x->progress : NULL;
+            iterate(&x->problem, &x->gains, NODES, &x->it, q, last);
+        }
 }
 
 static void change_goal(State *x, double goal, double t)

@@ -109,7 +109,7 @@ most 64 bytes, 2 kB in all instead of 20.
 LIBRARY = f"--specs={SPECS}"
 HEADERS = f"-isystem{Path(fmpy.__file__).parent / 'c-code'}"
 
-BOARD = ("board.c", "firmware.c", "soft_double.c")
+BOARD = ("board.c", "firmware.c", "memory.c", "soft_double.c")
 
 
 class Part(NamedTuple):

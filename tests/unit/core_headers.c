@@ -80,7 +80,7 @@ static vec3 box_projection(vec3 most, double threshold, mat3 C, vec3 x)
 {
     Problem b = {.most = most, .threshold = threshold};
     int near;
-    return onto_box(&b, C, x, &near);
+    return onto_box(&b, &C, x, &near);
 }
 CALL(vec3, box_projection, (vec3 most, double threshold, mat3 C, vec3 x), (most, threshold, C, x))
 
@@ -116,7 +116,7 @@ void call_iterations(int nodes, int count, const double *setting, double *out)
                            .p_free = vec(s[0], s[1], s[2])};
     set_gains(&g, nodes, 0);
     start_cold(&b, nodes, &it);
-    for (int i = 0; i < count; i++) iterate(&b, &g, nodes, &it, q);
+    for (int i = 0; i < count; i++) iterate(&b, &g, nodes, &it, q, NULL);
     for (int k = 0; k < nodes; k++) {
         memcpy(out + 9 * k, &it.u[k].z, sizeof(vec3));
         memcpy(out + 9 * k + 3, &it.p[k], sizeof(vec3));

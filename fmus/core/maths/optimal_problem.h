@@ -86,16 +86,16 @@ static inline double shrunk(double b, double threshold)
 }
 
 /* (16); near: 1 if a component is at its limit */
-static inline vec3 onto_box(const Problem *b, mat3 C, vec3 x, int *near)
+static inline vec3 onto_box(const Problem *b, const mat3 *C, vec3 x, int *near)
 {
-    vec3 body = mul(C, x);
+    vec3 body = mul(*C, x);
     body = vec(clamp(shrunk(body.x, b->threshold), -b->most.x, b->most.x),
                clamp(shrunk(body.y, b->threshold), -b->most.y, b->most.y),
                clamp(shrunk(body.z, b->threshold), -b->most.z, b->most.z));
     *near = fabs(body.x) >= NEAR_THE_LIMIT * b->most.x ||
             fabs(body.y) >= NEAR_THE_LIMIT * b->most.y ||
             fabs(body.z) >= NEAR_THE_LIMIT * b->most.z;
-    return tmul(C, body);
+    return tmul(*C, body);
 }
 
 /* (17) */
@@ -169,39 +169,42 @@ static inline void sweep(const Problem *b, const Iterates *it, const Gains *g, i
     }
 }
 
-/* (12) at one node */
+/* (12) at one node; f: measured, or NULL */
 static inline void project_u(const Problem *b, int k, vec3 u, Split *s, Progress *f)
 {
     int near;
     vec3 before = s->z, x = relaxed(u, *s);
-    replace_split(s, x, onto_box(b, b->node[k].C, x, &near));
+    replace_split(s, x, onto_box(b, &b->node[k].C, x, &near));
+    if (!f) return;
     f->count_box += near;
     f->residual_u = larger(f->residual_u, square(sub(u, s->z)));
     f->change_u = larger(f->change_u, square(sub(s->z, before)));
 }
 
-static inline void measure_position(vec3 p, vec3 before, const Split *s, Progress *f)
+/* (12) of a position: s, projected from x to z; returns whether the projection moved it */
+static inline int project_position(vec3 p, vec3 x, vec3 z, Split *s, Progress *f)
 {
-    f->residual_p = larger(f->residual_p, square(sub(p, s->z)));
-    f->change_p = larger(f->change_p, square(sub(s->z, before)));
+    vec3 before = s->z;
+    replace_split(s, x, z);
+    if (!f) return 0;
+    f->residual_p = larger(f->residual_p, square(sub(p, z)));
+    f->change_p = larger(f->change_p, square(sub(z, before)));
+    return differ(z, x);
 }
 
 static inline void project_p(const Problem *b, int k, vec3 p, Iterates *it, Progress *f)
 {
     const Node *node = &b->node[k];
-    vec3 cone = it->cone[k].z, slab = it->slab[k].z;
     vec3 x = relaxed(p, it->cone[k]);
     vec3 z = b->has_cone ? onto_cone(node->a, node->tangent, node->o, x) : x;
-    replace_split(&it->cone[k], x, z);
-    f->count_cone += differ(z, x);
-    measure_position(p, cone, &it->cone[k], f);
-
+    int at_cone = project_position(p, x, z, &it->cone[k], f);
     x = relaxed(p, it->slab[k]);
     z = node->has_ball ? onto_ball(node->n, node->high, x)
                        : onto_slab(node->n, node->low, node->high, x);
-    replace_split(&it->slab[k], x, z);
-    f->count_slab += differ(z, x);
-    measure_position(p, slab, &it->slab[k], f);
+    int at_slab = project_position(p, x, z, &it->slab[k], f);
+    if (!f) return;
+    f->count_cone += at_cone;
+    f->count_slab += at_slab;
 }
 
 static inline void project_v(const Problem *b, int k, vec3 v, Split *s)
@@ -210,12 +213,13 @@ static inline void project_v(const Problem *b, int k, vec3 v, Split *s)
     replace_split(s, x, onto_ball(b->node[k].v_centre, b->node[k].v_max, x));
 }
 
-/* (15) forwards and (12): one iteration. q: working memory */
-static inline Progress iterate(const Problem *b, const Gains *g, int nodes, Iterates *it, vec3 q[])
+/* (15) forwards and (12): one iteration. q: working memory; f: its progress, or NULL */
+static inline void iterate(const Problem *b, const Gains *g, int nodes, Iterates *it, vec3 q[],
+                           Progress *f)
 {
     double h = 1.0 / nodes;
     vec3 x = vec(0, 0, 0), w = vec(0, 0, 0);
-    Progress f = {0};
+    if (f) *f = (Progress){0};
     sweep(b, it, g, nodes, q);
     for (int k = 0; k < nodes; k++) {
         x = add(x, scale(h, w));
@@ -224,11 +228,10 @@ static inline Progress iterate(const Problem *b, const Gains *g, int nodes, Iter
         x = add(x, scale(h * h / 2, u));
         w = add(w, scale(h, u));
         it->p[k] = add(b->node[k].p_free, x);
-        project_u(b, k, u, &it->u[k], &f);
-        project_p(b, k, it->p[k], it, &f);
+        project_u(b, k, u, &it->u[k], f);
+        project_p(b, k, it->p[k], it, f);
         if (b->has_speed_limit) project_v(b, k, add(b->node[k].v_free, w), &it->speed[k]);
     }
-    return f;
 }
 
 /* cold start: at rest, on the free path */
