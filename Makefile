@@ -25,6 +25,7 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
                      -o -name CMakeLists.txt)
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
+FLIGHT_CODE := fmus/flight fmus/core/maths fmus/core/models fmus/core/ports
 
 .PHONY: help build demo test test-browser test-wasm test-wheel test-long test-interop pil processors \
         validation gallery sanitize lint warnings format coverage bench wheel dist clean
@@ -176,6 +177,7 @@ lint: build $(LINTERS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/python .ci/licence_lines.py --check $(CODE)
 	$(BIN)/python .ci/size.py
+	$(BIN)/lizard --CCN 15 --length 1000 --arguments 100 --warnings_only $(FLIGHT_CODE)
 	$(BIN)/mypy
 
 # every C file with all warnings as errors; which warnings there are depends on the compiler

@@ -230,13 +230,16 @@ static int may_grip(const Parameters *p, const RelativePose *v, State *x, double
     return inside && reached(t, x->t_grip_window + p->grip_dwell);
 }
 
+static int is_at_standoff(const Parameters *p, const RelativePose *v)
+{
+    return norm(sub(v->e, standoff_tip(p))) <= p->gate_distance && v->misalignment <= p->gate_angle;
+}
+
 static int next_mode(const Parameters *p, const Input *u, const RelativePose *v, State *x, double t)
 {
     int mode = (int)x->mode, captured = is_captured(u);
     int deployed = reached(t, x->t_mode + p->T_deploy),
         aligned = reached(t, x->t_mode + p->T_align);
-    int at_standoff =
-        norm(sub(v->e, standoff_tip(p))) <= p->gate_distance && v->misalignment <= p->gate_angle;
     int gripped = mode == CLOSE && may_grip(p, v, x, t);
     double cmd = commanded_mode(p, u, t);
     const struct {
@@ -247,7 +250,7 @@ static int next_mode(const Parameters *p, const Input *u, const RelativePose *v,
         {DEPLOY, ALIGN, cmd == 2 && deployed},
         {ALIGN, DEPLOY, cmd == 1},
         {ALIGN, FOLD, cmd == 0},
-        {ALIGN, CLOSE, aligned && at_standoff},
+        {ALIGN, CLOSE, aligned && is_at_standoff(p, v)},
         {CLOSE, DEPLOY, cmd == 1},
         {CLOSE, FOLD, cmd == 0},
         {CLOSE, REST, gripped},

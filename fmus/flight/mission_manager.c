@@ -119,6 +119,14 @@ static int is_before_axis(const Parameters *p, const Input *u, const State *x, c
            wheels_within_budget(p, u);
 }
 
+/* at the end of the profile, at rest in the body frame of the target at the third hold */
+static int is_at_hold_3(const Parameters *p, const State *x, const Geometry *g, double t)
+{
+    return reached(t, x->t_phase + profile_duration(p, &x->profile)) && g->d <= p->tol_3 &&
+           fabs(g->l - p->L_3) <= p->tol_3 && g->v_rel <= p->v_3 && g->pointing <= p->angle_3 &&
+           g->w_rel <= p->rate_3;
+}
+
 /* backing off beyond the third hold, after a time-out */
 static int is_far_back(const Parameters *p, const State *x)
 {
@@ -133,9 +141,7 @@ static int condition_holds(const Parameters *p, const Input *u, const State *x, 
     double psi = p->line_angle, off_R_1 = fabs(g->R - p->R_1), v_H = norm(g->drho_H);
     vec3 at_R_2 = scale(p->R_2, vec(cosine(psi), sine(psi), 0));
     int at_hold_2 = valid && norm(sub(g->rho_H, at_R_2)) <= p->tol_2 && v_H <= p->v_2;
-    int at_hold_3 = reached(t, x->t_phase + profile_duration(p, &x->profile)) && valid &&
-                    g->d <= p->tol_3 && fabs(g->l - p->L_3) <= p->tol_3 && g->v_rel <= p->v_3 &&
-                    g->pointing <= p->angle_3 && g->w_rel <= p->rate_3;
+    int at_hold_3 = valid && is_at_hold_3(p, x, g, t);
     const int holds[PHASES] = {
         /* clang-format off */
         [FAR]       = valid && off_R_1 <= p->tol_1 && v_H <= p->v_1,
