@@ -34,7 +34,7 @@ help:
 	@echo "     oms OMSIMULATOR=CHECKOUT | clients |"
 	@echo "     test-processors | pil |"
 	@echo "     validation | gallery | quoted-values | lint | warnings | format | coverage | sanitize |"
-	@echo "     proofs | evidence | tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
+	@echo "     proofs | evidence | requirements | tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -317,6 +317,12 @@ evidence: build
 	  LLVM_PROFILE_FILE=$(CURDIR)/build/mcdc/profiles/%m-%p.profraw \
 	  $(PYTEST) --basetemp=build/mcdc/tmp tests/fmu tests/unit
 	$(BIN)/python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md
+
+# requirements of flight software: runs their tests with functions that record their calls and writes
+# docs/evidence_requirements.md; a requirement without code, or whose test does not enter it, fails
+.PHONY: requirements
+requirements: build
+	$(BIN)/python .ci/requirements.py build/requirements docs/evidence_requirements.md
 
 # compiles examples/cfs and examples/fprime with checkouts of the frameworks; F Prime needs its
 # requirements.txt in the environment: make flight-examples CFE=... OSAL=... PSP=... ELF2CFETBL=...,

@@ -121,6 +121,7 @@ static const Variable variables[] = {
     OUTPUT(F_cmd_H, "N", "commanded force, Hill axes"),
 };
 
+/* A.5-7 */
 static void check(const Parameters *p, Problems *problems)
 {
     if (determinant(full_matrix(p->eta_hat_0.A)) <= 0 && p->use_wheels)
@@ -141,6 +142,7 @@ static vec3 relative_acceleration(double mu, double r_t, const HillFrame *H, vec
 }
 
 /* (12), A.5.1 */
+/* A.5-1 */
 static void control_translation(const Parameters *p, const Input *u, State *x, Output *y,
                                 double period)
 {
@@ -191,12 +193,14 @@ static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gai
 }
 
 /* a wheel at its limit does not do what is commanded, and its error contains nothing about inertias */
+/* A.5-4 */
 static int is_at_limit(const Parameters *p, vec3 wheel_speed)
 {
     return p->wheel_rest > 0 && largest_size(wheel_speed) >= p->wheel_rest;
 }
 
 /* (19), A.5.2 */
+/* A.5-3 */
 static void control_attitude(const Parameters *p, const Input *u, State *x, Output *y,
                              double period)
 {
@@ -234,6 +238,7 @@ static void project_symmetric(Symmetric *s, const Symmetric *s_0, double range, 
     }
 }
 
+/* A.5-5 */
 static void project(const Parameters *p, State *x)
 {
     x->m_hat = limited_about(x->m_hat, p->m_hat_0, p->m_hat_range * p->m_hat_0);
@@ -242,6 +247,7 @@ static void project(const Parameters *p, State *x)
 }
 
 /* ---- one sample ---- */
+/* A.5-2 */
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t,
                     double period)
 {
@@ -252,6 +258,7 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     if (p->projection) project(p, x);
 }
 
+/* A.5-6 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     *x = (State){p->m_hat_0, p->eta_hat_0};

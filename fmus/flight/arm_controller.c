@@ -122,6 +122,7 @@ static void copy_base_command(const Parameters *p, const Input *u, Output *y)
 }
 
 /* reaction of the planned motion, evaluated at the measured w and dq */
+/* K.4-1 */
 static Wrench reaction_of_arm(const Input *u, const Tree *t, const Forces *b)
 {
     Speeds planned = {.w = {0, 0, 0}};
@@ -130,6 +131,7 @@ static Wrench reaction_of_arm(const Input *u, const Tree *t, const Forces *b)
     return plus_wrench(r, -1, gyroscopic_wrench(&t->whole, u->omega_SN_S));
 }
 
+/* K.4-2 */
 static void feed_forward(const Parameters *p, Wrench reaction, vec3 c, Output *y)
 {
     vec3 none = vec(0, 0, 0), F_cmd = y->F_sum_S;
@@ -171,6 +173,7 @@ static Speeds predicted_acceleration(const Parameters *p, const Input *u, const 
     return du;
 }
 
+/* K.4-4 */
 static void set_joint_torques(const Parameters *p, const Input *u, const Tree *t, const Forces *b,
                               Output *y)
 {
@@ -187,6 +190,7 @@ static void set_joint_torques(const Parameters *p, const Input *u, const Tree *t
 }
 
 /* ---- joint brakes ---- */
+/* K.4-3 */
 static void update_brakes(const Parameters *p, const Input *u, State *x, double t)
 {
     int resting = u->arm_mode == REST;

@@ -157,6 +157,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(rate_scale, "1", "factor on all joint rates"),
 };
 
+/* K.3-7 */
 static void check(const Parameters *p, Problems *problems)
 {
     int joints = check_arm(problems, &p->arm);
@@ -220,6 +221,7 @@ static double commanded_mode(const Parameters *p, const Input *u, double t)
 }
 
 /* true if all conditions have held for grip_dwell */
+/* K.3-2 */
 static int may_grip(const Parameters *p, const RelativePose *v, State *x, double t)
 {
     int inside = norm(sub(v->e, seated_tip(p))) <= p->grip_distance &&
@@ -235,6 +237,7 @@ static int is_at_standoff(const Parameters *p, const RelativePose *v)
     return norm(sub(v->e, standoff_tip(p))) <= p->gate_distance && v->misalignment <= p->gate_angle;
 }
 
+/* K.3-1 */
 static int next_mode(const Parameters *p, const Input *u, const RelativePose *v, State *x, double t)
 {
     int mode = (int)x->mode, captured = is_captured(u);
@@ -276,6 +279,7 @@ static quat aligned_attitude(const RelativePose *v)
     return canonical(product(arc, v->q_EQ));
 }
 
+/* K.3-3 */
 static void begin_mode(const Parameters *p, const Input *u, const RelativePose *v, State *x,
                        int mode)
 {
@@ -393,6 +397,7 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
     }
 }
 
+/* K.3-6 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     *x = (State){.q_m = {1, 0, 0, 0}};

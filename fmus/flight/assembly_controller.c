@@ -68,6 +68,7 @@ static const Variable variables[] = {
     ANGLE_OUTPUT(attitude_error, "angle of the attitude error"),
 };
 
+/* E.5-6 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_assembly(problems, &p->assembly);
@@ -79,6 +80,7 @@ typedef struct {
     vec3 eps, omega_ref, domega; /* body axes */
 } Error;
 
+/* E.5-3 */
 static Error error_of(const Input *u)
 {
     quat q_So = q_So_of_q_SH(canonical(u->q_SH)), q_Do = q_So_of_q_SH(canonical(u->ref.q));
@@ -95,6 +97,7 @@ static vec3 torque_at(const Parameters *p, const Configuration *c, quat q_So)
 
 /* mean rate of the plan over the sample minus the rate of the model at the present reference
  * state */
+/* E.5-2 */
 static vec3 mean_rate_correction(const Parameters *p, const Configuration *c, quat q_Do,
                                  const AttitudeReference *r)
 {
@@ -102,6 +105,7 @@ static vec3 mean_rate_correction(const Parameters *p, const Configuration *c, qu
     return sub(r->dh, now);
 }
 
+/* E.5-1 */
 static vec3 feed_forward(const Parameters *p, const Input *u, const Configuration *c,
                          const Error *e)
 {
@@ -118,6 +122,7 @@ static vec3 corrected_law(const Parameters *p, const Input *u, const Configurati
     return add(feed_forward(p, u, c, e), feedback);
 }
 
+/* E.5-4 */
 static vec3 printed_law(const Parameters *p, const Input *u, const Configuration *c, const Error *e)
 {
     vec3 rate = sub(u->omega_SN_S, orbital_rate_o(&p->assembly));
@@ -143,6 +148,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     control(p, u, y);
 }
 
+/* E.5-5 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     (void)x;

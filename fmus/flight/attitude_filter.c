@@ -89,6 +89,7 @@ static const Variable variables[] = {
     FLAG(attitude_valid, "1: acquired, and the last measurement used is at most age_max old"),
 };
 
+/* F.4-8 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_unit_quaternion(problems, "|q_AS|", p->q_AS);
@@ -117,6 +118,7 @@ static void add_noise(const Parameters *p, double *P)
 }
 
 /* propagates the estimate over a period and returns the rotation over the period */
+/* F.4-5 */
 static quat propagate(const Parameters *p, vec3 dtheta, Estimate *estimate)
 {
     double F[3 * STATES];
@@ -149,6 +151,7 @@ static quat rotation_since(const State *x, double m, double k)
     return D;
 }
 
+/* F.4-1 */
 static void acquire(const Parameters *p, Estimate *estimate, quat q, mat3 R)
 {
     estimate->q = canonical(q);
@@ -170,6 +173,7 @@ static double update(Estimate *estimate, quat q, mat3 R)
     return nis;
 }
 
+/* F.4-2, F.4-3 */
 static void update_by_star(const Parameters *p, const Input *u, State *x, double k)
 {
     double m = nearest_whole(u->star_time / p->sample_period);
@@ -203,6 +207,7 @@ static State start_state(const Parameters *p, double k)
     return x;
 }
 
+/* F.4-4 */
 static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)
 {
     y->q_SN = x->estimate.q;
@@ -218,6 +223,7 @@ static void publish(const Parameters *p, const Input *u, const State *x, Output 
     y->attitude_valid = is_valid(&p->gate, &x->star, t);
 }
 
+/* F.4-6 */
 static void filter(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
 {
     if (!x->started) {
@@ -239,6 +245,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     publish(p, u, x, y, t);
 }
 
+/* F.4-7 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))

@@ -76,6 +76,7 @@ static Columns columns_at(const double d[GYROS])
     return c;
 }
 
+/* E.6-3 */
 static mat3 dither(double t) /* E */
 {
     SineCosine w = sine_and_cosine(PI / 2 * t);
@@ -84,6 +85,7 @@ static mat3 dither(double t) /* E */
 }
 
 /* grad m minus its part that changes the momentum */
+/* E.6-2 */
 static void null_motion(const Columns *c, mat3 AAt, double m, double rate[GYROS])
 {
     double gradient[GYROS];
@@ -103,6 +105,7 @@ static double largest_rate(const double rate[GYROS])
     return largest;
 }
 
+/* E.6-1 */
 static void publish(const Parameters *p, const Input *u, const double rate[GYROS], Output *y)
 {
     double largest = largest_rate(rate), limit = p->gimbal_rate_max;
@@ -113,6 +116,7 @@ static void publish(const Parameters *p, const Input *u, const double rate[GYROS
         sub(u->hdot_cmd_S, cluster_rate(p->h_w, u->gimbal_angle, y->gimbal_rate_cmd));
 }
 
+/* E.6-4 */
 static void steer(const Parameters *p, const Input *u, Output *y, double t)
 {
     Columns c = columns_at(u->gimbal_angle);
@@ -134,6 +138,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     steer(p, u, y, t);
 }
 
+/* E.6-5 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     (void)x;

@@ -114,6 +114,7 @@ static const Variable variables[] = {
     FLAG(wheels_unloading, "1: the wheels are unloaded in laws 1 to 3"),
 };
 
+/* J.5-7 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_positive_definite(problems, "A_w", p->A_w);
@@ -132,6 +133,7 @@ static vec3 relay_torque(const Parameters *p, const double th[])
 }
 
 /* the selection nearest to the value; -1: invalid, which the rule of the output rejects */
+/* J.5-6 */
 static int selection(double value, int count)
 {
     const int n = last_bits(value + ROUNDER, 0xff);
@@ -146,6 +148,7 @@ static Unloading unloading_now(const Parameters *p, const Input *u)
 }
 
 /* in law 1 the wheels have no other task and are always unloaded, unless they turn the body */
+/* J.5-4 */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
     if (torque < FAR_LAW || torque > SYNC_LAW || p->unload.k == 0) return 0;
@@ -154,6 +157,7 @@ static double unloading_active(const Parameters *p, const Input *u, int torque, 
                            torque == FAR_LAW && !p->far_wheels ? 1 : before);
 }
 
+/* J.5-1 */
 static Command selected_command(const Parameters *p, const Input *u, int force, int torque)
 {
     vec3 none = vec(0, 0, 0), unload = solve(p->A_w, u->M_unload_S);
@@ -169,6 +173,7 @@ static Command selected_command(const Parameters *p, const Input *u, int force, 
 }
 
 /* adds opposite torques of thrusters and wheels, whose sum on the body is 0 */
+/* J.5-5 */
 static Command with_unloading(const Parameters *p, const Input *u, double on, Command now)
 {
     if (!on) return now;
@@ -180,11 +185,13 @@ static Command with_unloading(const Parameters *p, const Input *u, double on, Co
 static int is_law(double selection, int last) { return selection >= FAR_LAW && selection <= last; }
 
 /* factor on the difference from the last command after a change: 1 from law to law, else 0 */
+/* J.5-3 */
 static double blend_factor(const Parameters *p, double before, double now, int last)
 {
     return p->blend_time > 0 && is_law(before, last) && is_law(now, last);
 }
 
+/* J.5-2 */
 static void blend(const Parameters *p, State *x, Command now, int force, int torque, double period)
 {
     double fade = p->blend_time > 0 ? exponential(-period / p->blend_time) : 0;

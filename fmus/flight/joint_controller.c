@@ -51,6 +51,7 @@ static void check(const Parameters *p, Problems *problems)
     (void)problems;
 }
 
+/* D.5-1, D.5-2 */
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     x->locked = p->use_lock != 0 && reached(t, p->lock_from);
@@ -69,6 +70,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     control(p, u, x, y, t);
 }
 
+/* D.5-3 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))

@@ -100,6 +100,7 @@ static const Variable variables[] = {
     ALARM(los_guard, "1: elevation above elevation_limit or range below range_limit"),
 };
 
+/* C.3-8 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
@@ -133,6 +134,7 @@ static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
 
 /* at least 0.1 m in divisions: range 0 is rejected anyway, and with any direction the other outputs
  * stay finite */
+/* C.3-5 */
 static Motion direction(Motion r)
 {
     double range = norm(r.x);
@@ -149,6 +151,7 @@ static vec3 some_normal(vec3 x)
 }
 
 /* C.3: y normal to Sun and line of sight */
+/* C.3-2 */
 static Motion panel_axis(const Parameters *p, Motion x, State *held, double *guarded)
 {
     vec3 chi = unit(p->sun_N);
@@ -160,12 +163,14 @@ static Motion panel_axis(const Parameters *p, Motion x, State *held, double *gua
     return y;
 }
 
+/* C.3-3 */
 static quat with_continuous_sign(quat q, quat last)
 {
     double same = q.w * last.w + q.x * last.x + q.y * last.y + q.z * last.z;
     return same < 0 ? (quat){-q.w, -q.x, -q.y, -q.z} : q;
 }
 
+/* C.3-1 */
 static void reference_attitude(const Parameters *p, Motion r, State *held, Output *y)
 {
     Motion i = direction(r), j = panel_axis(p, i, held, &y->attitude_guard), k = cross_motion(i, j);
@@ -175,6 +180,7 @@ static void reference_attitude(const Parameters *p, Motion r, State *held, Outpu
     y->ref.alpha = frame_acceleration(i, j, k);
 }
 
+/* C.3-4 */
 static void publish_line_of_sight(const Parameters *p, const Input *u, Motion r, Motion ref,
                                   Output *y)
 {
@@ -199,6 +205,7 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, vec3
 
 /* without the last command, which is 0 at the start: initial outputs then form no algebraic loop
  * with the controller */
+/* C.3-6 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0};
@@ -209,6 +216,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 }
 
 /* active = 0: resets the state; unlike in initialize, the last command is used */
+/* C.3-7 */
 static void publish_inactive(const Parameters *p, const Input *u, State *x, Output *y)
 {
     State first = {0}, nothing = {0};

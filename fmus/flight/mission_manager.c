@@ -93,6 +93,7 @@ static const struct {
 static int phase_of(const State *x) { return (int)x->phase; }
 
 /* whether the angular momentum of both bodies, which the stack retains, is below its limit */
+/* J.1-10 */
 static int may_grasp(const Parameters *p, const Geometry *g)
 {
     return p->momentum_max == 0 || g->momentum <= p->momentum_max;
@@ -134,6 +135,7 @@ static int is_far_back(const Parameters *p, const State *x)
 }
 
 /* condition that must hold for `dwell` seconds before the next phase begins */
+/* J.1-1 */
 static int condition_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                            double t)
 {
@@ -281,6 +283,7 @@ static const Variable variables[] = {
     OUTPUT(wheel_bias, "rad/s", "wheel speeds before the servicer turns with the target"),
 };
 
+/* J.1-12 */
 static void check(const Parameters *p, Problems *problems) { check_mission(p, problems); }
 
 /* ---- hold timers: start at the first sample at which a condition holds, reset when it does not
@@ -358,6 +361,7 @@ static void enter_phase(const Parameters *p, State *x, const Geometry *g, double
 }
 
 /* step 3: the first of the reasons to retreat, 0: none */
+/* J.1-3, J.1-5 */
 static int reason_to_retreat(const Parameters *p, const Input *u, const State *x, double t)
 {
     double lost = phases[phase_of(x)].near ? p->nav_near : p->nav_far;
@@ -380,6 +384,7 @@ static int reason_to_retreat(const Parameters *p, const Input *u, const State *x
 
 /* a final approach that does not end begins anew from the range of the fly-around, unless the mating
  * waits for ground or for the momentum of the pair */
+/* J.1-7 */
 static int may_begin_anew(const Parameters *p, const Input *u, const State *x, const Geometry *g)
 {
     int waits = x->phase == HOLD_3 && (u->go_3 <= 0 || !may_grasp(p, g));
@@ -394,6 +399,7 @@ static void back_off_far(const Parameters *p, State *x, const Geometry *g, doubl
 }
 
 /* step 4 in MATING: soft capture, or the attempt has failed */
+/* J.1-6 */
 static void update_mating(const Parameters *p, const Input *u, State *x, const Geometry *g,
                           double t)
 {
@@ -419,11 +425,13 @@ static void advance_phase(const Parameters *p, const Input *u, State *x, const G
         enter_phase(p, x, g, is_far_back(p, x) ? FINAL : phases[phase_of(x)].next, NO_REASON, t);
 }
 
+/* J.1-4 */
 static int may_abort(const State *x)
 {
     return x->phase != RIGIDISE && x->phase != DETUMBLE && x->phase != STACK && x->phase != ABORTED;
 }
 
+/* J.1-2 */
 static void change_phase(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
 {
     int reason = phases[phase_of(x)].before ? reason_to_retreat(p, u, x, t) : NO_REASON;
@@ -444,6 +452,7 @@ static void publish_phase(const State *x, Output *y)
     y->clearance = x->planned ? x->clearance : -1;
 }
 
+/* J.1-8 */
 static void publish_selection(const State *x, Output *y)
 {
     int force = phases[phase_of(x)].force, torque = phases[phase_of(x)].torque;
@@ -458,6 +467,7 @@ static void publish_selection(const State *x, Output *y)
 
 /* The keep-out zone is open while `approaching`. During a retreat within R_2 monitor_valid is 0:
  * otherwise the monitor would report the position as an entry into the zone. */
+/* J.1-9 */
 static void publish_switches(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                              Output *y)
 {
@@ -514,6 +524,7 @@ static void publish_virtual_target(const Parameters *p, State *x, const Geometry
     if (x->aim.mode != AT_HOLD) y->omega_VN_V = mul(V.C_VH, add(g->H.w_H, V.omega_H));
 }
 
+/* J.2-1 */
 static void publish_profile(const Parameters *p, const State *x, Output *y, double t)
 {
     Distance now = profile_at(p, &x->profile, t);
@@ -553,6 +564,7 @@ static void manage(const Parameters *p, const Input *u, State *x, Output *y, dou
     y->dv_left_N = x->dv_N;
 }
 
+/* J.1-11 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0}, nothing = {0};

@@ -39,6 +39,7 @@ typedef struct {
 } Escape;
 
 /* axis_H: axis along which the servicer leaves near the target; 0: none */
+/* J.3-1 */
 static inline Escape plan_escape(const MissionParameters *p, const RelativeState *from, vec3 axis_H)
 {
     vec3 out = outward_velocity(p->v_retreat, from->rho_H, axis_H, p->axis_radius);
@@ -50,6 +51,7 @@ static inline Escape plan_escape(const MissionParameters *p, const RelativeState
 }
 
 /* force over one sample of the burn; reduces the remaining increment dv_N accordingly */
+/* J.3-2 */
 static inline vec3 burn(const MissionParameters *p, double mass, double period, vec3 *dv_N)
 {
     double left = norm(*dv_N), most = period > 0 ? mass * left / period : 0;

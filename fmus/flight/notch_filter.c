@@ -61,6 +61,7 @@ static void check_frequency(const Parameters *p, const char *list, int i, double
     reject(problems, name, frequency, "must be below pi/sample_period, half of the sample rate");
 }
 
+/* L.7-5 */
 static void check(const Parameters *p, Problems *problems)
 {
     for (int i = 0; i < NOTCHES; i++) {
@@ -76,6 +77,7 @@ static void check(const Parameters *p, Problems *problems)
 /* ---- one notch: coefficients divided by a_0; a_1 = b_1 ---- */
 typedef struct { double b0, b1, b2, a2; } Notch;
 
+/* L.7-2 */
 static Notch notch_of(const Parameters *p, int i, double w)
 {
     double half = w * p->sample_period / 2;
@@ -93,6 +95,7 @@ static vec3 filtered(const Notch *n, Memory *m, vec3 u)
     return y;
 }
 
+/* L.7-1 */
 static void filter(const Parameters *p, const Input *u, State *x, Output *y)
 {
     vec3 M = u->M_cmd_S, wheels = u->wheel_accel_cmd, F = u->F_cmd_S;
@@ -110,6 +113,7 @@ static void filter(const Parameters *p, const Input *u, State *x, Output *y)
     *y = (Output){M, wheels, F};
 }
 
+/* L.7-3 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     (void)p, (void)u, (void)t;
@@ -117,6 +121,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *y = (Output){{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
 }
 
+/* L.7-4 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))

@@ -176,6 +176,7 @@ static void check_goals(const Parameters *p, Problems *problems)
     if (p->cone >= 1.5) reject(problems, "cone", p->cone, "must be below 1.5");
 }
 
+/* N.4-8 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_unit_vector(problems, "p_T", p->p_T);
@@ -243,6 +244,7 @@ static void accept_plan(State *x, Output *y)
     x->bad = 0;
 }
 
+/* N.4-3 */
 static void begin_braking(const Parameters *p, const Input *u, State *x, double t)
 {
     Carried now = carried_now(u, t);
@@ -251,6 +253,7 @@ static void begin_braking(const Parameters *p, const Input *u, State *x, double 
     x->hold.rho = mul(hold_axes(&x->hold, &o, &now), now.rho);
 }
 
+/* N.4-1 */
 static void reject_plan(const Parameters *p, const Input *u, State *x, double t)
 {
     double mode;
@@ -308,6 +311,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
 }
 
 /* (20): at most seven iterations in a sample */
+/* N.4-6 */
 static void improve(const Parameters *p, State *x)
 {
     vec3 q[NODES];
@@ -320,6 +324,7 @@ static void improve(const Parameters *p, State *x)
         }
 }
 
+/* N.4-2 */
 static void change_goal(State *x, double goal, double t)
 {
     x->goal = goal;
@@ -327,6 +332,7 @@ static void change_goal(State *x, double goal, double t)
     x->sample = x->seconds = x->has_iterates = x->bad = x->d.known = 0;
 }
 
+/* N.4-5 */
 static void command_force(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     OrbitNow o = orbit_of(p, u);
@@ -351,6 +357,7 @@ static void command_attitude(const Parameters *p, const Input *u, Output *y, dou
 }
 
 /* as before the first sample; the gains, the first member, stay */
+/* N.4-4 */
 static void stay_inactive(State *x, Output *y)
 {
     Output none = {.mode = FIRST_PLAN};
@@ -360,6 +367,7 @@ static void stay_inactive(State *x, Output *y)
 }
 
 /* the goal nearest to the input; -1: none, or no mass, which the rule of the mode rejects */
+/* N.4-7 */
 static double goal_of(const Input *u)
 {
     double goal = nearest_whole(u->goal);

@@ -91,6 +91,7 @@ static const Variable variables[] = {
     FLAG(orbit_valid, "1: acquired, and the last fix used is young enough"),
 };
 
+/* F.5-7 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_orbit(problems, &p->orbit, p->r_0_N);
@@ -128,6 +129,7 @@ static void transition(const Parameters *p, vec3 r, double *F)
     put_block(F, STATES, V_AT, V_AT, scaled(T * T / 2, G));
 }
 
+/* F.5-5 */
 static void propagate(const Parameters *p, Estimate *hat, vec3 thrust_N)
 {
     double F[STATES * STATES];
@@ -153,6 +155,7 @@ static double update(Estimate *hat, size_t at, vec3 y, double sigma)
     return nis;
 }
 
+/* F.5-2 */
 static double update_both(const Parameters *p, Estimate *hat, PosVel fix)
 {
     double nis = update(hat, R_AT, sub(fix.r, hat->s.r), p->sigma_fix_r);
@@ -167,6 +170,7 @@ static Estimate estimate_of(PosVel s, double sigma_r, double sigma_v)
     return hat;
 }
 
+/* F.5-1, F.5-3 */
 static void use_fix(const Parameters *p, const Input *u, State *x, double k)
 {
     double late = k - nearest_whole(u->fix_time / p->sample_period);
@@ -208,6 +212,7 @@ static void publish(const Parameters *p, const State *x, Output *y, double t)
     y->orbit_valid = is_valid(&p->gate, &x->fix, t);
 }
 
+/* F.5-4 */
 static void filter(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
 {
     if (!x->started) {
@@ -229,6 +234,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     publish(p, x, y, t);
 }
 
+/* F.5-6 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))

@@ -63,6 +63,7 @@ static const Variable variables[] = {
                     ANY_VALUE),
 };
 
+/* C.5-6 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_up_axis(problems, p->tracking.up_axis);
@@ -82,12 +83,14 @@ static vec3 pid(const Gains3 *k, vec3 e, vec3 integral, vec3 de)
     return neg(sum3(times(k->Kp, e), times(k->Ki, integral), times(k->Kd, de)));
 }
 
+/* C.5-2 */
 static double back_calculation(double excess, double T_aw, double Ki, double period)
 {
     return Ki > 0 && T_aw > 0 ? smaller(period / T_aw, 1) / Ki * excess : 0;
 }
 
 /* I += T e + T (u - sat u)/(Ki T_aw), bounded as inputs are, so that it always stays finite */
+/* C.5-1 */
 static vec3 integrated(const Gains3 *k, vec3 integral, vec3 e, vec3 excess, double period)
 {
     vec3 back = vec(back_calculation(excess.x, k->T_aw.x, k->Ki.x, period),
@@ -97,6 +100,7 @@ static vec3 integrated(const Gains3 *k, vec3 integral, vec3 e, vec3 excess, doub
 }
 
 /* Sigma changes signs only, and the limits are symmetric: u - sat(u) = Sigma (a_L - sat(a_L)) */
+/* C.5-3 */
 static void control_position(const Parameters *p, const TrackingError *e, vec3 *integral,
                              double period, Output *y)
 {
@@ -106,6 +110,7 @@ static void control_position(const Parameters *p, const TrackingError *e, vec3 *
     *integral = integrated(&k, *integral, e->x1, sub(u, Sigma(y->common.a_cmd_L)), period);
 }
 
+/* C.5-4 */
 static void control_attitude(const Parameters *p, const TrackingError *e, vec3 *integral, double t,
                              double period, Output *y)
 {
@@ -130,6 +135,7 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     y->integral = *x;
 }
 
+/* C.5-5 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     *x = (State){.position = vec(0, 0, 0)};

@@ -160,6 +160,7 @@ static void check_law(Problems *problems, const char *name, double law)
     if (law != 0 && law != 1 && law != 2) reject(problems, name, law, "must be 0, 1 or 2");
 }
 
+/* C.4-7 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_up_axis(problems, p->tracking.up_axis);
@@ -187,6 +188,7 @@ static double power(double law, double r, double rho)
     return law == 0 ? r : law == 1 ? 1 / r : rho * rho * r;
 }
 
+/* C.4-1 */
 static Mapped map(const Channel *c, double law, double rising, double z, double age)
 {
     double L = rising ? -c->delta : -1, U = rising ? 1 : c->delta, width = U - L;
@@ -200,12 +202,14 @@ static Mapped map(const Channel *c, double law, double rising, double z, double 
 
 /* ---- three channels: control u and telemetry; the start decides between both forms of the funnel
  * ---- */
+/* C.4-3 */
 static void begin(Funnel *x, vec3 z, double t)
 {
     if (x->begun) return;
     *x = (Funnel){1, t, vec(z.x >= 0, z.y >= 0, z.z >= 0), 0};
 }
 
+/* C.4-2 */
 static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, double t,
                     Telemetry *y)
 {
@@ -230,6 +234,7 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
 }
 
 /* (12) to (19) */
+/* C.4-6 */
 static void control_position(const Parameters *p, const TrackingError *e, Funnel *x, double t,
                              Output *y)
 {
@@ -248,6 +253,7 @@ static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel 
 }
 
 /* before t_att the funnel of the attitude stays at its start, and no torque is commanded */
+/* C.4-4 */
 static void control_attitude(const Parameters *p, const TrackingError *e, Funnel *x, double t,
                              Output *y)
 {
@@ -259,6 +265,7 @@ static void control_attitude(const Parameters *p, const TrackingError *e, Funnel
     command_torque(&p->tracking, t, M, diagonal(A, A, A), &y->common);
 }
 
+/* C.4-5 */
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     Input in = tracking_in(u);

@@ -118,6 +118,7 @@ static const Variable variables[] = {
                  "angle between the X axis of the servicer and the direction to the target"),
 };
 
+/* B.4-8 */
 static void check(const Parameters *p, Problems *problems)
 {
     if (p->rho1 >= p->rho2) reject(problems, "rho1", p->rho1, "must be below rho2");
@@ -159,6 +160,7 @@ static quat two_turns(quat q_SN, vec3 d)
 /* B.4.2: rotation of X to b = d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X:
  * half a turn about Y. Backward, where 1 + b1 cancels: sine k of half the angle, c = s/(2k), s =
  * |(b2, b3)| */
+/* B.4-1 */
 static quat shortest_arc(quat q_SN, vec3 d)
 {
     vec3 b = mul(dcm_of_quat(q_SN), d);
@@ -170,6 +172,7 @@ static quat shortest_arc(quat q_SN, vec3 d)
 }
 
 /* B.4.3: along the axis of L, limited */
+/* B.4-2 */
 static vec3 required_rate(const Parameters *p, quat L)
 {
     vec3 omega = scale(2 * p->k_q, vector_part(L));
@@ -190,6 +193,7 @@ static void publish_pointing(const Parameters *p, quat q_SN, vec3 d, Output *y)
 
 /* B.4.4: required speed by range; `far` switches at zeta1, with hysteresis after the first
  * sample */
+/* B.4-3 */
 static double scalar_speed(const Parameters *p, State *x, double range, double v_T)
 {
     double width = x->started ? p->zhys : 0;
@@ -200,6 +204,7 @@ static double scalar_speed(const Parameters *p, State *x, double range, double v
 }
 
 /* B.4.5: whether engines burn, before the command of this sample */
+/* B.4-5 */
 static int is_burning(const Parameters *p, const Input *u)
 {
     return u->translation_firing > 0 || u->F_S.x > 0.01 * p->main_thrust ||
@@ -208,6 +213,7 @@ static int is_burning(const Parameters *p, const Input *u)
 
 /* B.4.5: the transitions are tested in this order within one sample; returns the required
  * direction of X */
+/* B.4-4 */
 static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sight, vec3 e_v,
                          vec3 X, double t)
 {
@@ -236,6 +242,7 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
 }
 
 /* law 1: s */
+/* B.4-6 */
 static double closing_speed(const Parameters *p, double range, double v_T)
 {
     double wanted = p->k_r * (range - p->zeta1);
@@ -256,6 +263,7 @@ static vec3 require_velocity(const Parameters *p, const Input *u, State *x, Outp
     return sight;
 }
 
+/* B.4-7 */
 static void guide(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     quat q_SN = canonical(u->S.q);

@@ -164,6 +164,7 @@ static const Variable variables[] = {
     FLAG(relative_valid, "1: acquired, and the last pose used is young enough"),
 };
 
+/* F.6-8 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
@@ -197,6 +198,7 @@ static void start_estimate(const Parameters *p, const Input *u, Estimate *x)
 /* ---- delay: ring, anchor, head ---- */
 static Servicer *sample_of(State *x, double index) { return &x->ring[place_of(index)]; }
 
+/* F.6-6 */
 static void move_anchor(const Parameters *p, State *x, double index)
 {
     for (; x->anchor_index < index; x->anchor_index++)
@@ -211,6 +213,7 @@ static void restart_head(const Parameters *p, State *x, double k)
 }
 
 /* updates the anchor by a pose; returns whether the anchor changed */
+/* F.6-3 */
 static int use_pose(const Parameters *p, const Input *u, State *x)
 {
     quat q_SN = sample_of(x, x->anchor_index)->q;
@@ -230,6 +233,7 @@ static int use_pose(const Parameters *p, const Input *u, State *x)
     return 1;
 }
 
+/* F.6-1, F.6-2 */
 static void take_pose(const Parameters *p, const Input *u, State *x, double k)
 {
     double m = p->use_time_stamp ? nearest_whole(u->pose_time / p->sample_period) : k;
@@ -260,6 +264,7 @@ static Servicer coasted(Servicer s, double T)
 
 /* moves the anchor off the oldest sample before the newest replaces it in the ring buffer; sample
  * by sample, in case rounding in the time of the master has skipped one */
+/* F.6-5 */
 static void advance(const Parameters *p, const Input *u, State *x, double k)
 {
     Servicer *last = sample_of(x, x->index);
@@ -290,6 +295,7 @@ static void publish_sigmas(const double *P, Output *y)
     y->sigma_acc_N = sigma_at(P, ERRORS, ACC_AT);
 }
 
+/* F.6-4 */
 static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)
 {
     const Estimate *e = &x->head;
@@ -323,6 +329,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     publish(p, u, x, y, t);
 }
 
+/* F.6-7 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))

@@ -96,6 +96,7 @@ static const Variable variables[] = {
     OUTPUT(e_v, "m/s", "required less present velocity along X"),
 };
 
+/* B.5-5 */
 static void check(const Parameters *p, Problems *problems)
 {
     char name[16];
@@ -106,6 +107,7 @@ static void check(const Parameters *p, Problems *problems)
     }
 }
 
+/* B.5-3 */
 static double difference(const State *x, int channel, double now, double period)
 {
     return x->started ? (now - x->e[channel]) / period : 0;
@@ -122,6 +124,7 @@ static void switch_rotation(const Parameters *p, const Input *u, State *x, Outpu
     }
 }
 
+/* B.5-2 */
 static void switch_translation(const Parameters *p, const Input *u, State *x, Output *y,
                                double period)
 {
@@ -134,6 +137,7 @@ static void switch_translation(const Parameters *p, const Input *u, State *x, Ou
 }
 
 /* between its thresholds a relay stays as it is */
+/* B.5-1 */
 static double relay(double s, double s_on, double s_off, int off_at_threshold, double before)
 {
     if (s >= s_on) return 1;
@@ -160,6 +164,7 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     }
 }
 
+/* B.5-4 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {.started = 0};

@@ -128,6 +128,7 @@ static inline void solve_pass(const RateLaw *law, const Jacobian *J, const doubl
 }
 
 /* fixes the joints that violate a limit of angle; returns their number */
+/* K.3-5 */
 static inline int fix_joints(const RateLaw *law, const double q[], int joints, JointRates *r)
 {
     int broken = 0;
@@ -152,6 +153,7 @@ static inline void scale_rates(const RateLaw *law, int joints, JointRates *r)
 }
 
 /* xd: required motion of E relative to the motion of S, base axes; w: rate of the base */
+/* K.3-4 */
 static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, const double q[],
                                      const double dq[], Twist xd)
 {

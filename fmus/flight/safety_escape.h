@@ -202,6 +202,7 @@ static inline EscapeBound least_range(const SafetyParameters *p, const EscapePat
     return least;
 }
 
+/* G.11-2 */
 static inline EscapeBound escape_bound(const SafetyParameters *p, const SafetyInput *u,
                                        const Known *x, vec3 dv_H)
 {

@@ -87,6 +87,7 @@ static const Variable variables[] = {
            ANY_VALUE),
 };
 
+/* M.3-4 */
 static void check(const Parameters *p, Problems *problems) { check_filter(p, problems); }
 
 static int equal(vec3 a, vec3 b) /* to the last bit */
@@ -100,6 +101,7 @@ static double tolerance(const Parameters *p) { return 1e-9 * norm(p->F_max); }
 
 /* ---- filter 3: the nearest force ---- */
 /* the row requires what the rows before leave; a row that fails twice is dropped */
+/* M.5-3 */
 static void relax(const Parameters *p, Rows *rows, int i)
 {
     Row *r = &rows->row[i];
@@ -112,6 +114,7 @@ static void relax(const Parameters *p, Rows *rows, int i)
 
 /* a longer command is shortened to this many times |F_max|: beyond, rounding hides the rows */
 #define FAR_COMMAND 1e5
+/* M.5-4 */
 static vec3 shortened(const Parameters *p, vec3 F)
 {
     double most = FAR_COMMAND * norm(p->F_max);
@@ -120,6 +123,7 @@ static vec3 shortened(const Parameters *p, vec3 F)
 }
 
 /* 3.6: relaxed: the first rule that was, if there was none before */
+/* M.5-2 */
 static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, double *relaxed)
 {
     vec3 command = shortened(p, u->F_cmd_S), F = command;
@@ -156,6 +160,7 @@ static double deciding_rule(const Parameters *p, const Rows *rows, vec3 F)
     return BOX;
 }
 
+/* M.5-1 */
 static void filter_least(const Parameters *p, const Input *u, const Geometry *g, Rows *rows,
                          Output *y)
 {
@@ -224,6 +229,7 @@ static int stops_inside(const Parameters *p, const Geometry *g, double slope, co
     return inside;
 }
 
+/* M.7-2 */
 static int can_stop(const Parameters *p, const Geometry *g, double slope, vec3 F)
 {
     Held h = after_hold(p, g, F);
@@ -247,6 +253,7 @@ static double first_broken(const Parameters *p, const Rows *rows, vec3 F)
 }
 
 /* backup from the first sample that does not pass until the command has passed for dwell */
+/* M.7-1 */
 static int stays_in_backup(const Parameters *p, State *x, int passes, double P)
 {
     x->passed = passes && x->backup ? x->passed + P : 0;
@@ -285,6 +292,7 @@ static void observe(const Parameters *p, const Input *u, const Geometry *g, Outp
     y->barrier[DRIFT - 1] = worst_chord(&f, f.free).margin;
 }
 
+/* M.3-1 */
 static void let_pass(const Input *u, State *x, Output *y, double mode)
 {
     y->F_safe_S = u->F_cmd_S;
@@ -292,6 +300,7 @@ static void let_pass(const Input *u, State *x, Output *y, double mode)
     x->passed = 0;
 }
 
+/* M.3-2 */
 static void sample(const Parameters *p, const Input *inputs, State *x, Output *y, double P)
 {
     Input bounded = *inputs, *u = &bounded;
@@ -333,6 +342,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     sample(p, u, &first, y, p->sample_period);
 }
 
+/* M.3-3 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))

@@ -131,9 +131,11 @@ static const Variable variables[] = {
     OUTPUT(dv_left_N, "m/s", "increment of velocity left of the abort manoeuvre, N axes"),
 };
 
+/* G.2-7 */
 static void check(const Parameters *p, Problems *problems) { check_safety(p, problems); }
 
 /* ---- findings ---- */
+/* G.2-1 */
 static void record(State *x, int rule, Finding f)
 {
     x->margin[rule] = f.margin;
@@ -141,6 +143,7 @@ static void record(State *x, int rule, Finding f)
     if (f.t != NEVER && x->t_first[rule] == NOT_YET) x->t_first[rule] = f.t;
 }
 
+/* G.2-2 */
 static void evaluate(const Interval *i, State *x)
 {
     for (int rule = 0; rule < NAVIGATION; rule++)
@@ -152,6 +155,7 @@ static int passive_is_off(const Parameters *p, const Input *u)
     return p->passive_opens && u->approaching;
 }
 
+/* G.2-3 */
 static void predict_drift(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     if (passive_is_off(p, u)) {
@@ -175,12 +179,14 @@ static double predicted_age(const State *x, double t)
     return x->margin[PASSIVE] == RESTING ? 0 : larger(0, t - x->t_foreseen);
 }
 
+/* G.2-5 */
 static int is_armed(const Parameters *p, double t)
 {
     return p->t_armed == 0 || reached(t, p->t_armed);
 }
 
 /* whether the states are valid: by their source, and by the independent range */
+/* G.2-4 */
 static int has_valid_states(const Parameters *p, const Input *u, State *x, double t)
 {
     if (!p->use_range || !is_armed(p, t)) return u->relative_valid != 0;
@@ -189,6 +195,7 @@ static int has_valid_states(const Parameters *p, const Input *u, State *x, doubl
 }
 
 /* with range_alone a state that its source declares invalid does not count as lost */
+/* G.5-2 */
 static void evaluate_navigation(const Parameters *p, const Input *u, State *x, int is_valid,
                                 double t)
 {
@@ -216,6 +223,7 @@ static vec3 fixed_increment_N(const Parameters *p, const Input *u)
     return tmul(p->corridor_axes == TARGET_AXES ? C_TN : C_HN, out);
 }
 
+/* G.10-1 */
 static vec3 abort_increment_N(const Parameters *p, const State *x, double t)
 {
     if (!is_relative(p)) return fixed_increment_N(p, &x->last);
@@ -234,6 +242,7 @@ static vec3 increment_in_hill(const Parameters *p, const Input *u, const Known *
 
 /* radius in force; 0: the rule rests, as within axis_radius while approaching, where contact is
  * intended */
+/* G.11-3 */
 static double radius_in_force(const Parameters *p, const Input *u, const State *x)
 {
     int approaching = u->approaching != 0;
@@ -250,6 +259,7 @@ static void rest_escape(State *x, Output *y)
     y->escape_dv = 0;
 }
 
+/* G.11-1 */
 static void foresee_abort(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     double radius = radius_in_force(p, u, x), reserve = p->escape_reserve[u->approaching != 0];
@@ -268,6 +278,7 @@ static void foresee_abort(const Parameters *p, const Input *u, State *x, Output 
 }
 
 /* number of the rule with the least margin relative to its size, 1 keep-out ...; 0: none applies */
+/* G.2-6 */
 static double nearest_rule(const Parameters *p, const Input *u, const State *x)
 {
     double least = INFINITY, which = 0, range = norm(sub(u->S.r, u->T.r));
@@ -281,6 +292,7 @@ static double nearest_rule(const Parameters *p, const Input *u, const State *x)
 }
 
 /* ---- abort ---- */
+/* G.5-1 */
 static void latch_abort(const Parameters *p, State *x, double t)
 {
     int due = reached(t, p->abort_time);
@@ -292,6 +304,7 @@ static void latch_abort(const Parameters *p, State *x, double t)
 
 /* abort_force along the increment; less at the last sample, so that the increment is exactly
  * spent */
+/* G.5-3 */
 static vec3 abort_force_S(const Parameters *p, const Input *u, State *x, double period)
 {
     double left = norm(x->dv_N), most = period > 0 ? p->mass * left / period : 0;
@@ -359,6 +372,7 @@ static void monitor(const Parameters *p, const Input *u, State *x, Output *y, do
 
 /* While the initial values of a system are computed, inputs may have any value: margins are
  * published, but no violation is stored before the first step. */
+/* G.5-5 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0}, none = {0}, nothing = initial_state(t);
@@ -371,6 +385,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *x = none;
 }
 
+/* G.5-4 */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))

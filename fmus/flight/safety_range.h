@@ -48,6 +48,7 @@ static inline void compare_range(const SafetyParameters *p, const SafetyInput *u
 }
 
 /* an estimate that its source declares invalid is not compared; dead reckoning then starts again */
+/* G.8-1, G.8-2 */
 static inline RangeCheck updated_check(const SafetyParameters *p, const SafetyInput *u,
                                        RangeCheck c, double t)
 {

@@ -84,6 +84,7 @@ static const Variable variables[] = {
     OUTPUT(momentum_S, "N.m.s", "angular momentum of stack and wheels, servicer axes"),
 };
 
+/* I.6-6 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_stack", p->J_stack);
@@ -105,6 +106,7 @@ static double duration_of_axis(const Parameters *p, double spin, double gyroscop
     return 1.875 * fabs(spin) / larger(lim - fabs(gyroscopic), 0.1 * lim);
 }
 
+/* I.6-2 */
 static double duration(const Parameters *p, vec3 w, vec3 wheel_speed)
 {
     vec3 spin = mul(p->J_stack, w), g = cross(w, momentum(p, w, wheel_speed));
@@ -123,6 +125,7 @@ static State initial_state(const Parameters *p, const Input *u, double t)
                    .duration = duration(p, u->S.omega, u->wheel_speed)};
 }
 
+/* I.6-1 */
 static void set_reference_on_profile(const State *s, double x, Reference *ref)
 {
     double rate = norm(s->w_0), gone = x * x * x * (10 + x * (-15 + 6 * x));
@@ -135,6 +138,7 @@ static void set_reference_on_profile(const State *s, double x, Reference *ref)
 }
 
 /* ---- one sample ---- */
+/* I.6-3 */
 static void guide(const Parameters *p, const Input *u, const State *s, Output *y, double t)
 {
     double x = clamp((t - s->t_0) / s->duration, 0, 1);
@@ -149,6 +153,7 @@ static void guide(const Parameters *p, const Input *u, const State *s, Output *y
 }
 
 /* also for a sample that is not active: stores no state */
+/* I.6-5 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     const State first = initial_state(p, u, t);
@@ -158,6 +163,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *x = (State){.begun = 0};
 }
 
+/* I.6-4 */
 static void sample(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     if (!x->begun) *x = initial_state(p, u, t);

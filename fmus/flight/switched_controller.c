@@ -102,12 +102,14 @@ static const Variable variables[] = {
                       "or passive)"),
 };
 
+/* H.1-6 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_unit_vector(problems, "axis_H", p->axis_H);
 }
 
 /* ---- phases ---- */
+/* H.1-1 */
 static double next_phase(const Parameters *p, double phase, double distance, double t)
 {
     if (reached(t, p->t_abort)) return PASSIVE;
@@ -123,6 +125,7 @@ static double last_phase(const Parameters *p)
 }
 
 /* ---- law ---- */
+/* H.1-2 */
 static vec3 force_H(const Parameters *p, double phase, vec3 e, vec3 de)
 {
     if (phase == PASSIVE) return vec(0, 0, 0);
@@ -140,6 +143,7 @@ static void publish_relative_state(const HillFrame *H, const Input *u, Output *y
     y->de_H = rate_in_frame(H, y->e_H, mul(H->C_HN, sub(drho_N, u->ref.drho)));
 }
 
+/* H.1-3 */
 static void control_position(const Parameters *p, const Input *u, State *x, double t, Output *y)
 {
     HillFrame H = hill_frame(p->mu, u->T.r, u->T.v);
@@ -151,6 +155,7 @@ static void control_position(const Parameters *p, const Input *u, State *x, doub
     y->F_saturated = unequal(F_S, y->F_cmd_S);
 }
 
+/* H.1-4 */
 static void control_attitude(const Parameters *p, const Input *u, double t, Output *y)
 {
     vec3 none = vec(0, 0, 0);
@@ -173,6 +178,7 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
 
 /* While the initial values of a system are computed, inputs may have any value: the first phase
  * begins with the first step. */
+/* H.1-5 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {FAR};

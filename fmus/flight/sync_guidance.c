@@ -130,6 +130,7 @@ static const Variable variables[] = {
          "1: the reference turns about the grasp axis within its limits, off the rule"),
 };
 
+/* A.4-7 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
@@ -181,6 +182,7 @@ static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H
 }
 
 /* (10), or L and its derivatives from the inputs */
+/* A.4-5 */
 static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {
     if (p->range_input) return (Radius){u->L_ref, u->dL_ref, u->ddL_ref};
@@ -214,6 +216,7 @@ static void publish_attitude(const HillFrame *H, Motion i, Motion j, Motion k, R
 }
 
 /* A.4.5: in the guard u = k_held - (k_held.i) i, k_held constant in H */
+/* A.4-2 */
 static void reference_attitude(const Parameters *p, const HillFrame *H, Motion axis, vec3 *held,
                                Output *y)
 {
@@ -233,6 +236,7 @@ static Motion in_N(const HillFrame *H, Motion a)
 }
 
 /* A.4.6: replaces the D of the rule by the D of limited_roll.h; w = i x i' + r i, in D axes */
+/* A.4-3 */
 static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, RollState *x,
                        Output *y, double t, double period)
 {
@@ -250,6 +254,7 @@ static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, Rol
 }
 
 /* A.4.1, A.4.2: derivatives as seen in H become derivatives as seen in N, all in N axes */
+/* A.4-1 */
 static void publish_position(const HillFrame *H, Motion ref, Output *y)
 {
     y->rho_ref_H = ref.x;
@@ -271,6 +276,7 @@ static void publish_relative_state(const Input *u, const HillFrame *H, vec3 axis
 
 /* publishes the reference of carried_frame.h in N axes and integrates D to the next sample; range 0
  * has no direction and is rejected */
+/* A.4-4 */
 static void guide_by_carried_frame(const Parameters *p, const Input *u, const HillFrame *H,
                                    CarriedFrame *D, Output *y, double t, double period)
 {
@@ -314,6 +320,7 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
 /* a first sample inside the guard, where the grasp axis is near z of H, holds k = x of H */
 static const State none = {.k_H = {1, 0, 0}};
 
+/* A.4-6 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = *x = none;

@@ -103,6 +103,7 @@ static void check_part(Problems *problems, const char *name, double k)
     if (k > 1) reject(problems, name, k, "must be in [0, 1]");
 }
 
+/* C.5-11 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_up_axis(problems, p->tracking.up_axis);
@@ -150,6 +151,7 @@ static void expand(double link, mat3 S, vec3 Q_error, vec3 Q_rate, Expansion *x)
 static mat6 with_transpose(mat6 a) { return sum6(1, a, 1, transpose6(a)); }
 
 /* lower half of (T0 + T1 + T2) x */
+/* C.5-7 */
 static vec3 costate(const Expansion *e, mat6 A, double eps_1, double eps_2, Chain x)
 {
     mat6 T1 = lyapunov(&e->solver, sum6(-eps_1, with_transpose(product6(e->T0, A)), 0, A));
@@ -209,6 +211,7 @@ static vec3 bias(const Parameters *p, const Input *u, const TrackingError *e)
     return sub(add(kinematics, times(g, Sigma(gravity))), ref.q.dd);
 }
 
+/* C.5-10 */
 static void control_position(const Parameters *p, const Input *u, const TrackingError *e,
                              const Expansion *x, double t, Output *y)
 {
@@ -249,6 +252,7 @@ static mat6 attitude_matrix(quat q)
     return A;
 }
 
+/* C.5-9 */
 static void control_attitude(const Parameters *p, const Input *u, const TrackingError *e,
                              const Expansion *x, double t, Output *y)
 {
@@ -272,6 +276,7 @@ static void control(const Parameters *p, const Input *u, const State *x, Output 
 }
 
 /* the corrections begin at time t */
+/* C.5-8 */
 static void begin(const Parameters *p, State *x, double t)
 {
     x->position.t_0 = t;

@@ -87,6 +87,7 @@ static int is_multiple(double a, double b)
     return fabs(a / b - nearest_whole(a / b)) <= ROUNDED_OFF * larger(1, a / b);
 }
 
+/* B.7-6 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_thrusters(problems, &p->thrusters);
@@ -122,6 +123,7 @@ static Column weighted(const Parameters *p, vec3 F, vec3 M)
     return (Column){{f.x, f.y, f.z, m.x, m.y, m.z}};
 }
 
+/* B.7-3 */
 static double thrust_at(const Parameters *p, int i, double t)
 {
     return p->lost[i] && reached(t, p->lost_from) ? 0 : p->thrusters.nominal[i];
@@ -197,6 +199,7 @@ static int variable_to_release(const Matrix *A, const Iterate *it, const Column 
 
 /* one move towards the minimum over the free variables, up to the first bound; 1 if the minimum was
  * reached */
+/* B.7-5 */
 static int move(const Matrix *A, Iterate *it, const Column *b)
 {
     double d[THRUSTERS], part = 1, step_to_bound[THRUSTERS];
@@ -214,6 +217,7 @@ static int move(const Matrix *A, Iterate *it, const Column *b)
     return part == 1;
 }
 
+/* B.7-1 */
 static Iterate bounded_least_squares(const Matrix *A, const Column *b)
 {
     Iterate it = {{0}, {AT_ZERO}};
@@ -226,6 +230,7 @@ static Iterate bounded_least_squares(const Matrix *A, const Column *b)
 }
 
 /* ---- the command ---- */
+/* B.7-2 */
 static void allocate_wrench(const Parameters *p, const Input *u, Output *y, double t)
 {
     Matrix A = columns_of(p, t);
@@ -257,6 +262,7 @@ static void publish_wrench(const Parameters *p, const Input *u, Output *y)
 }
 
 /* ---- pulses, counted in samples ---- */
+/* B.7-4 */
 static void plan_pulse(double demand, double period, double shortest, double *on, double *carry)
 {
     double due = demand * period + *carry;

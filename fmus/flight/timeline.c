@@ -46,6 +46,7 @@ static const Variable variables[] = {
     FLAG(relative_valid, "1: the states can be relied on"),
 };
 
+/* J.6-3 */
 static void check(const Parameters *p, Problems *problems)
 {
     char name[16];
@@ -56,6 +57,7 @@ static void check(const Parameters *p, Problems *problems)
     }
 }
 
+/* J.6-1, J.6-2 */
 static void publish(const Parameters *p, Output *y, double t)
 {
     *y = (Word)GO;

@@ -106,6 +106,7 @@ static void check_window(const Parameters *p, Problems *problems)
         reject(problems, "window", p->window, "must not end before swing_start + swing_duration");
 }
 
+/* E.4-6 */
 static void check(const Parameters *p, Problems *problems)
 {
     check_assembly(problems, &p->assembly);
@@ -162,6 +163,7 @@ static vec3 momentum_D(const Parameters *p, const State *x, vec3 H_N, double t)
 static double node_time(const History *y, int k) { return y->t_0 + k * y->dt; }
 static double window_end(const History *y) { return node_time(y, intervals(y)); }
 
+/* E.4-3 */
 static vec3 predicted_momentum(const Parameters *p, const State *x, double t)
 {
     const History *y = &x->history;
@@ -195,6 +197,7 @@ static double set_node_momenta(const Parameters *p, State *x)
 }
 
 /* ---- reference ---- */
+/* E.4-4 */
 static vec3 rate_of_momentum(const Parameters *p, const State *x, const BaseMotion *s, vec3 h,
                              double t)
 {
@@ -205,6 +208,7 @@ static vec3 rate_of_momentum(const Parameters *p, const State *x, const BaseMoti
     return momentum_rate(&c, s->omega, s->domega, h, environment_torque(&p->assembly, &c, s->C_So));
 }
 
+/* E.4-2 */
 static void guide(const Parameters *p, const State *x, Output *y, double t)
 {
     Motion eps = history_at(&x->history, t);
@@ -226,6 +230,7 @@ static double largest_rotation(const History *y)
     return largest;
 }
 
+/* E.4-1, E.4-5 */
 static Result planned_history(const Parameters *p, History *y, Workspace *w)
 {
     Task task = {

@@ -63,6 +63,7 @@ def law(fmu):
     return instance
 
 
+@pytest.mark.verifies("A.5-6", "C.5-5", "C.5-8")
 @each_law
 def test_after_a_rest_the_law_begins_as_a_fresh_instance(law, name, rng):
     """At work, at rest, at work again, to the last bit."""
@@ -88,6 +89,7 @@ def test_a_rest_from_the_start_leaves_no_trace(law, name, rng):
     assert bits(unit) == bits(fresh)
 
 
+@pytest.mark.verifies("A.5-6", "B.5-4")
 @each_law
 def test_at_rest_commands_and_flags_are_zero_and_the_errors_match_now(law, name, rng):
     unit = law(name, rng)
@@ -137,6 +139,7 @@ def test_at_every_call_too(law, name, rng):
     assert bits(unit) == bits(fresh)
 
 
+@pytest.mark.verifies("C.4-3")
 def test_the_start_of_a_funnel_is_checked_at_the_first_active_sample(law, rng):
     """Outside the funnel, but at rest: the margin is 1. A law that wakes there rejects the step."""
     unit = law("ppc_controller", rng, active=0)

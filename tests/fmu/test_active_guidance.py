@@ -40,6 +40,7 @@ def unit(fmu, case, inputs, start=0.0):
     return fmu(case.partition(",")[0], UNITS[case] | {"sample_period": P}, inputs, start)
 
 
+@pytest.mark.verifies("A.4-6", "C.3-7")
 @pytest.mark.parametrize("case", UNITS)
 @pytest.mark.parametrize("before", [0, 30])
 def test_after_a_rest_a_unit_has_the_bits_of_a_fresh_one(fmu, rng, case, before):
@@ -78,6 +79,7 @@ def test_at_rest_the_outputs_match_a_first_sample_with_its_flags_down(fmu, rng, 
     assert raised > 0 or case == "sync_guidance, carried"
 
 
+@pytest.mark.verifies("B.4-6")
 def test_closing_speed_limits_take_the_place_of_the_speed_of_the_target(fmu, rng):
     """s = clip(k_r (range - zeta1), -v_close/2, v_close) in any frame, no frame_radius needed."""
     u = states(rng)

@@ -140,6 +140,7 @@ def test_inertia_estimates_move_along_the_jacobian_of_the_following_torque(fmu, 
     )
 
 
+@pytest.mark.verifies("A.5-3")
 def test_without_wheels_the_torque_is_what_the_wheels_would_have_given(fmu, rng):
     p, u = parameters(rng), situation(rng)
     wheels, thrusters = one_step(fmu, p, u), one_step(fmu, p | {"use_wheels": 0}, u)
@@ -155,6 +156,7 @@ def test_without_wheels_the_torque_is_what_the_wheels_would_have_given(fmu, rng)
     )
 
 
+@pytest.mark.verifies("A.5-2")
 def test_attitude_control_rests_before_its_time_and_its_errors_are_shown(fmu, rng):
     p, u = parameters(rng) | {"t_att": 10.0}, situation(rng)
     unit, free = fmu("adaptive_controller", p, u), one_step(fmu, p | {"t_att": 0.0}, u)
@@ -174,6 +176,7 @@ def test_attitude_control_rests_before_its_time_and_its_errors_are_shown(fmu, rn
 # ---- estimates ----
 
 
+@pytest.mark.verifies("A.5-1")
 def test_command_uses_the_estimate_before_its_update_and_the_published_estimate_is_the_one_after(
     fmu, rng
 ):
@@ -203,6 +206,7 @@ def test_gain_scale_multiplies_the_steps_of_the_inertia_estimates_only(fmu, rng)
     assert full["m_hat"] == tenth["m_hat"]
 
 
+@pytest.mark.verifies("A.5-4")
 @pytest.mark.parametrize("share", [1 - 1e-9, 1 + 1e-9])
 def test_inertia_estimates_rest_while_a_wheel_is_at_its_limit(fmu, rng, share):
     """The command and the mass estimate are as without the rule."""
@@ -216,6 +220,7 @@ def test_inertia_estimates_rest_while_a_wheel_is_at_its_limit(fmu, rng, share):
     assert deviation(limited["wheel_accel_cmd"], free["wheel_accel_cmd"]) == 0
 
 
+@pytest.mark.verifies("A.5-5")
 def test_projection_retains_every_estimate_within_its_range_of_the_start_value(fmu, rng):
     """Gains so large that one sample leaves every range; without projection they do leave them."""
     p = parameters(rng) | {"Gamma_m": 1e5, "Gamma_eta": np.full(12, 1e7)}
@@ -237,6 +242,7 @@ def test_projection_retains_every_estimate_within_its_range_of_the_start_value(f
     assert (np.abs(outside.get("eta_hat") - p["eta_hat_0"]) > space).all()
 
 
+@pytest.mark.verifies("A.5-5")
 def test_projection_changes_nothing_within_the_ranges(fmu, rng):
     p, u = parameters(rng) | {"Gamma_m": 1, "Gamma_scale": 1e-3}, situation(rng)
     free, projected = one_step(fmu, p, u), one_step(fmu, p | {"projection": 1}, u)

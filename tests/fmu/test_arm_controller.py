@@ -35,6 +35,7 @@ def same(unit, expected):
         assert unit.get(name) == pytest.approx(value, rel=1e-9, abs=1e-10), name
 
 
+@pytest.mark.verifies("K.4-4")
 @each("n", [0, 2, 7])
 @each("mode", [STOW, DEPLOY, CLOSE, REST])
 def test_torques_and_commands_match_the_reference(fmu, rng, n, mode):
@@ -54,6 +55,7 @@ def test_torques_and_commands_match_the_reference(fmu, rng, n, mode):
     same(unit, Controller(arm, **p).sample(0.0, u))
 
 
+@pytest.mark.verifies("K.4-1")
 @pytest.mark.parametrize("option", ["compensate_torque", "compensate_force"])
 def test_feed_forward_does_not_follow_the_error_of_the_joints(fmu, rng, option):
     """With friction the joint is at rest; wheels that answered the feedback would turn the base."""
@@ -66,6 +68,7 @@ def test_feed_forward_does_not_follow_the_error_of_the_joints(fmu, rng, option):
     assert np.linalg.norm(M) > 0 or option == "compensate_force"
 
 
+@pytest.mark.verifies("K.4-3")
 def test_brakes_close_after_T_lock_and_only_below_lock_rate(fmu):
     """Counted from the first sample in REST; once closed they stay, until REST is left."""
     other = Controller(reference.DEFAULT, T_lock=0.5, lock_rate=0.1)
@@ -147,6 +150,7 @@ def test_deployment_without_compensation_turns_the_base_as_momentum_states(fmu):
     assert recording.plant.get("r_SN_N") == pytest.approx(shifted, abs=1e-5)
 
 
+@pytest.mark.verifies("K.4-2")
 def test_deployment_with_compensation_leaves_the_attitude(fmu):
     """Below 1e-3 deg; the base shifts by (-0.112, 0.078, 0.015) m."""
     recording = Deployment(fmu)

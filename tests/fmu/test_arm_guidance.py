@@ -138,6 +138,7 @@ def test_random_arms_are_led_as_by_the_reference(fmu, seed, n):
     assert scaled
 
 
+@pytest.mark.verifies("K.3-4")
 def test_joint_rates_give_the_tip_its_motion_where_nothing_limits(fmu):
     """J dq = y, 1e-12; posture moves in the null space alone."""
     loop = Loop(fmu, reference.DEFAULT, QUICK | {"manipulability_min": 1e-9})
@@ -158,6 +159,7 @@ def terms(loop):
     return last["J"], last["y"]
 
 
+@pytest.mark.verifies("K.3-5")
 def test_limited_joint_moves_towards_its_bound_by_K_limit(fmu):
     bound = reference.READY.copy()
     bound[3] = -2.1  # the elbow of the ready arm is beyond
@@ -227,6 +229,7 @@ def commanded(fmu, commands, **p):
     return changes, loop
 
 
+@pytest.mark.verifies("K.3-1")
 @each(
     ("commands", "modes"),
     [
@@ -254,6 +257,7 @@ def test_modes_follow_their_table(fmu, commands, modes):
     assert loop.unit.get("grip") == 0
 
 
+@pytest.mark.verifies("K.3-3")
 def test_grip_opens_when_the_arm_deploys_anew_and_not_while_held(fmu):
     found, loop = commanded(fmu, [(9.0, 2, 0)])
     assert found[-1] == REST
@@ -304,6 +308,7 @@ def gripped_after(unit, *samples):
     return None
 
 
+@pytest.mark.verifies("K.3-2")
 @pytest.mark.parametrize("which", ["distance", "angle", "speed", "rate"])
 def test_each_condition_alone_retains_the_gripper_open(fmu, which):
     """Off by 1e-9; inside by 1e-9 it closes."""
@@ -313,6 +318,7 @@ def test_each_condition_alone_retains_the_gripper_open(fmu, which):
     assert gripped_after(closing(fmu), *[inside] * 8) == 3
 
 
+@pytest.mark.verifies("K.3-2")
 def test_dwell_counts_from_the_first_good_sample_and_a_bad_one_forgets_it(fmu):
     good, bad = put(), put(distance=0.02)
     assert gripped_after(closing(fmu), *[good] * 5) == 3
@@ -350,6 +356,7 @@ def test_samples_do_not_depend_on_the_step_of_the_master(fmu):
         assert np.array_equal(whole.get(name), parts.get(name))
 
 
+@pytest.mark.verifies("K.3-6")
 def test_initialization_publishes_a_sample_and_retains_nothing(fmu):
     """Start after deploy_from: DEPLOY shows, and begins at the first sample."""
     u = CLOCK | target(0) | servicer(0)
@@ -364,6 +371,7 @@ def test_initialization_publishes_a_sample_and_retains_nothing(fmu):
     assert unit.get("joint_rate_ref") == pytest.approx(expected["joint_rate_ref"], abs=1e-15)
 
 
+@pytest.mark.verifies("K.3-7")
 @pytest.mark.parametrize(
     ("rows", "message"),
     [

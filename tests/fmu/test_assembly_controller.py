@@ -99,12 +99,14 @@ def test_terms_as_printed_miss_the_inverse_dynamics(fmu, rng):
         assert gap > 10 * 2e-5 * np.linalg.norm(right)
 
 
+@pytest.mark.verifies("E.5-1")
 def test_on_the_plan_the_command_is_the_mean_rate_of_the_plan(fmu, rng):
     path, rate = Path(rng), rng.normal(size=3)
     unit = fmu("assembly_controller", {}, path.inputs() | {"dh_ref_D": rate})
     assert unit.get("hdot_cmd_S") == pytest.approx(rate, abs=1e-9)
 
 
+@pytest.mark.verifies("E.5-2")
 def test_off_the_plan_the_model_adds_what_differs(fmu, rng):
     """Mean rate of the plan instead of the model's rate on the plan, nothing else."""
     path, rate = Path(rng), rng.normal(size=3)
@@ -161,6 +163,7 @@ def test_closed_loop_error_obeys_its_equation(fmu):
     assert 2 * plant.get("eps")[2] == pytest.approx(0.01 * decay, abs=2e-5)
 
 
+@pytest.mark.verifies("E.5-3")
 def test_a_quaternion_and_its_negative_are_the_same(fmu, rng):
     path = Path(rng)
     turned = path.inputs() | {"q_SH": -q_SH_of((0.1, 0.2, -0.1))}
@@ -169,6 +172,7 @@ def test_a_quaternion_and_its_negative_are_the_same(fmu, rng):
     assert a == pytest.approx(b, rel=1e-12)
 
 
+@pytest.mark.verifies("E.5-4")
 def test_law_as_printed(fmu, rng):
     eps, eps_b, w = rng.uniform(-0.2, 0.2, 3), rng.uniform(-0.2, 0.2, 3), rng.normal(size=3) * 1e-3
     unit = fmu(
@@ -180,6 +184,7 @@ def test_law_as_printed(fmu, rng):
     assert unit.get("hdot_cmd_S") == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.verifies("E.5-5")
 def test_between_samples_the_command_is_held(fmu):
     unit = fmu("assembly_controller", {"sample_period": 1.0}, {"omega_SN_S": (0, -N_ORBIT, 0)})
     unit.step(0.5)
@@ -191,6 +196,7 @@ def test_between_samples_the_command_is_held(fmu):
     assert C_SO_of(Q_FLIGHT) == pytest.approx(np.eye(3), abs=1e-15)
 
 
+@pytest.mark.verifies("E.5-6")
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [

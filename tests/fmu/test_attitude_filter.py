@@ -95,6 +95,7 @@ def test_filter_is_the_dense_one(fmu, rng, late):
     assert reference.track.rejected == 10
 
 
+@pytest.mark.verifies("F.4-6")
 def test_a_missing_increment_counts_as_no_turn(fmu, rng):
     world = World(rng)
     unit, reference = world.filter(fmu), world.reference()
@@ -204,6 +205,7 @@ def inside(values, degrees):
     return np.mean((low <= mean) & (mean <= high))
 
 
+@pytest.mark.verifies("F.4-5")
 def test_errors_are_as_large_as_claimed(fmu):
     """NEES 6 and NIS 3 by chi-square: 24 runs of 20 s; 3 sigma of a mean of 24 x 39 dependent
     values is 0.4 of 6.
@@ -234,6 +236,7 @@ def settled(fmu, world, samples=101):
     return unit
 
 
+@pytest.mark.verifies("F.4-1")
 def test_first_star_sets_the_attitude(fmu, rng):
     world = World(rng)
     unit = world.filter(fmu, sigma_SN_0=[0.3, 0.2, -0.9])
@@ -262,6 +265,7 @@ def test_acquire_0_starts_from_the_start_values(fmu, rng):
     assert unit.get("attitude_valid") == 1
 
 
+@pytest.mark.verifies("F.4-2")
 @pytest.mark.parametrize("change", ["earlier", "future", "repeated", "invalid"])
 def test_stars_that_cannot_be_used_change_nothing(fmu, rng, change):
     """Taken before the last one, from the future, seen before, not valid."""
@@ -281,6 +285,7 @@ def test_stars_that_cannot_be_used_change_nothing(fmu, rng, change):
     assert bits(unit) == expected
 
 
+@pytest.mark.verifies("F.4-2")
 def test_a_star_of_before_the_first_sample_is_ignored(fmu, rng):
     world = World(rng)
     unit = fmu("attitude_filter", {}, {}, 2.0)
@@ -290,6 +295,7 @@ def test_a_star_of_before_the_first_sample_is_ignored(fmu, rng):
     assert turn_between(unit.get("q_SN"), IDENTITY) > 1e-3
 
 
+@pytest.mark.verifies("F.4-3")
 def test_a_star_far_outside_the_gate_counts_and_is_forgotten(fmu, rng):
     world = World(rng)
     unit = settled(fmu, world)
@@ -302,6 +308,7 @@ def test_a_star_far_outside_the_gate_counts_and_is_forgotten(fmu, rng):
     assert unit.get("star_age") == pytest.approx(0.1)
 
 
+@pytest.mark.verifies("F.4-4")
 def test_validity_ends_with_the_age(fmu, rng):
     world = World(rng)
     unit = world.filter(fmu, age_max=1)
@@ -323,6 +330,7 @@ def test_rate_is_the_mean_of_the_last_period_less_the_bias(fmu, rng):
     assert not unit.get("omega_SN_S").any()
 
 
+@pytest.mark.verifies("F.4-7")
 def test_finer_master_steps_give_the_same_bits(fmu, rng):
     """Inputs as they are at each sample; between samples they may have any value."""
     world = World(rng)
@@ -335,6 +343,7 @@ def test_finer_master_steps_give_the_same_bits(fmu, rng):
         assert bits(fine) == bits(coarse)
 
 
+@pytest.mark.verifies("F.4-8")
 @pytest.mark.parametrize(
     ("parameters", "rule"),
     [

@@ -268,6 +268,7 @@ def off_axis(f, period):
     return np.array(angles)
 
 
+@pytest.mark.verifies("A.4-4")
 @pytest.mark.parametrize("angle", some([0.3, 1.5, 2.8, np.pi], 2, 1))
 def test_from_any_direction_it_ends_on_the_axis_without_changing_the_range(fmu, angle):
     """At most w_steer (0.005 rad/s) once T carries it, the rest fades with k_steer."""
@@ -314,6 +315,7 @@ def test_first_sample_has_the_roll_of_the_servicer(fmu, rng):
         assert C_DN[2] @ C_SN[1] > 0
 
 
+@pytest.mark.verifies("A.4-5")
 def test_distance_as_an_input_takes_the_place_of_the_one_of_the_paper(fmu, rng):
     """Frame of the paper, L_ref, dL_ref, ddL_ref of (10): the same outputs, to rounding."""
     T = Tumbling(rng, 1.0).states(0.0)
@@ -339,6 +341,7 @@ def test_the_model_of_the_target_knows_no_disturbance(fmu, rng):
     assert one.get("alpha_DN_D").tolist() == other.get("alpha_DN_D").tolist()
 
 
+@pytest.mark.verifies("A.4-7")
 @pytest.mark.parametrize(
     ("change", "words"),
     [

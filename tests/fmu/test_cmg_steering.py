@@ -66,6 +66,7 @@ def test_without_damping_the_cluster_gives_what_is_required(fmu, rng):
     assert unit.get("hdot_missing_S") == pytest.approx([0, 0, 0], abs=1e-10)
 
 
+@pytest.mark.verifies("E.6-2")
 def test_null_motion_leaves_the_momentum_and_leads_away_from_singularities(fmu, rng):
     angles = rng.uniform(-3, 3, 6)
     before = singularity(angles)
@@ -76,6 +77,7 @@ def test_null_motion_leaves_the_momentum_and_leads_away_from_singularities(fmu, 
     assert not unit.get("gimbal_rate_cmd").any()
 
 
+@pytest.mark.verifies("E.6-3")
 def test_at_a_singularity_the_rates_are_finite_and_the_dither_moves_out(fmu):
     """All wheels as far along Z as they go: A has rank 2, nothing is left along Z."""
     angles = np.array([0, *[-np.pi / 2] * 5])
@@ -87,6 +89,7 @@ def test_at_a_singularity_the_rates_are_finite_and_the_dither_moves_out(fmu):
     assert unit.get("hdot_missing_S")[2] == pytest.approx(5, rel=1e-3)
 
 
+@pytest.mark.verifies("E.6-1")
 def test_rates_beyond_the_limit_are_scaled_together(fmu, rng):
     hdot = rng.normal(size=3)
     small, large = (fmu("cmg_steering", {"k_null": 0}, {"hdot_cmd_S": k * hdot}) for k in (1, 1000))
@@ -99,11 +102,13 @@ def test_rates_beyond_the_limit_are_scaled_together(fmu, rng):
     assert np.linalg.norm(large.get("hdot_missing_S")) > 100
 
 
+@pytest.mark.verifies("E.6-4")
 def test_gimbals_rest_without_the_cluster(fmu):
     unit = fmu("cmg_steering", {"use_cluster": 0}, {"hdot_cmd_S": (1, 2, 3)})
     assert not unit.get("gimbal_rate_cmd").any()
 
 
+@pytest.mark.verifies("E.6-5")
 def test_between_samples_the_rates_are_held(fmu):
     unit = fmu("cmg_steering", {"sample_period": 1.0}, {"hdot_cmd_S": (1, 2, 3)})
     unit.step(0.5)

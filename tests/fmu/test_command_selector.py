@@ -97,6 +97,7 @@ def test_main_engine_pushes_forward_and_four_brakes_together_backward(fmu):
         assert not M.any()
 
 
+@pytest.mark.verifies("J.5-1")
 def test_each_selection_passes_its_own_law(fmu):
     zero, unload = (0, 0, 0), np.array(LAWS["M_unload_S"])
     forces = [zero, zero, LAWS["F_close_S"], LAWS["F_sync_S"], zero, LAWS["F_retreat_S"]]
@@ -133,6 +134,7 @@ def test_full_wheels_are_unloaded_in_the_laws_that_steer_before_capture(fmu, tor
     assert unit.get("wheels_unloading") == (torque in (1, 2, 3))
 
 
+@pytest.mark.verifies("J.5-4")
 @pytest.mark.parametrize(("torque", "begins"), [(1, 0.03), (2, 0.21), (3, 0.21)])
 def test_unloading_begins_and_ends_at_its_levels(fmu, torque, begins):
     """In law 1 the wheels rest, so it begins at once where it would end."""
@@ -144,6 +146,7 @@ def test_unloading_begins_and_ends_at_its_levels(fmu, torque, begins):
     assert seen == [0, 1, 1, 0, 0]
 
 
+@pytest.mark.verifies("J.5-4")
 @pytest.mark.parametrize("torque", range(5))
 def test_wheels_are_brought_to_the_bias_of_a_coming_manoeuvre(fmu, torque):
     """At any speed, with the laws before the capture; without k_unload nothing happens."""
@@ -176,6 +179,7 @@ def settled_with(fmu, parameters, wheel_speed):
     return command(fmu("command_selector", parameters, inputs)) - settled(fmu, 0, 3)
 
 
+@pytest.mark.verifies("J.5-5")
 def test_wheels_that_are_emptied_leave_the_body_at_rest(fmu):
     """The impulse of the thrusters is what the wheels lose; the body retains nothing."""
     speed, body, spent = np.array((0.25, -0.1, 0.2)), np.zeros(3), np.zeros(3)
@@ -195,6 +199,7 @@ def test_wheels_that_are_emptied_leave_the_body_at_rest(fmu):
 BLENDING = [(a, b) for a in (1, 2, 3) for b in (1, 2, 3) if a != b]
 
 
+@pytest.mark.verifies("J.5-2")
 @pytest.mark.parametrize(("old", "new"), BLENDING)
 def test_from_law_to_law_nothing_jumps_and_the_difference_fades(fmu, old, new):
     unit = fmu("command_selector", {}, select(old, old))
@@ -207,6 +212,7 @@ def test_from_law_to_law_nothing_jumps_and_the_difference_fades(fmu, old, new):
         close(command(unit), target + fade * (before - target), rel=1e-13, of=largest)
 
 
+@pytest.mark.verifies("J.5-3")
 @pytest.mark.parametrize(("old", "new"), [(0, 3), (3, 0), (5, 3), (3, 5), (4, 2), (2, 4), (0, 5)])
 def test_force_fades_out_and_in_and_the_retreat_acts_at_once(fmu, old, new):
     unit = fmu("command_selector", {}, select(old, 0))
@@ -272,6 +278,7 @@ def test_random_selections_follow_the_reference(fmu, rng, blend_time, k_unload):
             assert unit.get(name) == pytest.approx(value, abs=1e-12), name
 
 
+@pytest.mark.verifies("J.5-6")
 @pytest.mark.parametrize("bad", [{"select_force": 6}, {"select_force": -1}, {"select_force": 5.6},
                                  {"select_torque": 5}, {"select_torque": -1}])  # fmt: skip
 def test_selections_outside_their_lists_are_rejected_in_the_step(fmu, bad):
@@ -287,6 +294,7 @@ def test_samples_are_taken_at_multiples_of_the_period(fmu):
     assert np.array_equal(command(unit), settled(fmu, 2, 2))
 
 
+@pytest.mark.verifies("J.5-7")
 @pytest.mark.parametrize(
     "change", [{"blend_time": -1}, {"A_w": np.diag((1, 1, -1))}, {"unload_off": 0.8}]
 )

@@ -48,6 +48,7 @@ def rule():
     return Each(RULES)
 
 
+@pytest.mark.verifies("A.5-7")
 def test_parameters_are_rejected_with_their_name(tmp_path_factory, rule):
     name, parameters, word = rule
     message = rejection(name, parameters, tmp_path_factory.mktemp("fmu"))
@@ -63,6 +64,7 @@ def test_a_drift_through_the_centre_has_no_normal_and_gets_no_row(fmu):
     close(found["barrier"][3], -4.15, rel=1e-12)  # its point at the centre, less sphere and margin
 
 
+@pytest.mark.verifies("M.5-4")
 def test_a_force_of_any_length_leaves_as_the_nearest_one(fmu):
     """Beyond 1e5 |F_max| a command is shortened; the sphere removes its inward part."""
     p = replace(SMALL, mu=0, use_corridor=0, use_speed_limit=0)
@@ -122,6 +124,7 @@ def test_a_drift_through_the_target_has_no_escape(fmu, y):
 
 
 # ---- filters ----
+@pytest.mark.verifies("F.4-2")
 def test_a_star_older_than_the_history_is_ignored(fmu):
     """16 samples old and never used before: not the order of the stars, but their age."""
     found = []
@@ -168,6 +171,7 @@ def test_inactive_line_of_sight_guidance_reports_no_guard_from_the_start(fmu):
     assert [unit.get("attitude_guard") for unit in units] == [1, 0]
 
 
+@pytest.mark.verifies("N.4-7")
 @pytest.mark.parametrize("change", [{"goal": -3}, {"mass": 0}])
 def test_optimal_controller_rejects_no_goal_and_no_mass(fmu, change):
     unit = fmu("optimal_controller", {}, Scene(1, 1).inputs())

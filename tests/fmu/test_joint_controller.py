@@ -26,6 +26,7 @@ def test_torque_is_proportional_and_derivative(fmu, rng):
     assert unit.get("saturated").tolist() == [0, 0]
 
 
+@pytest.mark.verifies("D.5-1")
 def test_torque_is_cut_to_its_limit_per_joint(fmu):
     unit = fmu(
         "joint_controller", {"joint_angle_ref": (1, -1), "Kp": (10, 10), "torque_max": (4, 0)}
@@ -43,6 +44,7 @@ def test_no_gains_leave_the_joints_free(fmu):
     assert unit.get("joint_torque").tolist() == [0, 0]
 
 
+@pytest.mark.verifies("D.5-2")
 def test_the_lock_closes_at_its_time_and_takes_the_torque_away(fmu):
     unit = fmu("joint_controller", {"use_lock": 1, "lock_from": 0.3}, {"joint_angle": (0, 0)})
     seen = []
@@ -52,6 +54,7 @@ def test_the_lock_closes_at_its_time_and_takes_the_torque_away(fmu):
     assert seen == [(0, True)] * 3 + [(1, False)] * 2
 
 
+@pytest.mark.verifies("D.5-3")
 def test_between_samples_torque_and_lock_are_held(fmu):
     unit = fmu("joint_controller", {"sample_period": 1.0, "use_lock": 1, "lock_from": 0.5})
     first = unit.get("joint_torque")

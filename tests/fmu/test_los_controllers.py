@@ -159,6 +159,7 @@ def test_both_signs_of_a_quaternion_are_the_same_attitude(fmu, rng, name):
     assert bits(plus) == bits(minus)
 
 
+@pytest.mark.verifies("C.5-4")
 @every
 def test_attitude_control_rests_before_t_att(fmu, rng, name):
     u = near(rng).inputs()
@@ -214,6 +215,7 @@ def test_without_errors_the_laws_without_model_command_nothing(fmu, rng, name):
     assert deviation(out["M_cmd_S"], 0) < 1e-6
 
 
+@pytest.mark.verifies("C.5-10")
 @pytest.mark.parametrize("rho", [100.0, 3e6])
 def test_without_errors_theta_d_commands_the_motion_of_the_reference(fmu, rng, rho):
     """The force makes the servicer accelerate as the reference does, the torque turns J_hat as D
@@ -230,6 +232,7 @@ def test_without_errors_theta_d_commands_the_motion_of_the_reference(fmu, rng, r
     assert deviation(out["M_cmd_S"], J @ scene.alpha_D + np.cross(w, J @ w)) < 1e-8
 
 
+@pytest.mark.verifies("C.5-6")
 @every
 @each("p", [{"up_axis": 4}, {"force_scale": 0}, {"a_max": -1}, {"sample_period": -1}])
 def test_impossible_parameters_are_rejected(fmu, name, p):

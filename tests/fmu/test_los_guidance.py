@@ -160,6 +160,7 @@ def test_gravity_gradient_on_the_target_is_known_if_required(fmu):
     assert deviation(truth, ignorant["ddrho_ref_N"][2]) > 1e-6
 
 
+@pytest.mark.verifies("C.3-6")
 def test_first_outputs_take_no_command_into_account(fmu, rng):
     """Nothing was commanded before the start, so start values that travel round the software loop
     settle at once.
@@ -176,6 +177,7 @@ def test_first_outputs_take_no_command_into_account(fmu, rng):
 # ---- the frame D ----
 
 
+@pytest.mark.verifies("C.3-1")
 def test_camera_looks_along_the_line_of_sight_and_panels_lie_normal_to_the_sun(fmu, rng):
     u = random_bodies(rng, distance=60.0)
     out = guided(fmu, u)
@@ -203,6 +205,7 @@ def test_turning_the_whole_scene_turns_the_reference(fmu, rng):
         )  # up to whole turns; range within 1e-9 m
 
 
+@pytest.mark.verifies("C.3-3")
 def test_quaternion_never_jumps_while_the_servicer_runs_around_the_target(fmu):
     """Two turns, 2 deg a sample; the positive-scalar quaternion would flip its sign."""
     unit, last, flips = fmu("los_guidance"), None, 0
@@ -228,6 +231,7 @@ def test_of_both_signs_of_a_quaternion_the_nearer_to_the_last_one_is_published(f
     assert signs == {-1, 1}
 
 
+@pytest.mark.verifies("C.3-2")
 def test_near_the_sun_the_panel_axis_is_held(fmu):
     """The line of sight crosses the Sun 0.01 deg beside it: flagged, and y turns by no more than
     the line of sight.
@@ -244,6 +248,7 @@ def test_near_the_sun_the_panel_axis_is_held(fmu):
     assert all(deviation(C @ C.T, np.eye(3)) < 1e-12 for C in axes)
 
 
+@pytest.mark.verifies("C.3-2")
 def test_held_panel_axis_is_the_one_before_the_guard(fmu):
     unit = fmu("los_guidance", {"guard_angle": np.radians(5)})
     beside = np.cross(SUN, (1, 0, 0))
@@ -272,6 +277,7 @@ def test_a_first_sample_inside_the_guard_has_some_panel_axis(fmu, axis, sign):
 # ---- flags, rejections ----
 
 
+@pytest.mark.verifies("C.3-4")
 @pytest.mark.parametrize(
     ("elevation", "rho", "flag"),
     [(79, 100, 0), (81, 100, 1), (-81, 100, 1), (0, 5.1, 0), (0, 4.9, 1)],
@@ -302,6 +308,7 @@ def test_closer_than_ten_centimetres_rates_are_those_at_ten_centimetres(fmu, rho
     assert np.linalg.norm(here["omega_DN_D"]) == pytest.approx(5.0, rel=0.5)
 
 
+@pytest.mark.verifies("C.3-4")
 def test_a_desired_line_of_sight_near_the_pole_is_flagged_too(fmu):
     over = seen_at(np.array((100, 0, 0))) | {
         "q_TN": quaternion_of_dcm(Rotation.from_euler("z", -85, degrees=True).as_matrix())
@@ -317,12 +324,14 @@ def test_alignment_angles_vanish_on_the_axis_of_the_feature(fmu):
     assert out["beta_p"] < 1e-9
 
 
+@pytest.mark.verifies("C.3-5")
 def test_a_range_of_zero_is_rejected(fmu):
     unit = fmu("los_guidance")
     with pytest.raises(FMICallException):
         unit.step(0.1, seen_at(np.zeros(3)))
 
 
+@pytest.mark.verifies("C.3-8")
 @pytest.mark.parametrize(
     "p",
     [

@@ -78,6 +78,7 @@ LIMITS = [
 ]
 
 
+@pytest.mark.verifies("J.1-1")
 @each(("phase", "good", "bad"), LIMITS)
 def test_each_condition_of_each_row_alone_retains_the_phase(fmu, phase, good, bad):
     """Dwell 3 s: three bad samples between good ones start it anew, then it counts from the first
@@ -92,6 +93,7 @@ def test_each_condition_of_each_row_alone_retains_the_phase(fmu, phase, good, ba
     assert recording["t_phase"] == recording.unit.time - P
 
 
+@pytest.mark.verifies("J.1-2")
 def test_one_change_a_sample_with_no_dwell_at_all(fmu):
     recording = Recording(fmu, {"dwell": [0.0] * 15, "tol_1": 80, "R_1": 90, "v_slope": (1, 1)})
     good = in_hill(line(20))
@@ -108,6 +110,7 @@ def test_go_is_a_level_that_leaves_no_trace(fmu, phase):
     assert recording.stay(GOOD[phase], 4)[-1] == FOLLOWS[phase]
 
 
+@pytest.mark.verifies("J.1-4")
 @each("phase", range(15))
 @each("order", [{"abort": 1}, {"retreat": 1}, {"abort": 1, "retreat": 1}])
 def test_abort_and_ground_end_every_phase_but_the_phases_of_capture(fmu, phase, order):
@@ -119,6 +122,7 @@ def test_abort_and_ground_end_every_phase_but_the_phases_of_capture(fmu, phase, 
         assert recording["reason"] == (1 if found == 14 else 2)
 
 
+@pytest.mark.verifies("J.1-5")
 @pytest.mark.parametrize("phase", BEFORE)
 def test_navigation_may_be_lost_for_so_long(fmu, phase):
     """Lost longer than nav_far, nav_near: equal is not longer."""
@@ -216,6 +220,7 @@ def test_time_outs(fmu, phase):
         assert recording["reason"] == (8 if phase == 7 else 7)
 
 
+@pytest.mark.verifies("J.1-3")
 @pytest.mark.parametrize("first", range(1, 8))
 def test_of_several_reasons_that_hold_at_once_the_first_counts(fmu, first):
     """All clocks end at the sixth second of FINAL; those before `first` are switched off."""
@@ -239,6 +244,7 @@ def test_soft_capture_is_followed_at_once_for_any_dwell(fmu):
     assert recording.sample(GOOD[7] | {"relative_valid": 0, "contact": 1}) == 8
 
 
+@pytest.mark.verifies("J.1-6")
 def test_attempts_fail_after_their_first_contact_and_are_counted(fmu):
     """capture_time 20 s from the first contact of the phase on, however short; then back-off, hold,
     a second attempt, retreat.
@@ -283,6 +289,7 @@ def test_a_run_begins_far_away_with_a_state_that_counts_as_valid(fmu):
     assert recording["clearance"] > 40
 
 
+@pytest.mark.verifies("J.1-11")
 def test_initialization_shows_a_first_sample_and_retains_nothing(fmu):
     unit = fmu("mission_manager", {}, GOOD[0] | {"retreat": 1}, 0.0)
     first = fmu("mission_manager", {}, GOOD[0], 0.0)
@@ -294,6 +301,7 @@ def test_initialization_shows_a_first_sample_and_retains_nothing(fmu):
         assert np.array_equal(unit.get(name), first.get(name)), name
 
 
+@pytest.mark.verifies("J.1-8")
 def test_commanding_and_active_controllers_of_each_phase(fmu):
     """Columns force and torque of the table; torque of retreat, safe drift, abort as before."""
     table = {
@@ -318,6 +326,7 @@ def test_attitude_law_continues_through_retreat_safe_drift_and_abort(fmu, phase,
     assert recording["phase"] == (13 if "retreat" in end else 14)
 
 
+@pytest.mark.verifies("J.1-9")
 def test_a_retreat_out_of_the_opened_zone_is_not_evaluated_as_an_entry(fmu):
     recording = Recording(fmu).lead_to(6)
     recording.sample(HOLDING[6] | {"retreat": 1})
@@ -435,6 +444,7 @@ JOINTS = {5: (1.875 * 17 / 2,), 7: (10, 5 + 1.517 / 0.1), 11: (1.875 * 1.4 / 0.2
 """Ends of ramps; of mating also where it stops at L_end, in a step."""
 
 
+@pytest.mark.verifies("J.2-1")
 @pytest.mark.parametrize(("phase", "speed"), [(5, 2.0), (7, 0.1), (11, 0.2)])
 def test_profile_rate_and_acceleration_are_derivatives_of_each_other(fmu, phase, speed):
     """1e-8 at 20 Hz, but for the stencils across a joint."""
@@ -493,6 +503,7 @@ PLACES = [
 ]
 
 
+@pytest.mark.verifies("J.3-1")
 @pytest.mark.parametrize(("rho", "drho"), PLACES)
 @pytest.mark.parametrize("a", [7.2e6, GEO])
 def test_clearance_matches_the_two_body_motion(fmu, a, rho, drho):
@@ -517,6 +528,7 @@ def test_clearance_matches_the_two_body_motion(fmu, a, rho, drho):
     )
 
 
+@pytest.mark.verifies("J.3-1")
 def test_the_burn_leaves_the_servicer_on_the_drift_that_was_planned(fmu):
     """0.9 N on 100 kg take 13 s; the true drift of a day retains 80 % of the clearance."""
     place = in_hill((3, -18, 2), (0.01, 0.02, 0), mass=90.0)
@@ -539,6 +551,7 @@ def test_the_burn_leaves_the_servicer_on_the_drift_that_was_planned(fmu):
     assert recording["dv_left_N"] == pytest.approx((0, 0, 0), abs=0)
 
 
+@pytest.mark.verifies("J.3-2")
 def test_the_burn_follows_the_increment_while_the_servicer_turns(fmu):
     """The force is constant in N, for any attitude; the mass is the one of each sample."""
     place, rng = in_hill(line(30)), np.random.default_rng(0)
@@ -581,6 +594,7 @@ def test_servicer_is_at_rest_without_thrust_while_the_arm_mates(fmu):
         assert recording["push"] == 0
 
 
+@pytest.mark.verifies("J.1-10")
 @pytest.mark.parametrize(("share", "phase"), [(0, 7), (1 + 1e-9, 7), (1 - 1e-9, 6)])
 def test_pair_with_more_momentum_than_allowed_is_not_mated(fmu, share, phase):
     """share 0: no limit."""
@@ -818,6 +832,7 @@ def test_turning_ends_when_the_servicer_turns_with_the_target(fmu, error):
     assert recording.stay(inside, 4) == [4] * 3 + [5]
 
 
+@pytest.mark.verifies("J.1-7")
 @pytest.mark.parametrize("phase", [5, 6])
 def test_a_final_approach_that_does_not_end_begins_anew(fmu, phase):
     """Attempts 2: one time-out backs off to 20 m with v_final, the arm stowed; the next one
@@ -840,6 +855,7 @@ def test_a_final_approach_that_does_not_end_begins_anew(fmu, phase):
     assert (recording["phase"], recording["reason"]) == (12, 7)
 
 
+@pytest.mark.verifies("J.1-7")
 @pytest.mark.parametrize("wait", [{"go_3": 0}, {"r_SN_N": None}])
 def test_a_third_hold_that_waits_for_ground_or_momentum_does_not_begin_anew(fmu, wait):
     at = [0.0] * 15
@@ -878,6 +894,7 @@ def test_random_runs_follow_the_reference(fmu, seed):
 
 
 # ---- parameters ----
+@pytest.mark.verifies("J.1-12")
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -50,11 +50,13 @@ def test_notches_are_the_prewarped_bilinear_transform_on_every_axis_and_channel(
     assert deviation(response(fmu, commands), both) < 1e-12
 
 
+@pytest.mark.verifies("L.7-3")
 def test_nothing_is_commanded_before_the_first_sample(fmu):
     unit = fmu("notch_filter", NOTCHES, dict.fromkeys(INPUTS, np.ones(3)))
     assert [unit.get(name).tolist() for name in OUTPUTS] == [[0.0] * 3] * 3
 
 
+@pytest.mark.verifies("L.7-2")
 @pytest.mark.parametrize(("i", "gain"), [(0, 0.05 / 0.7), (1, 0.1 / 0.4)])
 def test_gain_at_the_frequency_of_a_notch_is_depth_over_width(fmu, i, gain):
     """The other notch is off; after the transient of 1/(width frequency)."""
@@ -66,6 +68,7 @@ def test_gain_at_the_frequency_of_a_notch_is_depth_over_width(fmu, i, gain):
     assert deviation(size, gain) < 1e-9
 
 
+@pytest.mark.verifies("L.7-1")
 def test_a_steady_command_passes_and_without_notches_everything_does(fmu, rng):
     steady = np.tile(rng.normal(size=9), (400, 1))
     assert deviation(response(fmu, steady)[-1], steady[-1]) < 1e-12
@@ -74,6 +77,7 @@ def test_a_steady_command_passes_and_without_notches_everything_does(fmu, rng):
     assert np.array_equal(passed, commands)
 
 
+@pytest.mark.verifies("L.7-4")
 def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
     """Between samples the output is held, for any input."""
     u = {name: rng.normal(size=3) for name in INPUTS}
@@ -84,6 +88,7 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
     assert bits(cut) == bits(whole)
 
 
+@pytest.mark.verifies("L.7-5")
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -102,6 +102,7 @@ CASES = {
 }
 
 
+@pytest.mark.verifies("N.4-6")
 @pytest.mark.parametrize("case", CASES)
 def test_samples_match_dense_matrices_along_the_commanded_motion(fmu, case):
     """Every output of every sample to 1e-9: sweeps, projections, set-up, carried state, start from
@@ -115,6 +116,7 @@ def test_samples_match_dense_matrices_along_the_commanded_motion(fmu, case):
     assert len(out["plan_rho_N"]) == 18
 
 
+@pytest.mark.verifies("N.4-1")
 def test_plans_that_are_not_feasible_lead_to_braking_and_back(fmu):
     """Jumps of metres for 4 s after a good plan: last plan, then brake and hold at the place where
     braking began, fixed in the target; the first feasible plan ends it.
@@ -133,6 +135,7 @@ def test_plans_that_are_not_feasible_lead_to_braking_and_back(fmu):
     assert modes[-1] == PLAN
 
 
+@pytest.mark.verifies("N.4-3")
 def test_braking_holds_a_place_in_hill_axes_for_the_goals_before_the_corridor(fmu):
     p = {"tol": (1e-9, 1e-9), "bad_max": 2}
     scene = Scene(4, 1)
@@ -141,6 +144,7 @@ def test_braking_holds_a_place_in_hill_axes_for_the_goals_before_the_corridor(fm
     assert modes[-1] == BRAKE and out["braking"] == 1
 
 
+@pytest.mark.verifies("N.4-2")
 def test_the_old_plan_stays_in_force_until_the_new_goal_has_one(fmu):
     scene = Scene(5, 2)
     unit, law = fmu("optimal_controller", {}, scene.inputs()), OptimalLaw()
@@ -150,6 +154,7 @@ def test_the_old_plan_stays_in_force_until_the_new_goal_has_one(fmu):
     assert set(modes) <= {PLAN, LAST}
 
 
+@pytest.mark.verifies("N.4-4")
 def test_an_inactive_time_leaves_nothing_behind(fmu):
     """Goal 0 for any time, then a goal: the bits of a fresh instance started there."""
     used, scene = fmu("optimal_controller", {}, Scene(6, 2).inputs()), Scene(6, 2)
@@ -179,6 +184,7 @@ def test_a_state_saved_within_a_second_continues_with_equal_bits(fmu):
     unit.slave.freeFMUState(saved)
 
 
+@pytest.mark.verifies("N.4-5")
 def test_the_force_stays_in_the_box_and_is_held_in_inertial_axes(fmu):
     """Between two plans the servicer turns, the force does not; limits hold per servicer axis."""
     scene = Scene(8, 3)
@@ -212,6 +218,7 @@ def test_the_attitude_law_equals_the_adaptive_controller_with_its_start_values(f
             assert np.array_equal(ours.get(name), adaptive.get(name))
 
 
+@pytest.mark.verifies("N.4-7")
 @pytest.mark.parametrize("goal", [3.6, 4])
 def test_a_goal_that_does_not_exist_is_rejected(fmu, goal):
     unit = fmu("optimal_controller", {}, Scene(1, 1).inputs())
@@ -227,6 +234,7 @@ REJECTED = {
 }  # fmt: skip
 
 
+@pytest.mark.verifies("N.4-8")
 @pytest.mark.parametrize("name", REJECTED)
 def test_parameters_outside_their_rules_are_rejected(fmu, name):
     with pytest.raises(FMICallException):

@@ -91,6 +91,7 @@ def test_start_is_beside_the_orbit_of_the_elements(fmu, rng):
     assert unit.get("orbit_valid") == 0
 
 
+@pytest.mark.verifies("F.5-4")
 def test_thrust_acts_in_the_attitude_of_the_sample_before(fmu, rng):
     """1 kN along X of the attitude that the vehicle had while it was held."""
     unit, _ = filter_and_reference(fmu)
@@ -122,6 +123,7 @@ def test_transition_is_the_derivative_of_the_flow(fmu):
         assert P[i] / np.sqrt(P[i, i]) == pytest.approx(column, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.verifies("F.5-2")
 def test_gate_tests_both_parts_together(fmu):
     """Each part below the gate, together above it: nothing is used."""
     unit, reference = filter_and_reference(fmu, acquire=0)
@@ -138,6 +140,7 @@ def test_gate_tests_both_parts_together(fmu):
         assert (a == b).all()
 
 
+@pytest.mark.verifies("F.5-3")
 def test_tenth_rejection_in_a_row_acquires(fmu):
     rng = np.random.default_rng(1)
     unit, _ = filter_and_reference(fmu, reset_after=10)
@@ -153,6 +156,7 @@ def test_tenth_rejection_in_a_row_acquires(fmu):
     assert unit.get("r_SN_N") == pytest.approx(far[:3], abs=50)
 
 
+@pytest.mark.verifies("F.5-1")
 @pytest.mark.parametrize("change", ["late", "future", "repeated", "invalid"])
 def test_fixes_that_cannot_be_used_change_nothing(fmu, rng, change):
     units = [filter_and_reference(fmu)[0] for _ in range(2)]
@@ -197,6 +201,7 @@ def test_errors_are_as_large_as_claimed(fmu):
     assert np.mean((low <= nis.mean(axis=0)) & (nis.mean(axis=0) <= high)) > 0.85
 
 
+@pytest.mark.verifies("F.5-6")
 def test_finer_master_steps_give_the_same_bits(fmu, rng):
     coarse, fine = filter_and_reference(fmu)[0], filter_and_reference(fmu)[0]
     for k in range(30):
@@ -208,6 +213,7 @@ def test_finer_master_steps_give_the_same_bits(fmu, rng):
         assert bits(coarse) == bits(fine)
 
 
+@pytest.mark.verifies("F.5-5")
 def test_covariance_stays_symmetric_and_not_negative(fmu):
     rng = np.random.default_rng(1)
     unit, s = filter_and_reference(fmu)[0], START
@@ -219,6 +225,7 @@ def test_covariance_stays_symmetric_and_not_negative(fmu):
         assert np.linalg.eigvalsh(P).min() > 0
 
 
+@pytest.mark.verifies("F.5-7")
 @pytest.mark.parametrize(
     ("parameters", "rule"),
     [

@@ -64,6 +64,7 @@ def test_proportional_and_rate_gain_act_per_channel(fmu, rng):
     assert deviation(SIGMA * out["a_cmd_L"], -(Kp * scene.x1 + Kd * scene.x2)) < 1e-11
 
 
+@pytest.mark.verifies("C.5-3")
 def test_the_integral_of_a_constant_error_grows_linearly_and_acts_one_sample_later(fmu):
     e = np.array((2.0, 0.01, -0.01))
     unit = fmu("pid_controller", FREE)
@@ -88,6 +89,7 @@ def test_without_integral_action_it_is_a_pd_controller_at_its_limits_and_within(
             assert deviation(out["integral"], 0.1 * k * scene.x1) < 1e-11
 
 
+@pytest.mark.verifies("C.5-5")
 def test_first_outputs_do_not_integrate(fmu):
     unit = fmu(
         "pid_controller",
@@ -114,6 +116,7 @@ def test_without_back_calculation_the_integral_winds_up(fmu):
     assert abs(integral - 6000.0) < 1e-6
 
 
+@pytest.mark.verifies("C.5-2")
 @each("period", [0.01, 0.05, 0.1, 1.0])
 @each("T_aw", [40.0, 4.0, 0.025])
 def test_back_calculation_settles_where_it_balances_the_error_at_every_period(fmu, T_aw, period):
@@ -127,6 +130,7 @@ def test_back_calculation_settles_where_it_balances_the_error_at_every_period(fm
     )
 
 
+@pytest.mark.verifies("C.5-1")
 def test_the_command_leaves_the_limit_as_soon_as_the_error_does(fmu):
     """After a minute of saturation a small error is answered by a small command; without it the
     limit would stay.
@@ -139,6 +143,7 @@ def test_the_command_leaves_the_limit_as_soon_as_the_error_does(fmu):
     assert commands[4.0] < 0
 
 
+@pytest.mark.verifies("C.5-1")
 def test_the_torque_integral_is_retained_from_winding_up_too(fmu):
     """2 rad of error hold the torque at its limit."""
     scene = Scene(turn=np.array((2.0, 0, 0))).inputs()
@@ -158,6 +163,7 @@ def test_integrals_stay_finite_for_ever(fmu):
     assert np.isfinite(unit.get("integral.range"))
 
 
+@pytest.mark.verifies("C.5-6")
 @pytest.mark.parametrize(
     "p", [{"range.Kp": -1}, {"attitude.Ki": -1}, {"azimuth.T_aw": -1}, {"wheel_scale": 0}], ids=str
 )

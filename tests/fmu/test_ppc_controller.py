@@ -110,6 +110,7 @@ def test_the_bound_shrinks_exponentially_from_the_first_sample_on(fmu):
         assert deviation(gathered(unit.outputs())["alpha"], expected, 600) < 1e-14
 
 
+@pytest.mark.verifies("C.4-3")
 @pytest.mark.parametrize(("sign", "low", "high"), [(1, -0.5, 1.0), (-1, -1.0, 0.5)])
 def test_the_side_of_the_narrow_bound_is_decided_once_by_the_start(fmu, sign, low, high):
     """delta = 0.5: the side away from the start is half as wide, also later. States in the rate: no
@@ -197,6 +198,7 @@ def test_the_command_grows_towards_the_bound_and_the_barrier_multiplies_it(fmu, 
     assert kappa > 0.3
 
 
+@pytest.mark.verifies("C.4-1")
 def test_the_law_stays_finite_far_outside_and_points_back_inside(fmu):
     unit = fmu("ppc_controller", FREE, Scene().inputs())
     unit.step(0.1)
@@ -208,6 +210,7 @@ def test_the_law_stays_finite_far_outside_and_points_back_inside(fmu):
     assert sample(unit, Scene().inputs())["violation"] == 0
 
 
+@pytest.mark.verifies("C.4-1")
 @given(st.tuples(*[st.floats(-1e6, 1e6)] * 6))
 def test_every_generalised_state_gives_a_bounded_command(kind, simulated, state):
     """Clamps of theta and kappa bound every channel: k eta p s/(1 - kappa) at theta = 0.998, kappa
@@ -274,6 +277,7 @@ def test_it_has_no_parameter_of_mass_inertia_or_gravity(kind):
     assert heavy == {"force_scale", "wheel_scale"}
 
 
+@pytest.mark.verifies("C.4-5")
 def test_commands_do_not_change_by_a_bit_with_what_guidance_believes_of_target_mass_and_gravity(
     fmu, rng
 ):
@@ -311,6 +315,7 @@ REJECTED_STARTS = {
 }
 
 
+@pytest.mark.verifies("C.4-2")
 @pytest.mark.parametrize(("z", "p"), REJECTED_STARTS.values(), ids=REJECTED_STARTS)
 def test_a_start_without_the_guarantee_is_rejected_in_the_first_step(fmu, z, p):
     """Not before: while start values propagate the first inputs may be anything."""
@@ -320,6 +325,7 @@ def test_a_start_without_the_guarantee_is_rejected_in_the_first_step(fmu, z, p):
         unit.step(0.1)
 
 
+@pytest.mark.verifies("C.4-2")
 def test_a_start_is_checked_with_the_unclamped_kappa(fmu):
     """theta = 1 - 1e-6: s = 14.5, kappa = 0.84 with eta = 0.004; the law itself never sees more
     than s = 6.9.
@@ -333,6 +339,7 @@ def test_a_start_is_checked_with_the_unclamped_kappa(fmu):
     assert out["kappa"] == pytest.approx(0.004 * np.log(999) ** 2, rel=1e-6)
 
 
+@pytest.mark.verifies("C.4-4")
 def test_the_attitude_is_checked_when_its_control_begins(fmu):
     tumbling = Scene(omega=np.array((3.0, 0, 0))).inputs()
     unit = fmu("ppc_controller", {"t_att": 1.0}, tumbling)
@@ -343,6 +350,7 @@ def test_the_attitude_is_checked_when_its_control_begins(fmu):
         unit.step(0.5)
 
 
+@pytest.mark.verifies("C.4-6")
 def test_a_good_start_is_accepted_and_a_later_violation_is_flagged_only(fmu):
     unit = fmu("ppc_controller")
     assert sample(unit, Scene().inputs())["start_margin"] > 0
@@ -352,6 +360,7 @@ def test_a_good_start_is_accepted_and_a_later_violation_is_flagged_only(fmu):
     assert tumbling["violation"] == 0
 
 
+@pytest.mark.verifies("C.4-7")
 @each(
     "p",
     [

@@ -85,6 +85,7 @@ def test_shortest_arc_brings_the_axis_to_the_line_of_sight_without_roll(fmu, rng
         assert unit.get("pointing_angle") == pytest.approx(gap, abs=1e-9)
 
 
+@pytest.mark.verifies("B.4-1")
 @pytest.mark.parametrize(("d", "L"), [((1, 0, 0), (1, 0, 0, 0)), ((-1, 0, 0), (0, 0, 1, 0))])
 def test_shortest_arc_of_a_target_straight_ahead_and_straight_behind(fmu, d, L):
     assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(100, d)).get("q_DS") == pytest.approx(
@@ -103,6 +104,7 @@ def test_shortest_arc_next_to_straight_behind_goes_the_short_way_round(fmu, offs
     )
 
 
+@pytest.mark.verifies("B.4-1")
 def test_a_target_straight_behind_is_turned_to_at_every_range_and_attitude(fmu, rng):
     """Where 1 + b1 is rounding: once a target 49 m behind was taken for one ahead."""
     for distance in range(1, 1001, 13):
@@ -139,6 +141,7 @@ def test_half_a_turn_towards_a_target_behind_continues_the_motion(fmu):
 # ---- required rate
 
 
+@pytest.mark.verifies("B.4-2")
 @pytest.mark.parametrize("attitude", [TWO_TURNS, SHORTEST_ARC])
 def test_rate_is_along_the_axis_of_the_transition_up_to_its_limit(fmu, rng, attitude):
     """The same components in servicer and reference axes, because the axis is the axis of the turn
@@ -185,6 +188,7 @@ def test_required_speed_of_the_scalar_law(fmu, distance, formula, text):
         assert unit.get("v_req") == pytest.approx(factor * 0.01, rel=1e-14)
 
 
+@pytest.mark.verifies("B.4-3")
 def test_range_hysteresis_of_the_scalar_law(fmu):
     """zeta1 = 50 m, 1 m to either side; the first sample has no memory."""
     unit, seen = fmu("pursuit_guidance", SCALAR | {"zhys": 1}, at_range(50.5)), []
@@ -299,6 +303,7 @@ def test_aligned_and_calm_coast_align_and_burn_are_passed_within_one_sample(fmu)
     assert modes(fmu("pursuit_guidance", VECTOR), needs((0.01, 0, 0))) == [BURN]
 
 
+@pytest.mark.verifies("B.4-4")
 @pytest.mark.parametrize(
     ("angle", "rate", "mode"), [(9.9, 1.9e-3, BURN), (10.1, 0, ALIGN), (0, 2.1e-3, ALIGN)]
 )
@@ -313,6 +318,7 @@ def test_burn_lasts_more_than_five_samples_and_ends_in_the_sixth(fmu):
     close(axis_wanted(unit), [0, 1, 0], rel=1e-14)
 
 
+@pytest.mark.verifies("B.4-5")
 @pytest.mark.parametrize(
     ("obstacle", "mode"),
     [
@@ -395,6 +401,7 @@ def test_turning_the_inertial_frame_turns_the_vectors_and_nothing_else(fmu, rng)
         assert one.get(name) == pytest.approx(other.get(name), abs=1e-12)
 
 
+@pytest.mark.verifies("B.4-7")
 def test_outputs_stay_finite_at_the_target(fmu):
     """Range 0 has no direction: the axis stays where it is."""
     for parameters in (SCALAR, VECTOR, TWO_TURNS):
@@ -405,6 +412,7 @@ def test_outputs_stay_finite_at_the_target(fmu):
 # ---- rejections
 
 
+@pytest.mark.verifies("B.4-8")
 @pytest.mark.parametrize(
     ("parameters", "rule"),
     [

@@ -80,6 +80,7 @@ def test_filter_is_the_dense_one(fmu, late, sigma_0):
     assert track.rejected >= 3
 
 
+@pytest.mark.verifies("F.6-5")
 @pytest.mark.parametrize("gap", [14, 15, 16, 17, 40])
 def test_anchor_crosses_a_gap_longer_than_the_ring(fmu, rng, gap):
     """No pose for longer than 16 samples, under thrust: the anchor follows through samples that are
@@ -334,6 +335,7 @@ def filtered(fmu, world, late, samples=60, every=5, **p):
     return unit
 
 
+@pytest.mark.verifies("F.6-1")
 def test_delay_does_not_change_the_anchor(fmu, rng):
     """The same poses 0, 3 and 12 samples late: the same anchor after the same pose, bits."""
     world, seen = World(rng), set()
@@ -344,6 +346,7 @@ def test_delay_does_not_change_the_anchor(fmu, rng):
     assert len(seen) == 1
 
 
+@pytest.mark.verifies("F.6-1")
 def test_head_of_a_late_filter_is_its_anchor_carried_on(fmu, rng):
     """As the filter without delay that has had no pose since."""
     world = World(rng)
@@ -378,6 +381,7 @@ def twins(fmu, rng, samples=41):
     return world, filtered(fmu, world, 0, samples), filtered(fmu, world, 0, samples)
 
 
+@pytest.mark.verifies("F.6-2")
 @pytest.mark.parametrize("change", ["late", "future", "repeated", "invalid"])
 def test_poses_that_cannot_be_used_change_nothing_but_their_count(fmu, rng, change):
     """Older than the anchor, from the future, seen before, not valid."""
@@ -411,6 +415,7 @@ def test_a_pose_stamped_in_the_future_makes_all_earlier_ones_late(fmu, rng):
     assert a.get("pose_age") == 0
 
 
+@pytest.mark.verifies("F.6-3")
 def test_a_pose_far_outside_the_gate_counts_and_moves_only_the_anchor(fmu, rng):
     world, a, b = twins(fmu, rng)
     u = world.inputs(41)
@@ -425,6 +430,7 @@ def test_a_pose_far_outside_the_gate_counts_and_moves_only_the_anchor(fmu, rng):
     assert b.get("pose_age") == pytest.approx(a.get("pose_age"))
 
 
+@pytest.mark.verifies("F.6-3")
 def test_gate_tests_position_and_attitude_together(fmu, rng):
     """Each alone would pass, both together not."""
     world, a, b = twins(fmu, rng)
@@ -513,6 +519,7 @@ def test_servicer_goes_through_as_read_at_the_sample(fmu, rng):
         assert unit.get("r_SN_N") - unit.get("r_TN_N") == pytest.approx(rho, abs=2e-9)
 
 
+@pytest.mark.verifies("F.6-4")
 def test_start_values_are_published_and_not_valid(fmu, rng):
     world = World(rng)
     u = world.inputs(0)
@@ -529,6 +536,7 @@ def test_start_values_are_published_and_not_valid(fmu, rng):
     assert moved_rho == pytest.approx(own.T @ C_HN @ world.start["rho"], abs=1e-8)
 
 
+@pytest.mark.verifies("F.6-7")
 def test_finer_master_steps_give_the_same_bits(fmu, rng):
     world = World(rng)
     coarse, fine = (fmu("relative_filter", world.parameters()) for _ in range(2))
@@ -542,6 +550,7 @@ def test_finer_master_steps_give_the_same_bits(fmu, rng):
         assert bits(coarse) == bits(fine)
 
 
+@pytest.mark.verifies("F.6-5")
 def test_a_sample_lost_to_rounding_does_no_harm(fmu, rng):
     """The master's time 0.9e-9 s off once: sample 1 falls between two steps, the servicer coasts
     through it.
@@ -569,6 +578,7 @@ def test_filter_in_deep_space(fmu):
     assert unit.get("r_TN_N") == pytest.approx([20 - 0.6, 0, 0], abs=1e-9)
 
 
+@pytest.mark.verifies("F.6-8")
 @pytest.mark.parametrize(
     ("parameters", "rule"),
     [

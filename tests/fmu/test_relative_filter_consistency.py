@@ -86,6 +86,7 @@ WITH_RATIOS = np.r_[0:20]
 ONE_PERCENT = {"kappa": [0.01 * k for k in (1.5, 0.9, 0.04, 0.06, 0.05)], "d": [0.03] * 3}
 
 
+@pytest.mark.verifies("F.6-6")
 @pytest.mark.parametrize(
     ("states", "sigma_0"),
     [(BASIC, {}), (WITH_D, {"d": [0.03] * 3}), (WITH_RATIOS, ONE_PERCENT)],
@@ -134,6 +135,7 @@ def test_large_errors_of_the_inertia_are_beyond_a_linear_filter(fmu):
     assert wary[:, -100:].mean() < high
 
 
+@pytest.mark.verifies("F.6-6")
 def test_consistency_does_not_depend_on_the_delay(fmu):
     """The head of a filter whose poses come 3 s late claims its larger errors rightly: mean NEES
     of 12 over 24 runs.

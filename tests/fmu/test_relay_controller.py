@@ -73,6 +73,7 @@ TRANSLATION_TABLE = [
 ]
 
 
+@pytest.mark.verifies("B.5-1")
 @each("before", [0, 1])
 @each(("value", "from_off", "from_on"), ROTATION_TABLE)
 @each("axis", range(3))
@@ -87,6 +88,7 @@ def test_truth_table_of_the_rotation_relays(fmu, axis, sign, value, from_off, fr
     assert unit.get("translation_firing") == 0
 
 
+@pytest.mark.verifies("B.5-1")
 @each("before", [0, 1])
 @each(("value", "from_off", "from_on"), TRANSLATION_TABLE)
 @each(("sign", "engines", "others"), [(1, MAIN, BRAKES), (-1, BRAKES, MAIN)])
@@ -105,6 +107,7 @@ def test_truth_table_of_main_engine_and_brakes(
     assert unit.get("translation_firing") == bool(expected)
 
 
+@pytest.mark.verifies("B.5-1")
 def test_memory_lasts_as_long_as_the_switching_function_stays_inside(fmu):
     unit = fmu("relay_controller", STATIC)
     trace = [0.3, 0.4, 0.5, 0.4, 0.3, 0.4, 0.3, 0.2, 0.3, 0.4, 0.49, 0.5, -0.3, -0.4, -0.5, -0.3]
@@ -135,6 +138,7 @@ def test_all_relays_follow_the_reference_with_random_errors(fmu, rng):
 # ---- derivative terms
 
 
+@pytest.mark.verifies("B.5-3")
 def test_derivative_is_the_difference_over_a_sample_and_0_at_first(fmu):
     unit = fmu("relay_controller", EXACT | {"Kd_w": [0.3, 0.2, 0.1], "sample_period": T0})
     errors = np.array([(0.1, 0.2, -0.1), (0.15, 0.1, 0.3), (0.15, -0.1, 0.2)])
@@ -166,6 +170,7 @@ def test_error_is_differentiated_also_while_thrust_is_not_permitted(fmu):
     assert unit.get("sigma_v") == pytest.approx(0.32 + 0.1 * 0.02 / T0, abs=1e-14)
 
 
+@pytest.mark.verifies("B.5-2")
 def test_without_permission_main_engine_and_brakes_go_off(fmu):
     unit = fmu("relay_controller", STATIC, FREE)
     unit.step(T0, {"drho_ref_N": (0.7, 0, 0)})
@@ -296,6 +301,7 @@ def test_limit_cycle_of_a_double_integrator_has_the_period_of_theory(fmu, axis, 
 # ---- rejections
 
 
+@pytest.mark.verifies("B.5-5")
 @pytest.mark.parametrize(
     ("parameters", "rule"),
     [

@@ -111,6 +111,7 @@ def test_worked_example_in_closed_form_and_by_all_corners(fmu):
     assert margin + 12 <= least < margin + 12 + 2
 
 
+@pytest.mark.verifies("G.11-2")
 @pytest.mark.parametrize("p", [TRUTH, ESTIMATES], ids=["truth", "estimates"])
 @pytest.mark.parametrize("count", [100, pytest.param(10_000, marks=pytest.mark.long)])
 def test_margin_is_never_above_drawn_states_of_any_phase_and_near_them(fmu, p, count):
@@ -184,6 +185,7 @@ def closing(t):
     return (0.0, -30 + 0.2 * t, 0.0), (0.0, 0.2, 0.0)
 
 
+@pytest.mark.verifies("G.11-1")
 def test_the_rule_aborts_while_the_escape_is_still_certain(fmu):
     unit = fmu("safety_monitor", ON | {"abort_on": (0, 0, 0, 0, 0, 0, 1)})
     margins = []
@@ -212,6 +214,7 @@ def test_the_abort_is_foreseen_at_its_own_period(fmu, period):
     assert changes.tolist() == (list(range(1, 12)) if period == 0 else [5, 10])
 
 
+@pytest.mark.verifies("G.11-3")
 def test_radius_and_reserve_follow_the_approach_and_the_rule_rests_near_the_target(fmu):
     p = {"escape_radius": (12, 2), "escape_reserve": (1, 0.5), "axis_radius": 3}
 
@@ -278,6 +281,7 @@ def test_near_the_target_and_inside_the_corridor_it_leaves_along_the_axis(fmu, a
         close(dv, 0.1 * rho_N / distance - C_NH() @ drho, rel=1e-8)
 
 
+@pytest.mark.verifies("G.10-1")
 @pytest.mark.parametrize("lost", ["relative_valid", "range 0"])
 def test_of_a_lost_target_the_last_valid_state_has_drifted_until_the_abort(fmu, lost):
     """The abort comes 400 s after the last state; what the inputs say meanwhile is not used."""
@@ -302,6 +306,7 @@ def test_without_any_valid_state_the_servicer_drifts(fmu):
     assert not unit.get("F_safe_S").any()
 
 
+@pytest.mark.verifies("G.10-1")
 def test_the_increment_is_formed_once_and_burnt_in_full(fmu):
     rho, drho = np.array((3.0, -40, 2)), np.array((0.02, 0.11, -0.03))
     unit, impulse = fmu("safety_monitor", ON | {"abort_time": 3}), np.zeros(3)

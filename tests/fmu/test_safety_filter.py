@@ -85,6 +85,7 @@ def test_every_output_agrees_with_the_independent_implementation(fmu, law, seeds
 
 
 # ---- worked values ----
+@pytest.mark.verifies("M.5-2")
 def test_a_row_takes_the_nearest_point_of_its_plane_inside_the_box(fmu):
     """A row (-0.6, -0.8, 0).u >= -0.5 by the plume: the force away from the target is limited."""
     p = replace(Settings(), keep_out_radius=0, plume_range=9, plume_force=0.5, mu=0)
@@ -95,6 +96,7 @@ def test_a_row_takes_the_nearest_point_of_its_plane_inside_the_box(fmu):
     close(found["barrier"], (RESTING, RESTING, RESTING, RESTING, 5 - 9), rel=1e-15)
 
 
+@pytest.mark.verifies("M.5-3")
 def test_a_rule_that_the_box_cannot_satisfy_gets_all_of_the_box(fmu):
     """At (0.6, 0.8, 0) from the edge with 1 m/s inwards, only the full force along n brakes."""
     p = replace(Settings(), mu=0, mass_error=0)
@@ -137,6 +139,7 @@ def far(command):
     return at((40, 1, 2), (0.01, 0, 0.002), command)
 
 
+@pytest.mark.verifies("M.5-1")
 @each("law", (0, 1, 2, 3))
 def test_a_command_inside_all_rules_leaves_to_the_last_bit(fmu, law):
     command = (0.1, -1 / 3, 0.7)
@@ -145,6 +148,7 @@ def test_a_command_inside_all_rules_leaves_to_the_last_bit(fmu, law):
     assert [found[n] for n in ("mode", "active", "intervention", "feasible")] == [0, 0, 0, 1]
 
 
+@pytest.mark.verifies("M.3-1")
 @each("case", ({"filter": 0}, {"relative_valid": 0}))
 def test_without_filter_or_state_the_command_passes_between_samples_too(fmu, case):
     p = asdict(DEEP) | {k: v for k, v in case.items() if k == "filter"}
@@ -160,6 +164,7 @@ def test_without_filter_or_state_the_command_passes_between_samples_too(fmu, cas
     assert unit.get("mode") == (0 if "filter" in case else 4)
 
 
+@pytest.mark.verifies("M.3-2")
 def test_a_filter_that_is_off_still_computes_its_barriers(fmu):
     state = inputs(np.random.default_rng(5), SMALL)
     p = replace(SMALL, passive_time=600)
@@ -167,6 +172,7 @@ def test_a_filter_that_is_off_still_computes_its_barriers(fmu):
     assert on["barrier"].tolist() == off["barrier"].tolist() and max(off["barrier"][:4]) < RESTING
 
 
+@pytest.mark.verifies("M.3-3")
 def test_a_force_is_held_between_samples(fmu):
     unit = fmu("safety_filter", asdict(DEEP), vars(at((4.1, 0, 0), (0, 0, 0), (-2, 0, 0))))
     unit.step(0.1)
@@ -208,6 +214,7 @@ def test_a_servicer_in_the_centre_is_pushed_along_its_x_axis(fmu):
 
 
 # ---- simplex ----
+@pytest.mark.verifies("M.7-1")
 def test_backup_ends_with_the_sample_that_completes_the_dwell(fmu):
     """The command is safe at every second sample at first, then always: only this counts."""
     p = replace(DEEP, filter=1, use_corridor=0, use_speed_limit=0, dwell=1.5)
@@ -218,6 +225,7 @@ def test_backup_ends_with_the_sample_that_completes_the_dwell(fmu):
     assert modes == [0, 2, 2, 2, 2, 2, 0, 0]
 
 
+@pytest.mark.verifies("M.7-2")
 def test_the_implicit_filter_lets_pass_by_what_the_explicit_one_stops(fmu):
     """A course beside the sphere: the radial rate would not stop in time, the way is clear."""
     passing = at((5, 4.6, 0), (-0.2, 0, 0), (0, 0, 0))
@@ -251,6 +259,7 @@ REJECTED = (
 )
 
 
+@pytest.mark.verifies("M.3-4")
 @each("case", REJECTED)
 def test_parameters_without_a_meaning_are_rejected(tmp_path_factory, case):
     parameters, name, rule = case

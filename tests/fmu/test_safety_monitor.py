@@ -202,6 +202,7 @@ def test_rules_that_are_off_or_rest_state_so(fmu):
     assert point(fmu, p, case).get("keep_out_margin") == RESTING
 
 
+@pytest.mark.verifies("G.2-6")
 def test_nearest_rule_is_the_one_with_the_least_share_of_its_size(fmu):
     p = SPHERE | {"use_speed_limit": 1, "speed_at_zero": 1, "speed_slope": 0}
     for distance, rate, which in ((30, 0.2, 3), (4, 0.2, 1), (30, 0, 3), (3.3, 0.2, 1)):
@@ -314,6 +315,7 @@ GRAZING = {
 }
 
 
+@pytest.mark.verifies("G.2-2")
 @each("h", [0.7, 5.0, 40.0])
 @each("miss", [1e-6, -1e-6])
 @each("rule", GRAZING)
@@ -409,6 +411,7 @@ def test_margins_on_a_drift_ellipse_are_never_above_margins_of_dense_samples(fmu
             assert least >= min(values) - RESOLUTION - wave - np.ptp(values) / 40
 
 
+@pytest.mark.verifies("G.2-2")
 def test_first_violation_is_the_same_at_10_hz_and_1_hz(fmu):
     """A drift ellipse about y = 1.5 m with half axes 4 m and 8 m, from its outer end on."""
     start = np.array((0.0, 9.5, 0.1)), np.array((4 * N, 0, 0.4 * N))
@@ -528,6 +531,7 @@ def test_rules_in_force_at_a_sample_hold_until_the_next(fmu, first):
     assert violated[1] == violated[2] == violated[4] == first
 
 
+@pytest.mark.verifies("G.2-1")
 def test_least_margin_is_the_least_since_the_start(fmu):
     p = SPHERE | DEEP | {"use_speed_limit": 1}
     unit, rows = watch(fmu, p, straight((-20, 6, 0), (0.9, 0, 0)), 1, 60)
@@ -542,6 +546,7 @@ def test_least_margin_is_the_least_since_the_start(fmu):
 DRIFT = SPHERE | {"passive_time": 5000, "passive_step": 30}
 
 
+@pytest.mark.verifies("G.2-3")
 @pytest.mark.parametrize("name", ELLIPSES)
 def test_drift_without_thrust_comes_as_close_as_clohessy_and_wiltshire_state(fmu, name):
     """Linear equations at 20 m to 40 m: off by 25 rho^2/a, 6 mm."""
@@ -621,6 +626,7 @@ def test_passive_rule_fails_at_the_same_instant_at_10_hz_and_1_hz(fmu):
 # ---- navigation lost, zero range, not a number ----
 
 
+@pytest.mark.verifies("G.5-2")
 def test_target_lost_for_longer_than_allowed_aborts_at_that_instant(fmu):
     motion = straight((0, 20, 0), (0, 0, 0))
     unit = fmu("safety_monitor", SPHERE | DEEP | {"lost_time": 3.0, "act": 1})
@@ -660,6 +666,7 @@ def test_a_lost_target_is_left_in_the_axes_of_its_last_valid_state(fmu, axes, dv
     assert np.max(np.abs(unit.get("dv_left_N") - expected)) < 1e-12
 
 
+@pytest.mark.verifies("G.2-4")
 def test_a_target_that_is_found_again_begins_a_new_arc_with_its_velocity(fmu):
     """Within the limit before and after the loss; the path in between, a jump with another
     velocity, is not evaluated, and the next arc begins with the velocity at which it was found.
@@ -674,6 +681,7 @@ def test_a_target_that_is_found_again_begins_a_new_arc_with_its_velocity(fmu):
     assert not unit.get("violated").any()
 
 
+@pytest.mark.verifies("G.2-4")
 def test_nothing_is_evaluated_while_the_target_is_lost(fmu):
     unit = fmu("safety_monitor", SPHERE | DEEP)
     for k, (y, valid) in enumerate(((-20.0, 1), (0.0, 0), (20.0, 1), (21.0, 1))):
@@ -681,6 +689,7 @@ def test_nothing_is_evaluated_while_the_target_is_lost(fmu):
     assert not unit.get("violated").any()
 
 
+@pytest.mark.verifies("G.2-5")
 def test_nothing_is_evaluated_before_the_monitor_is_armed(fmu):
     """A cold filter: within the zone, too fast and not valid until 6 s, outside and slow after."""
     p = SPHERE | DEEP | {"use_speed_limit": 1, "speed_slope": 0, "lost_time": 3, "act": 1}
@@ -747,6 +756,7 @@ def test_evaluating_absurd_but_finite_inputs_ends(fmu, rng, size, rate, h):
 # ---- first violation, abort ----
 
 
+@pytest.mark.verifies("G.2-1")
 def test_first_violation_stays_and_names_the_rule(fmu):
     p = SPHERE | DEEP | {"use_speed_limit": 1, "speed_at_zero": 0.5, "speed_slope": 0}
     unit, rows = watch(fmu, p, straight((-20, 0, 0), (0.8, 0, 0)), 1, 60)
@@ -759,6 +769,7 @@ def test_first_violation_stays_and_names_the_rule(fmu):
     assert unit.get("violated").tolist() == [1, 0, 1, 0, 0, 0, 0]
 
 
+@pytest.mark.verifies("G.5-1")
 def test_only_chosen_rules_abort(fmu):
     p = SPHERE | DEEP | {"abort_on": (0, 1, 1, 1, 1, 1, 1)}
     unit, _ = watch(fmu, p, straight((-20, 0, 0), (0.8, 0, 0)), 1, 40)
@@ -766,6 +777,7 @@ def test_only_chosen_rules_abort(fmu):
     assert unit.get("abort") == 0
 
 
+@pytest.mark.verifies("G.5-3")
 @pytest.mark.parametrize("period", [0, 0.5])
 @pytest.mark.parametrize(
     ("dv_H", "axes"), [((0.02, -0.03, 0.01), 0), ((0, 0, 0), 0), ((0, 0, 0), 1)]
@@ -796,6 +808,7 @@ def test_abort_manoeuvre_spends_the_velocity_increment_and_no_more(fmu, dv_H, ax
     assert np.linalg.norm(unit.get("dv_left_N")) < 1e-12
 
 
+@pytest.mark.verifies("G.5-4")
 def test_the_command_passes_between_the_samples_too_and_ends_with_the_abort(fmu):
     unit = fmu("safety_monitor", SPHERE | {"sample_period": 1, "act": 1, "abort_force": 0})
     for k in range(16):
@@ -805,6 +818,7 @@ def test_the_command_passes_between_the_samples_too_and_ends_with_the_abort(fmu)
         assert unit.get("F_safe_S").tolist() == ([1, k, -k] if k < 8 else [0, 0, 0])
 
 
+@pytest.mark.verifies("G.2-3")
 @pytest.mark.parametrize("period", [0, 5])
 def test_drift_is_predicted_at_its_own_period(fmu, period):
     """Straight flight in deep space with a velocity that turns towards the zone."""
@@ -840,6 +854,7 @@ def test_drift_may_rest_while_approaching_and_is_evaluated_from_then_on(fmu):
     assert 2 < simulated[0][1] <= 4 and simulated[0][0][4][0] == pytest.approx(-3)
 
 
+@pytest.mark.verifies("G.5-4")
 def test_without_act_the_command_passes_unchanged(fmu):
     unit = fmu("safety_monitor", SPHERE)
     unit.step(1, states(0, (0, 1, 0), (0, 0, 0)) | {"F_cmd_S": (1, 2, 3)})
@@ -861,6 +876,7 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu):
         assert bits(cut) == bits(whole)
 
 
+@pytest.mark.verifies("G.5-5")
 def test_nothing_is_retained_from_the_initialization(fmu):
     unit = fmu("safety_monitor", SPHERE, states(0, (0, 1, 0), (0, 0, 0)))
     assert unit.get("keep_out_margin") < 0
@@ -870,6 +886,7 @@ def test_nothing_is_retained_from_the_initialization(fmu):
     assert not unit.get("violated").any()
 
 
+@pytest.mark.verifies("G.2-7")
 @pytest.mark.parametrize(
     ("parameters", "name"),
     [

@@ -43,6 +43,7 @@ def drift_of_dead_reckoning(b, tau, n):
     return b * tau * (1 - (1 - H / tau) ** n)
 
 
+@pytest.mark.verifies("G.8-1")
 @pytest.mark.parametrize("b", [0.6, -0.6])
 @pytest.mark.parametrize(("tolerance", "tau"), [(1.0, 10.0), (2.0, 10.0), (1.0, 4.0)])
 def test_velocity_in_error_aborts_though_position_is_right(fmu, b, tolerance, tau):
@@ -67,6 +68,7 @@ def test_velocity_error_that_stays_below_the_tolerance_in_its_time_constant_is_b
         assert (first_loss(unit, lambda k, b=b: stated(k, 100, b, 100))[1] is not None) == aborts
 
 
+@pytest.mark.verifies("G.8-1")
 def test_drifting_position_aborts_when_it_is_off_by_the_tolerance(fmu):
     """The estimate rests at 50 m and believes so; truth closes with 0.04 m/s."""
     p = {"range_at_zero": 1.0, "range_tau": 10, "range_patience": 3}
@@ -101,6 +103,7 @@ def test_tolerance_grows_with_the_range(fmu):
         assert (first_loss(unit, motion, 10)[1] is not None) == aborts
 
 
+@pytest.mark.verifies("G.8-2")
 def test_single_outliers_and_a_cured_estimate_are_forgiven(fmu):
     p = {"range_at_zero": 1.0, "range_tau": 10, "range_patience": 3}
     unit = fmu("safety_monitor", ALONE | p | {"lost_time": 20})

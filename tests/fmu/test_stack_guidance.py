@@ -56,6 +56,7 @@ def duration(w, Omega, J=J, A=A, share=0.5, accel=0.01, least=60.0):
     return max(least, 1.875 * np.max(np.abs(spin) / np.maximum(lim - g, 0.1 * lim)))
 
 
+@pytest.mark.verifies("I.6-1")
 @pytest.mark.parametrize("size", [1e-13, 1e-3, 5e-3, 0.02])
 def test_attitude_is_the_integral_of_the_rate_and_the_rate_the_one_of_the_acceleration(
     fmu, rng, size
@@ -83,6 +84,7 @@ def test_attitude_is_the_integral_of_the_rate_and_the_rate_the_one_of_the_accele
         assert unit.get("done") == 0
 
 
+@pytest.mark.verifies("I.6-1")
 def test_rate_and_acceleration_are_the_differences_of_attitude_and_rate(fmu, rng):
     w = 0.01 * rng.normal(size=3)
     u, h = inputs(rng, w), 0.1
@@ -98,6 +100,7 @@ def test_rate_and_acceleration_are_the_differences_of_attitude_and_rate(fmu, rng
         assert np.allclose((rows[k + 1][1] - rows[k - 1][1]) / (2 * h), rows[k][2], atol=1e-8)
 
 
+@pytest.mark.verifies("I.6-3")
 def test_in_the_end_the_reference_rests(fmu, rng):
     w = 0.004 * rng.normal(size=3)
     u = inputs(rng, w)
@@ -111,6 +114,7 @@ def test_in_the_end_the_reference_rests(fmu, rng):
     assert np.allclose(unit.get("q_DN"), quaternion(end), atol=1e-13)
 
 
+@pytest.mark.verifies("I.6-2")
 def test_wheel_torque_along_the_profile_retains_within_its_share(fmu, rng):
     """A_w dOmega = -(J alpha + w x H), wheels from rest: total momentum constant in N."""
     w = rng.normal(size=3)
@@ -138,6 +142,7 @@ def test_reference_position_is_the_present_one_and_momentum_the_one_of_stack_and
 # ---- unloading
 
 
+@pytest.mark.verifies("I.6-4")
 def test_unloading_begins_and_ends_at_its_thresholds_and_is_cut_per_axis(fmu, rng):
     ref = np.array((0.02, -0.01, 0.03))
     unit = begun(fmu, inputs(rng, (0, 0, 0), ref), wheel_speed_ref=ref)
@@ -176,6 +181,7 @@ def test_unloaded_momentum_leaves_stack_and_wheels_together(fmu, rng):
 # ---- rest
 
 
+@pytest.mark.verifies("I.6-5")
 def test_at_rest_it_shows_what_a_first_sample_would_and_retains_nothing(fmu, rng):
     unit = begun(fmu, inputs(rng, 0.01 * rng.normal(size=3), (0.29, 0, 0)))
     assert unit.get("unloading") == 1
@@ -198,6 +204,7 @@ def test_at_rest_it_shows_what_a_first_sample_would_and_retains_nothing(fmu, rng
         assert bits(unit) == bits(fresh)
 
 
+@pytest.mark.verifies("I.6-5")
 def test_nothing_is_retained_from_initialization(fmu, rng):
     """Inputs may be anything while start values travel through a system."""
     unit = fmu("stack_guidance", {"sample_period": PERIOD}, inputs(rng, (1, 2, 3), (0.3, 0, 0)))
@@ -207,6 +214,7 @@ def test_nothing_is_retained_from_initialization(fmu, rng):
     assert np.array_equal(unit.get("omega_DN_D"), (1e-3, 0, 0))
 
 
+@pytest.mark.verifies("I.6-6")
 @pytest.mark.parametrize(
     ("parameters", "name"),
     [

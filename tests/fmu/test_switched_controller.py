@@ -61,6 +61,7 @@ def test_force_is_linear_feedback_of_the_phase_in_hill_axes(fmu, rng, phase):
     assert deviation(unit.get("de_H"), de) < 1e-8
 
 
+@pytest.mark.verifies("H.1-1")
 def test_phases_follow_the_distance_and_never_go_back(fmu, rng):
     p = {"axis_H": (-1, 0, 0), "switch_distance": (100, 10), "t_abort": 8}
     unit, seen = fmu("switched_controller", p), []
@@ -71,6 +72,7 @@ def test_phases_follow_the_distance_and_never_go_back(fmu, rng):
     assert [flag for _, _, flag in seen] == [0, 0, 0, 0, 1, 1, 1, 1, 0, 0]
 
 
+@pytest.mark.verifies("H.1-1")
 def test_a_distance_of_zero_does_not_end_a_phase(fmu, rng):
     near = states(rng, np.array((0, -50.0, 0)), np.zeros(3))[0]
     unit = fmu("switched_controller", {"switch_distance": (0, 10)})
@@ -83,6 +85,7 @@ def test_a_distance_of_zero_does_not_end_a_phase(fmu, rng):
         assert (two.get("phase"), two.get("approaching")) == (2, 1)
 
 
+@pytest.mark.verifies("H.1-2")
 def test_no_force_from_the_abort_on_the_attitude_stays_controlled(fmu, rng):
     D = (Rotation.random(random_state=rng), np.zeros(3), np.array((0.01, 0, 0)))
     inputs = states(rng, np.array((0, 30.0, 0)), np.zeros(3), D=D)[0]
@@ -93,6 +96,7 @@ def test_no_force_from_the_abort_on_the_attitude_stays_controlled(fmu, rng):
         assert np.any(unit.get("M_cmd_S"))
 
 
+@pytest.mark.verifies("H.1-5")
 def test_phase_begins_with_the_first_step_not_with_the_start_values(fmu, rng):
     near, far = (states(rng, np.array((0, y, 0)), np.zeros(3))[0] for y in (5.0, 500.0))
     unit = fmu("switched_controller", {"switch_distance": (100, 10)}, near)
@@ -100,6 +104,7 @@ def test_phase_begins_with_the_first_step_not_with_the_start_values(fmu, rng):
     assert unit.get("phase") == 1
 
 
+@pytest.mark.verifies("H.1-3")
 def test_force_and_torque_are_limited_per_axis(fmu, rng):
     p = {"F_max": (0.1, 0, 0.2), "M_max": (0.3, 0.1, 0), "K_att": (500, 500, 500)}
     D = (Rotation.random(random_state=rng), np.zeros(3), np.zeros(3))
@@ -130,6 +135,7 @@ def test_torque_turns_the_servicer_to_its_reference(fmu, rng, wheels):
     assert deviation(unit.get("wheel_accel_cmd"), -M / 4 if wheels else 0 * M) < 1e-12
 
 
+@pytest.mark.verifies("H.1-4")
 def test_attitude_rests_before_its_time(fmu, rng):
     D = (Rotation.random(random_state=rng), np.zeros(3), np.zeros(3))
     inputs = states(rng, np.array((0, 30.0, 0)), np.zeros(3), D=D)[0]
@@ -158,5 +164,6 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
         assert bits(cut) == bits(whole)
 
 
+@pytest.mark.verifies("H.1-6")
 def test_an_axis_that_is_no_unit_vector_is_rejected(tmp_path):
     assert "axis_H" in rejection("switched_controller", {"axis_H": (1, 1, 0)}, tmp_path)

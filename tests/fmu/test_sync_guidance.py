@@ -116,6 +116,7 @@ def assert_published_derivatives_are_derivatives(f):
 # ---- derivatives ----
 
 
+@pytest.mark.verifies("A.4-1")
 def test_published_rates_and_accelerations_are_derivatives_of_the_published_references(fmu, rng):
     p = parameters(rng)
     assert_published_derivatives_are_derivatives(simulate(fmu, p, tumbling(rng, p)))
@@ -248,6 +249,7 @@ def desired_axes(states, p):
     return np.array([i, np.cross(k, i), k])
 
 
+@pytest.mark.verifies("A.4-2")
 def test_reference_attitude_looks_back_along_the_grasp_axis_with_its_z_axis_in_the_orbit_plane(
     fmu, rng
 ):
@@ -298,6 +300,7 @@ def test_guard_is_on_within_its_angle_of_the_orbit_normal_and_arm_axis_never_lea
     assert deviation(np.linalg.norm(f["q_DN"], axis=1), 1) < 1e-14
 
 
+@pytest.mark.verifies("A.4-2")
 @pytest.mark.parametrize("pole", [1, -1])
 def test_reference_attitude_is_continuous_into_the_guard_and_within_it(fmu, rng, pole):
     """It turns by its published rate; only on leaving the guard it goes back to (6) in one step."""
@@ -477,6 +480,7 @@ def test_the_reference_jumps_after_the_guard_without_limits(fmu):
     assert f["normal_angle"].min() == pytest.approx(0.035, abs=1e-3)
 
 
+@pytest.mark.verifies("A.4-3")
 def test_with_limits_it_is_continuous_and_retains_them(simulated):
     assert simulated["attitude_guard"].any()
     assert simulated["roll_limited"].any()
@@ -486,6 +490,7 @@ def test_with_limits_it_is_continuous_and_retains_them(simulated):
     assert np.abs(np.diff(simulated["omega_DN_D"], axis=0)).max() < 0.1 * 2e-3
 
 
+@pytest.mark.verifies("A.4-1")
 def test_its_rates_are_derivatives_of_what_is_published(simulated):
     """The roll acceleration changes at samples, so rates are compared over one sample: the turn of
     D against the mean of the rates at both ends, an error of h^3 |alpha'|/12.
@@ -558,6 +563,7 @@ def test_limited_rolls_match_an_independent_derivation(fmu, simulated):
         assert simulated["omega_DN_D"][k, 0] == pytest.approx(rate, abs=1e-8)
 
 
+@pytest.mark.verifies("A.4-7")
 def test_one_limit_without_the_other_is_rejected(tmp_path):
     text = rejection("sync_guidance", {"roll_rate_max": 0.05}, tmp_path)
     assert "must be above 0 with roll_rate_max" in text

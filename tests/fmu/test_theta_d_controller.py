@@ -106,6 +106,7 @@ def test_attitude_gains_of_the_spec(fmu):
     assert deviation(out["M_cmd_S"] / w, -np.sqrt(2100 + 30 * np.array((50, 45, 60))), 60.0) < 1e-7
 
 
+@pytest.mark.verifies("C.5-7")
 def test_without_rates_the_full_law_is_the_regulator(fmu, rng):
     """All of A is proportional to rates: at rest the corrections vanish although they are not
     suppressed.
@@ -172,6 +173,7 @@ def test_expansion_approaches_the_state_dependent_riccati_equation_with_the_thir
     assert abs(error(lower) / error(lower / 2) - 8) < 1
 
 
+@pytest.mark.verifies("C.5-8")
 def test_corrections_are_released_with_time(fmu, rng):
     """eps = 1 - k exp(-l t): for k = 1 the regulator at first, the full expansion in the end;
     attitude from t_att.
@@ -194,6 +196,7 @@ def test_corrections_are_released_with_time(fmu, rng):
     assert deviation(full["a_cmd_L"], linear["a_cmd_L"]) > 1e-6
 
 
+@pytest.mark.verifies("C.5-9")
 def test_spinning_wheels_are_taken_into_account(fmu, rng):
     """Their momentum turned by the body adds omega x A Omega."""
     scene, wheels, A = (
@@ -209,6 +212,7 @@ def test_spinning_wheels_are_taken_into_account(fmu, rng):
     )
 
 
+@pytest.mark.verifies("C.5-11")
 @pytest.mark.parametrize(
     "p",
     [

@@ -87,6 +87,7 @@ def largest_scale(A, w):
 # ---- bounded least squares
 
 
+@pytest.mark.verifies("B.7-1")
 def test_throttles_are_the_bounded_least_squares_solution(fmu, rng):
     """Commands from far inside to ten times outside the attainable wrenches, random weights."""
     for _ in range(5):
@@ -112,6 +113,7 @@ def test_a_command_in_reach_is_met(fmu, rng):
         assert (unit.get("infeasible"), unit.get("scale")) == (0, 1)
 
 
+@pytest.mark.verifies("B.7-3")
 def test_lost_thrusters_are_left_out_from_the_time_on(fmu, rng):
     """The bits of an allocation with thrusters without thrust; before that the bits of a whole
     one.
@@ -130,6 +132,7 @@ def test_lost_thrusters_are_left_out_from_the_time_on(fmu, rng):
     assert not units[0].get("throttle")[lost == 1].any()
 
 
+@pytest.mark.verifies("B.7-2")
 def test_a_command_out_of_reach_is_scaled_to_the_largest_part_in_reach(fmu, rng):
     """Against a linear program; "in reach" means within 1e-6 of the command, and the facet may be
     oblique: 1e-5.
@@ -195,6 +198,7 @@ def test_force_along_an_axis_is_shared_and_no_thruster_opposes_it(fmu):
     assert unit.get("throttle") == pytest.approx([0.5] * 4 + [0] * 12, abs=1e-9)
 
 
+@pytest.mark.verifies("B.7-5")
 def test_opposite_thrusters_are_never_both_on(fmu, rng):
     """Thrusters in pairs with the same line of action: what both give could be taken from both."""
     position = np.repeat(rng.uniform(-1, 1, (8, 3)), 2, axis=0)
@@ -240,6 +244,7 @@ def test_order_of_the_thrusters_does_not_matter(fmu, rng):
         assert one.get("throttle")[order] == pytest.approx(other.get("throttle"), abs=1e-8)
 
 
+@pytest.mark.verifies("B.7-1")
 def test_hostile_geometries_end_in_bounds(fmu, rng):
     """Parallel columns, columns nearly dependent, thrusters that do not exist, strengths over six
     decades.
@@ -260,6 +265,7 @@ def test_hostile_geometries_end_in_bounds(fmu, rng):
 PULSES = {"pulsed": 1, "pulse_period": 1.0, "min_on_time": 0.2, "sample_period": T0}
 
 
+@pytest.mark.verifies("B.7-4")
 def test_on_time_follows_the_demand_with_what_is_unspent_carried_over(fmu, rng):
     """At every end of a period: demanded minus given on-time is what is unspent, below the shortest
     pulse.
@@ -276,6 +282,7 @@ def test_on_time_follows_the_demand_with_what_is_unspent_carried_over(fmu, rng):
         assert np.all((unit.get("unspent") >= 0) & (unit.get("unspent") < 0.2))
 
 
+@pytest.mark.verifies("B.7-4")
 @pytest.mark.parametrize("shortest", [0, 1, 2, 4])
 def test_pulses_are_at_the_start_of_the_period_and_are_not_too_short(fmu, rng, shortest):
     unit = fmu("thruster_allocation", box_of_thrusters() | PULSES | {"min_on_time": shortest * T0})
@@ -350,6 +357,7 @@ def test_first_outputs_leave_no_memory(fmu):
 # ---- rejections
 
 
+@pytest.mark.verifies("B.7-6")
 @pytest.mark.parametrize(
     ("parameters", "rule"),
     [

@@ -24,6 +24,7 @@ def words(unit):
     return tuple(int(unit.get(name)) for name in FLAGS)
 
 
+@pytest.mark.verifies("J.6-2")
 def test_by_default_it_is_go_and_nothing_else(fmu):
     unit = fmu("timeline")
     assert words(unit) == GO
@@ -38,6 +39,7 @@ def test_each_column_is_its_own_flag(fmu):
         assert words(unit) == tuple(int(i == k) for i in range(6))
 
 
+@pytest.mark.verifies("J.6-1")
 def test_the_row_of_the_last_time_reached_is_in_force_from_its_instant_on(fmu):
     """Communication points of 0.1 s, sums of rounded steps: 0.3 is reached at the call at 0.3."""
     rows = [(0.3, (0, 1, 1, 0, 0, 1)), (0.5, (1, 0, 1, 0, 1, 0)), (0.6, GO)]
@@ -56,11 +58,13 @@ def test_sixteen_rows(fmu):
         assert words(unit) == flags
 
 
+@pytest.mark.verifies("J.6-1")
 @pytest.mark.parametrize("start", [5.0, 5.05])
 def test_a_start_after_a_time_has_its_row(fmu, start):
     assert words(fmu("timeline", table((5.0, (0, 0, 0, 1, 0, 1))), start=start))[3] == 1
 
 
+@pytest.mark.verifies("J.6-3")
 @pytest.mark.parametrize(
     ("change", "words"),
     [

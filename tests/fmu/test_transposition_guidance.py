@@ -55,6 +55,7 @@ def C_NO(t):
 # ---- the plan
 
 
+@pytest.mark.verifies("E.4-1")
 def test_plan_stays_below_its_limits_in_a_handful_of_steps(fmu, simulated):
     unit, plan = fmu("transposition_guidance", FULL), simulated(5.0)
     assert unit.get("status") == 0
@@ -81,6 +82,7 @@ def test_history_of_the_iteration_ends_with_the_plan(fmu):
     assert peak[n] == pytest.approx(unit.get("momentum_max"), abs=0.2)
 
 
+@pytest.mark.verifies("E.4-2")
 def test_reference_begins_and_ends_in_the_run_attitude_at_rest(fmu):
     unit = fmu("transposition_guidance", FULL | {"sample_period": 1.0})
     assert unit.get("q_DH") == pytest.approx(Q_FLIGHT, abs=1e-15)
@@ -121,6 +123,7 @@ def test_a_small_step_takes_its_part_of_the_momentum_with_a_small_rotation(fmu):
     assert np.degrees(rotation[2]) < 1.5
 
 
+@pytest.mark.verifies("E.4-3")
 def test_momentum_at_the_start_is_part_of_the_plan(fmu):
     unit = fmu("transposition_guidance", FULL | {"h_0_S": (0, 400, 0), "sample_period": 1.0})
     assert unit.get("status") == 0
@@ -262,6 +265,7 @@ def balance(plan, model, torque, every=1):
     return np.linalg.norm(gaps, axis=1).max()
 
 
+@pytest.mark.verifies("E.4-3")
 def test_predicted_momentum_balances_the_torques_on_point_masses(simulated):
     """Tolerance: Simpson's rule across the kinks of faces that turn into the flow."""
     model, plan = Assembly(), simulated(5.0)
@@ -280,6 +284,7 @@ def test_wrong_terms_do_not_balance(simulated):
     assert balance(plan, Assembly(hinge=(9.6, 0, 0.1)), model.torque, every=6) > 1
 
 
+@pytest.mark.verifies("E.4-4")
 def test_rate_of_momentum_is_its_mean_over_the_coming_sample(simulated):
     plan = simulated(5.0)
     steps = np.diff(plan["h_ref_D"], axis=0) / 5.0
@@ -318,6 +323,7 @@ def test_second_difference_as_printed_believes_in_a_plan_that_saturates(fmu):
 # ---- what cannot be done
 
 
+@pytest.mark.verifies("E.4-1")
 @pytest.mark.parametrize(
     ("parameters", "status"),
     [
@@ -347,12 +353,14 @@ def test_an_impossible_task_is_reported_in_the_log(tmp_path):
     assert "no history with the momentum below the limit" in texts[0]
 
 
+@pytest.mark.verifies("E.4-5")
 def test_flight_attitude_can_be_requested(fmu):
     unit = fmu("transposition_guidance", FULL | {"use_plan": 0})
     assert (unit.get("status"), unit.get("no_plan"), unit.get("iterations")) == (1, 0, 0)
     assert unit.get("momentum_max") > 2 * 1500
 
 
+@pytest.mark.verifies("E.4-6")
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
