@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""New controllers and missions: folders that run unchanged, filled from `templates/`.
+"""New components and missions: folders that run unchanged, filled from `templates/`.
 
 In the place of a controller that commands a wrench, a new controller is the example of the project
-under another name. In any other place it has all ports of the component that it replaces, and its
-outputs remain at the start values of the inputs that read them until its law is written. A new
+under another name. A new sensor or plant is the example of its kind, with a system that adds it to
+another one. In any other place a new component has all ports of the component that it replaces, and
+its outputs remain at the start values of the inputs that read them until its law is written. A new
 mission extends a system and has a figure, a metric and a claim of its own.
 """
 
@@ -31,6 +32,7 @@ from harness.system.graph import read_interfaces
 from harness.system.model import System
 from harness.system.values import Name
 
+KINDS = ("controller", "sensor", "plant")
 LANGUAGES = {"c": ".c", "python": ".py"}
 
 NAME = re.compile(r"[\w.]+(\[\d+\])?", re.ASCII)
@@ -55,35 +57,64 @@ def _write(path: Path, text: str) -> None:
         file.write_text(text, encoding="utf-8")
 
 
-# ---- controllers
+# ---- components
 
 
 class Created(NamedTuple):
-    """New controller: its folder and source, and the commands that build and run it."""
+    """New component: its folder and source, and the commands that build and run it."""
 
     folder: Path
     source: Path
     commands: tuple[str, str]
 
 
-def new_controller(
-    name: str, language: str = "c", place: str | None = None, folder: str | Path = "."
+def new_component(
+    name: str,
+    kind: str = "controller",
+    language: str = "c",
+    place: str | None = None,
+    folder: str | Path = ".",
 ) -> Created:
-    """Create `folder`/NAME with a controller that replaces SYSTEM.component.
+    """Create `folder`/NAME with a controller, a sensor or a plant.
 
-    language: c or python; place: SYSTEM.component (None: the place of the first example). Existing
-    files are never overwritten. Raises UsageError, and the errors of show() for the place.
+    kind: of KINDS; language: c or python; place: SYSTEM.component that it replaces (None: the place
+    of the first example, for a sensor or plant a place of its own in a system that the folder
+    extends). Existing files are never overwritten. Raises UsageError, and the errors of show() for
+    the place.
     """
-    target = _new_folder("controller", name, folder, paths.fmus())
+    target = _new_folder(kind, name, folder, paths.fmus())
     if language not in LANGUAGES:
         raise UsageError(f"--language {language}: expected {' or '.join(LANGUAGES)}")
-    place = place or next((e.place for e in everything().examples), "")
+    examples = [e for e in everything().examples if e.kind == kind]
+    if place is None and examples and kind != "controller":
+        return _added(name, language, target, examples[0])
+    place = place or next((e.place for e in examples), "")
+    return _replacing(name, LANGUAGES[language], place, target)
+
+
+def _added(name: str, language: str, target: Path, example: Example) -> Created:
+    """Create the example of a kind with the system that adds it."""
+    if language != "c":
+        raise UsageError(f"new {example.kind} --language {language}: needs --for SYSTEM.component")
+    source = target / f"{name}.c"
+    _write(source, _example(name, ".c", example))
+    _write(target / SYSTEM, _example(name, ".toml", example))
+    run = f"harness run {target} {example.options} -o {target / name}.nc"
+    words = {"kind": example.kind, "source": source.name, "folder": target, "run": run}
+    readme = filled("added.md", name=name, place=example.place, **words)
+    _write(target / "README.md", readme)
+    return Created(target, source, (f"harness build {target}", run))
+
+
+def _replacing(name: str, ending: str, place: str, target: Path) -> Created:
+    """Create a component in a place: the first example that fits there, or an empty one."""
     system, component = _split(place)
     ports = _ports(place)
-    fitting = next((e for e in everything().examples if _fits(e, ports)), None)
-    source = target / f"{name}{LANGUAGES[language]}"
-    text = _made(name, LANGUAGES[language], place, ports)
-    _write(source, _example(name, source.suffix, fitting) if fitting else text)
+    examples = (e for e in everything().examples if e.kind == "controller")
+    fitting = next((e for e in examples if _fits(e, ports)), None)
+    source = target / f"{name}{ending}"
+    text = _made(name, ending, place, ports)
+    _write(source, _example(name, ending, fitting) if fitting else text)
     swap = f"{system} --swap {component}={target}"
     commands = f"harness build {target}", f"harness run {swap} -o {target / name}.nc"
     with load(system) as found:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Commands for controllers of your own, and for systems and FMUs elsewhere:
+"""Commands for components of your own, and for systems and FMUs elsewhere:
 `harness new | build | export | linearize | processor | serve`.
 """
 
@@ -28,32 +28,30 @@ from harness.spelling import printable
 
 @command("new")
 def new_command(
-    kind: Annotated[str, argument("KIND", "Kind: controller or mission")],
+    kind: Annotated[str, argument("KIND", "Kind: controller, sensor, plant or mission")],
     name: Annotated[
-        str | None, argument("NAME", "Name of the new controller or mission, and of its folder")
+        str | None, argument("NAME", "Name of the new component or mission, and of its folder")
     ] = None,
-    language: Annotated[Literal["c", "python"], option("", "Language of a controller")] = "c",
+    language: Annotated[Literal["c", "python"], option("", "Language of a component")] = "c",
     place: PlaceOption = None,
     base: Annotated[str | None, option("--from SYSTEM", "System that the mission extends")] = None,
 ) -> None:
-    """Create a controller or a mission of your own.
+    """Create a controller, a sensor, a plant or a mission of your own.
 
     Write a folder NAME that works as it is, and print the commands for it.
     """
-    from harness.authoring.new import new_controller, new_mission
+    from harness.authoring.new import KINDS, new_component, new_mission
 
-    if kind not in ("controller", "mission") or name is None:
-        raise UsageError(
-            f"new {kind}: expected `harness new controller NAME` or `harness new mission NAME`"
-        )
+    if kind not in (*KINDS, "mission") or name is None:
+        raise UsageError(f"new {kind}: expected `harness new {'|'.join(KINDS)}|mission NAME`")
     if kind == "mission":
         folder = new_mission(name, base)
         typer.echo(printable(f"{folder}: edit system.toml and mission.py, then"))
         typer.echo(printable(f"    harness run {folder} -o {folder}.nc"))
         typer.echo(printable(f"    harness report {folder}.nc --mission {folder} -o {folder}.html"))
         return
-    created = new_controller(name, language, place)
-    typer.echo(printable(f"{created.source}: edit control(), then"))
+    created = new_component(name, kind, language, place)
+    typer.echo(printable(f"{created.source}: edit it, then"))
     for line in created.commands:
         typer.echo(printable(f"    {line}"))
 

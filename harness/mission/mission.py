@@ -163,7 +163,9 @@ class Exchange:
 
 class Example(NamedTuple):
     """Source that can replace a component: the component, the inputs that it needs, its outputs,
-    its file without ending in the folder of examples, and a note for users who change it.
+    its file without ending in the folder of examples, and a note for users who change it. A sensor
+    or a plant is added to a system instead: the place is the system, a TOML beside the source
+    extends it, options are options of a first run.
     """
 
     place: str
@@ -171,6 +173,8 @@ class Example(NamedTuple):
     outputs: frozenset[str]
     file: Path
     note: str = ""
+    kind: str = "controller"
+    options: str = ""
 
 
 class Scene(NamedTuple):
@@ -224,8 +228,8 @@ class Mission(Checked):
     variables with the value from which on nothing is in force; validations: cases with published
     reference values; exchange: files of other tools; restarts: a parameter that contains a state,
     another parameter, and its value that enables the state; examples: sources that can replace a
-    component; steering: components that an agent replaces, the first choice first; bounds: convex
-    problems whose optimum a run is compared with.
+    component or extend a system; steering: components that an agent replaces, the first choice
+    first; bounds: convex problems whose optimum a run is compared with.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()

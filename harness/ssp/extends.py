@@ -28,7 +28,7 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
         under = extended(path, chain)
         if not source.with_name(FILE).is_file():
             mission = under["mission"]
-        table = _over({k: v for k, v in under.items() if k != "name"}, _without(under, table))
+        table = _over(_undriven(under, table), _without(under, table))
     table.setdefault("name", folder if source.name == SYSTEM else f"{folder}_{source.stem}")
     return table | {"mission": mission}
 
@@ -67,6 +67,17 @@ def _without(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     before = [name for name in base.get("without", ()) if name not in given]
     fmus = {name: base["components"][name] if name in out else fmu for name, fmu in given.items()}
     return {**own, **({"components": fmus} if fmus else {}), "without": [*before, *out]}
+
+
+def _undriven(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a base without its name, and without the open inputs that a file which extends it
+    connects.
+    """
+    opened, driven = base.get("open"), own.get("connections")
+    rest = {k: v for k, v in base.items() if k != "name"}
+    if isinstance(opened, Mapping) and isinstance(driven, Mapping):
+        rest["open"] = {name: value for name, value in opened.items() if name not in driven}
+    return rest
 
 
 def _base(source: Path, name: str) -> Path:

@@ -27,7 +27,7 @@ from .approach_figures import (
     WHEEL_SPEEDS,
 )
 from .approach_scene import PAIR, pair, pairs
-from .conventions import CONTROLLER, ORBITS, RESTARTS, STEERED
+from .conventions import ADDED, CONTROLLER, ORBITS, RESTARTS, STEERED
 from .metrics import AT_LIMITS, METRICS, bands, definitions
 from .overlays import FIGURES as OVERLAYS
 from .relative_motion import release_time
@@ -70,7 +70,7 @@ def approach(
         definitions=(definitions,),
         exchange=(ORBITS,),
         restarts=RESTARTS,
-        examples=(CONTROLLER,),
+        examples=(CONTROLLER, *ADDED),
         steering=(STEERED,),
     )
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Names of the signals of bodies, and an example of a controller that fits every approach."""
+"""Names of the signals of bodies, an example of a controller that fits every approach, and
+examples of a sensor and a plant that extend one.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +39,13 @@ The attitude of the servicer is frozen until `servicer.t_att`, 1200 s in `sync_a
 and wheel accelerations have no effect until then. `--set servicer.t_att=0` releases it at once.
 """,
 )
+ADDED = tuple(
+    Example(
+        "sync_approach", frozenset(), frozenset(), Path(f"my_{kind}"),
+        kind=kind, options="--params clear",
+    )
+    for kind in ("sensor", "plant")
+)  # fmt: skip
 
 DELTA_V = "total(propulsion.impulse) / servicer.mass"
 WHEELS = ("controller.wheel_accel_cmd", 0.02)  # wheels of 0.2 to 0.3 N m, as in the sets `limited`

@@ -22,7 +22,7 @@ from harness import HarnessError, run, show
 from harness import build as build_path
 from harness.authoring import build as building
 from harness.authoring.build import build
-from harness.authoring.new import new_controller
+from harness.authoring.new import new_component
 from harness.cli.app import main
 from harness.files import paths
 from harness.results.requirements import findings
@@ -114,7 +114,7 @@ def test_its_twin_in_python_commands_the_same(twins, port):
 def test_anywhere_else_all_ports_are_there_and_outputs_stay_at_the_start(
     tmp_path, place, language, stop
 ):
-    created = new_controller("mine", language, place, tmp_path)
+    created = new_component("mine", "controller", language, place, tmp_path)
     build(created.folder)
     there = {
         (s.name, s.causality, s.shape)
@@ -179,7 +179,11 @@ def test_a_compiler_may_have_arguments_and_an_fmu_another_file_name(twins, tmp_p
             "sync_approach has no component ctrl",
         ),
         (["new", "controller", "a", "--language", "rust"], "Invalid value for '--language'"),
-        (["new", "plant", "a"], "new plant: expected `harness new controller NAME`"),
+        (["new", "robot", "a"], "new robot: expected `harness new controller|sensor|plant|mission"),
+        (
+            ["new", "sensor", "a", "--language", "python"],
+            "new sensor --language python: needs --for SYSTEM.component",
+        ),
         (
             ["build", "nothing"],
             "nothing: expected a .c or .py file, a policy .npz or .onnx, or a folder",
@@ -215,7 +219,7 @@ def test_wrong_use_exits_with_status_2_and_one_line(tmp_path, monkeypatch, capsy
 def test_nothing_that_exists_is_overwritten(tmp_path):
     (tmp_path / "mine").mkdir()
     with pytest.raises(HarnessError, match="mine: already exists"):
-        new_controller("mine", folder=tmp_path)
+        new_component("mine", folder=tmp_path)
     assert list((tmp_path / "mine").iterdir()) == []
 
 
@@ -243,7 +247,7 @@ def test_a_mistake_in_c_is_reported_in_the_words_of_the_compiler_and_retains_the
     ],
 )
 def test_a_file_that_cannot_be_documented_is_reported_in_one_line(tmp_path, before, reported):
-    source = new_controller("mine", folder=tmp_path).source
+    source = new_component("mine", folder=tmp_path).source
     code = re.sub(rb"(?s)\A(/\*.*?\*/\n)+", b"", source.read_bytes())
     assert not code.startswith(b"/*")
     source.write_bytes(before + code)
@@ -253,7 +257,7 @@ def test_a_file_that_cannot_be_documented_is_reported_in_one_line(tmp_path, befo
 
 
 def test_a_mistake_in_the_table_of_variables_is_reported(tmp_path):
-    created = new_controller("mine", folder=tmp_path)
+    created = new_component("mine", folder=tmp_path)
     created.source.write_text(created.source.read_text().replace('"N/m"', '"furlong"'))
     with pytest.raises(HarnessError, match=r"(?s)does not build:.*furlong: unknown unit"):
         build(created.folder)
@@ -266,7 +270,7 @@ def test_a_mistake_in_python_is_reported(tmp_path):
 
 
 def test_without_pythonfmu_the_extra_is_named(tmp_path, monkeypatch):
-    created = new_controller("mine", "python", folder=tmp_path)
+    created = new_component("mine", language="python", folder=tmp_path)
     monkeypatch.setattr(building.importlib.util, "find_spec", lambda _: None)
     with pytest.raises(HarnessError, match="needs PythonFMU, the extra `python`"):
         build(created.folder)
@@ -276,7 +280,7 @@ def test_without_pythonfmu_the_extra_is_named(tmp_path, monkeypatch):
 def test_a_name_is_an_identifier_of_a_folder_of_its_own_or_rejected(tmp_path, name):
     inside = {path.name for path in tmp_path.iterdir()}
     try:
-        created = new_controller(name, "c", "space_robot.joints", tmp_path)
+        created = new_component(name, place="space_robot.joints", folder=tmp_path)
     except HarnessError as error:
         assert str(error)
         assert {path.name for path in tmp_path.iterdir()} == inside
@@ -291,7 +295,7 @@ def test_a_name_is_an_identifier_of_a_folder_of_its_own_or_rejected(tmp_path, na
 def test_an_fmu_in_python_is_conforming(tmp_path, place):
     """Outputs are calculated, so FMI 2.0 requires them among the InitialUnknowns."""
     pytest.importorskip("pythonfmu")
-    created = new_controller("mine", "python", place, folder=tmp_path)
+    created = new_component("mine", "controller", "python", place, tmp_path)
     interface = build(created.folder)
     assert check(str(interface.path), strict=True).warnings == ()
     with zipfile.ZipFile(interface.path) as file:
@@ -306,11 +310,11 @@ def test_an_fmu_in_python_is_conforming(tmp_path, place):
 
 
 def test_the_readme_names_the_next_commands_and_where_attitude_control_begins(tmp_path):
-    text = (new_controller("mine", folder=tmp_path).folder / "README.md").read_text()
+    text = (new_component("mine", folder=tmp_path).folder / "README.md").read_text()
     assert f"harness compare sync_approach --swap controller={tmp_path}/mine,adaptive" in text
     assert f"harness report {tmp_path}/mine/mine.nc -o {tmp_path}/mine/mine.html" in text
     assert f"harness check {tmp_path}/mine/mine.fmu --strict" in text
     assert "frozen until `servicer.t_att`" in text
-    other = new_controller("other", "c", "space_robot.joints", tmp_path).folder / "README.md"
+    other = new_component("other", place="space_robot.joints", folder=tmp_path).folder / "README.md"
     assert "t_att" not in other.read_text()
     assert "harness compare space_robot --swap joints=" in other.read_text()

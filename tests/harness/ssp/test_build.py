@@ -19,6 +19,7 @@ from harness.errors import StructureError
 from harness.files.archive import pack
 from harness.ssp import reader as ssp
 from harness.ssp.build import build, main, system_of
+from harness.ssp.extends import extended
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.system.model import Connection, Port
@@ -434,6 +435,16 @@ def test_the_build_command_states_in_one_line_what_is_wrong(
     )
     assert re.fullmatch(line + "\n", capsys.readouterr().err)
     assert not (tmp_path / "demo.ssp").exists()
+
+
+def test_a_file_that_extends_drives_what_its_base_leaves_open(tmp_path):
+    """The constant of the base gives way to the connection; other inputs retain theirs."""
+    (tmp_path / "demo.toml").write_text(TOML)
+    upper = tmp_path / "upper.toml"
+    upper.write_text('extends = "demo"\n[connections]\n"third.u" = "second.n"\n')
+    assert extended(upper)["open"] == {}
+    upper.write_text('extends = "demo"\n[connections]\n"second.u" = "first.y"\n')
+    assert extended(upper)["open"] == {"third.u": 0.5}
 
 
 def test_a_system_extends_one_that_extends_another(fmus, fmu_folder, tmp_path):
