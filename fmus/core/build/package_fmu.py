@@ -21,6 +21,7 @@ from xml.etree import ElementTree
 from package_fmi3 import PLATFORMS, build_description, icons, terminals
 from PIL import Image, ImageDraw, ImageFont
 from reference_trace import reference_files
+from start_values import START_VALUES
 from typeset import NotationError, page
 
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)
@@ -130,6 +131,17 @@ def timing(rows: list[dict[str, str]]) -> str:
     return "It computes once in every communication step, with the inputs held over the step."
 
 
+def start_values(name: str) -> str:
+    """Return a sentence on the system whose values are the start values of a component."""
+    place, other = START_VALUES[name]
+    system, _, component = place.partition(".")
+    but = f" Other values there: {', '.join(other)}." if other else ""
+    return (
+        f"<p>Start values: of system {system}, component {component}.{but} Components of other"
+        " missions need values of their own.</p>"
+    )
+
+
 def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, str]]:
     """Return titles and HTML of the chapters about a model, from its interface and its C file, for
     the page in the .fmu and the page of the site.
@@ -142,6 +154,9 @@ def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, s
         ("Timing", f"<p>{timing(rows)} Outputs are latched at the end of a step and after "
          "initialization.</p>"),
     ]  # fmt: skip
+    name = description.attrib["modelName"]
+    if name in START_VALUES:
+        parts.append(("Start values", start_values(name)))
     for causality, title in SECTIONS.items():
         chosen = [r for r in rows if r["causality"] == causality]
         parts.append((title, table(chosen) if chosen else "<p>none</p>"))
