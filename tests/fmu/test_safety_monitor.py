@@ -16,6 +16,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from tests.each import each
+from tests.reference.attitude import cross
 
 from .driver import bits
 from .rejections import rejection
@@ -54,7 +55,7 @@ def states(t, rho_H, drho_H, mu=MU, *, T=None, S=None):
         "r_TN_N": r,
         "v_TN_N": v,
         "r_SN_N": r + C_NH @ rho_H,
-        "v_SN_N": v + C_NH @ (np.asarray(drho_H) + np.cross(spin, rho_H)),
+        "v_SN_N": v + C_NH @ (np.asarray(drho_H) + cross(spin, rho_H)),
     }
     for letter, body in (("T", T), ("S", S)):
         turn, omega = body or (Rotation.identity(), np.zeros(3))
@@ -109,7 +110,7 @@ def box(p, d):
 def cone(p, axis, half_angle):
     """Signed distance to the surface from inside (and to its generator from outside)."""
     along = p @ axis
-    off = np.arctan2(np.linalg.norm(np.cross(axis, p)), along)
+    off = np.arctan2(np.linalg.norm(cross(axis, p)), along)
     return np.linalg.norm(p) * np.sin(half_angle - off)
 
 
@@ -287,7 +288,7 @@ def grazing_the_ellipsoid(miss):
     """Along a tangent plane: |p|_Z is least where the line touches, there 1 + miss/b."""
     d = np.array((2.0, 5.0, 3.0))
     touch = d * np.array((0.48, -0.6, 0.64))
-    along = np.cross(touch / d**2, (0.3, 0.2, 1.0))
+    along = cross(touch / d**2, (0.3, 0.2, 1.0))
     u = 0.4 * along / np.linalg.norm(along)
     return {"keep_out_shape": 1, "keep_out_half": d}, straight((1 + miss / 2) * touch - 17.3 * u, u)
 

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from .attitude import cross
 from .attitude import rate as quaternion_rate
 
 Array = np.ndarray
@@ -97,7 +98,7 @@ def first(arm: Arm, n: int) -> Arm:
 
 def turned(axis: Array, angle: Array) -> Array:
     """Rotation matrices (..., 3, 3) about a unit vector; angles may be complex."""
-    K = np.cross(np.eye(3), np.asarray(axis, float))
+    K = cross(np.eye(3), np.asarray(axis, float))
     s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
     return np.eye(3) + s * K + (1 - c) * (K @ K)
 
@@ -144,7 +145,7 @@ class Vehicle:
     def columns(self) -> Array:
         """(K, 3, 6 + n): velocities of the points for unit speeds v, w, dq."""
         unit = np.broadcast_to(np.eye(3), (len(self.p), 3, 3))
-        turning = np.stack([np.cross(e, self.p) for e in np.eye(3)], axis=-1)
+        turning = np.stack([cross(e, self.p) for e in np.eye(3)], axis=-1)
         return np.concatenate((unit, turning, np.moveaxis(self.by_angle, 0, -1)), axis=-1)
 
     def H(self) -> Array:
@@ -155,7 +156,7 @@ class Vehicle:
     def b(self, w: Array, dq: Array) -> Array:
         """sum m J^T a with du/dt = 0, in turning base axes."""
         relative = np.einsum("kij,j->ki", self.columns()[:, :, 6:], dq)
-        a = np.cross(w, np.cross(w, self.p)) + 2 * np.cross(w, relative) + self.second(dq)
+        a = cross(w, cross(w, self.p)) + 2 * cross(w, relative) + self.second(dq)
         return np.einsum("k,kia,ki->a", self.m, self.columns(), a)
 
     def gradient(self, g: float, a: Array) -> Array:
@@ -174,7 +175,7 @@ class Vehicle:
         p, R = self.tip()
         J = np.zeros((6, 6 + self.arm.n))
         J[:3, :3] = J[3:, 3:6] = np.eye(3)
-        J[:3, 3:6] = np.stack([np.cross(e, p) for e in np.eye(3)], axis=-1)
+        J[:3, 3:6] = np.stack([cross(e, p) for e in np.eye(3)], axis=-1)
         _, dp, dR = self.places(self.q + 1j * STEP * np.eye(self.arm.n))
         spin = dR.imag / STEP @ R.T
         J[:3, 6:] = dp.imag.T / STEP
@@ -213,7 +214,7 @@ def simulate(arm: Arm, y: Array, seconds: float, loads: Loads, mu: float = 0.0) 
         vehicle = Vehicle(arm, q)
         R = vehicle.tip()[1]
         Q = vehicle.tip_columns().T @ np.concatenate((R @ loads.F_E, R @ loads.M_E))
-        momentum = np.cross(w, loads.A_w @ wheels) + loads.A_w @ loads.wheel_accel
+        momentum = cross(w, loads.A_w @ wheels) + loads.A_w @ loads.wheel_accel
         Q[:3] += loads.F_S
         Q[3:6] += loads.M_S - momentum
         Q[6:] += loads.torque - loads.damping * dq

@@ -14,6 +14,7 @@ from scipy.linalg import pinvh
 from scipy.spatial.transform import Rotation
 
 from .arm import READY, STOWED, Arm, Array, Vehicle
+from .attitude import cross
 
 SEVEN = np.ones(7)
 GUIDANCE: dict[str, Any] = {
@@ -88,7 +89,7 @@ def rise(since: float, T: float) -> tuple[float, float, float]:
 
 def shortest_arc(a: Array, b: Array) -> Array:
     """Turns the unit vector a to b."""
-    axis, c = np.cross(a, b), float(a @ b)
+    axis, c = cross(a, b), float(a @ b)
     s = float(np.linalg.norm(axis))
     if s < 2e-6 and c < 0:
         return np.diag((-1.0, -1, 1))
@@ -118,7 +119,7 @@ class Guidance:
         self.w_T = self.T @ u["omega_TN_T"]
         self.e = self.Q.T @ (self.r_E - u["r_TN_N"] - self.T @ p["p_QT_T"])
         from_T = self.r_E - u["r_TN_N"]
-        self.speed = np.linalg.norm(v_E - u["v_TN_N"] - np.cross(self.w_T, from_T))
+        self.speed = np.linalg.norm(v_E - u["v_TN_N"] - cross(self.w_T, from_T))
         self.rate = np.linalg.norm(w_E - self.w_T)
         self.X = self.Q.T @ self.E[:, 0]
         self.misalignment = np.arctan2(np.hypot(self.X[1], self.X[2]), -self.X[0])
@@ -185,7 +186,7 @@ class Guidance:
         s, ds, _ = rise(since, self.p["T_close" if closing else "T_align"])
         goal = self.seat if closing else self.stand
         x = self.T @ self.p["p_QT_T"] + self.Q @ (self.e_0 + s * (goal - self.e_0))
-        v = np.cross(self.w_T, x) + self.Q @ (ds * (goal - self.e_0))
+        v = cross(self.w_T, x) + self.Q @ (ds * (goal - self.e_0))
         R = self.Q @ self.mated @ exp((1 - s) * self.phi_0)
         return x, v, R, self.w_T + self.Q @ self.mated @ (-ds * self.phi_0)
 
@@ -311,7 +312,7 @@ class Controller:
             if p["compensate_force"]:
                 y["F_ff_S"] = reaction[:3]
             if p["compensate_torque"]:
-                balance = np.cross(v.c, F + y["F_ff_S"] - reaction[:3])
+                balance = cross(v.c, F + y["F_ff_S"] - reaction[:3])
                 limit = np.where(p["M_ff_max"] > 0, p["M_ff_max"], np.inf)
                 y["M_ff_S"] = np.clip(reaction[3:] + balance, -limit, limit)
         F = F + y["F_ff_S"]
@@ -319,7 +320,7 @@ class Controller:
             accel = accel - np.linalg.solve(A_w, y["M_ff_S"])
         else:
             M = M + y["M_ff_S"]
-        loads = np.append(F, M - A_w @ accel - np.cross(w, A_w @ u["wheel_speed"]))
+        loads = np.append(F, M - A_w @ accel - cross(w, A_w @ u["wheel_speed"]))
         du = pinvh(H[:6, :6]) @ (loads - b[:6] - H[:6, 6:] @ required)
         tau = H[6:, :6] @ du + H[6:, 6:] @ required + b[6:] + p["joint_damping"][:n] * dr
         tau += p["joint_friction"][:n] * dr / np.hypot(dr, p["friction_rate"])

@@ -14,9 +14,15 @@ Array = Any
 
 
 def cross(a: Array, b: Array) -> Array:
-    a1, a2, a3 = a
-    b1, b2, b3 = b
-    return np.array((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1))
+    """a x b of vectors, or of arrays of them along the last axis: what np.cross returns, which
+    takes ten times as long for two vectors.
+    """
+    a, b = np.asarray(a), np.asarray(b)
+    if a.ndim == b.ndim == 1:
+        (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
+        return np.array((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1))
+    a1, a2, a3, b1, b2, b3 = (x[..., k] for x in (a, b) for k in range(3))
+    return np.stack((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1), axis=-1)
 
 
 def tilde(a: Array) -> Array:

@@ -53,10 +53,10 @@ def slope(x: Array) -> Array:
 def start(rho_N: Array, C_SN: Array) -> Array:
     """C_DN: X towards the target, Z next to the Z axis of S, or to its Y axis."""
     X = -rho_N / np.linalg.norm(rho_N)
-    z = C_SN[2] if np.linalg.norm(np.cross(C_SN[2], X)) >= 0.1 else C_SN[1]
+    z = C_SN[2] if np.linalg.norm(cross(C_SN[2], X)) >= 0.1 else C_SN[1]
     Z = (np.eye(3) - np.outer(X, X)) @ z
     Z = Z / np.linalg.norm(Z)
-    return np.array((X, np.cross(Z, X), Z))
+    return np.array((X, cross(Z, X), Z))
 
 
 def steer(p: Steering, c: Array) -> Array:
@@ -78,7 +78,7 @@ def turning(
     """W and dW; H_turn, T_turn: rows w and dw in N axes; b: integral of the steering, D axes."""
     (w_H, dw_H), (w_T, dw_T) = H_turn, T_turn
     n = -C_DN[0]
-    c = np.cross(n, a)
+    c = cross(n, a)
     if np.linalg.norm(c) < 1e-6 and n @ a < 0:
         c = 1e-6 * C_DN[2]
     spin_time = spin_time or p.spin_time
@@ -86,16 +86,16 @@ def turning(
     b_N = np.zeros(3) if b is None else C_DN.T @ b
     W = w_H + s * (w_T - w_H) + steer(p, c) + b_N
     # everything moves a complex step on: n with D, a with T
-    dc = slope(cross(along(n, np.cross(W, n)), along(a, np.cross(w_T, a))))
+    dc = slope(cross(along(n, cross(W, n)), along(a, cross(w_T, a))))
     s1 = spin(along(since, 1.0) / spin_time)
     w_H1, w_T1 = along(w_H, dw_H), along(w_T, dw_T)
-    b1 = along(b_N, np.cross(W, b_N) + C_DN.T @ growth(p, C_DN, since, spin_time, a))
+    b1 = along(b_N, cross(W, b_N) + C_DN.T @ growth(p, C_DN, since, spin_time, a))
     return W, slope(w_H1 + s1 * (w_T1 - w_H1) + steer(p, along(c, dc)) + b1)
 
 
 def growth(p: Steering, C_DN: Array, since: float, spin_time: float, a: Array) -> Array:
     """Rate of the integral, D axes: none while D spins up or the steering is at its limit."""
-    c = C_DN @ np.cross(-C_DN[0], a)
+    c = C_DN @ cross(-C_DN[0], a)
     rests = since < spin_time or p.k_steer * np.linalg.norm(c) > p.w_steer
     return 0 * c if rests else p.k_integral * c
 
@@ -108,7 +108,7 @@ def integrated(p: Steering, b: Array, rate: Array, period: float) -> Array:
 def reference(C_DN: Array, W: Array, dW: Array, L: Array) -> dict[str, Array]:
     """L: distance with its two derivatives."""
     n = -C_DN[0]
-    dn = np.cross(W, n)
+    dn = cross(W, n)
     ddn = slope(cross(along(W, dW), along(n, dn)))
     return {
         "rho_ref_N": L[0] * n,

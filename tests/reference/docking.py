@@ -11,6 +11,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from .attitude import cross
+
 PARAMETERS = {
     "mass_S": 100.0, "J_S": np.diag((200.0, 250, 150)),
     "mass_T": 150.0, "J_T": np.diag((100.0, 150, 90)),
@@ -109,7 +111,7 @@ def ports(p, b):
     Q_to_N = b.turn["T"] * rotation(p["q_QT"])
     P_to_N = b.turn["S"] * rotation(p["q_PS"])
     # velocity of the tip less the velocity of the material point of T at the same place
-    at_tip = {x: b.v[x] + np.cross(w[x], tip - b.r[x]) for x in "ST"}
+    at_tip = {x: b.v[x] + cross(w[x], tip - b.r[x]) for x in "ST"}
     to_Q = Q_to_N.inv()
     return Ports(
         tip - b.r["S"],
@@ -174,9 +176,9 @@ class Memory:
 def caught(p, s, phase, t):
     """Values stored at a change of phase. Rest: the probe turned by the shortest arc."""
     axis = s.P_to_Q.apply((1, 0, 0))
-    cross, angle = np.cross(axis, (-1, 0, 0)), np.arccos(np.clip(-axis[0], -1, 1))
-    size = np.linalg.norm(cross)
-    arc = Rotation.from_rotvec(angle * cross / size) if size > 0 else Rotation.identity()
+    normal, angle = cross(axis, (-1, 0, 0)), np.arccos(np.clip(-axis[0], -1, 1))
+    size = np.linalg.norm(normal)
+    arc = Rotation.from_rotvec(angle * normal / size) if size > 0 else Rotation.identity()
     return Memory(phase, t, s.e.copy(), arc * s.P_to_Q)
 
 
@@ -239,8 +241,8 @@ def motion(p, b, h, wrench_at, t=0.0, extra=0):
             J, w = p[f"J_{x}"], now.omega[x]
             torque = now.turn[x].inv().apply(torques[x])
             q = y[:26].reshape(2, 13)["ST".index(x), 6:10]
-            dq = np.r_[q[3] * w + np.cross(q[:3], w), -q[:3] @ w] / 2
-            dw = np.linalg.solve(J, torque - np.cross(w, J @ w))
+            dq = np.r_[q[3] * w + cross(q[:3], w), -q[:3] @ w] / 2
+            dw = np.linalg.solve(J, torque - cross(w, J @ w))
             parts.append(np.r_[now.v[x], forces[x] / p[f"mass_{x}"], dq, dw])
         return np.concatenate((*parts, more))
 
@@ -262,7 +264,7 @@ def step(p, m, b, t, h, held=None):
         s = ports(p, now)
         F, M, _, lost, driven, _ = load(p, m, s, time)
         F, M = s.Q_to_N.apply(F), s.Q_to_N.apply(M)
-        on_S, on_T = np.cross(s.d_S, F) + M, -np.cross(s.d_T, F) - M
+        on_S, on_T = cross(s.d_S, F) + M, -cross(s.d_T, F) - M
         more = np.r_[F, on_S, on_T, M, lost, driven]
         return {"S": F, "T": -F}, {"S": on_S, "T": on_T}, more
 
@@ -272,7 +274,7 @@ def step(p, m, b, t, h, held=None):
     rho, drho = b.r["S"] - b.r["T"], b.v["S"] - b.v["T"]
     # mean over the step of rho + drho s + F s^2/(2 m_red)
     line = rho + drho * h / 2 + F * h**2 / (6 * m_red)
-    gap = M_S + M_T + np.cross(line, F)
+    gap = M_S + M_T + cross(line, F)
     M_S, M_T = M_S - gap / 2, M_T - gap / 2
     mean = {}
     for x in "ST":

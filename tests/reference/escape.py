@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
+from .attitude import cross
 from .mission import hill_matrix
 
 TIMES = np.concatenate((np.arange(0, 600, 20), np.arange(600, 3601, 60))).astype(float)
@@ -118,9 +119,9 @@ def corners(p: Bounds, dv):
 
 def burns(p: Bounds, dv):
     """Errors of the burn at their bounds: share along, velocity across."""
-    one = np.cross(dv, np.eye(3)[np.argmin(abs(dv))])
+    one = cross(dv, np.eye(3)[np.argmin(abs(dv))])
     one /= size(one)
-    other = np.cross(dv, one) / size(dv)
+    other = cross(dv, one) / size(dv)
     for angle in np.arange(8) * np.pi / 4:
         across = p.k_n * size(dv) * (np.cos(angle) * one + np.sin(angle) * other)
         for along in (-p.k_p, p.k_p):
@@ -131,6 +132,6 @@ def drawn(p: Bounds, dv, rng, count):
     """Errors within the bounds, uniform in the box, the burn uniform along and across."""
     box = rng.uniform(-1, 1, (count, 6)) * np.repeat((p.e_r, p.e_v), 3)
     along = rng.uniform(-p.k_p, p.k_p, (count, 1))
-    across = np.cross(rng.normal(size=(count, 3)), dv)
+    across = cross(rng.normal(size=(count, 3)), dv)
     across *= p.k_n * rng.uniform(0, 1, (count, 1)) * size(dv) / size(across)[:, None]
     return np.concatenate((box, along, across), axis=1)

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from .attitude import (
     Array,
     conjugate,
+    cross,
     dcm,
     mrp_of_quaternion,
     multiply,
@@ -423,7 +424,7 @@ class Relative:
 def start_relative(rho_H: Array, drho_H: Array, r: Array, v: Array, **other: Array) -> dict:
     """Start state; rates of H from r and v alone."""
     C_HN = hill_axes(r, v)
-    h = np.cross(r, v)
+    h = cross(r, v)
     rho = C_HN.T @ rho_H
-    turning = np.cross(h / (r @ r), rho)
+    turning = cross(h / (r @ r), rho)
     return {"rho": rho, "v": C_HN.T @ drho_H + turning, "a": np.zeros(3), **other}

@@ -109,7 +109,7 @@ def about_centre(masses, places, speeds, spins) -> float:
     """Angular momentum of bodies about their common centre of mass: spins and what they carry."""
     m, r, v = np.array(masses, float), np.array(places), np.array(speeds)
     r_C, v_C = m @ r / m.sum(), m @ v / m.sum()
-    return float(np.linalg.norm(sum(spins) + m @ np.cross(r - r_C, v - v_C)))
+    return float(np.linalg.norm(sum(spins) + m @ cross(r - r_C, v - v_C)))
 
 
 # ---- range profile ----
@@ -278,12 +278,12 @@ class Line:
         p, R = self.p, np.linalg.norm(self.start)
         self.hold = np.array((np.cos(p["line_angle"]), np.sin(p["line_angle"]), 0))
         self.normal = self._normal(self.start / R)
-        inwards, aside = -self.start / R, np.cross(self.normal, self.start / R)
+        inwards, aside = -self.start / R, cross(self.normal, self.start / R)
         off = np.arcsin(p["aim_radius"] / R)
         self.along = np.cos(off) * inwards + np.sin(off) * aside
 
     def _normal(self, d: Array) -> Array:
-        n = np.cross(d, self.hold)
+        n = cross(d, self.hold)
         return n / np.linalg.norm(n) if np.linalg.norm(n) > 1e-3 else np.array((0, 0, 1.0))
 
     def _at(self, R: float) -> Array:
@@ -297,7 +297,7 @@ class Line:
         if np.isnan(self.left) and self.p["R_2"] + 1 < g.R:
             at = self._at(g.R)
             speed = g.rho @ g.drho / (at @ self.along)
-            rate = np.cross(at, speed * self.along) / g.R**2
+            rate = cross(at, speed * self.along) / g.R**2
             return axes(at / g.R, self.normal), rate
         if np.isnan(self.left):
             self.left, self.end = t, self._at(self.p["R_2"] + 1)
@@ -311,7 +311,7 @@ class Line:
 
 
 def axes(x: Array, z: Array) -> Array:
-    return np.array((x, np.cross(z, x), z))
+    return np.array((x, cross(z, x), z))
 
 
 # ---- the manager ----

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from .attitude import cross
+
 RP, RV, END = 480.0, 30.0, 3e3
 PLAN, LAST, BRAKE, FIRST = range(4)
 
@@ -155,8 +157,8 @@ def tumble(J, q, w, h):
     def rate(x):
         (a, *v), w = x[:4], x[4:]
         v = np.array(v)
-        dq = 0.5 * np.concatenate(([-v @ w], a * w + np.cross(v, w)))
-        return np.concatenate((dq, np.linalg.solve(J, np.cross(J @ w, w))))
+        dq = 0.5 * np.concatenate(([-v @ w], a * w + cross(v, w)))
+        return np.concatenate((dq, np.linalg.solve(J, cross(J @ w, w))))
 
     x = np.concatenate((q, w))
     k1 = rate(x)
@@ -187,9 +189,9 @@ class OptimalLaw:
         if self.p["mu"] == 0:
             axes, rate, k = np.eye(3), 0.0, 0.0
         else:
-            h = np.cross(r, v)
+            h = cross(r, v)
             x, z = r / np.linalg.norm(r), h / np.linalg.norm(h)
-            axes = np.array([x, np.cross(z, x), z])
+            axes = np.array([x, cross(z, x), z])
             rate, k = np.linalg.norm(h) / (r @ r), self.p["mu"] / np.linalg.norm(r) ** 3
         self.axes, self.rate, self.k = axes, rate, k
         self.rho = np.asarray(u["r_SN_N"]) - r
@@ -219,10 +221,10 @@ class OptimalLaw:
         C = matrix_of(q) if turning else self.hill(after)
         rate = C.T @ w if turning else self.rate * self.axes[2]
         J = self.p["J_T"]
-        change = C.T @ np.linalg.solve(J, np.cross(J @ w, w)) if turning else np.zeros(3)
+        change = C.T @ np.linalg.solve(J, cross(J @ w, w)) if turning else np.zeros(3)
         rho_r = C.T @ place
-        to_hold = np.cross(change, rho_r) + np.cross(rate, np.cross(rate, rho_r))
-        error, d_error = rho - rho_r, v - np.cross(rate, rho_r)
+        to_hold = cross(change, rho_r) + cross(rate, cross(rate, rho_r))
+        error, d_error = rho - rho_r, v - cross(rate, rho_r)
         to_hold -= self.tide(rho, after) + self.d_hat
         return to_hold - self.p["K_b"] * error - self.p["P_b"] * d_error
 
@@ -264,11 +266,11 @@ class OptimalLaw:
         if p["speed_limit"]:
             w_H = self.rate * self.axes[2]
             limit = p["v_0"] + p["v_slope"] * np.linalg.norm(way, axis=1)
-            speed = (np.cross(w_H, way) / T, limit / T)
+            speed = (cross(w_H, way) / T, limit / T)
         most = p["F_max"] / self.m
         new = Solve(
             T, 60, np.array(C), most, p["kappa"] * max(most), np.array(pf), np.array(vf),
-            places[-1] / T**2, np.cross(w_end, places[-1]) / T, cone, band, speed,
+            places[-1] / T**2, cross(w_end, places[-1]) / T, cone, band, speed,
         )  # fmt: skip
         new.start()
         if self.has_iterates:
@@ -303,7 +305,7 @@ class OptimalLaw:
 
     def first_way(self, start, end):
         part = (np.arange(60)[:, None] + 1) / 60
-        angle = np.arctan2(np.linalg.norm(np.cross(start, end)), start @ end)
+        angle = np.arctan2(np.linalg.norm(cross(start, end)), start @ end)
         if self.goal != 2 or not 1e-6 <= angle <= pi - 1e-3:
             return start + part * (end - start)
         r = np.linalg.norm(start), np.linalg.norm(end)

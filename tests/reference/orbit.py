@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .attitude import Array
+from .attitude import cross as cross_product
 from .jet import Jet, constant, cross, rows, unit
 
 
@@ -69,17 +70,17 @@ def elements_of_state(r: Array, v: Array, mu: float) -> tuple[float, float]:
 
 def hill_axes(r: Array, v: Array) -> Array:
     """C_HN: x radial outward, z along r x v."""
-    z = np.cross(r, v)
+    z = cross_product(r, v)
     z /= np.linalg.norm(z)
     x = r / np.linalg.norm(r)
-    return np.array((x, np.cross(z, x), z))
+    return np.array((x, cross_product(z, x), z))
 
 
 def hill_frame(r: Array, v: Array, mu: float) -> Jet:
     """C_HN with the derivatives it has in unperturbed motion, so that H turns at |h|/r^2 about its
     z axis.
     """
-    h = np.cross(r, v)
+    h = cross_product(r, v)
     normal = constant(h / np.linalg.norm(h))
     radial = unit(Jet(r, v, central_gravity(r, mu)))
     return rows(radial, cross(normal, radial), normal)

@@ -14,6 +14,8 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.linalg import norm
 
+from .attitude import cross
+
 BOX, KEEP_OUT, CORRIDOR, SPEED, DRIFT, PLUME = 6, 1, 2, 3, 4, 5
 PASSES, FILTERED, BACKUP, RELAXED = 0, 1, 2, 3
 NONE, EXPLICIT, IMPLICIT, ASIF = range(4)
@@ -107,7 +109,7 @@ def dcm(q):
 
 def rotating(g, w, rho, velocity):
     """Return the acceleration as seen in a frame of constant rate w."""
-    return g - 2 * np.cross(w, velocity) - np.cross(w, np.cross(w, rho))
+    return g - 2 * cross(w, velocity) - cross(w, cross(w, rho))
 
 
 class Geometry:
@@ -121,15 +123,15 @@ class Geometry:
         self.out = self.rho / self.R if self.R > 0 else self.C_SN[0]
         self.g = gravity(p.mu, u.r_SN_N) - gravity(p.mu, u.r_TN_N)
         self.W = self.C_TN.T @ u.omega_TN_T
-        self.v_T = self.v - np.cross(self.W, self.rho)
+        self.v_T = self.v - cross(self.W, self.rho)
         self.a_T = rotating(self.g, self.W, self.rho, self.v_T)
-        h = np.cross(u.r_TN_N, u.v_TN_N)
+        h = cross(u.r_TN_N, u.v_TN_N)
         self.w_H = h / (u.r_TN_N @ u.r_TN_N) if p.mu else np.zeros(3)
-        self.v_H = self.v - np.cross(self.w_H, self.rho)
+        self.v_H = self.v - cross(self.w_H, self.rho)
         self.a_H = rotating(self.g, self.w_H, self.rho, self.v_H)
         x = u.r_TN_N / norm(u.r_TN_N) if p.mu else None
         z = h / norm(h) if p.mu else None
-        self.C_HN = np.array((x, np.cross(z, x), z)) if p.mu else np.eye(3)
+        self.C_HN = np.array((x, cross(z, x), z)) if p.mu else np.eye(3)
         self.a_F = norm(p.F_max) / (p.mass * (1 - p.mass_error))
         self.e_p = p.position_error + self.a_F * p.reaction**2 / 2
         self.e_v = p.velocity_error + self.a_F * p.reaction
@@ -217,9 +219,9 @@ def pyramid(p):
     """(15): inner normals of the eight faces, and of the end if there is one, target axes."""
     axis = np.asarray(p.corridor_axis, float)
     t = np.tan(p.corridor_half_angle) * np.cos(np.pi / 8)
-    e_1 = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    e_1 = cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     e_1 /= norm(e_1)
-    e_2, length = np.cross(axis, e_1), np.hypot(1, t)
+    e_2, length = cross(axis, e_1), np.hypot(1, t)
     for j in range(8):
         side = np.cos(j * np.pi / 4) * e_1 + np.sin(j * np.pi / 4) * e_2
         yield (t * axis - side) / length, 0.0
@@ -361,7 +363,7 @@ def on_line(before, row, other, p, tol):
     square = h @ h
     if square < 1e-12:
         return None
-    line, t = p + h * (other.c - other.n @ p) / square, np.cross(row.n, other.n)
+    line, t = p + h * (other.c - other.n @ p) / square, cross(row.n, other.n)
     lo, hi = -1e30, 1e30
     for k in before:
         q, e = k.n @ t, k.c - k.n @ line

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from .attitude import cross
+
 Array = np.ndarray
 AXES = np.eye(3)
 STEP = 1e-30
@@ -81,7 +83,7 @@ class Robot:
 def turned(q: Array, v: Array) -> Array:
     """Vectors (n, 3) in base axes to N axes: v_N = q v q*."""
     w, u = q[0], q[1:]
-    return v + 2 * np.cross(u, np.cross(u, v) + w * v)
+    return v + 2 * cross(u, cross(u, v) + w * v)
 
 
 def accelerations(
@@ -99,11 +101,9 @@ def accelerations(
     """
     m, rho = robot.points(np.asarray(q, dtype=float))
     D = [robot.derivative(q, e) for e in np.eye(2)]
-    moves = [np.cross(e, rho) for e in AXES] + D
+    moves = [cross(e, rho) for e in AXES] + D
     relative = D[0] * dq[0] + D[1] * dq[1]
-    rest = (
-        np.cross(w, np.cross(w, rho)) + 2 * np.cross(w, relative) + robot.second(q, dq) - field(rho)
-    )
+    rest = cross(w, cross(w, rho)) + 2 * cross(w, relative) + robot.second(q, dq) - field(rho)
     H = np.array([[np.sum(m[:, None] * a * b) for b in moves] for a in moves])
     work = np.array([a[:6].mean(axis=0) @ loads[:3] for a in moves]) + np.concatenate(
         (loads[3:], tau)
@@ -172,7 +172,7 @@ def simulate(
             return np.asarray(g * (3 * np.outer(rho @ a, a) - rho))
 
         du = accelerations(robot, w, angles, rates, field, loads(t), tau(t, angles, rates), locked)
-        dq = 0.5 * np.array([-q[1:] @ w, *(q[0] * w + np.cross(q[1:], w))])
+        dq = 0.5 * np.array([-q[1:] @ w, *(q[0] * w + cross(q[1:], w))])
         return np.concatenate((dq, du[:3], rates, du[3:]))
 
     found = solve_ivp(rate, (times[0], times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13)

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from . import assembly
 from .assembly import TINY, Assembly, momentum, orbital_axes
-from .attitude import Array, conjugate, dcm, multiply, positive
+from .attitude import Array, conjugate, cross, dcm, multiply, positive
 
 # ---- planner
 
@@ -172,7 +172,7 @@ class Planner:
         alpha, dalpha, _ = self.a.swing_angle(t)
         motion = reference(self.a.n, self.curve(nodes), t)
         x, by_angle = self.a.moved(alpha)
-        turning = np.cross(motion.omega[:, None, :], x)
+        turning = cross(motion.omega[:, None, :], x)
         return motion, momentum(self.a.masses, x, by_angle * dalpha[:, None, None] + turning)
 
     def torque_N(self, C_SN: Array, t: Array) -> Array:
@@ -288,7 +288,7 @@ class Tracking:
         C_e = C_SN @ ref.motion.C.T
         q_e = positive(multiply(conjugate(ref.motion.q_SO), self.relative(t, q_SN)))
         d_omega = omega - C_e @ ref.motion.omega
-        required = C_e @ ref.motion.alpha - np.cross(d_omega, C_e @ ref.motion.omega)
+        required = C_e @ ref.motion.alpha - cross(d_omega, C_e @ ref.motion.omega)
         required = required - self.k1 * d_omega - self.k2 * q_e[1:]
         hdot = self.taken(t, C_SN, omega, required, h_S)
         if ref.hdot is not None:
@@ -303,7 +303,7 @@ class Tracking:
         """Torques less the moment of the accelerations of all points, less omega x h."""
         C_SO = C_SN @ orbital_axes(self.a.n, t).T
         tau = self.a.torque(C_SO, self.a.swing_angle(t)[0])
-        return tau - self.moment(t, w, dw) - np.cross(w, h_S)
+        return tau - self.moment(t, w, dw) - cross(w, h_S)
 
     def moment(self, t: float, w: Array, dw: Array) -> Array:
         """Sum of m x cross acceleration of the points."""
@@ -311,7 +311,7 @@ class Tracking:
         x, first = self.a.moved(alpha)
         v = first * dalpha
         relative = first * ddalpha + self.curvature(alpha) * dalpha**2
-        inertial = relative + 2 * np.cross(w, v) + np.cross(dw, x) + np.cross(w, np.cross(w, x))
+        inertial = relative + 2 * cross(w, v) + cross(dw, x) + cross(w, cross(w, x))
         return momentum(self.a.masses, x, inertial)
 
     def curvature(self, alpha: float) -> Array:
