@@ -34,7 +34,7 @@ help:
 	@echo "     oms OMSIMULATOR=CHECKOUT | clients |"
 	@echo "     test-processors | pil |"
 	@echo "     validation | gallery | quoted-values | lint | warnings | format | coverage | sanitize |"
-	@echo "     proofs | evidence | requirements | tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
+	@echo "     proofs | evidence | requirements | misra | tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -317,6 +317,15 @@ evidence: build
 	  LLVM_PROFILE_FILE=$(CURDIR)/build/mcdc/profiles/%m-%p.profraw \
 	  $(PYTEST) --basetemp=build/mcdc/tmp tests/fmu tests/unit
 	$(BIN)/python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md
+
+# flight software against MISRA C:2012: places per rule, and the deviations of .ci/misra.toml both ways;
+# on Debian (and Ubuntu) the package is installed
+.PHONY: misra
+misra: build
+	@command -v cppcheck > /dev/null || { echo "missing: cppcheck; package of Debian: cppcheck"; \
+	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
+	     apt-get install -y --no-install-recommends cppcheck; }
+	$(BIN)/python .ci/misra.py
 
 # requirements of flight software: runs their tests with functions that record their calls and writes
 # docs/evidence_requirements.md; a requirement without code, or whose test does not enter it, fails

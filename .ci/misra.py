@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Flight software against the guidelines of MISRA C:2012, by the addon of cppcheck.
+
+    python .ci/misra.py                                                              (make misra)
+
+Prints the number of places per rule. Exits with 1 if a rule is found that .ci/misra.toml does not
+list, or if a rule of this list is not found: a deviation cannot outlive its places.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from fmus.core.build import flight_rules
+
+LIST = Path(__file__).with_name("misra.toml")
+FOUND = re.compile(r"^(\S+):(\d+): misra-c2012-([\d.]+)$", re.MULTILINE)
+
+
+def deviations() -> dict[str, str]:
+    """Return the reasons of the list by rule."""
+    return tomllib.loads(LIST.read_text(encoding="utf-8"))["deviations"]
+
+
+def places(sources: Iterable[Path]) -> dict[str, set[tuple[str, int]]]:
+    """Return file and line of every place by rule. Each source is a program of its own."""
+    found: dict[str, set[tuple[str, int]]] = {}
+    for source in sources:
+        for file, line, rule in FOUND.findall(report(source)):
+            found.setdefault(rule, set()).add((Path(file).name, int(line)))
+    return found
+
+
+def report(source: Path) -> str:
+    """Return what cppcheck reports on a source."""
+    options = ["--addon=misra", "--quiet", "--std=c99", "--platform=unix64"]
+    options += ["--suppress=missingIncludeSystem", "--template={file}:{line}: {id}"]
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["cppcheck", *options, f"--cppcheck-build-dir={folder}", *flight_rules.INCLUDE]
+        done = subprocess.run([*command, str(source)], capture_output=True, text=True, check=True)
+    return done.stderr
+
+
+def differences(found: Mapping[str, Iterable], known: Mapping[str, str]) -> Iterator[str]:
+    """Yield rules that are found and not listed, and rules that are listed and not found."""
+    for rule in sorted(found.keys() - known.keys(), key=order):
+        shown = ", ".join(f"{file}:{line}" for file, line in sorted(found[rule])[:5])
+        yield f"rule {rule}: {shown}: no deviation in .ci/misra.toml\n"
+    for rule in sorted(known.keys() - found.keys(), key=order):
+        yield f"rule {rule}: found nowhere; remove its deviation from .ci/misra.toml\n"
+
+
+def order(rule: str) -> tuple[int, ...]:
+    """Return the place of a rule in a table."""
+    return tuple(map(int, rule.split(".")))
+
+
+def main() -> None:
+    """Run the command line, see the docstring of the module."""
+    found, known = places(flight_rules.sources()), deviations()
+    for rule in sorted(found, key=order):
+        print(f"{rule}: {len(found[rule])} places: {known.get(rule, '?')}")
+    sys.exit("".join(differences(found, known)) or 0)
+
+
+if __name__ == "__main__":
+    main()
