@@ -1,7 +1,7 @@
 /* command_selector.c - selection of one force, one torque and one wheel acceleration from the
- * commands of five laws.
+ * commands of six laws.
  *
- *   F* = {0: 0, 1: F_1, 2: F_close, 3: F_sync, 4: 0, 5: F_retreat}
+ *   F* = {0: 0, 1: F_1, 2: F_close, 3: F_sync, 4: 0, 5: F_retreat, 6: F_opt}
  *   M* = {0: 0, 1: M_1, 2: M_close, 3: M_sync, 4: M_unload}
  *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
  * With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional torque M_w:
@@ -25,7 +25,7 @@
 #include "time_grid.h"
 #include "unloading.h"
 
-enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, RETREAT_LAW, SELECTIONS };
+enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, RETREAT_LAW, OPTIMAL_LAW, SELECTIONS };
 
 typedef struct {
     double main_thrust, brake_thrust;
@@ -43,7 +43,7 @@ typedef struct {
     vec3 wheel_stack, M_unload_S;
     vec3 wheel_speed;
     double prepare;
-    vec3 wheel_bias;
+    vec3 wheel_bias, F_opt_S;
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
@@ -87,7 +87,7 @@ static const Variable variables[] = {
                    "largest torque of unloading in laws 1 to 3, per body axis"),
     PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "target wheel speeds of the unloading"),
 
-    MODE_INPUT(select_force, "source of the force", "none|far|close|sync|none|retreat"),
+    MODE_INPUT(select_force, "source of the force", "none|far|close|sync|none|retreat|optimal"),
     MODE_INPUT(select_torque, "source of the torque", "none|far|close|sync|stack"),
     INPUT(push, "1", "1: push after contact"),
     INPUT(throttle, "1", "throttles of the relay controller: P1..P8, P'1..P'4, P'5, none"),
@@ -103,12 +103,13 @@ static const Variable variables[] = {
     OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with k_unload"),
     OPTIONAL_SWITCH(prepare, "1: the wheels are brought to wheel_bias, with k_unload"),
     OPTIONAL_INPUT(wheel_bias, "rad/s", "wheel speeds that a coming manoeuvre needs"),
+    OPTIONAL_INPUT(F_opt_S, "N", "force commanded by the fuel-optimal law, servicer axes"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
     OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),
     MODE(force_law, "source of the commanded force; an invalid selection is rejected",
-         "none|far|close|sync|none|retreat"),
+         "none|far|close|sync|none|retreat|optimal"),
     MODE(torque_law, "source of the commanded torque; an invalid selection is rejected",
          "none|far|close|sync|stack"),
     FLAG(wheels_unloading, "1: the wheels are unloaded in laws 1 to 3"),
@@ -164,7 +165,8 @@ static Command selected_command(const Parameters *p, const Input *u, int force, 
     vec3 M_1 = relay_torque(p, u->throttle), W_1 = none;
     if (p->far_wheels) W_1 = neg(solve(p->A_w, M_1)), M_1 = none;
     const vec3 F[SELECTIONS] = {
-        none, relay_force(p, u->throttle), u->F_close_S, u->F_sync_S, none, u->F_retreat_S};
+        none,      relay_force(p, u->throttle), u->F_close_S, u->F_sync_S, none, u->F_retreat_S,
+        u->F_opt_S};
     const vec3 M[RETREAT_LAW] = {none, M_1, u->M_close_S, u->M_sync_S, u->M_unload_S};
     const vec3 W[RETREAT_LAW] = {none, W_1, u->wheel_close, u->wheel_sync,
                                  add(u->wheel_stack, unload)};
@@ -182,7 +184,10 @@ static Command with_unloading(const Parameters *p, const Input *u, double on, Co
     return (Command){now.F, add(now.M, M), add(now.W, solve(p->A_w, M))};
 }
 
-static int is_law(double selection, int last) { return selection >= FAR_LAW && selection <= last; }
+static int is_law(double selection, int last)
+{
+    return selection == OPTIMAL_LAW || (selection >= FAR_LAW && selection <= last);
+}
 
 /* factor on the difference from the last command after a change: 1 from law to law, else 0 */
 /* J.5-3 */

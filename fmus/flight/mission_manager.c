@@ -54,12 +54,14 @@ typedef struct {
     double clearance;
     double verdict, dv_ahead, steer_max, prepare, spin;
     vec3 wheel_bias;
+    double goal;
 } Output;
 MODEL_STRUCT;
 
 /* ---- phases ---- */
-enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, AS_BEFORE };
-enum { STOW, DEPLOY, GRASP, REST }; /* commands to the arm */
+enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, OPTIMAL_LAW, AS_BEFORE };
+enum { NO_GOAL, TO_POINT, TO_AXIS, ALONG_AXIS }; /* of the fuel-optimal law */
+enum { STOW, DEPLOY, GRASP, REST };              /* commands to the arm */
 /* a verdict of mission_budget.h is the reason ATTEMPTS + verdict */
 enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
 
@@ -248,7 +250,7 @@ static const Variable variables[] = {
          "its condition|abort|ground|navigation|propellant|error|too fast|time-out|attempts|force|"
          "momentum|propellant ahead|only by arm"),
     NONNEGATIVE_OUTPUT(attempt, "1", "attempts to mate since the start"),
-    MODE(select_force, "source of the force", "nobody|far|close|sync||retreat"),
+    MODE(select_force, "source of the force", "nobody|far|close|sync||retreat|optimal"),
     MODE(select_torque, "source of the torque", "nobody|far|close|sync|stack"),
     FLAG(active_far, "1: guidance and controller of the far approach are active"),
     FLAG(active_close, "1: guidance and controller of the closing are active"),
@@ -281,6 +283,8 @@ static const Variable variables[] = {
     FLAG(prepare, "1: the wheels are brought to wheel_bias"),
     FLAG(spin, "1: the servicer turns with the target, 0 in the fly-around: it still waits"),
     OUTPUT(wheel_bias, "rad/s", "wheel speeds before the servicer turns with the target"),
+    MODE(goal, "goal of the fuel-optimal law, 0 without use_optimal",
+         "inactive|point on the line of holds|grasp axis at constant range|along the grasp axis"),
 };
 
 /* J.1-12 */
@@ -452,12 +456,26 @@ static void publish_phase(const State *x, Output *y)
     y->clearance = x->planned ? x->clearance : -1;
 }
 
+/* in the fly-around: the hold until the servicer turns with the target; a fly-around closer than
+ * the hold leaves no space for a path that is not a circle */
+static int goal_of(const Parameters *p, const State *x)
+{
+    int around = x->spins ? TO_AXIS : TO_POINT, wide = x->budget.R == p->R_2;
+    const int goals[PHASES] = {[CLOSING] = TO_POINT,
+                               [HOLD_2] = TO_POINT,
+                               [FLYAROUND] = wide ? around : NO_GOAL,
+                               [FINAL] = ALONG_AXIS,
+                               [HOLD_3] = ALONG_AXIS};
+    return p->use_optimal ? goals[phase_of(x)] : NO_GOAL;
+}
+
 /* J.1-8 */
-static void publish_selection(const State *x, Output *y)
+static void publish_selection(const Parameters *p, const State *x, Output *y)
 {
     int force = phases[phase_of(x)].force, torque = phases[phase_of(x)].torque;
     if (torque == AS_BEFORE) torque = (int)x->torque;
-    y->select_force = force;
+    y->goal = goal_of(p, x);
+    y->select_force = y->goal == NO_GOAL ? force : OPTIMAL_LAW;
     y->select_torque = torque;
     y->active_far = force == FAR_LAW || torque == FAR_LAW;
     y->active_close = force == CLOSE_LAW || torque == CLOSE_LAW;
@@ -554,7 +572,7 @@ static void manage(const Parameters *p, const Input *u, State *x, Output *y, dou
     update_spin(p, u, x, &g, t);
 
     publish_phase(x, y);
-    publish_selection(x, y);
+    publish_selection(p, x, y);
     publish_switches(p, u, x, &g, y);
     publish_budget(p, u, x, &g, y);
     publish_virtual_target(p, x, &g, y, t);

@@ -33,7 +33,7 @@ typedef struct { double k, eta, lambda, alpha_0, alpha_inf, beta, delta; } Chann
 
 typedef struct {
     TrackingParameters tracking;
-    double wheel_scale, law, law_att;
+    double wheel_scale, position, law, law_att;
     Channel range, elevation, azimuth, attitude;
 } Parameters;
 typedef TrackingInput Input;
@@ -56,6 +56,7 @@ MODEL_STRUCT;
 static const Model start = {
     .p = {.tracking = TRACKING_DEFAULTS,
           .wheel_scale = 10,
+          .position = 1,
           .law = 2,
           .law_att = 2,
           .range = {.k = 15,
@@ -120,6 +121,7 @@ static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),
     POSITIVE(wheel_scale, "kg.m2",
              "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
+    SWITCH(position, "1: control of the position; 0: no force, its channels are not evaluated"),
     PARAMETER(law, "1",
               "gain law of the position: 0 = R Q s, 1 = R^-1 Q s, 2 = R Q s with gain scaled by "
               "the bound"),
@@ -238,6 +240,11 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
 static void control_position(const Parameters *p, const TrackingError *e, Funnel *x, double t,
                              Output *y)
 {
+    if (!p->position) {
+        y->position = (Telemetry){.start_margin = 1};
+        y->common.F_cmd_S = y->common.a_cmd_L = vec(0, 0, 0);
+        return;
+    }
     const Channel *channels[3] = {&p->range, &p->elevation, &p->azimuth};
     vec3 z = add(e->x1, times(vec(p->range.lambda, p->elevation.lambda, p->azimuth.lambda), e->x2));
     command_force(&p->tracking, e, barrier(channels, p->law, x, z, t, &y->position), &y->common);

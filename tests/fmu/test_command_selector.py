@@ -28,6 +28,7 @@ LAWS = {
     "F_sync_S": (-1.0, 5, 2), "M_sync_S": (-0.1, 0.5, 0.2), "wheel_sync": (-0.01, 0.05, 0.02),
     "F_retreat_S": (0.0, 0.9, 0), "wheel_stack": (0.003, 0.001, -0.002),
     "M_unload_S": (0.024, -0.03, 0.01), "push": 0.0, "wheel_speed": (0.0, 0.0, 0.0),
+    "F_opt_S": (0.5, -0.2, 0.1),
 }  # fmt: skip
 
 
@@ -100,7 +101,8 @@ def test_main_engine_pushes_forward_and_four_brakes_together_backward(fmu):
 @pytest.mark.verifies("J.5-1")
 def test_each_selection_passes_its_own_law(fmu):
     zero, unload = (0, 0, 0), np.array(LAWS["M_unload_S"])
-    forces = [zero, zero, LAWS["F_close_S"], LAWS["F_sync_S"], zero, LAWS["F_retreat_S"]]
+    forces = [zero, zero, LAWS["F_close_S"], LAWS["F_sync_S"], zero, LAWS["F_retreat_S"],
+              LAWS["F_opt_S"]]  # fmt: skip
     torques = [zero, zero, LAWS["M_close_S"], LAWS["M_sync_S"], unload]
     wheels = [zero, zero, LAWS["wheel_close"], LAWS["wheel_sync"],
               LAWS["wheel_stack"] + unload / (12, 15, 10)]  # fmt: skip
@@ -212,8 +214,21 @@ def test_from_law_to_law_nothing_jumps_and_the_difference_fades(fmu, old, new):
         close(command(unit), target + fade * (before - target), rel=1e-13, of=largest)
 
 
+@pytest.mark.parametrize(("old", "new"), [(a, 6) for a in (1, 2, 3)] + [(6, a) for a in (1, 2, 3)])
+def test_the_force_of_the_optimal_law_blends_with_the_laws_of_the_approach(fmu, old, new):
+    unit = fmu("command_selector", {}, select(old, 3))
+    unit.step(P)
+    unit.step(P, select(new, 3))
+    assert command(unit) == pytest.approx(settled(fmu, old, 3), abs=1e-14)
+    unit.step(P, select(new, 3))
+    assert not np.array_equal(command(unit), settled(fmu, old, 3))
+
+
+AT_ONCE = [(0, 3), (3, 0), (5, 3), (3, 5), (4, 2), (2, 4), (0, 5), (6, 0), (6, 5), (6, 4)]
+
+
 @pytest.mark.verifies("J.5-3")
-@pytest.mark.parametrize(("old", "new"), [(0, 3), (3, 0), (5, 3), (3, 5), (4, 2), (2, 4), (0, 5)])
+@pytest.mark.parametrize(("old", "new"), AT_ONCE)
 def test_force_fades_out_and_in_and_the_retreat_acts_at_once(fmu, old, new):
     unit = fmu("command_selector", {}, select(old, 0))
     unit.step(P)
@@ -240,7 +255,7 @@ def test_a_fading_command_is_dropped_where_the_force_ends(fmu):
 
 
 def test_push_is_added_to_the_synchronised_approach_only_and_not_remembered(fmu):
-    for force in range(6):
+    for force in range(7):
         pushed = settled(fmu, force, 0, push=1)[0] - settled(fmu, force, 0)[0]
         assert pushed == pytest.approx((1.0 if force == 3 else 0, 0, 0), abs=1e-15)
     unit = fmu("command_selector", {}, select(3, 3, push=1))
@@ -270,7 +285,7 @@ def test_random_selections_follow_the_reference(fmu, rng, blend_time, k_unload):
         inputs["push"] = float(rng.integers(2))
         inputs["wheel_speed"] = 0.1 * rng.normal(size=3)
         if rng.random() < 0.2:
-            inputs["select_force"] = float(rng.integers(6))
+            inputs["select_force"] = float(rng.integers(7))
         if rng.random() < 0.2:
             inputs["select_torque"] = float(rng.integers(5))
         unit.step(P, inputs)
@@ -279,7 +294,7 @@ def test_random_selections_follow_the_reference(fmu, rng, blend_time, k_unload):
 
 
 @pytest.mark.verifies("J.5-6")
-@pytest.mark.parametrize("bad", [{"select_force": 6}, {"select_force": -1}, {"select_force": 5.6},
+@pytest.mark.parametrize("bad", [{"select_force": 7}, {"select_force": -1}, {"select_force": 6.6},
                                  {"select_torque": 5}, {"select_torque": -1}])  # fmt: skip
 def test_selections_outside_their_lists_are_rejected_in_the_step(fmu, bad):
     unit = fmu("command_selector", {}, select(2, 2))

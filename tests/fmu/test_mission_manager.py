@@ -315,6 +315,17 @@ def test_commanding_and_active_controllers_of_each_phase(fmu):
         assert active == [float(k in selected) for k in (1, 2, 3, 4)]
 
 
+@each("phase", range(1, 15))
+def test_the_optimal_law_has_the_force_of_the_approach_and_its_goals(fmu, phase):
+    """From closing to hold 3; torque and active laws as without it."""
+    plain, optimal = (Recording(fmu, {"use_optimal": s}).lead_to(phase) for s in (0, 1))
+    goal = {2: 1, 3: 1, 4: 2, 5: 3, 6: 3}.get(phase, 0)
+    assert (plain["goal"], optimal["goal"]) == (0, goal)
+    assert optimal["select_force"] == (6 if goal else plain["select_force"])
+    same = ("select_torque", "active_far", "active_close", "active_sync", "active_stack")
+    assert [plain[name] for name in same] == [optimal[name] for name in same]
+
+
 @pytest.mark.parametrize(("phase", "torque"), [(3, 2), (4, 3), (6, 3)])
 @pytest.mark.parametrize("end", [{"retreat": 1}, {"abort": 1}])
 def test_attitude_law_continues_through_retreat_safe_drift_and_abort(fmu, phase, torque, end):
@@ -653,6 +664,17 @@ def test_range_and_steering_of_turning_leave_a_fifth_of_the_force(fmu, rate, R, 
     assert used <= 1.6 * (1 + 1e-9)
 
 
+@pytest.mark.parametrize(("rate", "goal"), [(0.0102, 2), (0.0306, 0)])
+def test_turning_closer_than_the_hold_is_not_for_the_optimal_law(fmu, rate, goal):
+    place = tumbling(rate)
+    recording = at_hold(fmu, {"use_optimal": 1, "bias_tol": 9.0}, place)
+    assert recording["goal"] == 1
+    while recording["phase"] == 3:
+        recording.sample(place)
+    assert (recording["phase"], recording["goal"]) == (4, goal)
+    assert recording["select_force"] == (6 if goal else 3)
+
+
 def test_wheels_are_brought_to_half_of_what_the_rotation_takes(fmu):
     """Parallel to the mean rate: beta w, with w J w/2 in beta; in closing and second hold."""
     for phase in (1, 2, 3, 4):
@@ -760,6 +782,11 @@ def waiting(fmu, changes):
 
 def spins(recording, place, seconds):
     return [(recording.sample(place), recording["spin"])[1] for _ in range(seconds)]
+
+
+def test_the_optimal_law_holds_until_the_servicer_turns_with_the_target(fmu):
+    recording = waiting(fmu, {"await_axis": 0.1, "use_optimal": 1})
+    assert (recording["spin"], recording["goal"]) == (0, 1)
 
 
 def test_the_axis_is_awaited_for_a_turn_at_most(fmu):

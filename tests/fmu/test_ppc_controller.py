@@ -47,6 +47,23 @@ def settings(**channels):
     }
 
 
+def test_without_control_of_the_position_only_the_attitude_is_commanded(fmu, rng):
+    """Outside the funnel of the range too: nothing is rejected and no flag is set."""
+    near, far = random_scene(rng, error=0.02), scene_of((1e4, 0, 0))
+    full = sample(fmu("ppc_controller", FREE), near.inputs())
+    half = sample(fmu("ppc_controller", FREE | {"position": 0}), near.inputs())
+    attitude = ("M_cmd_S", "z_att", "alpha_att", "theta_att", "kappa_att", "start_margin_att")
+    for name in attitude:
+        assert np.array_equal(full[name], half[name]), name
+    assert np.any(full["F_cmd_S"]) and np.any(half["M_cmd_S"])
+    for scene in (near, far):
+        out = sample(fmu("ppc_controller", FREE | {"position": 0}), scene.inputs())
+        assert not np.any([out["F_cmd_S"], out["a_cmd_L"]])
+        assert (out["violation"], out["start_margin"]) == (0, 1)
+    with pytest.raises(FMICallException):
+        sample(fmu("ppc_controller", FREE), far.inputs())
+
+
 # ---- against the reference ----
 
 

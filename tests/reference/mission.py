@@ -40,7 +40,7 @@ PARAMETERS = {
     "drift_time": 86400, "drift_step": 120, "sample_period": 0.1,
     "by_arm": 0, "momentum_max": 0, "mass_T": 150,
     "J_T": np.diag((100.0, 150, 90)), "J_S": np.diag((200.0, 250, 150)),
-    "abort_relative": 1, "axis_radius": 3, "aim_radius": 0,
+    "abort_relative": 1, "axis_radius": 3, "aim_radius": 0, "use_optimal": 0,
 }  # fmt: skip
 
 FORCE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, 5, 0, 0)
@@ -485,6 +485,13 @@ class Manager:
         if phase == 12:
             self.dv, self.clear = escape(self.p, self.valid, t - self.t_valid, near)
 
+    def _goal(self) -> int:
+        """Goal of the fuel-optimal law: hold, axis, along the axis; 0: another law."""
+        far = self.p["R_2"] == self.plan.R
+        around = far * (1 + self.spins)
+        goals = {2: 1, 3: 1, 4: around, 5: 3, 6: 3}
+        return goals.get(self.phase, 0) * self.p["use_optimal"]
+
     def _burn(self, u: dict) -> Array:
         left, period = np.linalg.norm(self.dv), self.p["sample_period"]
         if left == 0:
@@ -497,7 +504,8 @@ class Manager:
 
     def _outputs(self, u: dict, g: Seen, t: float) -> dict[str, Array]:
         p, k = self.p, self.phase
-        force = FORCE[k]
+        goal = self._goal()
+        force = 6 if goal else FORCE[k]
         torque = self.torque if k >= 12 else TORQUE[k]
         F = self._burn(u) if k == 12 else np.zeros(3)
         psi = p["line_angle"]
@@ -515,7 +523,7 @@ class Manager:
         return {
             "phase": k, "t_phase": self.t_phase, "reason": self.reason, "attempt": self.attempt,
             "select_force": force, "select_torque": torque,
-            **{f"active_{name}": float(i in (force, torque)) for i, name in enumerate(names, 1)},
+            **{f"active_{name}": float(i in (FORCE[k], torque)) for i, name in enumerate(names, 1)},
             **dict(zip(("L_ref", "dL_ref", "ddL_ref"),
                        profile(p, self.profile[0], *self.profile[2:], t - self.profile[1]),
                        strict=True)),
@@ -529,7 +537,7 @@ class Manager:
             "verdict": self.plan.verdict, "dv_ahead": self.plan.dv,
             "steer_max": steering(p, u["mass"], np.linalg.norm(g.w_T), max(g.R, p["L_3"])),
             "prepare": float(prepares), "spin": float(not waits),
-            "wheel_bias": self.plan.bias * prepares,
+            "wheel_bias": self.plan.bias * prepares, "goal": goal,
         }  # fmt: skip
 
 
@@ -574,7 +582,7 @@ class Selector:
                         0, 0))  # fmt: skip
         M_1 = np.array(((th[5] + th[7] - th[4] - th[6]) / 2, th[3] - th[1], th[0] - th[2]))
         M_1 = M_1 * self.p["relay_torque"]
-        F = (zero, F_1, u["F_close_S"], u["F_sync_S"], zero, u["F_retreat_S"])[force]
+        F = (zero, F_1, u["F_close_S"], u["F_sync_S"], zero, u["F_retreat_S"], u["F_opt_S"])[force]
         W_1 = zero
         if self.p.get("far_wheels"):  # the body is turned against the wheels
             M_1, W_1 = zero, -np.linalg.inv(A) @ M_1
@@ -588,7 +596,7 @@ class Selector:
         now = now + self.unload(u, int(u["select_torque"]))
         laws = int(u["select_force"]), int(u["select_torque"])
         self.D = self.D * (np.exp(-self.p["sample_period"] / tau) if tau else 0)
-        for part, of, retained in ((slice(0, 3), 0, (1, 2, 3)), (slice(3, 9), 1, (1, 2, 3, 4))):
+        for part, of, retained in ((slice(0, 3), 0, (1, 2, 3, 6)), (slice(3, 9), 1, (1, 2, 3, 4))):
             if self.last and laws[of] != self.last[of]:
                 blends = tau > 0 and laws[of] in retained and self.last[of] in retained
                 self.D[part] = (self.out - now)[part] if blends else 0

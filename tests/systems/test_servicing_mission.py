@@ -78,6 +78,21 @@ def test_a_mission_that_does_not_hold_the_target_at_its_end_has_not_captured(har
     assert finding(result, "captured", text).verdict is verdict
 
 
+def test_the_closing_can_be_commanded_by_the_optimal_law():
+    """From the first hold, quickly left: a plan after a second, its force and no other."""
+    quick = {"manager.dwell": [1.0] * 15, "servicer.rho_0_H": [0, -100, 0]}
+    result = run("servicing_mission", params="optimal", set=quick, stop=15)
+    closing = result["manager.phase"] == 2
+    planned = closing & (result["optimal.mode"] == 0)
+    assert np.array_equal(result["selector.force_law"] == 6, closing)
+    assert planned.sum() == closing.sum() - 10
+    assert np.linalg.norm(result["optimal.F_cmd_S"][planned], axis=1).max() > 0.5
+    used = result["selector.F_cmd_S"][planned][60:]  # the law before has faded
+    assert np.abs(used - result["optimal.F_cmd_S"][planned][60:]).max() < 0.1
+    assert not result["close_controller.violation"].any()
+    assert not result["close_controller.F_cmd_S"].any()
+
+
 @pytest.fixture(scope="module")
 def nominal():
     return run("servicing_mission")
@@ -164,6 +179,19 @@ def test_every_set_ends_in_a_safe_drift_for_the_reason_in_its_name(name):
     assert (result["monitor.least_margin"][-1, :3] > 0).all()
     assert drift_of_a_day(result) > 150
     assert {f.name: f.verdict for f in findings(result)}["captured"] is Verdict.NOT_MET
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("system", "most"), [("servicing_mission", 3.0), ("servicing_mission_navigated", 3.6)]
+)
+def test_the_optimal_law_needs_two_thirds_of_the_increments_within_every_rule(system, most):
+    result = run(system, params="optimal")
+    assert [s.phase for s in stays(result)] == NOMINAL
+    assert increments(result)[-1] <= most
+    assert all(f.verdict is Verdict.MET for f in findings(result))
+    assert not result["monitor.abort"].any()
+    assert not result["optimal.braking"].any()
 
 
 @pytest.mark.long

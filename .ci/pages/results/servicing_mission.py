@@ -81,6 +81,38 @@ def used(result: Any) -> float:
     return float(increments(result)[-1])
 
 
+INCREMENTS = {
+    f"{law}{where}": f"{system}{params} --every 10"
+    for where, system in (("", "servicing_mission"), (", estimates", "servicing_mission_navigated"))
+    for law, params in (("laws of J.7", ""), ("`optimal`", " --params optimal"))
+}
+SPENDING = ("far", "closing", "fly-around", "final")
+"""Phases that are listed one by one."""
+
+
+def spent(phase: str) -> Callable[[Any], float]:
+    """Return a function for the velocity increments of a phase ("": of all others) [m/s]."""
+
+    def evaluate(result: Any) -> float:
+        from ssp.servicing_mission.events import increments, stays
+
+        used = dict.fromkeys(("", *SPENDING), 0.0)
+        so_far, found = increments(result), stays(result)
+        ends = [*(s.row for s in found[1:]), -1]
+        for stay, end in zip(found, ends, strict=True):
+            used[stay.phase if stay.phase in used else ""] += so_far[end] - so_far[stay.row]
+        return used[phase]
+
+    return evaluate
+
+
+def spending() -> str:
+    """Return a table of the velocity increments by phase, with a column per run."""
+    columns = [Column(name or "others", spent(name), "{:.2f}") for name in (*SPENDING, "")]
+    columns.append(Column("all", used, "{:.2f}"))
+    return of_runs("phase", INCREMENTS, columns, across=True)
+
+
 def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
     """Return a function for the table of how the runs of parameter sets end."""
     runs = {f"`{name}`": f"{system} --params {name} --every 10" for name in names}
@@ -146,6 +178,7 @@ VALUES = {
     "mission_reenacted": sets("servicing_mission_navigated", REENACTED),
     "mission_arm_sets": sets("servicing_mission_by_arm", ARM),
     "mission_events": events,
+    "mission_increments": spending,
     "abort_instants": instants,
     "mission_estimates": estimates,
     "mission_tip": of_arm("tip error, aligning and closing", "{:.3f} mm"),
