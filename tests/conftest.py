@@ -126,10 +126,13 @@ def version_of(distribution):
 
 
 def pytest_runtest_setup():
-    """A process of the tests uses more entries of the cache than any command. A command that fails
-    hashes those used since its process began: here, since the test began.
+    """Every test finds the cache as a new process does. A process of the tests uses more entries
+    than any command, and a command that fails hashes those used since its process began: here,
+    since the test began. If one of them is damaged, the cache is left out: not by later tests.
     """
     cache._BEGAN = time.time() - 1
+    cache._used.clear()
+    cache._left_out.clear()
 
 
 @pytest.hookimpl(wrapper=True)
