@@ -21,6 +21,8 @@ from tests.compliance.rejections import rejected
 
 H = 0.1
 EPSILON = np.finfo(float).eps
+SLOW = {"transposition_guidance": 4}
+"""FMUs that plan for 30 ms in every initialization: every n-th of their parameters is moved."""
 
 
 def right(instance, known, seed):
@@ -70,6 +72,19 @@ def bends(evaluate, v, value):
         yield (evaluate({v.name: value + d}) - 2 * here + evaluate({v.name: value - d})) / d
 
 
+def remembered(evaluate):
+    """The same, which computes nothing twice: differences and bends have points in common."""
+    known = {}
+
+    def evaluated(values):
+        point = tuple(values.items())
+        if point not in known:
+            known[point] = evaluate(values)
+        return known[point]
+
+    return evaluated
+
+
 def smooth_difference(evaluate, v, value):
     """The difference, the rounding to expect in it, and for which outputs the model is smooth
     enough to have one.
@@ -77,6 +92,7 @@ def smooth_difference(evaluate, v, value):
     Rounding: a hundred units in the last place of the largest output or of the known itself, over
     the shortest distance.
     """
+    evaluate = remembered(evaluate)
     near, far = differences(evaluate, v, value)
     slope = np.abs(far).max()
     rounding = 100 * EPSILON * (np.abs(evaluate({v.name: value})).max() + slope * abs(value)) / 5e-4
@@ -90,11 +106,15 @@ def compare(instance, variables, evaluator, t):
     """Variables whose derivatives differ from the differences, with the largest error and the
     tolerance.
     """
+    return deviations(instance, {v: right(instance, [v], [1.0]) for v in variables}, evaluator, t)
+
+
+def deviations(instance, derivatives, evaluator, t):
+    """The same for derivatives that are known by variable."""
     state = instance.save()
     wrong = {}
-    for v in variables:
+    for v, given in derivatives.items():
         value = instance.get(v.name)
-        given = right(instance, [v], [1.0])
         expected, tolerance, smooth = smooth_difference(
             partial(evaluator, instance, state, t), v, value
         )
@@ -136,14 +156,15 @@ def test_in_initialization_mode_there_are_derivatives_for_parameters(fmu):
     """
     with Instance(fmu) as instance:
         instance.enter()
-        movable = []
-        for v in inner(fmu.parameters):
+        movable = {}
+        for v in inner(fmu.parameters)[:: SLOW.get(fmu.name, 1)]:
             instance.host.messages.clear()
-            if instance.derivative([v], [1.0])[0] is Status.OK:
-                movable.append(v)
+            status, result = instance.derivative([v], [1.0])
+            if status is Status.OK:
+                movable[v] = np.array(result)
             else:
                 assert instance.host.errors[0].startswith("fmi2GetDirectionalDerivative: ")
-        assert compare(instance, movable, first_outputs, 0.0) == {}
+        assert deviations(instance, movable, first_outputs, 0.0) == {}
 
 
 def test_derivatives_are_linear_in_the_direction(running):
