@@ -18,7 +18,7 @@ from pathlib import Path
 
 from harness.authoring import policy
 from harness.errors import FmuError, UsageError
-from harness.files import paths
+from harness.files import adapter, paths
 from harness.files.archive import pack, parsed, read_all, serialized
 from harness.files.output import written
 from harness.system.interface import Interface, read_interface
@@ -91,7 +91,7 @@ def _build_c(source: Path, output: Path, compiler: str, fmi: int) -> None:
     core, command = compiler_command(compiler)
     helper = [sys.executable, str(core / "build" / "build_fmu.py")]
     options = ["-o", str(output), f"--cc={shlex.join(command)}", f"--fmi={fmi}"]
-    _run([*helper, str(source), *options], source)
+    _run([*helper, str(source), *options, *adapter.options(command, fmi)], source)
 
 
 def _command(compiler: str) -> list[str]:

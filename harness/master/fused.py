@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import FmuError, HarnessError
-from harness.files import cache, paths
+from harness.files import adapter, cache, paths
 from harness.files.output import PrivateFolder
 from harness.master.calls import OK, WARNING
 from harness.master.fmu import Instance
@@ -302,7 +302,7 @@ def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str], fmi: int = 
         parts = [p | {"sources": list(map(str, sources[p["fmu"]]))} for p in plan["parts"]]
         file = folder / "system.json"
         file.write_text(json.dumps(plan | {"parts": parts}), encoding="utf-8")
-        options = (f"--cc={shlex.join(compiler)}", f"--fmi={fmi}")
+        options = (f"--cc={shlex.join(compiler)}", f"--fmi={fmi}", *adapter.options(compiler, fmi))
         _run(_core() / "build" / "fuse.py", str(file), "-o", str(path), *options)
 
 

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Build one FMU from one C file outside the build of the tree, for example your own controller.
 
-Usage: build_fmu.py FILE.c [-o FILE.fmu] [--fmi 2|3] [--cc COMMAND]
+Usage: build_fmu.py FILE.c [-o FILE.fmu] [--fmi 2|3] [--cc COMMAND] [--adapter FOLDER]
+       build_fmu.py --adapter FOLDER [--fmi 2|3] [--cc COMMAND]
+
+The second form compiles the files of the adapter into a folder, which the first form then links.
 
 The steps are the same as in add_fmu() of fmus/CMakeLists.txt, for this platform: compile the
 library from the file and the adapter, print the description of the compiled model, and pack both.
@@ -12,9 +15,8 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
-
-import fmpy
 
 CORE = Path(__file__).resolve().parents[1]
 LICENSE = CORE.parents[1] / "LICENSE"
@@ -32,26 +34,53 @@ FLAGS = (*SAME_BITS, "-O2", "-fPIC", "-fvisibility=hidden")
 RUN_ONCE = ("-O0",)
 """Flags of the programs that print descriptions: optimizing them would take longer than running."""
 DATE = "1980-01-01T00:00:00Z"
+FMI_HEADERS = Path(find_spec("fmpy").origin).parent / "c-code"
+"""Headers of FMI in FMPy, which takes longer to import than a small model to compile."""
+PLATFORM, LIBRARY = {"win32": ("win64", ".dll"), "darwin": ("darwin64", ".dylib")}.get(
+    sys.platform, ("linux64", ".so")
+)
+"""Folder of the libraries in an FMU, and how their names end, as FMPy defines them."""
 
 
-def build(source: Path, output: Path, compiler: list[str], fmi: str) -> None:
+def compile_with(compiler: list[str]) -> list[str]:
+    """Return the command that compiles models and adapter."""
+    include = [f"-I{folder}" for folder in (*HEADERS, FMI_HEADERS)]
+    return [*compiler, *FLAGS, *include]
+
+
+def compiled_adapter(folder: Path, fmi: str) -> list[Path]:
+    """Return the compiled files of the adapter in a folder."""
+    return [folder / f"{source.stem}.o" for source in ADAPTER[fmi]]
+
+
+def compile_adapter(folder: Path, compiler: list[str], fmi: str) -> None:
+    """Compile the files of the adapter into a folder; subprocess.CalledProcessError."""
+    for source, target in zip(ADAPTER[fmi], compiled_adapter(folder, fmi), strict=True):
+        subprocess.run([*compile_with(compiler), "-c", source, "-o", target], check=True)
+
+
+def build(
+    source: Path, output: Path, compiler: list[str], fmi: str, compiled: Path | None = None
+) -> None:
     """Write the FMU of a version of FMI; subprocess.CalledProcessError if the compiler or the
     description fails, which has then printed the reason.
+
+    compiled: folder with the compiled files of the adapter (default: they are compiled).
     """
-    include = [f"-I{folder}" for folder in (*HEADERS, Path(fmpy.__file__).parent / "c-code")]
     with tempfile.TemporaryDirectory() as folder:
-        library = Path(folder) / f"{output.stem}{fmpy.sharedLibraryExtension}"
+        library = Path(folder) / f"{output.stem}{LIBRARY}"
         describe, xml = Path(folder) / "describe", Path(folder) / "modelDescription.xml"
-        compile_c = [*compiler, *FLAGS, *include, source]
+        compile_c = [*compile_with(compiler), source]
         adapter = ADAPTER[fmi]
+        linked = compiled_adapter(compiled, fmi) if compiled else adapter
         tool = [CORE / "build/describe.c", *RUN_ONCE, "-o", describe, "-lm"]
         subprocess.run([*compile_c, *tool], check=True)
         with xml.open("wb") as file:
             names = [path.name for path in (source, *adapter)]
             subprocess.run([describe, fmi, "0", DATE, *names], check=True, stdout=file)
-        subprocess.run([*compile_c, "-shared", *adapter, "-o", library, "-lm"], check=True)
+        subprocess.run([*compile_c, "-shared", *linked, "-o", library, "-lm"], check=True)
         package = [sys.executable, CORE / "build/package_fmu.py", f"--fmi{fmi}", output, xml]
-        files = ["--license", LICENSE, "--binary", f"{fmpy.platform}={library}"]
+        files = ["--license", LICENSE, "--binary", f"{PLATFORM}={library}"]
         sources = ["--source", source, *adapter, "--include", *HEADERS]
         subprocess.run([*package, *files, *sources], check=True)
 
@@ -59,16 +88,22 @@ def build(source: Path, output: Path, compiler: list[str], fmi: str) -> None:
 def main() -> None:
     """Run the command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("source", type=Path)
+    parser.add_argument("source", type=Path, nargs="?")
     parser.add_argument("-o", "--output", type=Path, help="default: beside the C file")
     parser.add_argument("--fmi", choices=tuple(ADAPTER), default="2", help="version of FMI")
     parser.add_argument(
         "--cc", type=shlex.split, default=["cc"], help="compiler with its arguments"
     )
+    parser.add_argument("--adapter", type=Path, help="folder with the compiled adapter")
     a = parser.parse_args()
-    output = a.output or a.source.with_suffix(".fmu")
+    if not (a.source or a.adapter):
+        parser.error("name a C file")
+    output = a.adapter if a.source is None else a.output or a.source.with_suffix(".fmu")
     try:
-        build(a.source, output, a.cc, a.fmi)
+        if a.source is None:
+            compile_adapter(a.adapter, a.cc, a.fmi)
+        else:
+            build(a.source, output, a.cc, a.fmi, a.adapter)
     except (subprocess.CalledProcessError, OSError) as error:
         sys.exit(f"build_fmu.py: {error}" if isinstance(error, OSError) else 1)
     print(output)

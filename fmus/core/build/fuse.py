@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Build one FMU of a whole system from the unpacked sources of its FMUs.
 
-Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND]
+Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND] [--adapter FOLDER]
 
 SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "sources":
 [C files of the unpacked archive, the file of the model first], "values": {element: start value},
@@ -27,7 +27,6 @@ from pathlib import Path
 from typing import Any
 
 import build_fmu
-import fmpy
 from fused_layout import Model, Part, Whole, lay_out, read_layout
 from fused_source import system_c
 
@@ -113,10 +112,18 @@ def _names(name: str) -> Iterator[str]:
 class Build:
     """One build in a folder: models, layout, system.c, library, description, archive."""
 
-    def __init__(self, spec: dict[str, Any], folder: Path, compiler: list[str], fmi: str) -> None:
+    def __init__(
+        self,
+        spec: dict[str, Any],
+        folder: Path,
+        compiler: list[str],
+        fmi: str,
+        adapter: Path | None,
+    ) -> None:
         self.spec, self.folder, self.fmi, self.name = spec, folder, fmi, spec["name"]
+        self.adapter = adapter
         include = [f"-I{f}" for f in (folder, *build_fmu.HEADERS)]
-        include += ["-isystem", str(Path(fmpy.__file__).parent / "c-code")]
+        include += ["-isystem", str(build_fmu.FMI_HEADERS)]
         self.compile = [*compiler, *build_fmu.FLAGS, *include]
 
     def run(self, output: Path) -> None:
@@ -134,8 +141,10 @@ class Build:
         digest = hashlib.sha256(json.dumps(self._structure()).encode()).hexdigest()
         system.write_text(system_c(self.spec, whole, digest), encoding="utf-8")
         shared = build_fmu.ADAPTER[self.fmi]
-        own, *adapter = self._objects([system, *shared], [self.name] * (1 + len(shared)))
-        library = self.folder / f"{self.name}{fmpy.sharedLibraryExtension}"
+        new = [system, *(() if self.adapter else shared)]
+        own, *adapter = self._objects(new, [self.name] * len(new))
+        adapter = build_fmu.compiled_adapter(self.adapter, self.fmi) if self.adapter else adapter
+        library = self.folder / f"{self.name}{build_fmu.LIBRARY}"
         self._link("-shared", own, *objects, *adapter, output=library)
         self._pack([system, *models, *shared], [own, *objects], library, output)
 
@@ -201,7 +210,7 @@ class Build:
         xml.write_text(text, encoding="utf-8")
         package = [sys.executable, build_fmu.CORE / "build/package_fmu.py"]
         files = [f"--fmi{self.fmi}", output, xml, "--license", build_fmu.LICENSE]
-        binary = ["--binary", f"{fmpy.platform}={library}"]
+        binary = ["--binary", f"{build_fmu.PLATFORM}={library}"]
         texts = ["--source", *sources, "--include", self.folder, *build_fmu.HEADERS]
         output_of([*package, *files, *binary, *texts, *self._provenance()], self.name)
 
@@ -214,10 +223,15 @@ class Build:
         return ["--provenance", file]
 
 
-def build(spec: dict[str, Any], output: Path, compiler: list[str], fmi: str) -> None:
-    """Write the FMU of a system in a version of FMI; NotFusibleError."""
+def build(
+    spec: dict[str, Any], output: Path, compiler: list[str], fmi: str, adapter: Path | None = None
+) -> None:
+    """Write the FMU of a system in a version of FMI; NotFusibleError.
+
+    adapter: folder with the compiled files of the adapter (default: they are compiled).
+    """
     with tempfile.TemporaryDirectory() as folder:
-        Build(spec, Path(folder), compiler, fmi).run(output)
+        Build(spec, Path(folder), compiler, fmi, adapter).run(output)
 
 
 def main() -> None:
@@ -231,9 +245,10 @@ def main() -> None:
     parser.add_argument(
         "--cc", type=shlex.split, default=["cc"], help="compiler with its arguments"
     )
+    parser.add_argument("--adapter", type=Path, help="folder with the compiled adapter")
     a = parser.parse_args()
     try:
-        build(json.loads(a.system.read_text(encoding="utf-8")), a.output, a.cc, a.fmi)
+        build(json.loads(a.system.read_text(encoding="utf-8")), a.output, a.cc, a.fmi, a.adapter)
     except NotFusibleError as reason:
         print(reason)
         sys.exit(3)

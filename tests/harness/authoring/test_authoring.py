@@ -24,7 +24,7 @@ from harness.authoring import build as building
 from harness.authoring.build import build
 from harness.authoring.new import new_component
 from harness.cli.app import main
-from harness.files import paths
+from harness.files import adapter, paths
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
 from harness.studies.check import check
@@ -71,6 +71,21 @@ def test_the_controller_in_c_runs_as_it_is_and_obeys_its_law(twins):
     F_S = F_N - 2 * w * np.cross(v, F_N) + 2 * np.cross(v, np.cross(v, F_N))
     assert np.abs(F_S).max() > 0.1
     assert result["controller.F_cmd_S"][1:] == pytest.approx(F_S, abs=1e-6)
+
+
+def test_an_fmu_has_the_same_bytes_without_a_cache(twins, tmp_path, monkeypatch):
+    """There, the adapter is compiled for it; the twin links one that was compiled before."""
+    assert adapter.options(["cc"], 2)
+    monkeypatch.setenv("HARNESS_CACHE", "off")
+    assert adapter.options(["cc"], 2) == []
+    build(twins[0] / "my_pd.c", tmp_path / "my_pd.fmu")
+    assert (tmp_path / "my_pd.fmu").read_bytes() == (twins[0] / "my_pd.fmu").read_bytes()
+
+
+def test_a_compiler_with_arguments_compiles_the_adapter_itself(monkeypatch):
+    assert adapter.options(["cc", "-include", "mine.h"], 2) == []
+    monkeypatch.setattr(adapter.shutil, "which", lambda name: "/bin/false")
+    assert adapter.options(["false"], 2) == []
 
 
 def test_its_torque_turns_the_servicer_to_the_reference_attitude(twins):
