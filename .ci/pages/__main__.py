@@ -27,6 +27,8 @@ import validation
 from text import ROOT, relinked
 
 EXAMPLES = ROOT / "examples"
+WEIGHT = 4
+"""Weight in the search of pages for users; the others have 1."""
 FILES = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
@@ -62,7 +64,7 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
         elif path.suffix == ".md" and source != "README.md":
             text = quoted.plain(path.read_text(encoding="utf-8"), facts["quoted"], source)
             text = relinked(text, source, page, known)
-            yield page, missions.typeset(text) if source.startswith("ssp/") else text
+            yield page, missions.typeset(text) if source.startswith("ssp/") else sought(page, text)
         elif source.startswith("docs/"):
             yield page, path.read_bytes()
     parts = {letter: page for letter, (_, page) in missions.equations().items()}
@@ -73,6 +75,14 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
     yield from models.pages(facts, parts)
     yield from missions.pages(facts, parts)
     yield from validation.pages(facts)
+
+
+def sought(page: str, text: str) -> str:
+    """Return a page with a larger weight in the search if it answers a question of a user: the
+    generated reference and the decisions have the same words more often.
+    """
+    answers = page.startswith("how_to/") or "/" not in page
+    return f"---\nsearch:\n  boost: {WEIGHT}\n---\n{text}" if answers else text
 
 
 def example(path: Path) -> str:

@@ -291,7 +291,9 @@ def _rate(component: Any) -> str:
 def equations() -> dict[str, tuple[str, str]]:
     """Return file in the repository and page of the site by letter of docs/models.md."""
     text = (ROOT / "docs/models.md").read_text(encoding="utf-8")
-    found = re.findall(r"^\| ([A-Z]) \| \[[^\]]*\]\(\.\./(ssp/(\w+)/(\w+)\.md)\)", text, re.M)
+    found = re.findall(
+        r"^\| ([A-Z](?:\.\d+)?) \| \[[^\]]*\]\(\.\./(ssp/(\w+)/(\w+)\.md)\)", text, re.M
+    )
     return {
         letter: (path, f"reference/equations/{folder if file == 'equations' else file}.md")
         for letter, path, folder, file in found

@@ -20,7 +20,7 @@ from text import ROOT, between, table
 
 from harness.files import paths
 
-MODELS = re.compile(r"docs/models\.md ([A-L])\b(\.\d+)?")
+MODELS = re.compile(r"docs/models\.md ([A-N])\b(\.\d+)?")
 
 
 def writer(name: str) -> Any:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import inspect
 import re
 import zipfile
@@ -157,6 +158,21 @@ def test_no_page_is_longer_than_300_lines_and_links_lead_somewhere(
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
             generated = "reference/" in target or page.name in {"index.md"}
             assert generated or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_link_of_a_page_leads_to_a_page_of_the_site(writer):
+    """Folders and files that the site does not show are no targets."""
+    import text
+
+    folder = text.ROOT / ".ci/pages"
+    homes = importlib.util.spec_from_file_location("site_pages", folder / "__main__.py")
+    module = importlib.util.module_from_spec(homes)
+    homes.loader.exec_module(module)
+    known = module.homes()
+    assert len(known) > 80
+    for source, page in known.items():
+        if source.endswith(".md") and source != "README.md":
+            text.relinked((text.ROOT / source).read_text(encoding="utf-8"), source, page, known)
 
 
 def test_a_mission_begins_with_its_own_system(writer, missions):

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.harness.chromium import browser, wait
+from tests.site.questions import QUESTIONS
 
 SITE = Path(__file__).resolve().parents[2] / "build/site"
 PAGES = sorted(p for p in SITE.rglob("*.html") if p.name != "404.html")  # that one is for servers
@@ -135,6 +136,24 @@ def test_search_finds_a_parameter_without_a_network(opened):
     opened.wait_for_selector(".md-search-result__item", timeout=30_000)
     found = opened.inner_text(".md-search-result__list")
     assert "safety_monitor" in found
+
+
+def test_questions_in_peoples_words_find_their_page_among_the_first_three(opened):
+    opened.goto((SITE / "index.html").as_uri())
+    assert len(QUESTIONS) == 25
+    missed = {}
+    for question, page in QUESTIONS.items():
+        opened.click("input.md-search__input")
+        opened.keyboard.press("Control+a")
+        opened.keyboard.type(question, delay=5)
+        opened.wait_for_timeout(700)
+        first = opened.eval_on_selector_all(
+            ".md-search-result__item > a",
+            "all => [...new Set(all.map(a => a.href.split(/[?#]/)[0]))].slice(0, 3)",
+        )
+        if not any(address.endswith(f"{page}.html") for address in first):
+            missed[question] = [address.rpartition("/site/")[2] for address in first]
+    assert missed == {}
 
 
 def test_equations_are_drawn(opened):
