@@ -54,7 +54,7 @@ class Metric(BaseMetric):
     beside: shown in a table of its own, not among the metrics of a page; about: meaning of the
     limits for it, the last line of its heading; words: names of its values 0, 1, ..; apart: a
     comparison warns if its values differ by more than this factor; above: a comparison shows the
-    metric, with a warning, only if a value exceeds this.
+    metric, with a warning, only if a value exceeds this; meaning: a sentence for readers of a page.
     """
 
     beside: bool = False
@@ -62,6 +62,7 @@ class Metric(BaseMetric):
     words: tuple[str, ...] = ()
     apart: float = math.inf
     above: float = -math.inf
+    meaning: str = ""
 
     def __call__(self, result: Result, *limits: Limits) -> float:
         """Return the value; NaN if the result lacks what it needs, or has no such value.

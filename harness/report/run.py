@@ -13,7 +13,8 @@ from harness.claims.case import listed
 from harness.claims.report import OTHER, judgements, rule_findings
 from harness.figures.choice import figures_of
 from harness.figures.plots import paint
-from harness.mission import Limits
+from harness.files import paths
+from harness.mission import Limits, Metric
 from harness.mission.exchange import remarks
 from harness.mission.figure import LARGEST
 from harness.mission.library import missing, notes_of, of_result
@@ -24,6 +25,7 @@ from harness.report.timeline import drawable_rows, replay
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Kind
+from harness.ssp.library import load
 from harness.system.values import base
 
 ACTUATORS = (
@@ -82,6 +84,7 @@ def texts(result: Result) -> dict[str, Any]:
         "result": result,
         "message": message(result),
         "notes": notes(result),
+        "headline": headline(result),
         "chips": chips(result),
         "metrics": list(metrics(result)),
         "requirements": findings(result),
@@ -112,6 +115,25 @@ def gaps(result: Result) -> str:
     return f"{what}: {names}" if names else ""
 
 
+def headline(result: Result) -> tuple[str, str]:
+    """Return what a run is, and how it ended, in one sentence each."""
+    text = result.system
+    if result.system in paths.systems():
+        with load(result.system) as system:
+            text = system.description or text
+    if not len(result.time):
+        return text, "Nothing was recorded."
+    end = f"{result.time[-1]:g} s"
+    shown = [m for m in of_result(result).watched if not m.lacks(result)]
+    values = [f"{m.name} {value}" for m in shown if (value := m.text(result))][:3]
+    given = [each.verdict for each in findings(result)]
+    parts = [f"Ended at {end}" if result.complete else f"Incomplete, ended early at {end}"]
+    parts[0] += f" with {', '.join(values)}" if values else ""
+    for _, word, count in Kind.REQUIREMENT.tally(given):
+        parts.append(f"{count} of {len(given)} requirements {word}")
+    return f"{text}, {end}", "; ".join(parts) + "."
+
+
 def chips(result: Result) -> list[tuple[str, str]]:
     """Return style and text of the verdicts with the number of rules, requirements and claims that
     have each, worst first.
@@ -131,11 +153,11 @@ def chips(result: Result) -> list[tuple[str, str]]:
     return sorted(found, key=lambda chip: WORST_FIRST.index(chip[0]))
 
 
-def metrics(result: Result) -> Iterator[tuple[str, float, str]]:
-    """Yield name, value and unit of the metrics of harness compare that this run has."""
+def metrics(result: Result) -> Iterator[tuple[Metric, float]]:
+    """Yield the metrics of harness compare that this run has, with their values."""
     offered = of_result(result)
     limits = offered.limits(Limits(), {"": result}) if len(result.time) else Limits()
     for metric in offered.metrics if len(result.time) else ():
         value = metric(result, limits)
         if math.isfinite(value) and not metric.beside:
-            yield metric.name, value, metric.unit
+            yield metric, value

@@ -9,6 +9,7 @@ from harness.mission import WatchedMetric
 
 from ..shared.approach import approach
 from ..shared.conventions import STEERED
+from ..shared.meanings import explained
 from .claims import PAPERS
 from .figures import FIGURES
 from .metrics import METRICS
@@ -21,7 +22,7 @@ GRASPED = "mechanism.hard >= 1"
 
 MISSION = replace(
     APPROACH,
-    metrics=(*METRICS, *APPROACH.metrics),
+    metrics=explained((*METRICS, *APPROACH.metrics)),
     scene=(SCENE,),
     plans=(plan,),
     steering=(STEERED._replace(open=("controller", "arm_controller"), every=10, ends=(GRASPED,)),),

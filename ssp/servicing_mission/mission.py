@@ -13,6 +13,7 @@ from ..arm_capture.figures import ARM
 from ..arm_capture.metrics import METRICS as BY_ARM
 from ..shared.approach import approach
 from ..shared.conventions import STEERED
+from ..shared.meanings import explained
 from ..shared.watched import WATCHED as OF_APPROACHES
 from .claims import PAPER
 from .events import METRICS, notes
@@ -44,7 +45,7 @@ COMMANDED = (
 MISSION = replace(
     _APPROACH,
     watched=(*WATCHED, *OF_APPROACHES),
-    metrics=(*_APPROACH.metrics, *METRICS, *BY_ARM),
+    metrics=explained((*_APPROACH.metrics, *METRICS, *BY_ARM)),
     notes=(*_APPROACH.notes, notes),
     scene=(SCENE,),
     steering=(

@@ -28,6 +28,7 @@ from .approach_figures import (
 )
 from .approach_scene import PAIR, pair, pairs
 from .conventions import ADDED, CONTROLLER, ORBITS, RESTARTS, STEERED
+from .meanings import explained
 from .metrics import AT_LIMITS, METRICS, bands, definitions
 from .overlays import FIGURES as OVERLAYS
 from .relative_motion import release_time
@@ -59,7 +60,7 @@ def approach(
         figures=(*COMMON, *figures, *FURTHER),
         overlays=(*OVERLAYS, *filtering.OVERLAYS, *overlays),
         phases=PHASES,
-        metrics=(*METRICS, *filtering.METRICS, *flexible.METRICS),
+        metrics=explained((*METRICS, *filtering.METRICS, *flexible.METRICS)),
         claims=(*claims, navigation_claims.PAPER),
         watched=WATCHED,
         scene=(Scene(PAIR, (), pair, pairs),),

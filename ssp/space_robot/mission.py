@@ -6,6 +6,7 @@ from __future__ import annotations
 from harness.mission import Mission, Phase, Scene, Steering, WatchedMetric
 
 from ..shared.conventions import ORBITS, RESTARTS
+from ..shared.meanings import explained
 from .claims import PAPERS
 from .figures import FIGURES, OVERLAYS
 from .pitch import METRICS, PITCH, RATE
@@ -34,7 +35,7 @@ MISSION = Mission(
             f"degrees({ANGLE_RATE})",
         ),
     ),
-    metrics=METRICS,
+    metrics=explained(METRICS),
     claims=PAPERS,
     steering=(Steering(("joints",), bounds=(("joints.joint_torque", 1.0),)),),
     watched=(

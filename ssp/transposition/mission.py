@@ -7,6 +7,7 @@ import numpy as np
 
 from harness.mission import Mission, Phase, Scene, Steering, WatchedMetric
 
+from ..shared.meanings import explained
 from .claims import PAPER
 from .figures import FIGURES, OVERLAYS, SHAPE
 from .metrics import ASSEMBLY as TRACKED
@@ -29,7 +30,7 @@ MISSION = Mission(
             f"degrees({RATE_ERROR})",
         ),
     ),
-    metrics=METRICS,
+    metrics=explained(METRICS),
     claims=(PAPER,),
     watched=(
         WatchedMetric("attitude error", "deg", TRACKED, lambda r: np.degrees(attitude_error(r))),

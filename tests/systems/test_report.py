@@ -22,7 +22,7 @@ from harness import run
 from harness.claims.report import judgements
 from harness.cli.app import main
 from harness.errors import HarnessError
-from harness.mission.library import of_result
+from harness.mission.library import everything, of_result
 from harness.report import run as report_run
 from harness.report import template
 from harness.report.arrays import thinned_rows
@@ -30,6 +30,7 @@ from harness.report.html import of_run, write
 from harness.results.files import ResultFile
 from harness.results.requirements import findings
 from harness.results.verdict import Kind, Verdict
+from harness.ssp.library import load
 from ssp.shared.bodies import uniform_box
 from ssp.shared.safety import RESTING
 from tests.each import some
@@ -82,8 +83,25 @@ def test_a_page_is_whole_and_needs_nothing_from_elsewhere(system):
     assert not [link for link in page.links if not link.startswith("#")]
     assert page.is_closed()
     assert {"script-plotly", "script-k3d", "replay", "plots", "signals"} <= page.ids
-    assert page.headings[0] == system
     assert not page.alerts
+
+
+@each_system
+def test_the_head_states_what_the_run_is_and_how_it_ended(system):
+    """The description of the system, the end, and the verdicts of the requirements."""
+    page, result = page_of(system), result_of(system)
+    with load(system) as found:
+        assert page.headings[0] == f"{found.description}, {result.time[-1]:g} s"
+    text = " ".join(page.text.split())
+    assert f"Ended at {result.time[-1]:g} s" in text
+    count = len(findings(result))
+    assert not count or f" of {count} requirements " in text
+
+
+def test_every_headline_value_has_a_definition():
+    shown = {m.name: m.meaning for m in everything().metrics if not m.beside}
+    assert len(shown) > 30
+    assert not [name for name, meaning in shown.items() if not meaning.endswith(".")]
 
 
 @each_system
@@ -609,4 +627,4 @@ def test_the_command_writes_the_page(tmp_path, capsys):
     page = tmp_path / "deep" / "report.html"
     assert main(["report", str(tmp_path / "out.nc"), "-o", str(page)]) == 0
     assert capsys.readouterr().out.strip() == str(page)
-    assert Page(page.read_text()).headings[0] == "ppc_tracking"
+    assert Page(page.read_text()).headings[0].startswith("Approach and tracking of")

@@ -2,6 +2,7 @@
  * in the corner. */
 "use strict";
 const TURNS = [0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.8, -1.8, Math.PI]; /* directions of the line from a name to its body [rad] */
+const ABOUT = [".readout", ".cameras", ".key", ".controls", ".triad"]; /* words and buttons about the picture */
 const SVG = "http://www.w3.org/2000/svg";
 const svg = (tag, about = {}) => {
   const made = document.createElementNS(SVG, tag);
@@ -34,7 +35,8 @@ function makeLabels(view) {
   }
 
   /* Names of bodies are placed first: each moves around its body until it overlaps neither another
-   * name nor the numbers in the corner. A name that still overlaps an earlier one is left out. */
+   * name nor the words and buttons about the picture. A name that still overlaps an earlier one, or
+   * would be cut by the edge, is left out. */
   function draw(camera) {
     const width = canvas.clientWidth, height = canvas.clientHeight;
     const seen = list.map((each) => {
@@ -44,9 +46,11 @@ function makeLabels(view) {
     });
     const led = seen.filter((at, k) => at && list[k].line);
     const middle = led.reduce((sum, at) => ({ x: sum.x + at.x / led.length, y: sum.y + at.y / led.length }), { x: 0, y: 0 });
-    const words = view.part(".readout"), half = { x: words.offsetWidth / 2, y: words.offsetHeight / 2 };
-    const taken = [{ x: words.offsetLeft + half.x, y: words.offsetTop + half.y, half }];
-    const isFree = (at, own) => taken.every((other) =>
+    const taken = ABOUT.map(view.part).filter((box) => box && box.offsetWidth).map((box) => {
+      const half = { x: box.offsetWidth / 2, y: box.offsetHeight / 2 };
+      return { x: box.offsetLeft + half.x, y: box.offsetTop + half.y, half };
+    });
+    const isFree = (at, own) => at.x > own.x && at.x < width - own.x && taken.every((other) =>
       Math.abs(other.x - at.x) > other.half.x + own.x || Math.abs(other.y - at.y) > other.half.y + own.y);
     let order = 0;
     for (const [each, at] of list.map((one, k) => [one, seen[k]]).sort(([a], [b]) => !a.line - !b.line)) {
@@ -88,14 +92,18 @@ function makeLabels(view) {
     return { line, text };
   });
   function drawTriad(camera) {
-    const turned = camera.quaternion.clone().conjugate();
+    const turned = camera.quaternion.clone().conjugate(), placed = [];
     limbs.forEach(({ line, text }, k) => {
       const end = new T.Vector3().setComponent(k, 1).applyQuaternion(turned);
       line.setAttribute("x2", 28 * end.x);
       line.setAttribute("y2", -28 * end.y);
-      text.setAttribute("x", 38 * end.x);
-      text.setAttribute("y", -38 * end.y + 3);
-      text.textContent = Math.hypot(end.x, end.y) > 0.4 ? view.frame.axes[k] : ""; /* otherwise the axis points at the eye */
+      const name = view.frame.axes[k], half = 2.8 * name.length;
+      const x = 38 * end.x, y = -38 * end.y + (Math.abs(end.x) > Math.abs(end.y) ? -5 : 3); /* above its own line */
+      const free = placed.every((other) => Math.abs(other.x - x) > other.half + half || Math.abs(other.y - y) > 11);
+      text.setAttribute("x", x);
+      text.setAttribute("y", y);
+      text.textContent = free && Math.hypot(end.x, end.y) > 0.4 ? name : ""; /* otherwise the axis points at the eye */
+      if (text.textContent) placed.push({ x, y, half });
     });
   }
 

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Meanings of the metrics of all missions, a sentence each, for readers of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from harness.mission import Metric
+
+MEANINGS = {
+    "range settles": "Time after which the range stays within the band about its reference.",
+    "position settles": "Time after which the position stays within the band about its reference.",
+    "attitude settles": "Time after which the attitude, once released, stays within the band.",
+    "range error": "Largest error of the range against its reference in the last fifth of the run.",
+    "position error": "Largest distance from the reference position in the last fifth of the run.",
+    "attitude error": "Largest angle from the reference attitude in the last fifth of the run.",
+    "minimum range": "Smallest distance between the centres of mass of the two bodies.",
+    "inside reference": "Largest shortfall of the range against the range of the reference.",
+    "inside keep-out": "Largest depth of the servicer inside the smallest permitted range.",
+    "estimate error": "Largest error of the estimated position of the target in the last fifth.",
+    "estimate attitude": "Largest error of the estimated attitude of the target in the last fifth.",
+    "estimate NEES": "Squared errors over their variances in the filter; 12 if it is consistent.",
+    "delta-v": "Sum of the magnitudes of the impulses over the mass: what the run costs.",
+    "x optimum": "Impulse of the run over the least impulse that any controller needs.",
+    "torque impulse": "Integral of the torques of thrusters and wheels once the attitude is free.",
+    "peak force": "Largest force of the actuators.",
+    "peak torque": "Largest torque of thrusters and wheels since the release of the attitude.",
+    "saturated": "Share of the rows in which an actuator is at a limit.",
+    "force at limit": "Share of the run in which the force is at its limit.",
+    "torque at limit": "Share of the run in which the torque is at its limit.",
+    "thrusters at limit": "Share of the run in which thrusters cannot give the commanded wrench.",
+    "wheels at limit": "Share of the run in which a wheel has its largest speed.",
+    "panel angle": "Largest angle of a panel.",
+    "residual vibration": "Largest angle of a panel in the last fifth of the run.",
+    "slosh": "Largest displacement of the propellant in its tank.",
+    "elastic energy": "Energy of panels and propellant at the end of the run.",
+    "pitch swing": "Largest minus smallest pitch of the robot.",
+    "rotation number": "Turns of the pitch per orbit; a rational number is a resonance.",
+    "saturates at": "Time at which the gyroscopes first have less momentum left than commanded.",
+    "peak momentum": "Largest angular momentum of the gyroscopes.",
+    "largest rotation": "Largest angle of the assembly from its start attitude.",
+    "tracking error": "Largest angle from the planned attitude.",
+    "tip error, aligning and closing": "Largest distance of the tip from its aim before the grip.",
+    "tip error, late": "Root mean square of the distance of the tip from its aim before the grip.",
+    "base attitude, deploying": "Largest rotation of the servicer while the arm deploys.",
+    "base position, deploying": "Largest displacement of the servicer while the arm deploys.",
+    "miss at the grip": "Distance of the tip from the fixture when the gripper closes.",
+    "grip": "Time at which the gripper closes.",
+    "hard capture": "Time at which the mechanism locks.",
+    "load of the gripper": "Largest force in the gripper after the capture.",
+    "captured": "1 if the target is captured and the stack at rest, otherwise 0.",
+    "aborted": "1 if the safety monitor ended the approach, otherwise 0.",
+    "retreated": "1 if the servicer went back to a hold, otherwise 0.",
+    "collided": "1 if the bodies touched anywhere but in the drogue, otherwise 0.",
+    "under way": "1 if the mission had not ended, otherwise 0.",
+}
+"""By name of the metric."""
+
+
+def explained(metrics: Iterable[Metric]) -> tuple[Metric, ...]:
+    """Return metrics with their meanings; one without an entry has the meaning it had."""
+    return tuple(replace(m, meaning=MEANINGS.get(m.name, m.meaning)) for m in metrics)
