@@ -54,7 +54,7 @@ typedef struct {
     double clearance;
     double verdict, dv_ahead, steer_max, prepare, spin;
     vec3 wheel_bias;
-    double goal;
+    double goal, L_goal, T_goal;
 } Output;
 MODEL_STRUCT;
 
@@ -93,6 +93,14 @@ static const struct {
 };
 
 static int phase_of(const State *x) { return (int)x->phase; }
+
+/* law of the torque; the fuel-optimal law needs no thrust axis: in the far phases the attitude is that
+ * of the closing, towards the target */
+static int torque_law(const Parameters *p, int phase)
+{
+    int law = phases[phase].torque;
+    return law == FAR_LAW && p->use_optimal ? CLOSE_LAW : law;
+}
 
 /* whether the angular momentum of both bodies, which the stack retains, is below its limit */
 /* J.1-10 */
@@ -227,6 +235,7 @@ static const Model start = {
           .spin_time = 60,
           .abort_relative = 1,
           .axis_radius = 3,
+          .far_time = 1200,
           .sample_period = 0.1},
     .u = {.T = {.r = {42164000, 0, 0}, .v = {0, 3074.66, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {42164000, -100, 0}, .v = {0.00729, 3074.66, 0}, .q = {1, 0, 0, 0}},
@@ -285,6 +294,8 @@ static const Variable variables[] = {
     OUTPUT(wheel_bias, "rad/s", "wheel speeds before the servicer turns with the target"),
     MODE(goal, "goal of the fuel-optimal law, 0 without use_optimal",
          "inactive|point on the line of holds|grasp axis at constant range|along the grasp axis"),
+    OUTPUT(L_goal, "m", "range at the end of that goal: of the first hold; 0: as the law has it"),
+    OUTPUT(T_goal, "s", "time to its arrival: of the far approach; 0: as the law has it"),
 };
 
 /* J.1-12 */
@@ -353,8 +364,8 @@ static void enter_phase(const Parameters *p, State *x, const Geometry *g, double
     if (phase == FAR) x->attempt = 0;
     if (phase == FLYAROUND) x->profile = (Profile){phase, t, p->R_2, x->budget.R};
     else if (phases[phase_of(x)].profile) x->profile = (Profile){phase, t, g->l, p->L_3};
-    if (phases[phase_of(x)].torque != AS_BEFORE && phases[phase_of(x)].torque != NONE)
-        x->torque = phases[phase_of(x)].torque;
+    int torque = torque_law(p, phase_of(x));
+    if (torque != AS_BEFORE && torque != NONE) x->torque = torque;
     if (phase == CLOSING) x->aim = aim_from(p, g->rho_H, g->R);
     if (phase != RETREAT) return;
     RelativeState from = p->abort_relative ? drifted(&x->valid, t - x->t_valid) : x->valid;
@@ -457,25 +468,31 @@ static void publish_phase(const State *x, Output *y)
 }
 
 /* in the fly-around: the hold until the servicer turns with the target; a fly-around closer than
- * the hold leaves no space for a path that is not a circle */
+ * the hold, and what follows it, leave no space for a path that is not a circle */
 static int goal_of(const Parameters *p, const State *x)
 {
     int around = x->spins ? TO_AXIS : TO_POINT, wide = x->budget.R == p->R_2;
-    const int goals[PHASES] = {[CLOSING] = TO_POINT,
+    const int goals[PHASES] = {[FAR] = TO_POINT,
+                               [HOLD_1] = TO_POINT,
+                               [CLOSING] = TO_POINT,
                                [HOLD_2] = TO_POINT,
                                [FLYAROUND] = wide ? around : NO_GOAL,
-                               [FINAL] = ALONG_AXIS,
-                               [HOLD_3] = ALONG_AXIS};
+                               [FINAL] = wide ? ALONG_AXIS : NO_GOAL,
+                               [HOLD_3] = wide ? ALONG_AXIS : NO_GOAL};
     return p->use_optimal ? goals[phase_of(x)] : NO_GOAL;
 }
 
 /* J.1-8 */
 static void publish_selection(const Parameters *p, const State *x, Output *y)
 {
-    int force = phases[phase_of(x)].force, torque = phases[phase_of(x)].torque;
+    int force = phases[phase_of(x)].force, torque = torque_law(p, phase_of(x));
     if (torque == AS_BEFORE) torque = (int)x->torque;
+    int to_hold_1 = p->use_optimal && x->phase <= HOLD_1;
     y->goal = goal_of(p, x);
-    y->select_force = y->goal == NO_GOAL ? force : OPTIMAL_LAW;
+    y->L_goal = to_hold_1 ? p->R_1 : 0;
+    y->T_goal = to_hold_1 ? p->far_time : 0;
+    if (y->goal != NO_GOAL) force = OPTIMAL_LAW;
+    y->select_force = force;
     y->select_torque = torque;
     y->active_far = force == FAR_LAW || torque == FAR_LAW;
     y->active_close = force == CLOSE_LAW || torque == CLOSE_LAW;
@@ -560,7 +577,7 @@ static void manage(const Parameters *p, const Input *u, State *x, Output *y, dou
     if (!x->begun)
         *x = (State){.begun = 1,
                      .t_phase = t,
-                     .torque = FAR_LAW,
+                     .torque = torque_law(p, FAR),
                      .t_valid = t,
                      .valid = seen,
                      .axis_H = axis_H,

@@ -43,7 +43,7 @@ typedef struct {
     double budget, F_axis, R_around, w_steer, steer_least, rate_2, rate_probe, Isp;
     mat3 A_w;
     double wheel_speed_max, bias_max, bias_tol;
-    double await_axis, spin_time, spin_accel, use_optimal;
+    double await_axis, spin_time, spin_accel, use_optimal, far_time;
     double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp */
     mat3 J_T, J_S;
     double abort_relative, axis_radius, aim_radius;
@@ -136,7 +136,8 @@ typedef struct {
                     "of the grasp axis; 0: at once"),                                              \
         POSITIVE(spin_time, "s", "from turning with H to turning with the target, as guidance"),   \
         NONNEGATIVE(spin_accel, "rad/s2", "largest acceleration meanwhile; 0: always spin_time"),  \
-        SWITCH(use_optimal, "1: the fuel-optimal law commands the force from closing to hold 3"),  \
+        SWITCH(use_optimal, "1: the fuel-optimal law commands the force from far to hold 3"),      \
+        POSITIVE(far_time, "s", "time of its far approach, at most 1200 s"),                       \
         SWITCH(abort_relative,                                                                     \
                "1: the retreat leaves from the last valid state after its drift until now, and "   \
                "along the grasp axis near the target; 0: from the last valid state, outwards"),    \

@@ -9,7 +9,7 @@
  *   (3) d_hat += k_d (res - d_hat),   res = dv/dt - F/m - tide over the second before
  *
  * Goals: 1 a point on the line of holds, 2 the grasp axis at constant range, 3 along the grasp
- * axis; 0 inactive. Arrival is fixed in time, afterwards the horizon recedes (T_min).
+ * axis; 0 inactive. Inputs may replace its range and duration. Arrival is fixed in time, afterwards the horizon recedes (T_min).
  * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 first plan in work, without force.
  * Equations, constants and figures: docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -129,6 +129,9 @@ static const Variable variables[] = {
     OPTIONAL_MODE(goal, "where the path leads",
                   "inactive|point on the line of holds|grasp axis at constant range|along the "
                   "grasp axis"),
+    OPTIONAL_INPUT(L_goal, "m",
+                   "range at the end of the goal, another begins a goal anew; 0: L_end"),
+    OPTIONAL_INPUT(T_goal, "s", "time from the begin of the goal to its arrival; 0: duration"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
@@ -165,7 +168,8 @@ static int is_whole(double value, double low, double high)
 static void check_goals(const Parameters *p, Problems *problems)
 {
     for (int i = 0; i < GOALS - 1; i++)
-        if (p->duration[i] > 1200) reject(problems, "duration", p->duration[i], "must be <= 1200");
+        if (p->duration[i] > LONGEST_DURATION)
+            reject(problems, "duration", p->duration[i], "must be <= 1200");
     for (int i = 0; i < 2; i++)
         if (p->L_end[i] < p->keep_out[i])
             reject(problems, "L_end", p->L_end[i], "must not be below keep_out");
@@ -325,9 +329,10 @@ static void improve(const Parameters *p, State *x)
 }
 
 /* N.4-2 */
-static void change_goal(State *x, double goal, double t)
+static void change_goal(const Input *u, State *x, double goal, double t)
 {
     x->goal = goal;
+    x->L_goal = u->L_goal;
     x->t_goal = t;
     x->sample = x->seconds = x->has_iterates = x->bad = x->d.known = 0;
 }
@@ -382,7 +387,7 @@ static void sample(const Parameters *p, const Input *u, State *x, Output *y, dou
         if (goal < INACTIVE) y->mode = goal;
         return;
     }
-    if (goal != x->goal) change_goal(x, goal, t);
+    if (goal != x->goal || u->L_goal != x->L_goal) change_goal(u, x, goal, t);
     if (x->sample == 0) begin_second(p, u, x, y, t);
     else improve(p, x);
     command_force(p, u, x, y, t);

@@ -14,6 +14,8 @@
 #include "time_grid.h"
 
 enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples of a second; seconds of a first plan */
+#define LONGEST_DURATION 1200.0           /* s: nodes of 20 s, four steps of the tumble */
+
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
 enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
 
@@ -37,7 +39,7 @@ typedef struct {
     Body T, S;
     vec3 wheel_speed;
     Reference ref;
-    double mass, goal;
+    double mass, goal, L_goal, T_goal;
 } OptimalInput;
 typedef struct {
     Grid grid;
@@ -53,7 +55,7 @@ typedef struct {
 } Hold;
 typedef struct {
     Gains gains;
-    double goal, t_goal, sample, seconds, has_iterates, bad, has_plan, mode;
+    double goal, L_goal, t_goal, sample, seconds, has_iterates, bad, has_plan, mode;
     Problem problem;
     Iterates it;
     Grid grid; /* of the solve */
@@ -63,6 +65,17 @@ typedef struct {
     Hold hold;
     Disturbance d;
 } OptimalState;
+
+/* range at the end of a goal, and time to its arrival: by input, else by parameter */
+static inline double range_of(const OptimalParameters *p, const OptimalInput *u, int goal)
+{
+    double L = u->L_goal > 0 ? u->L_goal : p->L_end[goal - 1];
+    return goal == ALONG_AXIS ? L : larger(L, p->keep_out[goal - 1]);
+}
+static inline double duration_of(const OptimalParameters *p, const OptimalInput *u, int goal)
+{
+    return u->T_goal > 0 ? smaller(u->T_goal, LONGEST_DURATION) : p->duration[goal - 1];
+}
 
 static inline double second_of(const OptimalParameters *p) { return SAMPLES * p->sample_period; }
 

@@ -10,6 +10,7 @@
 
 typedef struct {
     int goal;
+    double L;                               /* range at the end */
     double t_arrival, range, along, across; /* of the state at plan time: |rho|, l_0, r_0 */
     Grid grid;
     Carried from;
@@ -45,7 +46,7 @@ static inline Tumble set_axes(const OptimalParameters *p, const OptimalInput *u,
 /* 2.1: where the goal is at the end of every node */
 static inline void set_places(const OptimalParameters *p, const Task *task, Problem *b)
 {
-    double T = task->grid.dt * NODES, L = p->L_end[task->goal - 1] / (T * T);
+    double T = task->grid.dt * NODES, L = task->L / (T * T);
     for (int k = 0; k < NODES; k++) {
         vec3 to = b->node[k].a;
         if (task->goal == TO_POINT) {
@@ -90,7 +91,7 @@ static inline void set_corridor(const OptimalParameters *p, const Task *task, in
     double dt = task->grid.dt, sag = dot(task->from.tumble.w, task->from.tumble.w) * dt * dt / 8;
     SineCosine edge =
         sine_and_cosine(arrived(task, k, p->hold_lead) ? p->cone_hold : p->cone - sag);
-    double T2 = 3600 * dt * dt, L = p->L_end[ALONG_AXIS - 1];
+    double T2 = 3600 * dt * dt, L = task->L;
     double low = L - p->slab[0], high = arrived(task, k, 0) ? L + p->slab[1] : 1e6;
     node->tangent = edge.s / edge.c;
     node->o = larger(0, task->across - node->tangent * task->along) * fade / T2;
@@ -142,7 +143,8 @@ static inline Task task_of(const OptimalParameters *p, const OptimalInput *u, co
 {
     int goal = (int)x->goal;
     Task task = {.goal = goal,
-                 .t_arrival = x->t_goal + p->duration[goal - 1],
+                 .L = range_of(p, u, goal),
+                 .t_arrival = x->t_goal + duration_of(p, u, goal),
                  .from = carried_now(u, t),
                  .orbit = orbit_of(p, u)};
     carry(p, x, &task.orbit, seconds, &task.from);

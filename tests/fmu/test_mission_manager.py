@@ -317,13 +317,16 @@ def test_commanding_and_active_controllers_of_each_phase(fmu):
 
 @each("phase", range(1, 15))
 def test_the_optimal_law_has_the_force_of_the_approach_and_its_goals(fmu, phase):
-    """From closing to hold 3; torque and active laws as without it."""
+    """Up to hold 3; in the far phases the law of the closing has the torque."""
     plain, optimal = (Recording(fmu, {"use_optimal": s}).lead_to(phase) for s in (0, 1))
-    goal = {2: 1, 3: 1, 4: 2, 5: 3, 6: 3}.get(phase, 0)
+    goal = {1: 1, 2: 1, 3: 1, 4: 2, 5: 3, 6: 3}.get(phase, 0)
     assert (plain["goal"], optimal["goal"]) == (0, goal)
     assert optimal["select_force"] == (6 if goal else plain["select_force"])
-    same = ("select_torque", "active_far", "active_close", "active_sync", "active_stack")
-    assert [plain[name] for name in same] == [optimal[name] for name in same]
+    assert (optimal["L_goal"], optimal["T_goal"]) == ((100, 1200) if phase == 1 else (0, 0))
+    torque = 2 if plain["select_torque"] == 1 else plain["select_torque"]
+    assert optimal["select_torque"] == torque
+    active = [optimal[f"active_{name}"] for name in ("far", "close", "sync", "stack")]
+    assert active == [float(k == torque) for k in (1, 2, 3, 4)]
 
 
 @pytest.mark.parametrize(("phase", "torque"), [(3, 2), (4, 3), (6, 3)])

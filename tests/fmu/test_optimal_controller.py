@@ -154,6 +154,39 @@ def test_the_old_plan_stays_in_force_until_the_new_goal_has_one(fmu):
     assert set(modes) <= {PLAN, LAST}
 
 
+REPLACED = [(1, 30.0, 30.0, 300.0), (1, 5.0, 12.0, 300.0), (2, 25.0, 25.0, 300.0),
+            (3, 5.0, 5.0, 300.0), (1, 30.0, 30.0, 9000.0)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("goal", "given", "L", "T"), REPLACED)
+def test_inputs_replace_range_and_duration_of_a_goal(fmu, goal, given, L, T):
+    """Not below the zone, where the goal has one; a node has 20 s at most."""
+    scene, duration = Scene(5, goal), min(T, 1200.0)
+    ends = {"L_end": [20.0, 19.5, 4.02], "duration": [475.0, 203.0, 600.0]}
+    ends["L_end"][goal - 1], ends["duration"][goal - 1] = L, duration
+    by_input = fmu("optimal_controller", {}, scene.inputs())
+    by_parameter = fmu("optimal_controller", ends, scene.inputs())
+    for _ in range(35):
+        by_input.step(0.1, scene.inputs() | {"L_goal": given, "T_goal": T})
+        by_parameter.step(0.1, scene.inputs())
+    assert by_input.get("plan_step") == pytest.approx((duration - 3) / 60)
+    assert bits(by_input) == bits(by_parameter)
+
+
+def test_another_range_begins_the_goal_anew(fmu):
+    """Its time starts again, and the plan of the range before stays in force for a second."""
+    scene = Scene(5, 1)
+    unit = fmu("optimal_controller", {}, scene.inputs())
+    ranges, steps = [30.0] * 25 + [40.0] * 22, []
+    for L in ranges:
+        unit.step(0.1, scene.inputs() | {"L_goal": L, "T_goal": 300.0})
+        steps.append(unit.get("plan_step"))
+    assert steps[24] == steps[34] == pytest.approx(298 / 60)
+    assert steps[35] == pytest.approx(299 / 60)
+    assert steps[46] == pytest.approx(298 / 60)
+    assert unit.get("plan_time") == pytest.approx(4.5)
+
+
 @pytest.mark.verifies("N.4-4")
 def test_an_inactive_time_leaves_nothing_behind(fmu):
     """Goal 0 for any time, then a goal: the bits of a fresh instance started there."""

@@ -40,7 +40,7 @@ PARAMETERS = {
     "drift_time": 86400, "drift_step": 120, "sample_period": 0.1,
     "by_arm": 0, "momentum_max": 0, "mass_T": 150,
     "J_T": np.diag((100.0, 150, 90)), "J_S": np.diag((200.0, 250, 150)),
-    "abort_relative": 1, "axis_radius": 3, "aim_radius": 0, "use_optimal": 0,
+    "abort_relative": 1, "axis_radius": 3, "aim_radius": 0, "use_optimal": 0, "far_time": 1200,
 }  # fmt: skip
 
 FORCE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, 5, 0, 0)
@@ -346,6 +346,7 @@ class Manager:
         g = seen(self.p, u)
         if self.phase < 0:
             self.phase, self.t_phase, self.t_valid, self.valid = 0, t, t, g
+            self.torque = self._torque(0)
         if u["relative_valid"]:
             self.t_valid, self.valid = t, g
         if self.plan is None or (u["relative_valid"] and self.phase <= 3):
@@ -479,17 +480,20 @@ class Manager:
         if phase == 4:
             self.profile = phase, t, self.p["R_2"], self.plan.R
         if TORQUE[phase] > 0:
-            self.torque = TORQUE[phase]
+            self.torque = self._torque(phase)
         beside = phase == 2 and self.p["aim_radius"] and self.p["R_2"] + 1 < g.R
         self.line = Line(self.p, g.rho) if beside else None
         if phase == 12:
             self.dv, self.clear = escape(self.p, self.valid, t - self.t_valid, near)
 
+    def _torque(self, phase: int) -> int:
+        """Towards the target where no thrust axis is needed."""
+        return 2 if TORQUE[phase] == 1 and self.p["use_optimal"] else TORQUE[phase]
+
     def _goal(self) -> int:
         """Goal of the fuel-optimal law: hold, axis, along the axis; 0: another law."""
         far = self.p["R_2"] == self.plan.R
-        around = far * (1 + self.spins)
-        goals = {2: 1, 3: 1, 4: around, 5: 3, 6: 3}
+        goals = {0: 1, 1: 1, 2: 1, 3: 1, 4: far * (1 + self.spins), 5: 3 * far, 6: 3 * far}
         return goals.get(self.phase, 0) * self.p["use_optimal"]
 
     def _burn(self, u: dict) -> Array:
@@ -506,7 +510,8 @@ class Manager:
         p, k = self.p, self.phase
         goal = self._goal()
         force = 6 if goal else FORCE[k]
-        torque = self.torque if k >= 12 else TORQUE[k]
+        torque = self.torque if k >= 12 else self._torque(k)
+        leg = p["use_optimal"] * (k < 2)
         F = self._burn(u) if k == 12 else np.zeros(3)
         psi = p["line_angle"]
         turn = np.array(
@@ -523,7 +528,7 @@ class Manager:
         return {
             "phase": k, "t_phase": self.t_phase, "reason": self.reason, "attempt": self.attempt,
             "select_force": force, "select_torque": torque,
-            **{f"active_{name}": float(i in (FORCE[k], torque)) for i, name in enumerate(names, 1)},
+            **{f"active_{name}": float(i in (force, torque)) for i, name in enumerate(names, 1)},
             **dict(zip(("L_ref", "dL_ref", "ddL_ref"),
                        profile(p, self.profile[0], *self.profile[2:], t - self.profile[1]),
                        strict=True)),
@@ -538,6 +543,7 @@ class Manager:
             "steer_max": steering(p, u["mass"], np.linalg.norm(g.w_T), max(g.R, p["L_3"])),
             "prepare": float(prepares), "spin": float(not waits),
             "wheel_bias": self.plan.bias * prepares, "goal": goal,
+            "L_goal": leg * p["R_1"], "T_goal": leg * p["far_time"],
         }  # fmt: skip
 
 
