@@ -30,6 +30,8 @@ from harness.system.model import System
 
 COSTS = ("sum", "norm")
 """Costs of a step: of every axis on its own, or of the length of the force."""
+LATE = 2 / 3
+"""Share of a run from which on optimum and run are reported on their own, too."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +125,20 @@ class Answer:
         """Yield the ratio, what the verification shows, and the requirements in it."""
         best = self.optimum.impulse
         ratio = f"{self.spent / best:.3g} times the optimum of {best:.4g} N s"
-        yield f"{self.run.system}: {self.spent:.4g} N s, {ratio}"
+        yield f"{self.run.system}: {self.spent:.4g} N s, {ratio}{self._late()}"
         yield f"open loop in the simulation: {1e3 * self.miss:.0f} mm off the plan at the end"
         yield from (f"{f.name}: {f.statement}" for f in findings(self.verified))
+
+    def _late(self) -> str:
+        """Return what optimum and run spend late, as text, where all force is counted."""
+        if self.offered.spent:
+            return ""
+        time = self.optimum.time
+        since = float(time[0] + LATE * (time[-1] - time[0]))
+        late = time[1:] > since
+        best = _sizes(self.optimum.force, self.cost)[late] @ np.diff(time)[late]
+        spent = _spent(self.run, self.offered.force, self.cost, since)
+        return f"; {best:.3g} N s of it after {since:g} s (the run: {spent:.3g} N s)"
 
     @property
     def miss(self) -> float:
@@ -179,9 +192,13 @@ def _reduced(problem: Problem, without: Collection[str]) -> Problem:
     return replace(problem, cones=tuple(c for c in problem.cones if c.name not in without))
 
 
-def _spent(result: Result, name: str, cost: str) -> float:
-    size = np.linalg.norm(result[name][1:], 1 if cost == "sum" else 2, axis=1)
-    return float(size @ np.diff(result.time))
+def _sizes(force: Array, cost: str) -> Array:
+    return np.asarray(np.linalg.norm(force, 1 if cost == "sum" else 2, axis=1))
+
+
+def _spent(result: Result, name: str, cost: str, since: float = -np.inf) -> float:
+    late = result.time[1:] > since
+    return float(_sizes(result[name][1:], cost)[late] @ np.diff(result.time)[late])
 
 
 def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum) -> Result:

@@ -107,6 +107,15 @@ def test_a_run_costs_more_than_its_optimum_and_the_optimum_can_be_simulated():
     close(verified, found.optimum.impulse, rel=1e-3)
     assert found.miss < 1e-3
     assert margin(found.verified, "monitor.corridor_margin >= 0 m") > -0.01
+    late = [
+        np.abs(force[time[1:] > 40] * np.diff(time)[time[1:] > 40, None]).sum()
+        for force, time in (
+            (found.optimum.force, found.optimum.time),
+            (found.run["propulsion.F_S"][1:], found.run.time),
+        )
+    ]
+    expected = "; {:.3g} N s of it after 40 s (the run: {:.3g} N s)".format(*late)
+    assert next(found.lines()).endswith(expected)
 
 
 def test_names_of_constraints_are_checked(capsys):
