@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from sys import float_info
 from types import NoneType
@@ -19,6 +20,7 @@ from typing import Annotated, Any, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
+from msgspec.structs import FieldInfo
 
 from harness.errors import StructureError, UsageError
 from harness.files.paths import contents
@@ -165,7 +167,7 @@ def problems(given: Any, kind: Any, place: str = "") -> Iterator[str]:
 
 
 def _of_entries(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str) -> Iterator[str]:
-    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    fields = _fields(kind)
     for name, value in given.items():
         if name in fields:
             yield from problems(value, fields[name].type, _inside(place, name))
@@ -175,6 +177,12 @@ def _of_entries(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str
     for name, field in fields.items():
         if field.required and name not in given:
             yield f"{_inside(place, name)}: is missing"
+
+
+@cache
+def _fields(kind: type[msgspec.Struct]) -> dict[str, FieldInfo]:
+    """Return the fields by the names of their entries."""
+    return {field.encode_name: field for field in msgspec.structs.fields(kind)}
 
 
 def _is_struct(kind: Any) -> bool:
