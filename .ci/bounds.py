@@ -46,6 +46,12 @@ def _bound(system: str, law: str, cost: str) -> Answer:
     return bound(system, cost=cost, params="limited", swap={"controller": law})
 
 
+def phases() -> None:
+    """Print the increments of the phases of a mission beside their optima [m/s]."""
+    for params in (None, "optimal"):
+        print(*bound("servicing_mission", params=params).lines(), sep="\n", flush=True)
+
+
 def prices() -> None:
     """Print the optimum of the synchronised approach without single constraints."""
     sets = ((), *((name,) for name in CONSTRAINTS), CONSTRAINTS[1:], CONSTRAINTS)
@@ -80,6 +86,7 @@ def main() -> None:
     """Print the tables and write the file."""
     cases: dict[str, float] = {}
     laws(cases)
+    phases()
     prices()
     iterations()
     cold()

@@ -199,18 +199,21 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     without: Annotated[Texts, option("--without NAME", "Leave this constraint out")] = None,
     changes: Any,
 ) -> None:
-    """Show what a run would have cost at least under its constraints.
+    """Show what a run, or each phase of a mission, would have cost at least.
 
     The least impulse is the optimum of a convex problem with the constraints of the mission. Its
     force is simulated open loop, with the requirements of the system.
     """
-    from harness.studies.optimum import bound
+    from harness.studies.optimum import PhaseAnswer, bound
 
     found = bound(system, cost=cost, grid=grid, without=without or (), **changes)
     for line in found.lines():
         typer.echo(line)
-    if output is not None:
-        found.verified.save(output)
+    if output is None:
+        return
+    if isinstance(found, PhaseAnswer):
+        raise UsageError(f"-o {output}: optima of phases are not simulated, there is no run")
+    found.verified.save(output)
 
 
 def _written(results: Any, folder: Path, pictures: Pictures) -> str:

@@ -30,7 +30,7 @@ from harness.mission.claim import (
 )
 from harness.mission.fields import Checked, one, place_of
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
-from harness.mission.optimum import Bound
+from harness.mission.optimum import Bound, PhaseBounds
 from harness.results.result import Result
 
 
@@ -251,7 +251,7 @@ class Mission(Checked):
     restarts: tuple[tuple[str, str, float], ...] = ()
     examples: tuple[Example, ...] = ()
     steering: tuple[Steering, ...] = ()
-    bounds: tuple[Bound, ...] = ()
+    bounds: tuple[Bound | PhaseBounds, ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:
         """Return the limits, completed by the bands that these results suggest."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -61,3 +61,25 @@ class Bound(NamedTuple):
     grid: float = 2.0
     every: int = 1
     spent: Callable[[Result], float] | None = None
+
+
+class Phase(NamedTuple):
+    """Phase of a run: convex problem, impulse of the run [N s], and the problem with what is not
+    convex replaced along another path (n + 1, 3) (None: all is convex).
+    """
+
+    problem: Problem
+    spent: float
+    along: Callable[[Problem, Array], Problem] | None = None
+
+
+class PhaseBounds(NamedTuple):
+    """Least impulses of the phases of a run, for results with these variables and parameters;
+    phases: of a result, for a step of the grids [s] (None: of the mission), by name; every: macro
+    steps per row.
+    """
+
+    needs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    phases: Callable[[Result, float | None], Mapping[str, Phase]]
+    every: int = 1

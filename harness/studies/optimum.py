@@ -10,10 +10,10 @@ Constraints are cones |A rho + B v + b| <= c . rho + e at nodes of the grid. A m
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from harness.errors import HarnessError, UsageError, library
 from harness.master.changes import Changes, apply
 from harness.master.simulation import Simulation
 from harness.mission.library import mission
-from harness.mission.optimum import Bound, Cone, Problem
+from harness.mission.optimum import Bound, Cone, Phase, PhaseBounds, Problem
 from harness.results.histories import turned
 from harness.results.requirements import findings
 from harness.results.result import Array, Result
@@ -147,6 +147,46 @@ class Answer:
         return float(np.linalg.norm(own - other - self.optimum.position[-1]))
 
 
+class PhaseOptimum(NamedTuple):
+    """Impulse of a phase in the run and in its optimum [N s], and the initial mass [kg]."""
+
+    spent: float
+    impulse: float
+    mass: float
+
+
+@dataclass(frozen=True)
+class PhaseAnswer:
+    """Run and the optima of its phases by name. They are not simulated open loop."""
+
+    run: Result
+    phases: Mapping[str, PhaseOptimum]
+
+    def lines(self) -> Iterator[str]:
+        """Yield the increments of each phase beside its optimum, and their sums."""
+        found = [(name, p.spent / p.mass, p.impulse / p.mass) for name, p in self.phases.items()]
+        total = ("sum", sum(f[1] for f in found), sum(f[2] for f in found))
+        for name, spent, best in (*found, total):
+            ratio = f"{spent / best:.3g} times the optimum of {best:.3g} m/s"
+            yield f"{self.run.system}, {name}: {spent:.3g} m/s, {ratio}"
+
+
+PASSES = 3
+"""Solutions of a phase, each with what is not convex replaced along the path of the one before."""
+
+
+def _phase_optimum(phase: Phase, cost: str, without: Collection[str]) -> PhaseOptimum:
+    problem = _reduced(phase.problem, without)
+    best = solve(problem, cost)
+    for _ in range(PASSES - 1):
+        if phase.along is None:
+            break
+        again = solve(_reduced(phase.along(phase.problem, best.position), without), cost)
+        if again.impulse < best.impulse:
+            best = again
+    return PhaseOptimum(phase.spent, best.impulse, problem.mass)
+
+
 def bound(
     system: str | Path,
     *,
@@ -154,8 +194,9 @@ def bound(
     grid: float | None = None,
     without: Collection[str] = (),
     **changes: Unpack[Changes],
-) -> Answer:
-    """Return what a run costs at least under its constraints, and the run of the optimal force.
+) -> Answer | PhaseAnswer:
+    """Return what a run costs at least under its constraints, and the run of the optimal force; of
+    a mission with phases what each of them costs at least.
 
     cost: `sum` of the axes, or `norm`; grid: step of the problem [s] (None: of the mission);
     without: constraints by name that are left out. Raises UsageError, the exceptions of run(), and
@@ -171,13 +212,18 @@ def bound(
             simulation.advance()
             run = simulation.result()
         chosen = _fitting(offered, run)
+        if isinstance(chosen, PhaseBounds):
+            phases = chosen.phases(run, grid)
+            return PhaseAnswer(
+                run, {name: _phase_optimum(p, cost, without) for name, p in phases.items()}
+            )
         problem = _reduced(chosen.problem(run, grid or chosen.grid), without)
         best = solve(problem, cost)
         spent = chosen.spent(run) if chosen.spent else _spent(run, chosen.force, cost)
         return Answer(chosen, run, best, verified(changed, chosen, problem, best), cost, spent)
 
 
-def _fitting(offered: Sequence[Bound], result: Result) -> Bound:
+def _fitting(offered: Sequence[Bound | PhaseBounds], result: Result) -> Bound | PhaseBounds:
     """Return the first bound that fits a result; raise UsageError."""
     for each in offered:
         if result.holds(*each.needs, parameters=each.parameters):

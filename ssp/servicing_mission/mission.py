@@ -15,6 +15,7 @@ from ..shared.approach import approach
 from ..shared.conventions import STEERED
 from ..shared.meanings import explained
 from ..shared.watched import WATCHED as OF_APPROACHES
+from .bound import BOUND
 from .claims import PAPER
 from .events import METRICS, notes
 from .figures import FIGURES
@@ -48,6 +49,7 @@ MISSION = replace(
     metrics=explained((*_APPROACH.metrics, *METRICS, *BY_ARM)),
     notes=(*_APPROACH.notes, notes),
     scene=(SCENE,),
+    bounds=(BOUND,),
     steering=(
         STEERED._replace(
             open=("selector",), every=10, ends=("mechanism.hard >= 1",), bounds=COMMANDED

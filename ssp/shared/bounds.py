@@ -99,7 +99,7 @@ def disturbance(result: Result, time: Array, hill_axes: Array) -> Array:
 
 def problem(result: Result, step: float, box: Array) -> Problem:
     """Return the motion without constraints, on a grid over the whole run."""
-    count = round((result.time[-1] - result.time[0]) / step)
+    count = max(round((result.time[-1] - result.time[0]) / step), 1)
     time = np.linspace(result.time[0], result.time[-1], count + 1)
     middle = 0.5 * (time[1:] + time[:-1])
     r, v = at(result, BODIES[0], middle), at(result, BODIES[1], middle)

@@ -17,6 +17,7 @@ from harness.results.requirements import margin
 from harness.studies.optimum import bound, solve, transitions
 from ssp.ppc_tracking import bound as ppc_tracking
 from ssp.relay_approach import bound as relay_approach
+from ssp.servicing_mission import bound as servicing_mission
 from ssp.shared import optima
 from tests.close import close
 from tests.reference import optimal_start
@@ -116,6 +117,45 @@ def test_a_run_costs_more_than_its_optimum_and_the_optimum_can_be_simulated():
     ]
     expected = "; {:.3g} N s of it after 40 s (the run: {:.3g} N s)".format(*late)
     assert next(found.lines()).endswith(expected)
+
+
+NEAR = {
+    "manager.dwell": [1.0] * 15, "manager.R_1": 25, "servicer.rho_0_H": [0, -25, 0],
+    "manager.use_optimal": 1, "close_controller.position": 0, "optimal.duration": [60, 120, 304],
+}  # fmt: skip
+"""From 25 to 20 m in a minute."""
+
+
+def test_phases_of_a_mission_cost_more_than_their_optima(capsys, tmp_path):
+    found = bound("servicing_mission", set=NEAR, stop=90.0, grid=3.0)
+    assert list(found.phases) == ["far", "closing"]
+    closing = found.phases["closing"]
+    assert closing.spent > closing.impulse > 0
+    assert closing.impulse >= 2 * 100 * (5 - 1) / 70  # 100 kg, 4 m to the ball of tol_2
+    less = bound("servicing_mission", set=NEAR, stop=90.0, grid=3.0, without=("speed",))
+    assert less.phases["closing"].impulse < closing.impulse - 0.1
+    *_, last = found.lines()
+    assert last.startswith("servicing_mission, sum: ")
+    words = [x for name, value in NEAR.items() for x in ("--set", f"{name}={value}")]
+    output = ["--stop", "5", "-o", str(tmp_path / "x.nc")]
+    assert main(["bound", "servicing_mission", *words, *output]) == 2
+    assert "optima of phases are not simulated" in capsys.readouterr().err
+
+
+def test_a_phase_ends_at_rest_in_its_frame_and_outside_the_zone():
+    result = run("servicing_mission", set=NEAR, stop=90.0)
+    given = servicing_mission.phases(result, None)["closing"].problem
+    keep_out, _, speed = given.cones
+    r, v = result["target.r_TN_N"][-1], result["target.v_TN_N"][-1]
+    rho = np.array([3.0, -5.0, 2.0])
+    at_rest = np.cross(np.cross(r, v) / (r @ r), rho)
+    left = speed.position[0] @ rho + speed.velocity[0] @ at_rest
+    close(left, np.zeros(3), rel=1e-3, of=np.linalg.norm(at_rest))  # the frame turns until the end
+    assert speed.limit[0] == 0.03
+    turned = servicing_mission.along(given, np.tile([0.0, 2.0, 0.0], (len(given.time), 1)))
+    assert np.array_equal(turned.cones[0].slope[5], [0, 1, 0])
+    assert np.array_equal(turned.cones[0].limit, keep_out.limit)
+    assert keep_out.limit[0] == -12
 
 
 def test_names_of_constraints_are_checked(capsys):
