@@ -88,7 +88,7 @@ test-wasm: build
 
 # installs the wheel in dist/ by pip into fresh environments without a compiler
 test-wheel: build
-	$(BIN)/pytest -m wheel -rs tests/site
+	$(BIN)/pytest -m wheel -rs tests/site tests/journeys
 
 # long studies, and the property tests with many random examples; SEED=... repeats the examples
 test-long: build
