@@ -138,7 +138,7 @@ class Answer:
         late = time[1:] > since
         best = _sizes(self.optimum.force, self.cost)[late] @ np.diff(time)[late]
         spent = _spent(self.run, self.offered.force, self.cost, since)
-        return f"; {best:.3g} N s of it after {since:g} s (the run: {spent:.3g} N s)"
+        return f"; after {since:g} s {best:.3g} N s (the run: {spent:.3g} N s)"
 
     @property
     def miss(self) -> float:

@@ -186,7 +186,7 @@ GUIDANCES = {
     | {"alpha": Planning.step, "lambda": Planning.smoothing, "iterations_max": 25},
 }
 CONTROLLERS = {
-    "ppc_controller": ppc.settings(ppc.Ppc()) | LOS,
+    "ppc_controller": ppc.settings(ppc.Ppc()) | LOS | {"position": 1},
     "pid_controller": ppc.settings(ppc.Pid()) | LOS,
     "theta_d_controller": ppc.settings(theta_d.ThetaD()) | LOS,
     "adaptive_controller": asdict(paper_case.CONTROLLER)

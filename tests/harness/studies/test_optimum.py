@@ -115,7 +115,7 @@ def test_a_run_costs_more_than_its_optimum_and_the_optimum_can_be_simulated():
             (found.run["propulsion.F_S"][1:], found.run.time),
         )
     ]
-    expected = "; {:.3g} N s of it after 40 s (the run: {:.3g} N s)".format(*late)
+    expected = "; after 40 s {:.3g} N s (the run: {:.3g} N s)".format(*late)
     assert next(found.lines()).endswith(expected)
 
 
