@@ -8,8 +8,10 @@ cache, so that an interrupted long list can be continued.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+import re
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
@@ -22,6 +24,7 @@ import numpy as np
 
 from harness.errors import UsageError
 from harness.files import cache, paths
+from harness.files.archive import read_all
 from harness.master.calls import Cost, cost
 from harness.master.changes import apply
 from harness.master.simulation import Simulation
@@ -87,7 +90,10 @@ def _rows(
                 step = system.component(part.component).every * (system.experiment.step or 0.0)
                 place = f"{found.name}.{part.component}"
                 taking = Sizes(*bytes_of), Cost(*costs), step, clock or processor.clock
-                yield Row(part.fmu.stem, processor.name, place, *taking, rows, until, difference)
+                found_bits = (rows, until, difference)
+                yield Row(
+                    part.fmu.stem, processor.name, place, *taking, *found_bits, digest(part.fmu)
+                )
 
 
 # ---- groups of components
@@ -140,6 +146,16 @@ def _mark(system: System) -> bytes:
 
 def _version(program: str) -> bytes:
     return subprocess.run([program, "--version"], capture_output=True, check=True).stdout
+
+
+def digest(fmu: Path) -> str:
+    """Return the first digits of the hash of the C code of an FMU, without comments."""
+    about = hashlib.sha256()
+    for name, content in sorted(read_all(fmu).items()):
+        if name.startswith("sources/") and name.endswith((".c", ".h")):
+            code = re.sub(rb"/\*.*?\*/", b" ", content, flags=re.DOTALL)
+            about.update(b"\0".join([name.encode(), b" ".join(code.split())]))
+    return about.hexdigest()[:12]
 
 
 # ---- places
@@ -198,7 +214,7 @@ class Row(NamedTuple):
 
     place: its system.component; period: of its steps [s]; clock: of the processor [Hz]; rows:
     number of compared rows; until: end of the run [s] (None: of the default run); difference: where
-    the bits first differ from this machine ("": nowhere).
+    the bits first differ from this machine ("": nowhere); sources: digest of the C code.
     """
 
     fmu: str
@@ -211,6 +227,7 @@ class Row(NamedTuple):
     rows: int
     until: float | None
     difference: str
+    sources: str
 
     @property
     def share(self) -> float:
@@ -229,6 +246,7 @@ class Row(NamedTuple):
         yield f"{self.clock / 1e6:g}"
         yield f"{float(f'{100 * self.share:.2g}'):g}"
         yield self.verdict()
+        yield self.sources
 
     def verdict(self) -> str:
         """Return whether the bits are equal, and for what part of the run."""
@@ -240,7 +258,7 @@ class Row(NamedTuple):
 
 HEAD = (
     *("FMU", "processor", "runs as", "code", "constants", "data", "stack"),
-    *("instructions", "at most", "at t [s]", "clock [MHz]", "share [%]", "equal bits"),
+    *("instructions", "at most", "at t [s]", "clock [MHz]", "share [%]", "equal bits", "sources"),
 )
 
 
