@@ -34,7 +34,7 @@ help:
 	@echo "     oms OMSIMULATOR=CHECKOUT | clients |"
 	@echo "     test-processors | pil |"
 	@echo "     validation | gallery | quoted-values | lint | warnings | format | coverage | sanitize |"
-	@echo "     proofs | evidence | requirements | misra | tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
+	@echo "     proofs | evidence | requirements | misra | faults | fuzz | tests-of FILE:LINE | tests-map | bench | site | wheel | sdist | dist | release | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -303,10 +303,10 @@ proofs: build
 # packages are installed. Writes docs/evidence_figures.md and build/evidence from the runs. An analysis
 # of the same files is not repeated, so the target may be interrupted.
 .PHONY: evidence
-EVIDENCE_PACKAGES := clang-19 llvm-19 frama-c-base
+EVIDENCE_PACKAGES := clang-19 llvm-19 libclang-rt-19-dev frama-c-base cppcheck
 COUNTERS := -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc
-evidence: build
-	@for tool in clang-19 llvm-cov-19 frama-c; do command -v $$tool > /dev/null || missing="$$missing $$tool"; done; \
+evidence: build $(LINTERS)
+	@for tool in clang-19 llvm-cov-19 frama-c cppcheck; do command -v $$tool > /dev/null || missing="$$missing $$tool"; done; \
 	 test -z "$$missing" || { echo "missing:$$missing; packages of Debian: $(EVIDENCE_PACKAGES)"; \
 	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
 	     apt-get install -y --no-install-recommends $(EVIDENCE_PACKAGES); }
@@ -317,6 +317,20 @@ evidence: build
 	  LLVM_PROFILE_FILE=$(CURDIR)/build/mcdc/profiles/%m-%p.profraw \
 	  $(PYTEST) --basetemp=build/mcdc/tmp tests/fmu tests/unit
 	$(BIN)/python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md
+
+# deliberate faults in every component of flight software: COUNT per component, drawn with SEED, whose
+# outcomes go into lab/component_faults.jsonl; only of components whose code has changed (half an hour)
+.PHONY: faults
+faults: build
+	$(BIN)/python .ci/component_faults.py --seed $(or $(SEED),43) --count $(or $(COUNT),4) --jobs 2 \
+	  lab/component_faults.jsonl
+
+# random inputs for every component of flight software by libFuzzer with sanitizers (clang-19), SECONDS
+# per component; the corpus in build/fuzz grows, outcomes go into lab/component_fuzz.jsonl. At night: make
+# fuzz SECONDS=60
+.PHONY: fuzz
+fuzz: build
+	$(BIN)/python .ci/fuzz.py --seconds $(or $(SECONDS),10) build/fuzz lab/component_fuzz.jsonl
 
 # flight software against MISRA C:2012: places per rule, and the deviations of .ci/misra.toml both ways;
 # on Debian (and Ubuntu) the package is installed

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Evidence per component of flight software, from tools that run here: structural coverage and
-absence of run-time errors.
+"""Evidence per component of flight software, from tools that run here: structural coverage, absence
+of run-time errors, requirements, complexity, deliberate faults, random inputs, equal bits, MISRA C.
 
     python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md      (make evidence)
 
 The first folder has the libraries with counters and the counts of the tests (profiles/). Into the
-second goes a JSON file per component. The page has a row per component. Exits with 1 if something
-is not reached and has no reason in .ci/unreached.toml, if a reason there is no longer true, or if
-the outcome of Frama-C Eva is not the one of .ci/proofs.py.
+second goes a JSON file per component. The page has a row per component. Deliberate faults and
+random inputs come from lab/component_faults.jsonl (make faults) and lab/component_fuzz.jsonl
+(make fuzz). Exits with 1 if something is not reached and has no reason in .ci/unreached.toml, if a
+reason there is no longer true, if the outcome of Frama-C Eva is not the one of .ci/proofs.py, if
+the deviations from MISRA C are not the ones of .ci/misra.toml, or if faults or random inputs are
+older than the code.
 """
 
 import argparse
@@ -22,7 +25,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
+import misra
 import proofs
+import requirements
 import structure
 
 from fmus.core.build import flight_rules
@@ -30,6 +35,8 @@ from fmus.core.build import flight_rules
 FMUS = flight_rules.FMUS
 ROOT = FMUS.parent
 PROOFS = ROOT / "build/proofs"
+FAULTS, FUZZ = ROOT / "lab/component_faults.jsonl", ROOT / "lab/component_fuzz.jsonl"
+PROCESSORS = ROOT / "docs/processor_figures.md"
 SHARED = "shared headers"
 HEAD = """# Evidence, measured
 
@@ -44,13 +51,44 @@ its runs. [Evidence](evidence.md) states what they mean and what is missing.
   wait for a test.
 * Eva: alarms of {frama_c} for all parameters and inputs that the rows allow
   ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it followed.
-* Sources: first digits of the SHA-256 of the C file and of all headers that it includes.
+* Sources: first digits of the SHA-256 of the C file and of all headers that it includes, without
+  comments.
 
 """
 COLUMNS = (
     "component", "statements", "branches", "conditions", "reasoned", "Eva", "functions, statements",
     "sources",
 )  # fmt: skip
+MORE = """
+## Requirements, complexity, faults, random inputs, bits
+* Requirements: [traced](evidence_requirements.md) to a function of the component and to tests.
+* Complexity: the largest cyclomatic complexity of a function in the files of the row (lizard).
+* Faults: deliberate faults that a test catches, of those that change the machine code. A small draw
+  per component ({draw}, seed {seed}): it shows that the tests of a component look at its numbers,
+  and is no estimate of a share. `make faults` repeats it, `make faults COUNT=40`
+  draws more.
+* Random inputs: libFuzzer with the address and undefined behaviour sanitizers: seconds, steps,
+  edges of the code that were reached, findings. `make fuzz` repeats it, `make fuzz SECONDS=60` for
+  a night.
+* Processors: emulated processors on which the default run has equal bits
+  ([measured](processor_figures.md)). Older code: measured before rows had a digest. An empty cell:
+  not measured.
+* Systems: number of systems that contain the component. The tests of executors, of fused systems
+  and of WebAssembly run every system ([tests](evidence.md#equal-bits)).
+
+"""
+SECOND = (
+    "component", "requirements", "complexity", "faults", "seconds", "steps", "edges", "findings",
+    "processors", "systems",
+)  # fmt: skip
+MISRA = """
+## MISRA C:2012
+Rules that the addon of cppcheck {version} finds in the components and their headers, each with the
+reason of the deviation (`make misra`). It finds no other rule.
+
+| rule | places | reason |
+|---|---|---|
+"""
 LIST = """
 ## Not reached
 | file | line | not reached | reason |
@@ -60,7 +98,8 @@ LIST = """
 
 class Row(NamedTuple):
     """Evidence of a component: files that are counted in its row, counters, what is not reached,
-    outcome of Eva, hash of its sources.
+    outcome of Eva, hash of its sources, ids of requirements, largest complexity, outcomes of
+    faults, random inputs, processors with equal bits, systems.
     """
 
     name: str
@@ -69,6 +108,12 @@ class Row(NamedTuple):
     missing: tuple[structure.Missing, ...]
     proof: proofs.Proof | None
     sources: str
+    requirements: tuple[str, ...] = ()
+    complexity: int = 0
+    faults: tuple[dict, ...] = ()
+    fuzz: dict | None = None
+    processors: str = ""
+    systems: tuple[str, ...] = ()
 
 
 # ---- files ----
@@ -80,10 +125,12 @@ def includes(source: Path) -> tuple[str, ...]:
 
 
 def hash_of(source: Path) -> str:
-    """Return the first digits of the hash of a C file and the headers that it includes."""
+    """Return the first digits of the hash of a C file and the headers that it includes, without
+    comments.
+    """
     about = sha256()
     for name in includes(source):
-        content = (FMUS / name).read_bytes()
+        content = flight_rules.bare(FMUS / name).encode()
         about.update(f"{name}\0{len(content)}\0".encode() + content)
     return about.hexdigest()[:12]
 
@@ -98,6 +145,15 @@ def owners() -> dict[str, tuple[str, ...]]:
     return own | {SHARED: tuple(sorted(name for name, n in users.items() if n > 1))}
 
 
+def lines_of(file: Path) -> dict[str, list[dict]]:
+    """Return the lines of JSON of a file by component; without the file: {}."""
+    found: dict[str, list[dict]] = {}
+    for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
+        row = json.loads(line)
+        found.setdefault(row["component"], []).append(row)
+    return found
+
+
 # ---- rows ----
 def proof_of(source: Path, models: Mapping) -> proofs.Proof:
     """Return the outcome of Eva; a component that it does not end for is not run."""
@@ -106,10 +162,49 @@ def proof_of(source: Path, models: Mapping) -> proofs.Proof:
     return proofs.prove(source, models[source.stem], PROOFS)
 
 
+def complexity(files: Iterable[str]) -> int:
+    """Return the largest cyclomatic complexity of a function of some files."""
+    import lizard
+
+    analysed = (lizard.analyze_file(str(FMUS / file)) for file in files)
+    return max((f.cyclomatic_complexity for a in analysed for f in a.function_list), default=0)
+
+
+def systems() -> dict[str, tuple[str, ...]]:
+    """Return the systems of the project that contain a component, by its name."""
+    from harness.files import paths
+    from harness.ssp.library import load
+
+    found: dict[str, tuple[str, ...]] = {}
+    for name in sorted(paths.systems()):
+        with load(name) as system:
+            for fmu in {component.fmu.stem for component in system.components}:
+                found[fmu] = (*found.get(fmu, ()), name)
+    return found
+
+
+def equal_on() -> dict[str, str]:
+    """Return on how many processors a component has equal bits, by component."""
+    text = PROCESSORS.read_text(encoding="utf-8")
+    found = re.findall(r"^\| (\w+) \|.*\| yes, .* rows.* \| (\w+) \|$", text, re.MULTILINE)
+    counts, old = Counter(fmu for fmu, _ in found), {fmu for fmu, at in found if at == "older"}
+    return {fmu: f"{n} of 4{', older code' * (fmu in old)}" for fmu, n in counts.items()}
+
+
+def required() -> dict[str, tuple[str, ...]]:
+    """Return the ids of requirements by file of their code, relative to fmus/."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name, places in requirements.code().items():
+        for file in {str(path.relative_to("fmus")) for path, _ in places}:
+            found[file] = (*found.get(file, ()), name)
+    return found
+
+
 def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
     """Yield the evidence of all components and of the shared headers."""
     sources = {source.stem: source for source in flight_rules.sources()}
-    models = proofs.models()
+    models, ids, used, on = proofs.models(), required(), systems(), equal_on()
+    faults, fuzz = lines_of(FAULTS), lines_of(FUZZ)
     for name, files in owners().items():
         counted = [found[file] for file in files if file in found]
         reached = [c.reached() for c in counted]
@@ -125,7 +220,12 @@ def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
         source = sources.get(name)
         proof = source and proof_of(source, models)
         print(f"{name}: {sums}, {proof and (proof.error or len(proof.alarms))}", flush=True)
-        yield Row(name, files, sums, absent, proof, hash_of(source) if source else "")
+        yield Row(
+            name, files, sums, absent, proof, hash_of(source) if source else "",
+            tuple(i for file in files for i in ids.get(file, ())), complexity(files),
+            tuple(faults.get(name, ())), next(iter(fuzz.get(name, ())), None), on.get(name, ""),
+            used.get(name, ()),
+        )  # fmt: skip
 
 
 def total(evidence: Iterable[Row]) -> Row:
@@ -155,6 +255,29 @@ def cells(row: Row) -> str:
     return f"| {' | '.join((name, *of, str(reasoned), *outcome(row.proof), row.sources))} |\n"
 
 
+def more_cells(row: Row) -> str:
+    """Return the line of a component in the second table."""
+    changed = [fault for fault in row.faults if fault["outcome"] != "same machine code"]
+    caught = sum(fault["outcome"] == "caught" for fault in changed)
+    fuzz = row.fuzz or {}
+    numbers = (fuzz.get(key, "") for key in ("seconds", "steps", "edges", "findings"))
+    cells = (
+        f"`{row.name}`", len(row.requirements), row.complexity, f"{caught} of {len(changed)}",
+        *numbers, row.processors, len(row.systems),
+    )  # fmt: skip
+    return f"| {' | '.join(map(str, cells))} |\n"
+
+
+def older(row: Row) -> Iterator[str]:
+    """Yield what is older than the code of a component."""
+    for what, target, lines in (
+        ("faults", "faults", row.faults),
+        ("random inputs", "fuzz", (row.fuzz,)),
+    ):
+        if not lines or any(not x or x["sources"] != row.sources for x in lines):
+            yield f"{row.name}: {what} are older than the code: make {target}\n"
+
+
 def code(text: str) -> str:
     """Return code for a cell of a table."""
     return "`" + text.replace("|", "\\|").replace("`", "'") + "`"
@@ -167,9 +290,10 @@ def version(command: str) -> str:
     return number[0] if number else "?"
 
 
-def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str]) -> str:
+def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str], places: Mapping) -> str:
     """Return the page."""
     evidence = list(evidence)
+    components = [row for row in evidence if row.sources]
     text = HEAD.format(
         clang=f"clang {version('clang-19')}", frama_c=f"Frama-C {version('frama-c')}", shared=SHARED
     )
@@ -180,8 +304,18 @@ def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str]) -> str
         "\nNo outcome of Eva: "
         + ", ".join(f"`{name}` ({reason})" for name, reason in proofs.ENDLESS.items())
         + ". Reasons of the alarms are in `.ci/proofs.py`.\n"
-        + LIST
     )
+    draws = sorted({(len(row.faults), row.faults[0]["seed"]) for row in components if row.faults})
+    text += MORE.format(
+        draw=" or ".join(f"{n} faults" for n, _ in draws),
+        seed=", ".join(sorted({str(s) for _, s in draws})),
+    )
+    text += f"| {' | '.join(SECOND)} |\n{'|---' * len(SECOND)}|\n"
+    text += "".join(map(more_cells, components))
+    text += MISRA.format(version=version("cppcheck"))
+    for rule in sorted(places, key=misra.order):
+        text += f"| {rule} | {len(places[rule])} | {misra.deviations().get(rule, '')} |\n"
+    text += LIST
     for m in sorted(m for row in evidence for m in row.missing):
         what = "<br>".join(code(part) for part in m.what)
         text += f"| `{m.file}` | {code(m.line)} | {what} | {known.get(m, '')} |\n"
@@ -198,6 +332,12 @@ def as_json(row: Row, known: Mapping[structure.Missing, str]) -> str:
         **{n: {"reached": a, "of": b} for n, (a, b) in zip(names, row.reached, strict=True)},
         "not_reached": [m._asdict() | {"reason": known.get(m, "")} for m in row.missing],
         "eva": row.proof._asdict() if row.proof else None,
+        "requirements": row.requirements,
+        "complexity": row.complexity,
+        "faults": row.faults,
+        "random_inputs": row.fuzz,
+        "processors_with_equal_bits": row.processors,
+        "systems": row.systems,
     }
     return json.dumps(document, indent=1) + "\n"
 
@@ -221,10 +361,13 @@ def main() -> None:
     evidence = list(rows(found))
     for row in evidence:
         (a.folder / f"{row.name.replace(' ', '_')}.json").write_text(as_json(row, known), "utf-8")
-    a.page.write_text(page(evidence, known), "utf-8")
+    places = misra.places(flight_rules.sources())
+    a.page.write_text(page(evidence, known, places), "utf-8")
     wrong = list(structure.differences((m for row in evidence for m in row.missing), known))
     wrong += [f"{row.name}: {proofs.verdict(row.proof)}\n" for row in evidence if row.proof
               and proofs.verdict(row.proof)]  # fmt: skip
+    wrong += [problem for row in evidence if row.sources for problem in older(row)]
+    wrong += list(misra.differences(places, misra.deviations()))
     sys.exit("".join(wrong) or 0)
 
 

@@ -15,6 +15,7 @@ rejected parameters before the first step, counts only.
 import argparse
 import json
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -156,10 +157,11 @@ def prove(source: Path, model: Model, folder: Path, seconds: int = 600) -> Proof
     recorded, about = folder / f"{source.stem}.json", key(command, file, source)
     if recorded.exists() and (known := json.loads(recorded.read_text("utf-8")))["key"] == about:
         return Proof(**known["proof"] | {"alarms": tuple(known["proof"]["alarms"])})
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=seconds)
-    except subprocess.TimeoutExpired:
-        return Proof(source.stem, (), 0, 0, f"no end within {seconds} s")
+    done = subprocess.run(
+        ["prlimit", f"--cpu={seconds}", *command], capture_output=True, text=True, check=False
+    )
+    if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return Proof(source.stem, (), 0, 0, f"no end within {seconds} s of processor time")
     log.write_text(done.stdout + done.stderr, encoding="utf-8")
     proof = read_log(source.stem, done.stdout + done.stderr)
     if not proof.error:

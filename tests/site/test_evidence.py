@@ -89,6 +89,25 @@ def test_no_row_is_older_than_its_sources(tools):
     """Repeat `make evidence` after an edit of flight software."""
     _, evidence = tools
     page = (ROOT / "docs/evidence_figures.md").read_text()
-    rows = dict(re.findall(r"^\| `(\w+)` \|.*\| (\w+) \|$", page, re.MULTILINE))
+    rows = dict(re.findall(r"^\| `(\w+)` \|.*\| ([0-9a-f]{12}) \|$", page, re.MULTILINE))
     sources = evidence.flight_rules.sources()
     assert rows == {source.stem: evidence.hash_of(source) for source in sources}
+
+
+def test_tests_of_equal_bits_exist():
+    """Those that docs/evidence.md names."""
+    section = (ROOT / "docs/evidence.md").read_text().partition("## Equal bits")[2]
+    named = re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", section)
+    assert len(named) >= 6
+    for file, test in named:
+        assert f"def {test}(" in (ROOT / file).read_text() if test else (ROOT / file).is_file()
+
+
+def test_faults_and_random_inputs_of_other_code_are_reported(tools):
+    _, evidence = tools
+    good = evidence.Row("a", (), (), (), None, "1", (), 1, ({"sources": "1"},), {"sources": "1"})
+    assert list(evidence.older(good)) == []
+    (fault,) = evidence.older(good._replace(faults=({"sources": "2"},)))
+    assert "make faults" in fault
+    (absent,) = evidence.older(good._replace(fuzz=None))
+    assert "make fuzz" in absent

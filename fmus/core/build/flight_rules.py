@@ -187,6 +187,13 @@ def code(path: Path) -> str:
     return blank.sub(lambda m: re.sub(r"[^\n]", " ", m[0]), path.read_text())
 
 
+def bare(path: Path) -> str:
+    """Return a source without comments, with single blanks."""
+    token = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
+    text = token.sub(lambda m: m[0] if m[0].startswith('"') else " ", path.read_text())
+    return " ".join(text.split())
+
+
 def loops(path: Path) -> Iterator[tuple[int, str]]:
     """Yield (line, head) of every loop."""
     text = code(path)
