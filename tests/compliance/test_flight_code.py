@@ -125,7 +125,7 @@ MISTAKEN = ("uninitvar:*/covariance.h", "uninitvar:*/riccati.h")
 
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
 def test_cppcheck_finds_nothing():
-    """What it finds in a file is stored until the file or a header of it changes."""
+    """What it finds in a file is stored until the file or one of its headers changes."""
     stored = CACHE / "cppcheck"
     stored.mkdir(parents=True, exist_ok=True)
     options = ["--quiet", "--std=c99", "--enable=warning,performance,portability"]
