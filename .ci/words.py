@@ -21,7 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 INSTEAD = {
     r"flights?|fly|flies|flying|flew|flown": "run, simulate, simulated",
-    r"crews?|lanes?|hands": "worker pool, worker",
+    r"crews?|hands": "worker pool, worker",
     r"warm|pilots?": "reused simulation",
     r"told|tells?|said|says": "reports, states, prints, shows",
     r"kept|keeps?": "recorded, stored, retained, remains",

@@ -181,7 +181,8 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 
     const double *m = p->links.mass;
     quat dq = product(x->q, (quat){0, x->omega.x, x->omega.y, x->omega.z});
-    const double *du = accelerations(p, c->u, x).speeds_rate.at;
+    const Acceleration found = accelerations(p, c->u, x);
+    const double *du = found.speeds_rate.at;
     *dx = (State){.r = x->v,
                   .v = add(gravity(&p->orbit, 0, x->r),
                            scale(1 / (m[0] + m[1] + m[2]), tmul(dcm_of_quat(x->q), c->u->F_S))),

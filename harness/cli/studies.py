@@ -52,6 +52,9 @@ class Cluster:
         None
     )
     slurm: Annotated[bool, option("--slurm", "Submit the workers as SLURM jobs")] = False
+    lanes: Annotated[
+        bool, option("--lanes/--no-lanes", "Make several fused runs of a worker at once")
+    ] = True
     tls_ca: Annotated[
         Path | None, option("FILE", "Certificate of the authority that signs all others")
     ] = None

@@ -177,6 +177,12 @@ def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
     return place
 
 
+def has(name: str, key: bytes) -> bool:
+    """Return whether the file `name` of made() is there for a key."""
+    root = folder()
+    return root is not None and (root / _word(name.encode() + b"\0", key)).is_dir()
+
+
 def computed(kind: str, key: bytes, compute: Callable[[], T]) -> T:
     """Return compute(), which depends on the kind and the key only: once for every key, as long as
     the code of the harness is the same. Its value is stored as a pickle.

@@ -207,7 +207,7 @@ def module_of(system: System, found: Checked) -> Module:
     def make(path: Path) -> None:
         with PrivateFolder() as folder:
             sources = map(str, unpacked_sources(fmu, folder / "whole"))
-            _run(tool, *sources, "-o", str(path), options)
+            run_tool(tool, *sources, "-o", str(path), options)
 
     file = cache.made("whole.wasm", key, make)
     slots = (slot.name for slot in found.graph.slots)
@@ -303,10 +303,10 @@ def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str], fmi: int = 
         file = folder / "system.json"
         file.write_text(json.dumps(plan | {"parts": parts}), encoding="utf-8")
         options = (f"--cc={shlex.join(compiler)}", f"--fmi={fmi}", *adapter.options(compiler, fmi))
-        _run(_core() / "build" / "fuse.py", str(file), "-o", str(path), *options)
+        run_tool(_core() / "build" / "fuse.py", str(file), "-o", str(path), *options)
 
 
-def _run(tool: Path, *arguments: str) -> None:
+def run_tool(tool: Path, *arguments: str) -> None:
     """Run a tool of core/build; raise NotFusedError with the first error that it prints."""
     done = subprocess.run(
         [sys.executable, str(tool), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,

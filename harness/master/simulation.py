@@ -105,7 +105,8 @@ class Simulation:
         """Delays of the macro steps under a pacer, in one line."""
         self.instances: list[Instance] = []
         self._executor_name = known_executor(executor)
-        self._whole: Whole | None = None
+        self.fused: Whole | None = None
+        """The compiled system; None without one."""
         self._apart = executor != FUSED
         """True if the FMUs are loaded one by one; else one FMU holds the whole system."""
         self._files: ExitStack | None = None
@@ -213,13 +214,13 @@ class Simulation:
         """
         if self._apart:
             return self.graph.nodes
-        if self._whole is None or not self._whole.fits(self.system, self.graph):
-            self._whole = compiled(self.system, self.graph)
-        if self._whole is None:
+        if self.fused is None or not self.fused.fits(self.system, self.graph):
+            self.fused = compiled(self.system, self.graph)
+        if self.fused is None:
             self._executor_name = "c"
             self._separate()
             return self.graph.nodes
-        return (self._whole.node(self.recorded),)
+        return (self.fused.node(self.recorded),)
 
     def _separate(self) -> None:
         """Repeat the run with separate FMUs from the beginning, recording everything."""
@@ -249,9 +250,9 @@ class Simulation:
             return before.pop(name)
         if name in before:
             before.pop(name).close()
-        if self._apart or self._whole is None:
+        if self._apart or self.fused is None:
             return Instance(node, self._own_folder)
-        return WholeInstance(node, self._own_folder, self._whole)
+        return WholeInstance(node, self._own_folder, self.fused)
 
     def _own_folder(self) -> Path:
         """Return the folder for unpacked FMUs outside the cache, created at the first use."""

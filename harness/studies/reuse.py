@@ -9,7 +9,7 @@ import atexit
 import logging
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +18,17 @@ from numpy.typing import NDArray
 
 from harness.errors import HarnessError
 from harness.files.cache import with_second_try
-from harness.master import fused, isolated
+from harness.master import fused, isolated, lanes
 from harness.master.changes import Changes, apply
 from harness.master.executors import FUSED
+from harness.master.lanes import Lanes, library
 from harness.master.remainder import rest
 from harness.master.simulation import Simulation
 from harness.results.requirements import log_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies.check import always_rejected
-from harness.system.graph import Checked, Slot, columns, log_warnings
+from harness.system.graph import Checked, Slot, checked, columns, log_warnings
 from harness.system.model import System
 from harness.system.values import base
 
@@ -97,10 +98,24 @@ def rejected_before(
     return found
 
 
+@contextmanager
+def compiling(system: str | Path, changes: Changes) -> Iterator[None]:
+    """Compile the library of lanes of a fused system in the background, unless it is there."""
+    with quietly(), load(system) as found:
+        changed = apply(found, **changes)
+        whole = fused.compiled(changed, checked(changed).graph)
+    if whole is None or library(whole.interface.path):
+        yield
+        return
+    with lanes.compiling(whole.interface.path):
+        yield
+
+
 class ReusedSimulation:
     """System with its simulation, which is created for the first run that needs it.
 
-    pace: time of a macro step in the quickest stretch of the last run [us].
+    pace: time of a macro step in the quickest stretch of the last run [us]; alone, in_lanes: the
+    same of the last run of each kind [s].
     """
 
     def __init__(self, system: str | Path, executor: str = "c") -> None:
@@ -112,6 +127,9 @@ class ReusedSimulation:
         self._life = ExitStack()
         self.system = with_second_try(lambda: self._life.enter_context(load(self._source)))
         self._simulation: Simulation | None = None
+        self._others: list[Simulation] = []
+        self._library: tuple[fused.Whole, Lanes] | None = None
+        self._alone, self._in_lanes = math.inf, 0.0
         self._required: tuple[Any, System] | None = None
 
     def _reopen(self) -> None:
@@ -165,7 +183,63 @@ class ReusedSimulation:
         result = simulation.run_system(system, every=every, recorded=needed)
         if self._executor == FUSED:
             result = Reading(result, simulation.graph.slots, simulation.last())
+        self._alone = simulation.pace
         return result, simulation.pace
+
+    def together(
+        self, part: Sequence[Changes], every: int, needed: Collection[str]
+    ) -> list[Result | None]:
+        """Return the results of runs that differ in values only, in the lanes of vectors; None for
+        a run that has to be made alone, as all have without a library, or with one that is slower.
+        A result is valid until the next call.
+        """
+        results: list[Result | None] = [None] * len(part)
+        if self.width < 2:
+            return results
+        begun = {}
+        for place, changes in enumerate(part):
+            with suppress(HarnessError):  # made alone, the run reports it
+                begun[place] = self._begun(place, changes, every, needed)
+        compiled, complete = self._lanes(), list[bool]()
+        if compiled is not None and begun:
+            complete = compiled.advance([*begun.values()])
+        for place, good in zip(begun, complete, strict=False):
+            each = begun[place]
+            self._in_lanes, self.pace = each.pace, 1e6 * each.pace
+            if good:
+                results[place] = Reading(each.result(), each.graph.slots, each.last())
+        return results
+
+    @property
+    def width(self) -> int:
+        """Return the runs that together() makes at once at present."""
+        compiled = None if self._in_lanes > self._alone else self._lanes()
+        return 1 if compiled is None else compiled.width
+
+    def _lanes(self) -> Lanes | None:
+        """Return the library of the present compiled system, if it is in the cache."""
+        whole = None if self._simulation is None else self._simulation.fused
+        if whole is not None and (self._library is None or self._library[0] is not whole):
+            path = library(whole.interface.path)
+            self._library = (whole, Lanes(path)) if path else None
+        return self._library[1] if whole is not None and self._library else None
+
+    def _begun(
+        self, place: int, changes: Changes, every: int, needed: Collection[str]
+    ) -> Simulation:
+        """Return the simulation of a lane after the first macro step of a run. All simulations
+        share the compiled system.
+        """
+        first = self._simulation
+        assert first is not None
+        while len(self._others) < place:
+            made = Simulation(first.system, executor=FUSED)
+            self._others.append(self._life.enter_context(made))
+        simulation = self._others[place - 1] if place else first
+        simulation.fused = first.fused
+        simulation.begin(rest(self._changed(changes)), every, needed)
+        simulation.advance(to=1)
+        return simulation
 
     def close(self) -> None:
         """End the simulation and remove its unpacked files."""

@@ -41,7 +41,8 @@ class Workers:
     or a scheduler by its address, or SLURM.
 
     tls_ca, tls_cert, tls_key: PEM files for the latter two: certificate of the authority, own
-    certificate, its key (None: with the certificate); insecure: the scheduler may be without TLS.
+    certificate, its key (None: with the certificate); insecure: the scheduler may be without TLS;
+    lanes: whether a worker makes several fused runs at once.
     """
 
     workers: int | None = None
@@ -51,6 +52,7 @@ class Workers:
     tls_cert: str | Path | None = None
     tls_key: str | Path | None = None
     insecure: bool = False
+    lanes: bool = True
 
     @property
     def elsewhere(self) -> bool:

@@ -8,6 +8,7 @@ in this process, on the processors of this machine and in a cluster.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -64,7 +65,7 @@ class Task:
 
     key: of the plan; kinds: names, units and texts of variables and parameters; requirements: texts
     by name of the requirements evaluated in every run; steps: macro steps of the longest run, of
-    `step` s from `start` s on.
+    `step` s from `start` s on; lanes: whether several runs may be made together, with equal bits.
     """
 
     key: str
@@ -76,6 +77,7 @@ class Task:
     start: float
     step: float
     steps: int
+    lanes: bool = True
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the data that a worker needs: the names of the variables without units and
@@ -104,7 +106,8 @@ class Task:
     def run(self, part: Sequence[Changes]) -> list[Row]:
         """Return the records of runs, one after the other."""
         with quietly():
-            return [_run(retained(self.key, lambda: _Runner(self)), changes) for changes in part]
+            runner: _Runner = retained(self.key, lambda: _Runner(self))
+            return runner.rows(part)
 
     def lost(self, message: str, time: float = math.nan) -> Row:
         """Return the record of a run that has left only a message."""
@@ -126,14 +129,40 @@ class _Runner(ReusedSimulation):
         self.needed: frozenset[str] | None = None
         super().__init__(task.system, task.table.executor)
 
+    def rows(self, part: Sequence[Changes]) -> list[Row]:
+        """Return the records of runs, in their order; runs that differ in values only are made
+        together.
+        """
+        rows: dict[int, Row] = {}
+        kinds = [_kind(changes) for changes in part]
+        left = deque(sorted(range(len(part)), key=lambda k: (kinds[k], k)))
+        while left:
+            group = [left.popleft()]
+            most = self.width if self.task.lanes and self.needed is not None else 1
+            while left and len(group) < most and kinds[left[0]] == kinds[group[0]]:
+                group.append(left.popleft())
+            results: list[Result | None] = [None]
+            if len(group) > 1:
+                runs = [part[k] for k in group]
+                results = self.together(runs, self.task.table.every, self.needed or ())
+            for k in group:
+                rows[k] = _run(self, part[k], results.pop(0))
+        return [rows[k] for k in sorted(rows)]
 
-def _run(runner: _Runner, changes: Changes) -> Row:
-    """Return the record of a run. Repeat the run with all variables if it read one that is not
-    recorded.
+
+def _kind(changes: Changes) -> str:
+    """Return a text of the changes of a run that are not values."""
+    return repr({name: value for name, value in changes.items() if name != "set"})
+
+
+def _run(runner: _Runner, changes: Changes, result: Result | None) -> Row:
+    """Return the record of a run, from its result or made alone. Repeat the run with all variables
+    if it read one that is not recorded.
     """
     task, table = runner.task, runner.task.table
     try:
-        result = runner.run(changes, table.every, table.patience, runner.needed)
+        if result is None:
+            result = runner.run(changes, table.every, table.patience, runner.needed)
         row = _row(runner, COMPLETE, "", result)
         if isinstance(result, Reading) and result.missed:
             result = runner.run(changes, table.every, table.patience)

@@ -1,0 +1,542 @@
+/* lanes.h - several runs in the lanes of a vector: the C of a model compiled as C++ with a vector in
+ * the place of every double.
+ *
+ * build/lanes.py includes this header before a model. Every operation on a vector is the operation of
+ * C on each of its doubles, so that a lane has the bits of its run alone. A comparison gives a Mask.
+ * Where the program must know one answer, as in `if`, all lanes must agree; otherwise the step of the
+ * component is left, and made anew for the lanes of each answer (in_lanes). */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef LANES_H
+#define LANES_H
+
+#include <float.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <type_traits>
+#include <utility>
+
+#define restrict __restrict__
+#define INLINE   __attribute__((always_inline)) inline
+
+/* the functions of one double: lane by lane in the functions with tables and integers */
+namespace scalar
+{
+#include "scalar/portable_math.h"
+#include "scalar/rules.h"
+#if __has_include("scalar/random.h")
+#include "scalar/random.h"
+#endif
+} // namespace scalar
+#undef FMU_H
+#undef VEC3_H
+
+#ifndef WIDTH
+#define WIDTH 4
+#endif
+
+namespace lanes
+{
+typedef double Numbers __attribute__((vector_size(8 * WIDTH)));
+typedef int64_t Answers __attribute__((vector_size(8 * WIDTH))); /* -1: true, 0: false */
+
+/* ---- answers that differ ---- */
+struct Split {
+    jmp_buf place; /* where the function began */
+    int answer;    /* bits of the lanes with a true answer */
+    Split *outer;
+};
+inline Split *present;                /* of the function that is being performed */
+inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter */
+
+[[noreturn]] __attribute__((noinline, cold)) inline void split(int answer)
+{
+    present->answer = answer;
+    longjmp(present->place, 1);
+}
+
+/* performs a function; false: it was left because active lanes differ in here->answer. Only this
+ * function returns twice, and no optimization looks into it. */
+__attribute__((noipa)) inline bool performed(Split *here, void (*function)(void *), void *given)
+{
+    here->outer = present;
+    if (setjmp(here->place)) {
+        present = present->outer;
+        return false;
+    }
+    present = here;
+    function(given);
+    present = here->outer;
+    return true;
+}
+
+/* one answer for all active lanes */
+INLINE bool agreed(int answer)
+{
+    if (__builtin_expect(answer != 0 && answer != active, 0)) split(answer);
+    return answer != 0;
+}
+
+#if defined __AVX__ && WIDTH == 4
+inline int signs(Answers a) { return __builtin_ia32_movmskpd256((Numbers)a); }
+inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd256(a); }
+#elif defined __SSE2__ && WIDTH == 2
+inline int signs(Answers a) { return __builtin_ia32_movmskpd((Numbers)a); }
+inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd(a); }
+#else
+inline int signs(Answers a)
+{
+    int all = 0;
+    for (int i = 0; i < WIDTH; i++) all |= a[i] ? 1 << i : 0;
+    return all;
+}
+inline Numbers roots(Numbers a)
+{
+    for (int i = 0; i < WIDTH; i++) a[i] = sqrt(a[i]);
+    return a;
+}
+#endif
+
+struct Vector;
+
+struct Mask {
+    Answers answer;
+    Mask() = default;
+    constexpr Mask(Answers a) : answer(a) {}
+    inline Mask(Vector x);
+    explicit Mask(bool b) : answer(Answers{} - (int64_t)b) {}
+    int bits() const { return signs(answer) & active; }
+    operator bool() const { return agreed(bits()); }
+    friend Mask operator!(Mask a) { return ~a.answer; }
+    friend Mask operator==(Mask a, Mask b) { return a.answer == b.answer; }
+    friend Mask operator!=(Mask a, Mask b) { return a.answer != b.answer; }
+};
+
+template <class T>
+concept Number = std::is_arithmetic_v<T> || std::is_enum_v<T>;
+
+struct Vector {
+    Numbers v;
+    Vector() = default;
+    constexpr Vector(Numbers given) : v(given) {}
+    template <Number T> constexpr Vector(T x) : v(all((double)x, std::make_index_sequence<WIDTH>()))
+    {
+    }
+    Vector(Mask m) : v((Numbers)((Answers)Vector(1.0).v & m.answer)) {}
+    template <size_t... I> static constexpr Numbers all(double x, std::index_sequence<I...>)
+    {
+        return Numbers{((void)I, x)...};
+    }
+    /* a whole number, a mode or a condition: one for all lanes */
+    template <Number T> explicit operator T() const
+    {
+        if constexpr (std::is_same_v<T, bool>) return Mask(v != 0);
+        else if constexpr (std::is_floating_point_v<T>) {
+            agreed(Mask(v == Vector(v[__builtin_ctz(active)]).v).bits());
+            return v[__builtin_ctz(active)];
+        } else {
+            const T first = (T)v[__builtin_ctz(active)];
+            int same = 0;
+            for (int i = 0; i < WIDTH; i++) same |= (T)v[i] == first ? 1 << i : 0;
+            agreed(same & active);
+            return first;
+        }
+    }
+    Vector operator-() const { return -v; }
+    Vector operator+() const { return *this; }
+    Vector &operator+=(Vector b) { return v += b.v, *this; }
+    Vector &operator-=(Vector b) { return v -= b.v, *this; }
+    Vector &operator*=(Vector b) { return v *= b.v, *this; }
+    Vector &operator/=(Vector b) { return v /= b.v, *this; }
+    Vector &operator++() { return v += 1, *this; }
+    Vector operator++(int)
+    {
+        const Vector before = *this;
+        v += 1;
+        return before;
+    }
+    friend Vector operator+(Vector a, Vector b) { return a.v + b.v; }
+    friend Vector operator-(Vector a, Vector b) { return a.v - b.v; }
+    friend Vector operator*(Vector a, Vector b) { return a.v * b.v; }
+    friend Vector operator/(Vector a, Vector b) { return a.v / b.v; }
+    friend Mask operator<(Vector a, Vector b) { return a.v < b.v; }
+    friend Mask operator<=(Vector a, Vector b) { return a.v <= b.v; }
+    friend Mask operator>(Vector a, Vector b) { return a.v > b.v; }
+    friend Mask operator>=(Vector a, Vector b) { return a.v >= b.v; }
+    friend Mask operator==(Vector a, Vector b) { return a.v == b.v; }
+    friend Mask operator!=(Vector a, Vector b) { return a.v != b.v; }
+    friend Mask operator!(Vector a) { return a.v == 0; }
+};
+inline Mask::Mask(Vector x) : answer(x.v != 0) {}
+
+template <class T>
+concept Whole_ = std::is_integral_v<T> || std::is_enum_v<T>;
+template <class T>
+concept Answer = std::is_same_v<T, Mask> || std::is_same_v<T, Vector>;
+template <Answer A, Answer B> inline Mask operator&&(A a, B b)
+{
+    return Mask(a).answer & Mask(b).answer;
+}
+template <Answer A, Answer B> inline Mask operator||(A a, B b)
+{
+    return Mask(a).answer | Mask(b).answer;
+}
+
+/* ---- both branches of `c ? a : b`, blended ---- */
+INLINE Vector blend(Mask m, Vector a, Vector b) { return m.answer ? a.v : b.v; }
+INLINE Mask blend(Mask m, Mask a, Mask b) { return (m.answer & a.answer) | (~m.answer & b.answer); }
+
+/* whether a type consists of vectors only, so that a blend of its vectors is a blend of the whole */
+template <class T, size_t... I> constexpr bool accepts_lanes(std::index_sequence<I...>)
+{
+    return requires(Vector x) { T{((void)I, x)...}; };
+}
+template <class T> constexpr bool is_of_lanes()
+{
+    if constexpr (!std::is_aggregate_v<T> || sizeof(T) % sizeof(Vector) != 0) return false;
+    else return accepts_lanes<T>(std::make_index_sequence<sizeof(T) / sizeof(Vector)>());
+}
+template <class T> constexpr bool is_blended()
+{
+    return std::is_same_v<T, Vector> || std::is_same_v<T, Mask> || is_of_lanes<T>();
+}
+template <class T>
+    requires(is_of_lanes<T>())
+INLINE T blend(Mask m, T a, T b)
+{
+    Vector *x = (Vector *)&a;
+    const Vector *y = (const Vector *)&b;
+    for (size_t i = 0; i < sizeof(T) / sizeof(Vector); i++) x[i] = blend(m, x[i], y[i]);
+    return a;
+}
+
+/* one of two whole numbers, as a vector or as one number */
+template <class N> struct Whole {
+    Mask c;
+    N a, b;
+    operator Vector() const { return blend(c, Vector(a), Vector(b)); }
+    template <Number T> operator T() const { return (bool)c ? (T)a : (T)b; }
+};
+
+template <class T> constexpr bool IsChosen = false;
+template <class N> constexpr bool IsChosen<Whole<N>> = true;
+template <> constexpr bool IsChosen<Mask> = true;
+
+template <class A, class B> constexpr auto common(int)
+{
+    if constexpr (std::is_same_v<A, B> && !Number<A>) return std::type_identity<A>();
+    else if constexpr (Number<A> && Number<B>) return std::type_identity<Vector>();
+    else if constexpr ((std::is_same_v<A, Vector> || Number<A>) &&
+                       (std::is_same_v<B, Vector> || Number<B>))
+        return std::type_identity<Vector>();
+    else if constexpr (std::is_same_v<A, Mask> && std::is_same_v<B, bool>)
+        return std::type_identity<Mask>();
+    else if constexpr (std::is_same_v<B, Mask> && std::is_same_v<A, bool>)
+        return std::type_identity<Mask>();
+    else if constexpr (std::is_same_v<A, Mask> || std::is_same_v<B, Mask>)
+        return std::type_identity<Vector>();
+    else return std::type_identity<std::common_type_t<A, B>>();
+}
+
+/* only the values that a lane takes are computed */
+template <class T, class A, class B> INLINE T chosen(Mask c, A a, B b)
+{
+    if constexpr (is_blended<T>()) {
+        T first = {}, second = {};
+        const int bits = c.bits();
+        if (bits != 0) first = T(a());
+        if (bits != active) second = T(b());
+        return blend(c, first, second);
+    } else return (bool)c ? T(a()) : T(b());
+}
+
+/* c ? a() : b() */
+template <class C, class A, class B> INLINE auto choose(C c, A a, B b)
+{
+    using FirstType = std::remove_cvref_t<decltype(a())>;
+    using SecondType = std::remove_cvref_t<decltype(b())>;
+    if constexpr (std::is_pointer_v<FirstType>) {
+        return c ? a() : (FirstType)b();
+    } else if constexpr (std::is_pointer_v<SecondType>) {
+        return c ? (SecondType)a() : b();
+    } else if constexpr ((IsChosen<FirstType> && Whole_<SecondType>) ||
+                         (Whole_<FirstType> && IsChosen<SecondType>)) {
+        return c ? (long)a() : (long)b();
+    } else if constexpr (Answer<C> && Whole_<FirstType> && Whole_<SecondType>) {
+        return Whole<std::common_type_t<FirstType, SecondType>>{Mask(c), a(), b()};
+    } else if constexpr (Answer<C>) {
+        using T = typename decltype(common<FirstType, SecondType>(0))::type;
+        return chosen<T>(Mask(c), a, b);
+    } else if constexpr (Number<FirstType> && Number<SecondType>) {
+        return c ? a() : b();
+    } else {
+        using T = typename decltype(common<FirstType, SecondType>(0))::type;
+        return c ? T(a()) : T(b());
+    }
+}
+/* the value of a function that returns a() if c holds */
+template <class T, class C, class A, class B> INLINE T choose_as(C c, A a, B b)
+{
+    if constexpr (Answer<C>) return chosen<T>(Mask(c), a, b);
+    else return c ? T(a()) : T(b());
+}
+
+/* ---- exact.h and math.h ---- */
+inline Vector fabs(Vector x) { return (Numbers)((Answers)x.v & INT64_MAX); }
+inline Vector copysign(Vector x, Vector sign)
+{
+    return (Numbers)(((Answers)x.v & INT64_MAX) | ((Answers)sign.v & INT64_MIN));
+}
+inline Vector sqrt(Vector x) { return roots(x.v); }
+inline Mask isnan(Vector x) { return x.v != x.v; }
+inline Mask isfinite(Vector x) { return fabs(x) <= DBL_MAX; }
+inline Mask signbit(Vector x) { return (Answers)x.v < 0; }
+inline Vector smaller(Vector a, Vector b) { return blend(a < b || isnan(b), a, b); }
+inline Vector larger(Vector a, Vector b) { return blend(a > b || isnan(b), a, b); }
+inline Vector nearest_whole(Vector x)
+{
+    const Vector size = fabs(x);
+    return blend(size < ALL_WHOLE, copysign(size + ALL_WHOLE - ALL_WHOLE, x), x);
+}
+inline Vector floor_of(Vector x)
+{
+    const Vector n = nearest_whole(x);
+    return blend(n > x, n - 1, n);
+}
+inline Vector ceiling_of(Vector x) { return -floor_of(-x); }
+
+/* bits can be compared only: every other use of the bits of a vector does not compile */
+struct Bits {
+    Answers bits;
+    friend Mask operator==(Bits a, Bits b) { return a.bits == b.bits; }
+};
+inline Bits bits_of(Vector x) { return {(Answers)x.v}; }
+
+/* ---- portable_math.h ---- */
+template <class F, class... Given> inline Vector each(F function, Given... given)
+{
+    Vector found = 0;
+    for (int i = 0; i < WIDTH; i++)
+        if (active >> i & 1) found.v[i] = function(given.v[i]...);
+    return found;
+}
+inline int last_bits(Vector rounded, uint64_t mask)
+{
+    return (int)each([=](double x) { return (double)scalar::last_bits(x, mask); }, rounded);
+}
+
+inline Vector arc_tangent(Vector y, Vector x) { return each(scalar::arc_tangent, y, x); }
+inline Vector exponential(Vector x) { return each(scalar::exponential, x); }
+inline Vector exponential_less_1(Vector x) { return each(scalar::exponential_less_1, x); }
+inline Vector logarithm(Vector x) { return each(scalar::logarithm, x); }
+
+struct SineCosine { Vector s, c; };
+
+inline Vector sine_series(Vector hi, Vector lo)
+{
+    const double *k = scalar::sine_terms;
+    const Vector z = hi * hi, zz = z * z;
+    const Vector sum = (k[0] + z * k[1]) + zz * ((k[2] + z * k[3]) + zz * (k[4] + z * k[5]));
+    return hi + (hi * z * sum + (lo - lo * (0.5 * z)));
+}
+
+inline Vector cosine_series(Vector hi, Vector lo)
+{
+    const double *k = scalar::cosine_terms;
+    const Vector z = hi * hi, zz = z * z, half = 0.5 * z, w = 1 - half;
+    const Vector sum = (k[0] + z * k[1]) + zz * ((k[2] + z * k[3]) + zz * (k[4] + z * k[5]));
+    return w + ((1 - w - half) + (zz * sum - hi * lo));
+}
+
+/* The operations of reduced() for all lanes; a lane beyond 1e6, near a multiple of pi/2 or not
+ * finite is computed alone. */
+inline SineCosine sine_and_cosine(Vector x)
+{
+    const Vector size = fabs(x), rounded = x * TWO_OVER_PI + ROUNDER, n = rounded - ROUNDER;
+    const Vector a = x - n * HALF_PI_1, b = n * HALF_PI_2, c = n * HALF_PI_3;
+    const Vector d = a - b, recovered = a - d, rounding = (recovered - b) + (a - (d + recovered));
+    const Mask small = size <= PI / 4;
+    const Vector far = d - c, hi = blend(small, x, far);
+    const Vector lo = blend(small, Vector(0.0), (d - far - c) + rounding);
+    const Mask plain = small || (size < 1e6 && fabs(d) > fabs(n) * 0x1p-54);
+    const Answers quarter = (Answers)rounded.v & ~small.answer;
+    const Mask odd = (quarter & 1) != 0;
+    const Vector s = sine_series(hi, lo), o = cosine_series(hi, lo);
+    const Vector sine = blend(odd, o, s), cosine = blend(odd, s, o);
+    const Answers upper = Answers{} + INT64_MIN;
+    SineCosine both = {(Numbers)((Answers)sine.v ^ ((quarter & 2) != 0 & upper)),
+                       (Numbers)((Answers)cosine.v ^ (((quarter + 1) & 2) != 0 & upper))};
+    const Mask tiny = size < 0x1p-27;
+    both.s = blend(tiny, x, both.s);
+    both.c = blend(tiny, Vector(1.0), both.c);
+    if (const int others = (!plain).bits())
+        for (int i = 0; i < WIDTH; i++)
+            if (others >> i & 1) {
+                const scalar::SineCosine one = scalar::sine_and_cosine(x.v[i]);
+                both.s.v[i] = one.s;
+                both.c.v[i] = one.c;
+            }
+    return both;
+}
+inline Vector sine(Vector x) { return sine_and_cosine(x).s; }
+inline Vector cosine(Vector x) { return sine_and_cosine(x).c; }
+
+/* structs with designators */
+template <class F> struct Made {
+    F assign;
+    template <class T> operator T() const
+    {
+        T all = {};
+        assign(all);
+        return all;
+    }
+};
+template <class T> struct Held { T value; };
+template <class T> inline void set(T &to, Held<T> from) { memcpy(&to, &from.value, sizeof to); }
+} /* namespace lanes */
+
+using lanes::arc_tangent, lanes::exponential, lanes::SineCosine;
+
+/* ---- a model ---- */
+#define double lanes::Vector
+#include "fmu.h"
+#include "vec3.h"
+#undef double
+#define double lanes::Vector
+
+/* neither table nor checks nor initialization: these are made by the FMU of each run */
+#undef FMU_MODEL_OF
+#define FMU_MODEL_OF(...) extern "C" void this_model_has_no_table(void)
+
+#undef double
+#undef double
+#ifdef RANDOM_H /* random numbers: the functions of random.h for each lane */
+struct RandomStream { lanes::Vector seed, stream; };
+struct Draws { scalar::Draws of[WIDTH]; };
+inline scalar::RandomStream stream_of(const RandomStream *r, int i)
+{
+    return {r->seed.v[i], r->stream.v[i]};
+}
+inline void check_random(Problems *, const RandomStream *) {}
+inline lanes::Vector remainder_of(lanes::Vector x, lanes::Vector divisor)
+{
+    return x - divisor * floor_of(x / divisor);
+}
+inline Draws draws_of_sample(const RandomStream *r, lanes::Vector n)
+{
+    Draws all = {};
+    for (int i = 0; i < WIDTH; i++) {
+        if (!(lanes::active >> i & 1)) continue;
+        const scalar::RandomStream one = stream_of(r, i);
+        all.of[i] = scalar::draws_of_sample(&one, n.v[i]);
+    }
+    return all;
+}
+inline Draws draws_of_run(const RandomStream *r)
+{
+    Draws all = {};
+    for (int i = 0; i < WIDTH; i++) {
+        if (!(lanes::active >> i & 1)) continue;
+        const scalar::RandomStream one = stream_of(r, i);
+        all.of[i] = scalar::draws_of_run(&one);
+    }
+    return all;
+}
+inline lanes::Vector uniform(const Draws *d, unsigned j)
+{
+    lanes::Vector all = 0;
+    for (int i = 0; i < WIDTH; i++)
+        if (lanes::active >> i & 1) all.v[i] = scalar::uniform(&d->of[i], j);
+    return all;
+}
+inline lanes::Vector normal(const Draws *d, unsigned j)
+{
+    lanes::Vector all = 0;
+    for (int i = 0; i < WIDTH; i++)
+        if (lanes::active >> i & 1) all.v[i] = scalar::normal(&d->of[i], j);
+    return all;
+}
+inline vec3 normals(const Draws *d, unsigned j)
+{
+    return vec(normal(d, j), normal(d, j + 1), normal(d, j + 2));
+}
+inline vec3 symmetric_uniforms(const Draws *d, unsigned j)
+{
+    return vec(2 * uniform(d, j) - 1, 2 * uniform(d, j + 1) - 1, 2 * uniform(d, j + 2) - 1);
+}
+#endif
+
+/* ---- lanes apart ---- */
+namespace lanes
+{
+inline Answers answers_of(int bits)
+{
+    Answers all;
+    for (int i = 0; i < WIDTH; i++) all[i] = -(int64_t)(bits >> i & 1);
+    return all;
+}
+
+/* The value of a function that writes nothing. Where lanes differ in an answer, it is performed for
+ * the lanes of each answer; the values of the other lanes are not used. */
+template <class T, class F> T performed_apart(const F &function);
+template <class T, class F> INLINE T apart(F function)
+{
+    if constexpr (is_blended<T>()) return performed_apart<T>(function);
+    else return function();
+}
+template <class T, class F> T performed_apart(const F &function)
+{
+    struct {
+        F function;
+        T found;
+    } own = {function, {}};
+    Split here;
+    const auto call = [](void *given) {
+        auto *all = (decltype(own) *)given;
+        all->found = all->function();
+    };
+    if (performed(&here, call, &own)) return own.found;
+    const int all = active;
+    active = here.answer;
+    const T first = performed_apart<T>(function);
+    active = all & ~here.answer;
+    const T second = performed_apart<T>(function);
+    active = all;
+    return blend(answers_of(here.answer), first, second);
+}
+
+/* A step of a component in all lanes. Where lanes differ in an answer, states and outputs are
+ * restored, and the step is made for the lanes of each answer. */
+template <class X, class Y>
+void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
+{
+    const X states = *x;
+    const Y outputs = *y;
+    Split here;
+    if (performed(&here, step, given)) return;
+    ++*splits;
+    const int all = active;
+    active = here.answer;
+    *x = states;
+    *y = outputs;
+    step_in_lanes(step, given, x, y, splits);
+    const X first_states = *x;
+    const Y first_outputs = *y;
+    active = all & ~here.answer;
+    *x = states;
+    *y = outputs;
+    step_in_lanes(step, given, x, y, splits);
+    active = all;
+    const Answers first = answers_of(here.answer);
+    *x = blend(first, first_states, *x);
+    *y = blend(first, first_outputs, *y);
+}
+} /* namespace lanes */
+
+#define double lanes::Vector
+#endif

@@ -1,0 +1,155 @@
+/* runs.h - macro steps of several runs of a fused system at once: checks, recorded rows.
+ *
+ * The memory of the system (fused.h) has a vector in the place of every double. Every macro step is
+ * checked in every lane as the adapter checks it. A run whose result would be rejected is lost, and the
+ * caller repeats it alone. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef RUNS_H
+#define RUNS_H
+
+#include <vector>
+
+#define EXPORT extern "C" __attribute__((visibility("default")))
+
+using lanes::Mask;
+using lanes::Vector;
+
+/* output with a rule besides being finite */
+typedef struct {
+    const Vector *x;
+    double low, high;
+    bool flag;
+} Ruled;
+
+struct Work {
+    Vector memory[scalar::SIZE];
+    std::vector<Ruled> ruled;
+    std::vector<const Vector *> columns; /* recorded outputs */
+};
+
+typedef struct {
+    double start, step;              /* s; macro step k begins at start + k step */
+    int64_t every, steps;            /* a row after every N-th macro step, and after all */
+    int64_t count;                   /* runs, at most WIDTH */
+    size_t columns;                  /* recorded outputs */
+    const unsigned *reference;       /* by their value references */
+    scalar::Snapshot *const *states; /* of every run: loaded by begin(), stored by end() */
+    double *const *tables;           /* recorded rows of every run */
+    int64_t done, lost;              /* macro steps completed; bits of the lost runs */
+    double now;                      /* s; time of all runs */
+    Work *work;
+} Runs;
+
+/* ---- checks ---- */
+static Mask all_of(const Vector *x, size_t count)
+{
+    Mask valid = isfinite(x[0]);
+    for (size_t i = 1; i < count; i++) valid = valid && isfinite(x[i]);
+    return valid;
+}
+
+/* a sum is finite only if every term is finite */
+static Mask all_finite(const Vector *x, size_t count)
+{
+    Vector sum[4] = {0, 0, 0, 0};
+    size_t i = 0;
+    for (; i + 4 <= count; i += 4)
+        for (size_t k = 0; k < 4; k++) sum[k] += x[i + k];
+    for (; i < count; i++) sum[0] += x[i];
+    const Mask valid = isfinite((sum[0] + sum[1]) + (sum[2] + sum[3]));
+    return valid.bits() == lanes::active ? valid : all_of(x, count);
+}
+
+static Mask satisfying(const Ruled *r)
+{
+    const Vector x = *r->x;
+    return r->flag ? x == 0 || x == 1 : x >= r->low && x <= r->high;
+}
+
+/* bits of the runs with a state or output that is rejected */
+static int rejected(const Runs *r)
+{
+    const Vector *m = r->work->memory;
+    Mask valid = all_finite(m + scalar::CLOCK, scalar::SIZE - scalar::CLOCK);
+    for (const Ruled &each : r->work->ruled) valid = valid && satisfying(&each);
+    return (!valid).bits();
+}
+
+/* ---- rows ---- */
+static void record(const Runs *r)
+{
+    if (r->done % r->every != 0 && r->done != r->steps) return;
+    const size_t row = (size_t)((r->done + r->every - 1) / r->every) * r->columns;
+    for (size_t c = 0; c < r->columns; c++)
+        for (int i = 0; i < r->count; i++) r->tables[i][row + c] = r->work->columns[c]->v[i];
+}
+
+static const Vector *place_of(const Vector *m, const scalar::Variable *v, size_t element)
+{
+    return m + v->offset / sizeof(double) + element;
+}
+
+static void list_ruled(Work *w, const scalar::Variable *rows, size_t count)
+{
+    for (const scalar::Variable *v = rows; v < rows + count; v++)
+        for (size_t k = 0; k < v->size; k++)
+            if (v->causality == scalar::OUTPUT_ROW && v->rule != scalar::ANY_VALUE)
+                w->ruled.push_back(
+                    {place_of(w->memory, v, k),
+                     v->rule == scalar::POSITIVE_VALUE ? DBL_TRUE_MIN : scalar::lowest(v->rule),
+                     scalar::highest(v->rule), (bool)scalar::is_flag(v->rule)});
+}
+
+/* ---- functions of the library ---- */
+EXPORT const int width = WIDTH;
+
+/* loads states after the same number of macro steps */
+EXPORT void begin(Runs *r)
+{
+    Work *w = r->work = new Work();
+    const double last = fabs(r->start) + (double)r->steps * r->step;
+    r->now = r->states[0]->now.time;
+    for (int i = 0; i < r->count; i++) {
+        const scalar::Snapshot *s = r->states[i];
+        for (size_t k = 0; k < scalar::SIZE; k++) w->memory[k].v[i] = s->data[k];
+        if (s->now.grid > 0 && last / s->now.grid > scalar::most_grid_steps) r->lost |= 1 << i;
+    }
+    list_ruled(w, scalar::variables, COUNT(scalar::variables));
+#ifdef CHECKED_ROWS
+    list_ruled(w, scalar::checked, COUNT(scalar::checked));
+#endif
+    for (size_t c = 0; c < r->columns; c++) {
+        const unsigned row = r->reference[c] / scalar::VR_STRIDE;
+        const size_t element = r->reference[c] % scalar::VR_STRIDE;
+        w->columns.push_back(place_of(w->memory, &scalar::variables[row], element));
+    }
+}
+
+/* macro steps up to `last`, or until all runs are lost */
+EXPORT void advance(Runs *r, int64_t last)
+{
+    const int all = (1 << r->count) - 1;
+    lanes::active = all & ~(int)r->lost;
+    while (r->done < last && lanes::active) {
+        const double t = r->start + (double)r->done * r->step;
+        step_system(r->work->memory, r->now, r->step);
+        r->lost |= rejected(r);
+        lanes::active = all & ~(int)r->lost;
+        r->now = t + r->step;
+        r->done++;
+        record(r);
+    }
+}
+
+/* stores the states of the runs and releases the memory */
+EXPORT void end(Runs *r)
+{
+    for (int i = 0; i < r->count; i++) {
+        for (size_t k = 0; k < scalar::SIZE; k++) r->states[i]->data[k] = r->work->memory[k].v[i];
+        r->states[i]->now.time = r->now;
+        r->states[i]->now.step = r->step;
+    }
+    delete r->work;
+}
+
+#endif

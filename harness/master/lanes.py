@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Several runs of one fused system at once, in the lanes of vectors, with the bits of single runs.
+
+core/build/lanes.py compiles the library from the FMU of the whole system. The FMUs of the single
+runs set, check and reject parameters and initial values, and make the first macro step. Then their
+states go into the lanes, and return at the end.
+
+    python -m harness.master.lanes WHOLE.fmu        # compile into the cache
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from time import perf_counter
+
+from harness.files import cache, paths, signals
+from harness.files.output import PrivateFolder
+from harness.master.calls import layout
+from harness.master.fused import NotFusedError, WholeInstance, run_tool
+from harness.master.simulation import CHUNK_SECONDS, Simulation
+from harness.system.interface import unpacked_sources
+from harness.system.schedule import Verb
+
+COMPILER = "g++"
+NAME = "lanes.so"
+CHUNK = 1000
+"""Macro steps before the time of a macro step is known."""
+
+
+@lru_cache
+def width() -> int:
+    """Return the runs at once on this processor: 4 with AVX2, else 2; 1 without the compiler, the C
+    sources or the cache, in which processes find the library.
+    """
+    there = shutil.which(COMPILER) and paths.core() and cache.folder() and os.name == "posix"
+    if not there:
+        return 1
+    known = Path("/proc/cpuinfo")
+    text = known.read_text(encoding="utf-8") if known.is_file() else ""
+    return 4 if platform.machine() == "x86_64" and " avx2 " in text else 2
+
+
+def library(fmu: Path, wait: bool = False) -> Path | None:
+    """Return the library of a whole system from the cache; None if it is not there. wait: compile
+    it then; raise NotFusedError if the compiler fails.
+    """
+    tool = _core() / "build" / "lanes.py"
+
+    def make(path: Path) -> None:
+        with PrivateFolder() as folder:
+            place = unpacked_sources(fmu, folder / "whole")[0].parent
+            run_tool(tool, str(place), "-o", str(path), f"--width={width()}", f"--cxx={COMPILER}")
+
+    if width() == 1 or not (wait or cache.has(NAME, _key(fmu))):
+        return None
+    return cache.made(NAME, _key(fmu), make)
+
+
+@lru_cache(maxsize=8)
+def _key(fmu: Path) -> bytes:
+    """Return what determines a library: sources, tools, compiler and processor."""
+    compiler, build = Path(shutil.which(COMPILER) or "").resolve(), _core() / "build"
+    tools = (build / "lanes.py", build / "build_fmu.py", *sorted((_core() / "lanes").iterdir()))
+    about = repr((width(), str(compiler), paths.stamp(compiler))).encode()
+    return b"\0".join([about, *(file.read_bytes() for file in (fmu, *tools))])
+
+
+def _core() -> Path:
+    return paths.core() or Path()
+
+
+@contextmanager
+def compiling(fmu: Path) -> Iterator[None]:
+    """Compile the library of a whole system in the background; stop at the end of the block."""
+    command = [sys.executable, "-m", __name__, str(fmu)]
+    none = subprocess.DEVNULL
+    process = subprocess.Popen(
+        command, stdin=none, stdout=none, stderr=none, start_new_session=True
+    )
+    try:
+        yield
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+        process.wait()
+
+
+class _Runs(ctypes.Structure):
+    """Struct Runs of core/lanes/runs.h."""
+
+    _fields_ = layout(
+        (ctypes.c_double, "start step"),
+        (ctypes.c_int64, "every steps count"),
+        (ctypes.c_size_t, "columns"),
+        (ctypes.c_void_p, "reference states tables"),
+        (ctypes.c_int64, "done lost"),
+        (ctypes.c_double, "now"),
+        (ctypes.c_void_p, "work"),
+    )
+
+
+class Lanes:
+    """Library of a whole system. Only one thread of a process may use it."""
+
+    def __init__(self, path: Path) -> None:
+        self._library = ctypes.CDLL(str(path))
+        self._library.advance.argtypes = [ctypes.c_void_p, ctypes.c_int64]
+        self.width = ctypes.c_int.in_dll(self._library, "width").value
+
+    def advance(self, simulations: Sequence[Simulation], to: int | None = None) -> list[bool]:
+        """Perform macro steps until `to` (default: all) of simulations that differ in values only
+        and are equally far; return which of them are valid. One whose step is rejected is not, and
+        has to be run alone.
+        """
+        first, count = simulations[0], len(simulations)
+        instances = [_whole(simulation) for simulation in simulations]
+        outputs = instances[0].node.outputs
+        states = [i.save(s.time) for i, s in zip(instances, simulations, strict=True)]
+        references = (ctypes.c_uint * len(outputs))(*(w.variable.reference for w in outputs))
+        addresses = (ctypes.c_void_p * count)(*(state.value for state in states))
+        tables = (ctypes.c_void_p * count)(*(s.recorder.table.ctypes.data for s in simulations))
+        arrays = [ctypes.addressof(array) for array in (references, addresses, tables)]
+        numbers = *first.clock, first.recorder.every, first.steps, count, len(outputs)
+        runs = _Runs(*numbers, *arrays, first.step)
+        self._library.begin(ctypes.byref(runs))
+        try:
+            pace = self._run(runs, first.steps if to is None else to)
+        finally:
+            self._library.end(ctypes.byref(runs))
+            for simulation, instance, state in zip(simulations, instances, states, strict=True):
+                instance.restore(state, simulation.time)
+                instance.free(state)
+        complete = [not runs.lost >> i & 1 for i in range(count)]
+        for simulation, instance, valid in zip(simulations, instances, complete, strict=True):
+            simulation.recorder.done, simulation.pace = runs.done, pace / count
+            if valid:
+                instance.propagate(Verb.GET, simulation.bus, simulation.time)
+        return complete
+
+    def _run(self, runs: _Runs, to: int) -> float:
+        """Perform the macro steps, with looks for Ctrl-C; return the time of one [s]."""
+        chunk, began, first = CHUNK, perf_counter(), runs.done
+        while runs.done < to and runs.lost != (1 << runs.count) - 1:
+            before, now = runs.done, perf_counter()
+            self._library.advance(ctypes.byref(runs), min(before + chunk, to))
+            chunk = 2 * chunk if perf_counter() - now < CHUNK_SECONDS / 2 else chunk
+            signals.check()
+        steps: int = runs.done - first
+        return (perf_counter() - began) / max(1, steps)
+
+
+def _whole(simulation: Simulation) -> WholeInstance:
+    (instance,) = simulation.instances
+    assert isinstance(instance, WholeInstance)
+    return instance
+
+
+if __name__ == "__main__":
+    os.nice(10)
+    try:
+        library(Path(sys.argv[1]), wait=True)
+    except (NotFusedError, KeyboardInterrupt) as error:
+        sys.exit(str(error))

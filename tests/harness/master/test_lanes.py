@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Runs in the lanes of vectors have the bits of runs alone."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import harness
+from harness.errors import RunError
+from harness.files import paths
+from harness.master import fused, lanes
+from harness.master.changes import apply
+from harness.master.lanes import Lanes
+from harness.master.simulation import Simulation
+from harness.mission.library import systems
+from harness.ssp.library import find_system, load
+from harness.system.graph import checked
+from harness.system.model import System
+
+CORE = paths.core() or Path()
+
+needs_lanes = pytest.mark.skipif(
+    lanes.width() == 1, reason="there is no g++, which compiles libraries of lanes"
+)
+
+
+def converter() -> Any:
+    """core/build/lanes.py, which is not part of a package."""
+    folder = str(CORE / "build")
+    sys.path.insert(0, folder)
+    try:
+        return importlib.import_module("lanes")
+    finally:
+        sys.path.remove(folder)
+
+
+# ---- branches ----
+MODEL = r"""
+#include "fmu.h"
+#include "vec3.h"
+
+typedef struct { double k; } Parameters;
+typedef struct { double x; } Input;
+typedef struct { double sum; } State;
+typedef struct { double y[12]; } Output;
+typedef struct { double a, b[2]; } Three;
+typedef struct { double a; int n; } Mixed;
+
+static double early(double x)
+{
+    if (x < 1) return 10 * x;
+    if (x < 2) return 20 + x;
+    return sqrt(x);
+}
+static double searched(double x) /* a loop that ends at different times */
+{
+    double n = 0;
+    while (x < 100) {
+        if (x < 3) x = x + 1;
+        else x = x * x;
+        n++;
+    }
+    return n + x;
+}
+static Three three(double x) { return x > 1.5 ? (Three){x, {1, 2}} : (Three){.b = {x}, .a = 7}; }
+static Mixed mixed(double x) { return x > 1.5 ? (Mixed){x, 2} : (Mixed){-x, 5}; }
+static int number(double x) { return x < 1 ? 3 : x < 2 ? 4 : 5; }
+static double chosen(double x)
+{
+    switch (number(x)) {
+    case 3: return 1 / x;
+    case 4: return x / 3;
+    default: return x - 1;
+    }
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    static const double table[] = {0.1, 0.2, 0.3, 0.4};
+    const int counts[3] = {[2] = 5, [0] = u->x > 2};
+    Three s = three(u->x);
+    Mixed m = mixed(u->x);
+    if (u->x > p->k) x->sum += u->x;
+    else if (u->x < 0.5) x->sum -= 3;
+    y->y[0] = early(u->x);
+    y->y[1] = searched(u->x);
+    y->y[2] = s.a + s.b[0] / 3 + s.b[1];
+    y->y[3] = m.a * m.n;
+    y->y[4] = chosen(u->x);
+    y->y[5] = table[(int)u->x];
+    y->y[6] = (u->x > 1 && u->x < 2) || !(u->x < 2.5);
+    y->y[7] = sine(u->x) + cosine(1e7 * u->x) * arc_tangent(u->x, 2) + logarithm(u->x);
+    y->y[8] = exponential(u->x) - exponential_less_1(-u->x) + larger(u->x, p->k);
+    y->y[9] = floor_of(3 * u->x) + nearest_whole(u->x) + copysign(u->x, 1 - u->x);
+    y->y[10] = counts[0] + 10 * counts[1] + 100 * counts[2];
+    for (double left = u->x; left > 0; left -= h) y->y[11] += left * t;
+}
+"""
+INPUTS = (0.25, 1.75, 2.2, 3.1), (1.2, 1.2, 1.2, 1.2), (0.3, 0.3, 2.7, 0.3)
+ALONE = r"""
+#include "model.c"
+int main(int count, char **given)
+{
+    for (int k = 1; k < count; k++) {
+        Parameters p = {1.5};
+        Input u = {atof(given[k])};
+        State x = {0};
+        Output y = {{0}};
+        step(&p, &u, &x, &y, 3, 0.25);
+        printf("%a", x.sum);
+        for (int i = 0; i < 12; i++) printf(" %a", y.y[i]);
+        puts("");
+    }
+}
+"""
+TOGETHER = r"""
+#undef double
+int main(int count, char **given)
+{
+    for (int first = 1; first < count; first += WIDTH) {
+        Parameters p = {1.5};
+        Input u;
+        State x = {0};
+        Output y = {};
+        for (int i = 0; i < WIDTH; i++) u.x.v[i] = atof(given[first + i]);
+        model_model_step(&p, &u, &x, &y, 3.0, 0.25);
+        for (int i = 0; i < WIDTH; i++) {
+            printf("%a", x.sum.v[i]);
+            for (int k = 0; k < 12; k++) printf(" %a", y.y[k].v[i]);
+            puts("");
+        }
+    }
+    fprintf(stderr, "%d", (int)model_splits);
+}
+"""
+
+
+@needs_lanes
+def test_every_branch_in_which_lanes_differ_has_the_bits_of_c(tmp_path: Path) -> None:
+    tool = converter()
+    (tmp_path / "scalar").mkdir()
+    headers = [f for folder in tool.build_fmu.HEADERS for f in folder.glob("*.h")]
+    for header in headers:
+        shutil.copyfile(header, tmp_path / "scalar" / header.name)
+        (tmp_path / header.name).write_text(tool.in_lanes(header.read_text()))
+    for header in tool.LANES.iterdir():
+        shutil.copyfile(header, tmp_path / header.name)
+    (tmp_path / "scalar/model.c").write_text(MODEL)
+    (tmp_path / "scalar/alone.c").write_text(f"#include <stdlib.h>\n{ALONE}")
+    (tmp_path / "model.c").write_text(tool.in_lanes(MODEL))
+    (tmp_path / "together.cpp").write_text(tool.MODEL.format(model="model") + TOGETHER)
+    c = [*tool.build_fmu.SAME_BITS, "-O1", "scalar/alone.c"]
+    cpp = [*tool.FLAGS, *tool.TARGET[lanes.width()], f"-DWIDTH={lanes.width()}", "-O1", "-I."]
+    given = [repr(x) for four in INPUTS for x in four]
+    found = []
+    for command in (["gcc", *c], ["g++", *cpp, "together.cpp"]):
+        subprocess.run([*command, "-o", "program", "-lm"], check=True, cwd=tmp_path)
+        done = subprocess.run(
+            [tmp_path / "program", *given], check=True, capture_output=True, text=True
+        )
+        found.append(done)
+    alone, together = found
+    assert together.stdout == alone.stdout
+    assert int(together.stderr) >= 4  # steps were split
+    assert len(set(alone.stdout.splitlines())) == 7  # one result per distinct input
+
+
+# ---- systems ----
+def dispersed(system: System, count: int) -> Iterator[System]:
+    """The system with other start values of its bodies, and other seeds of its sensors."""
+    for k in range(count):
+        random = np.random.default_rng(k)
+        values: dict[str, float] = {}
+        for node in checked(system).graph.nodes:
+            for variable, value in node.settings:
+                if variable.causality != "parameter" or not isinstance(value, float):
+                    continue
+                name = f"{node.component.name}.{variable.name}"
+                if variable.name == "seed":
+                    values[name] = float(random.integers(1, 1000))
+                elif value and variable.unit in ("m", "m/s", "kg", "N"):
+                    values[name] = value * (1 + 1e-6 * random.uniform(-1, 1))
+        yield apply(system, set=values)
+
+
+def memory(simulation: Simulation) -> bytes:
+    """All parameters, inputs, states and outputs of a fused system."""
+    (instance,) = simulation.instances
+    state, size = instance.save(simulation.time), ctypes.c_size_t()
+    instance.calls.call("SerializedFMUstateSize", state, ctypes.byref(size))
+    buffer = (ctypes.c_char * size.value)()
+    instance.calls.call("SerializeFMUstate", state, buffer, size)
+    instance.free(state)
+    return bytes(buffer)
+
+
+def prepared(name: str, life: ExitStack) -> tuple[Lanes, list[System]]:
+    """The library of a system, and as many systems as it has lanes."""
+    system = life.enter_context(load(find_system(name)))
+    whole = fused.Whole(system, checked(system).graph)
+    path = lanes.library(whole.interface.path, wait=True)
+    assert path is not None
+    found = Lanes(path)
+    return found, list(dispersed(system, found.width))
+
+
+def compare(name: str, single: int, steps: int) -> None:
+    """Compare dispersed runs in lanes with runs alone: every double after each of the first steps,
+    and at the end; all rows."""
+    with ExitStack() as life:
+        found, systems = prepared(name, life)
+        alone, together = (
+            [life.enter_context(Simulation(each, executor="fused")) for each in systems]
+            for _ in range(2)
+        )
+        for each in alone + together:
+            each.advance(to=1)
+        steps = min(steps, alone[0].steps)
+        for to in (*range(2, single), steps):
+            assert found.advance(together, to) == [True] * len(systems), f"{name}, step {to}"
+            for k, (one, other) in enumerate(zip(alone, together, strict=True)):
+                one.advance(to=to)
+                assert memory(one) == memory(other), f"{name}: run {k}, step {to}"
+        for one, other in zip(alone, together, strict=True):
+            assert one.recorder.rows.tobytes() == other.recorder.rows.tobytes()
+            assert one.last().tobytes() == other.last().tobytes()
+        assert len({memory(each) for each in alone}) == len(systems)
+
+
+@needs_lanes
+def test_runs_in_lanes_have_the_bits_of_runs_alone() -> None:
+    compare("space_robot", 20, 500)
+
+
+@pytest.mark.long
+@needs_lanes
+@pytest.mark.parametrize("name", sorted(systems()))
+def test_every_system_in_lanes_has_the_bits_of_runs_alone(name: str) -> None:
+    compare(name, 200, 20_000)
+
+
+@needs_lanes
+def test_a_run_that_is_rejected_changes_no_other_run() -> None:
+    with ExitStack() as life:
+        found, systems = prepared("space_robot", life)
+        systems[1] = apply(systems[1], set={"robot.M_S[3]": 1e4})  # spins up until t = 13 s
+        together, alone = (
+            [life.enter_context(Simulation(each, executor="fused")) for each in systems]
+            for _ in range(2)
+        )
+        for each in together + alone:
+            each.advance(to=1)
+        valid = found.advance(together, 400)
+        assert valid == [k != 1 for k in range(found.width)]
+        for k, (one, other) in enumerate(zip(alone, together, strict=True)):
+            if k == 1:
+                with pytest.raises(RunError):
+                    one.advance(to=400)
+            else:
+                one.advance(to=400)
+                assert memory(one) == memory(other)
+
+
+@needs_lanes
+def test_a_campaign_in_lanes_has_the_dataset_of_single_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    groups: list[int] = []
+    advance = Lanes.advance
+
+    def counted(self: Lanes, simulations: Any, to: int | None = None) -> list[bool]:
+        groups.append(len(simulations))
+        return advance(self, simulations, to)
+
+    monkeypatch.setattr(Lanes, "advance", counted)
+    with ExitStack() as life:
+        prepared("space_robot", life)
+    table = {
+        "system": "space_robot",
+        "executor": "fused",
+        "runs": 64,  # in blocks of four
+        "fixed": {"stop": 60.0},
+        "factors": {"robot.M_S[3]": {"uniform": {"low": 0.0, "high": 20_000.0}}},
+        "metrics": {"turned": "max(norm(robot.omega_SN_S))"},
+    }
+    made = []
+    for name in (True, False):
+        found = harness.campaign(table, tmp_path / f"{name}.zarr", workers=0, lanes=name)
+        made.append({str(key): np.asarray(value) for key, value in found.data.items()})
+    together, alone = made
+    assert max(groups) > 1
+    assert together.keys() == alone.keys()
+    assert len(set(alone["status"])) == 2  # some runs fail
+    for key, value in alone.items():
+        assert together[key].tolist() == value.tolist() or np.array_equal(
+            together[key], value, equal_nan=True
+        ), key
