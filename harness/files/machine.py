@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Machine type of a shared library from its first bytes: ELF, PE, Mach-O.
+"""Machine type of a shared library from its first bytes: ELF, PE, Mach-O; vectors of this machine.
 
 A library can be loaded if its type is the type of the Python program that loads it.
 """
 
 from __future__ import annotations
 
+import platform
 import struct
 import sys
 from functools import lru_cache
@@ -102,3 +103,11 @@ def other_platform(head: bytes) -> str | None:
 
 def _listed(kinds: frozenset[str]) -> str:
     return " and ".join(sorted(kinds))
+
+
+@lru_cache
+def has_avx2() -> bool:
+    """Return whether this processor has the vector instructions AVX2 of x86-64."""
+    known = Path("/proc/cpuinfo")
+    text = known.read_text(encoding="utf-8") if known.is_file() else ""
+    return platform.machine() == "x86_64" and " avx2 " in text

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from harness.errors import FmuError, HarnessError
 from harness.files import adapter, cache, paths
+from harness.files.machine import has_avx2
 from harness.files.output import PrivateFolder
 from harness.master.calls import OK, WARNING
 from harness.master.fmu import Instance
@@ -46,6 +47,11 @@ MACRO_STEP = "macro_step"
 """Parameter of the whole FMU: communication steps are whole multiples of this value [s]."""
 
 COMPILER = "cc"
+
+OF_PROCESSOR = ("-mavx2", "-mno-fma") if has_avx2() else ()
+"""Flags of a system that runs on this machine only: a quarter fewer instructions, with the same
+bits, because products and sums are rounded one by one.
+"""
 
 LIBRARY = "ziglang"
 """Package that brings the compiler of modules."""
@@ -75,7 +81,7 @@ class Whole:
         """Compile the FMU unless the cache has it; raise NotFusedError."""
         self._graph, self._structure = graph, structure(system, graph)
         plan = _plan(system, graph, "whole")
-        command = _command(compiler)
+        command = [*_command(compiler), *OF_PROCESSOR]
         file = cache.made("whole.fmu", _key(plan, command), lambda to: _make(plan, to, command))
         self.interface = read_interface(file)
         found = self.interface.variables

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import platform
 import shutil
 import signal
 import subprocess
@@ -24,6 +23,7 @@ from pathlib import Path
 from time import perf_counter
 
 from harness.files import cache, paths, signals
+from harness.files.machine import has_avx2
 from harness.files.output import PrivateFolder
 from harness.master.calls import layout
 from harness.master.fused import NotFusedError, WholeInstance, run_tool
@@ -45,9 +45,7 @@ def width() -> int:
     there = shutil.which(COMPILER) and paths.core() and cache.folder() and os.name == "posix"
     if not there:
         return 1
-    known = Path("/proc/cpuinfo")
-    text = known.read_text(encoding="utf-8") if known.is_file() else ""
-    return 4 if platform.machine() == "x86_64" and " avx2 " in text else 2
+    return 4 if has_avx2() else 2
 
 
 def library(fmu: Path, wait: bool = False) -> Path | None:

@@ -17,6 +17,7 @@ import zipfile
 from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,8 +31,10 @@ from harness.errors import FmuError, RunError
 from harness.exports.package import export
 from harness.files import paths
 from harness.files.archive import pack, read_all
+from harness.master import fused
 from harness.report import live
 from harness.spelling import first_error
+from harness.system.graph import checked
 from harness.system.interface import unpacked_sources
 from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
 from harness.system.units import Affine, Hop
@@ -351,6 +354,19 @@ def test_the_first_error_of_the_compiler_states_why_a_system_cannot_be_fused(
 
 
 # ---- the file
+
+
+@pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump is not installed")
+def test_no_product_is_fused_with_a_sum(models, tmp_path):
+    """A fused multiplication and addition rounds once, which gives other bits."""
+    system = wired(models)
+    file = fused.Whole(system, checked(system).graph).interface.path
+    library = Path(extract(str(file), str(tmp_path))) / "binaries" / "linux64" / "whole.so"
+    listing = subprocess.run(
+        ["objdump", "-d", library], capture_output=True, text=True, check=True
+    ).stdout
+    assert "mulsd" in listing
+    assert not re.search(r"\bvfn?m(add|sub)", listing)
 
 
 @pytest.fixture(scope="module")
