@@ -186,10 +186,16 @@ def test_every_set_ends_in_a_safe_drift_for_the_reason_in_its_name(name):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("system", "most"), [("servicing_mission", 3.0), ("servicing_mission_navigated", 3.6)]
+    ("system", "params", "most"),
+    [
+        ("servicing_mission", "optimal", 3.0),
+        ("servicing_mission_navigated", "optimal", 3.6),
+        ("servicing_mission", "limited", 5.0),
+        ("servicing_mission_navigated", "limited", 5.2),
+    ],
 )
-def test_the_optimal_law_needs_two_thirds_of_the_increments_within_every_rule(system, most):
-    result = run(system, params="optimal")
+def test_the_optimal_law_needs_two_thirds_of_the_increments_within_every_rule(system, params, most):
+    result = run(system, params=params)
     assert [s.phase for s in stays(result)] == NOMINAL
     assert increments(result)[-1] <= most
     assert all(f.verdict is Verdict.MET for f in findings(result))
