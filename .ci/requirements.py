@@ -241,12 +241,12 @@ def order(name: str) -> tuple[str, int, int]:
 
 
 def page(t: Trace) -> str:
-    """Return the page: a table per section of the equations."""
-    text, section = HEAD, ""
+    """Return the page: a table per file of the equations."""
+    text, file = HEAD, Path()
     for name in sorted(t.texts, key=order):
-        if (now := name.partition("-")[0]) != section:
-            section, path = now, t.texts[name][1]
-            text += f"\n## {section}\n[Equations](../{path})\n\n"
+        if t.texts[name][1] != file:
+            file = t.texts[name][1]
+            text += f"\n## {name[0]} ([equations](../{file.as_posix()}))\n\n"
             text += "| id | requirement | code | tests |\n|---|---|---|---|\n"
         places = "<br>".join(f"`{path.name}`: `{f}()`" for path, f in t.code.get(name, ()))
         verifying = "<br>".join(

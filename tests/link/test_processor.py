@@ -323,7 +323,7 @@ def rebuilt(target, change):
 @needs("cortex-m7")
 def test_an_fmu_without_sources_is_rejected(tmp_path):
     bare = rebuilt(tmp_path / "bare.fmu", lambda n, c: None if n.startswith("sources/") else c)
-    with load(SYSTEM) as system, pytest.raises(FmuError, match=r"bare.fmu holds no sources"):
+    with load(SYSTEM) as system, pytest.raises(FmuError, match=r"bare.fmu: .*adaptive_controller.c.*does not hold"):
         apply(system, swap={"controller": bare}, on={"controller": "cortex-m7"})
 
 
@@ -336,6 +336,6 @@ def test_an_fmu_that_needs_an_operating_system_is_rejected_in_one_line(tmp_path)
     with load(SYSTEM) as system, pytest.raises(FmuError) as caught:
         apply(system, swap={"controller": fmu}, on={"controller": "cortex-m7"})
     assert str(caught.value) == (
-        "hosted.fmu does not compile for cortex-m7: fmi2.c:1:10: fatal error: sys/socket.h: No "
-        "such file or directory"
+        "hosted.fmu does not compile for cortex-m7: fmi2.c:1:10: fatal error: socket.h: No such "
+        "file or directory"
     )

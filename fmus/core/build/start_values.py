@@ -21,7 +21,7 @@ START_VALUES: dict[str, tuple[str, tuple[str, ...]]] = {
         ("budget", "rate_2", "await_axis", "spin_accel", "aim_radius"),
     ),
     "notch_filter": ("ppc_tracking_notched.filter", ("sample_period",)),
-    "optimal_controller": ("sync_approach.controller", ("t_att",)),
+    "optimal_controller": ("sync_approach.controller", ("cone", "t_att")),
     "orbit_filter": ("sync_approach_navigated.orbit_filter", ()),
     "pid_controller": ("ppc_tracking.controller", ("sample_period",)),
     "ppc_controller": ("ppc_tracking.controller", ("sample_period",)),

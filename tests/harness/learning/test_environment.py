@@ -13,7 +13,8 @@ from harness.errors import UsageError
 from harness.learning.apart import Apart
 from harness.learning.scoring import Scoring
 from harness.learning.vector import Environments, environments
-from harness.mission.library import campaigns, systems
+from harness.files import paths
+from harness.mission.library import campaigns
 from harness.results.requirements import margin
 from harness.studies.campaign.draft import read_plan
 from tests.close import close
@@ -239,7 +240,8 @@ def test_vectors_and_processes_give_the_same_episodes():
 
 
 def test_every_system_has_an_id():
-    assert len([i for i in gymnasium.registry if i.startswith("servicing/")]) == len(systems())
+    names = ("".join(word.title() for word in name.split("_")) for name in paths.systems())
+    assert {f"servicing/{name}-v0" for name in names} <= gymnasium.registry.keys()
 
 
 def test_wrong_names_are_errors():
