@@ -6,8 +6,8 @@
 A run takes values from the bytes that libFuzzer invents: parameters near their start values, every
 input from all numbers that its row allows, up to 32 steps. The address and undefined behaviour
 sanitizers end a run at an index outside an array, an overflow of an integer, a conversion of a
-number that does not fit, or a read outside of an object: a finding. The corpus remains in FOLDER and
-grows with later runs. FILE has a line of JSON per component.
+number that does not fit, or a read outside of an object: a finding. The corpus remains in FOLDER
+and grows with later runs. FILE has a line of JSON per component.
 """
 
 from __future__ import annotations

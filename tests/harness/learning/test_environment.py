@@ -10,10 +10,10 @@ from gymnasium.utils.env_checker import check_env
 
 from harness import environment, run
 from harness.errors import UsageError
+from harness.files import paths
 from harness.learning.apart import Apart
 from harness.learning.scoring import Scoring
 from harness.learning.vector import Environments, environments
-from harness.files import paths
 from harness.mission.library import campaigns
 from harness.results.requirements import margin
 from harness.studies.campaign.draft import read_plan

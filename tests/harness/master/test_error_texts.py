@@ -417,7 +417,7 @@ def test_doubled_names_are_offered_once():
             ["run", "sync_approach", "--set", "servicer.J_S=[1,2,3]"],
             "--set servicer.J_S: expected 3 x 3 elements, got 3 elements; the number of elements",
         ),
-        (["new", "my_pd"], "new my_pd: expected `harness new controller|sensor|plant|mission NAME`"),
+        (["new", "my_pd"], "new my_pd: expected `harness new controller|sensor|plant|"),
         (["build", "text.txt"], "text.txt: expected a .c or .py file"),
         (["draw", "sync_approach", "-o", "x.docx"], "x.docx: a diagram is written as"),
         (["export", "sync_approach", "x.zip"], "x.zip: a system is written to NAME.ssp, NAME.fmu"),
