@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 from harness import run
 from harness.cli.app import main
+from harness.mission import library
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
 from harness.ssp.library import load
@@ -27,7 +28,8 @@ def folder(tmp_path_factory):
         for kind in ("sensor", "plant"):
             assert main(["new", kind, f"mine_{kind}"]) == 0
             assert main(["build", f"mine_{kind}"]) == 0
-    return place
+    yield place
+    library._named.clear()  # a folder that is named stays among the missions of the process
 
 
 def test_the_sensor_adds_one_bias_and_the_noise_of_each_sample(folder):
