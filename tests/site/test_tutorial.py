@@ -36,4 +36,5 @@ def test_every_block_runs_and_prints_what_it_states(folders):
 def test_from_a_system_to_a_verdict_with_a_number(folders):
     follow(*folders, Path(sys.executable).parent, blocks("how_to/verdict.md"), "my.toml")
     left = {path.name for path in folders[0].iterdir()}
-    assert left >= {"s.zarr", "w.zarr", "p.zarr", "worst.html", "probability.html", "w_worst"}
+    files = {"worst.html", "run.html", "mass.html", "probability.html", "mended.toml"}
+    assert left >= files | {"s.zarr", "w.zarr", "mended.zarr", "p.zarr", "w_worst", "mass"}
