@@ -100,10 +100,13 @@ def rejected_before(
 
 @contextmanager
 def compiling(system: str | Path, changes: Changes) -> Iterator[None]:
-    """Compile the library of lanes of a fused system in the background, unless it is there."""
+    """Compile the library of lanes of a fused system in the background, unless it is there, or the
+    system has FMUs of third parties.
+    """
     with quietly(), load(system) as found:
         changed = apply(found, **changes)
-        whole = fused.compiled(changed, checked(changed).graph)
+        ours = isolated.all_ours(changed)
+        whole = fused.compiled(changed, checked(changed).graph) if ours else None
     if whole is None or library(whole.interface.path):
         yield
         return
@@ -190,8 +193,8 @@ class ReusedSimulation:
         self, part: Sequence[Changes], every: int, needed: Collection[str]
     ) -> list[Result | None]:
         """Return the results of runs that differ in values only, in the lanes of vectors; None for
-        a run that has to be made alone, as all have without a library, or with one that is slower.
-        A result is valid until the next call.
+        a run that has to be made alone, as all have with an FMU of third parties, without a library
+        or with one that is slower. A result is valid until the next call.
         """
         results: list[Result | None] = [None] * len(part)
         if self.width < 2:
@@ -199,7 +202,9 @@ class ReusedSimulation:
         begun = {}
         for place, changes in enumerate(part):
             with suppress(HarnessError):  # made alone, the run reports it
-                begun[place] = self._begun(place, changes, every, needed)
+                changed = rest(self._changed(changes))
+                if isolated.all_ours(changed):
+                    begun[place] = self._begun(place, changed, every, needed)
         compiled, complete = self._lanes(), list[bool]()
         if compiled is not None and begun:
             complete = compiled.advance([*begun.values()])
@@ -224,9 +229,7 @@ class ReusedSimulation:
             self._library = (whole, Lanes(path)) if path else None
         return self._library[1] if whole is not None and self._library else None
 
-    def _begun(
-        self, place: int, changes: Changes, every: int, needed: Collection[str]
-    ) -> Simulation:
+    def _begun(self, place: int, system: System, every: int, needed: Collection[str]) -> Simulation:
         """Return the simulation of a lane after the first macro step of a run. All simulations
         share the compiled system.
         """
@@ -237,7 +240,7 @@ class ReusedSimulation:
             self._others.append(self._life.enter_context(made))
         simulation = self._others[place - 1] if place else first
         simulation.fused = first.fused
-        simulation.begin(rest(self._changed(changes)), every, needed)
+        simulation.begin(system, every, needed)
         simulation.advance(to=1)
         return simulation
 

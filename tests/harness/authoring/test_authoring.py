@@ -25,6 +25,7 @@ from harness.authoring.build import build
 from harness.authoring.new import new_component
 from harness.cli.app import main
 from harness.files import adapter, paths
+from harness.master.fused import OF_PROCESSOR
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
 from harness.studies.check import check
@@ -84,6 +85,9 @@ def test_an_fmu_has_the_same_bytes_without_a_cache(twins, tmp_path, monkeypatch)
 
 def test_a_compiler_with_arguments_compiles_the_adapter_itself(monkeypatch):
     assert adapter.options(["cc", "-include", "mine.h"], 2) == []
+    for_processor = adapter.options(["cc", *OF_PROCESSOR], 2)
+    assert for_processor
+    assert (for_processor == adapter.options(["cc"], 2)) == (not OF_PROCESSOR)
     monkeypatch.setattr(adapter.shutil, "which", lambda name: "/bin/false")
     assert adapter.options(["false"], 2) == []
 

@@ -19,12 +19,13 @@ import pytest
 import harness
 from harness.errors import RunError
 from harness.files import paths
-from harness.master import fused, lanes
+from harness.master import fused, isolated, lanes
 from harness.master.changes import apply
 from harness.master.lanes import Lanes
 from harness.master.simulation import Simulation
 from harness.mission.library import systems
 from harness.ssp.library import find_system, load
+from harness.studies.reuse import ReusedSimulation, compiling
 from harness.system.graph import checked
 from harness.system.model import System
 
@@ -270,6 +271,26 @@ def test_a_run_that_is_rejected_changes_no_other_run() -> None:
             else:
                 one.advance(to=400)
                 assert memory(one) == memory(other)
+
+
+@needs_lanes
+def test_an_fmu_of_third_parties_is_never_loaded_into_the_process_of_a_worker(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As after a swap: the runs before it, of our FMUs, have made a simulation and a library."""
+    with ExitStack() as life:
+        prepared("space_robot", life)
+        reused = ReusedSimulation(find_system("space_robot"), "fused")
+        life.callback(reused.close)
+        runs: list[Any] = [{"stop": 20.0, "set": {"robot.M_S[3]": k}} for k in (1.0, 2.0)]
+        reused.run(runs[0])
+        assert None not in reused.together(runs, 1, ["robot.omega_SN_S"])
+        monkeypatch.setattr(isolated, "all_ours", lambda system: False)
+        monkeypatch.setattr(Simulation, "begin", lambda *_: pytest.fail("loaded here"))
+        assert reused.together(runs, 1, ["robot.omega_SN_S"]) == [None, None]
+        monkeypatch.setattr(fused, "compiled", lambda *_: pytest.fail("compiled here"))
+        with compiling("space_robot", {}):
+            pass
 
 
 @needs_lanes
