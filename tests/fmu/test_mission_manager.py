@@ -678,6 +678,16 @@ def test_turning_closer_than_the_hold_is_not_for_the_optimal_law(fmu, rate, goal
     assert recording["select_force"] == (6 if goal else 3)
 
 
+@pytest.mark.parametrize(("force", "goals"), [(2.0, [2, 3, 3]), (0.575, [0, 0, 0])])
+def test_after_turning_closer_than_the_hold_the_laws_before_bring_it_to_the_third_hold(
+    fmu, force, goals
+):
+    """The force of an axis that 20 m need is 0.58 N."""
+    given = PLANNED | {"use_optimal": 1, "F_axis": force, "steer_least": 0, "bias_tol": 9.0}
+    found = [Recording(fmu, given).lead_to(phase)["goal"] for phase in (4, 5, 6)]
+    assert found == goals
+
+
 def test_wheels_are_brought_to_half_of_what_the_rotation_takes(fmu):
     """Parallel to the mean rate: beta w, with w J w/2 in beta; in closing and second hold."""
     for phase in (1, 2, 3, 4):
