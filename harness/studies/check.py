@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,13 +28,14 @@ from harness.errors import (
 )
 from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
-from harness.master.isolated import in_child, timed
+from harness.master.isolated import in_child, simulate, timed
 from harness.master.messages import as_typed, noted, without
 from harness.master.remainder import rest
 from harness.master.simulation import Simulation
 from harness.mission.library import SYSTEM
 from harness.remote.firmware import PROCESSORS, missing
-from harness.results.requirements import log_inconsistencies
+from harness.results import verdict
+from harness.results.requirements import condition, findings, log_inconsistencies
 from harness.spelling import did_you_mean
 from harness.ssp.library import examined
 from harness.system.graph import readable_interfaces
@@ -42,6 +44,8 @@ from harness.system.model import System
 from harness.system.problems import problems as graph_problems
 from harness.system.problems import size_problems, value_problems
 from harness.system.schedule import macro_steps
+
+_log = logging.getLogger("harness")
 
 
 class Verdict(NamedTuple):
@@ -116,6 +120,7 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
         errors = [*problems, *_system_errors(system, chosen)]
         if not errors:
             log_inconsistencies(*chosen)
+            log_decided(chosen[0])
     lines = (*errors, *(f"warning: {note}" for note in notes))
     if errors or (strict and lines):
         raise StructureError(lines)
@@ -156,7 +161,26 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
         yield from str(typed).splitlines()
     for interface in {i.path: i for i in interfaces.values()}.values():
         for warning in interface.warnings:
-            logging.getLogger("harness").warning("%s: %s", interface.path.name, warning)
+            _log.warning("%s: %s", interface.path.name, warning)
+
+
+def log_decided(system: System) -> None:
+    """Log the requirements that the start values decide, a line each: they are violated in the
+    first row, or name parameters only.
+    """
+    period = max(max(1, c.every) for c in system.components)
+    experiment = system.experiment
+    if experiment.step is None:
+        return
+    stop = experiment.start + period * experiment.step
+    with suppress(HarnessError):  # the run reports it
+        with noted():
+            run = simulate(replace(system, experiment=replace(experiment, stop=stop)))
+        first = replace(run, time=run.time[:1], values=run.values[:1])
+        for found in findings(first):
+            fixed = all(path.startswith("parameter ") for path in condition(found.text).variables)
+            if fixed or found.verdict is verdict.Verdict.NOT_MET:
+                _log.warning("%s; the start values decide it, for any run", found)
 
 
 def _complaints(test: Callable[[], object]) -> list[str]:

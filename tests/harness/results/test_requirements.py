@@ -562,6 +562,24 @@ def test_a_note_names_both_values_where_parameters_contradict(name, caplog):
         check("sync_approach", strict=True, set=given)
 
 
+DECIDED = {
+    "servicer.mass >= 101 kg": "NOT MET: servicer.mass >= 101 kg; worst 100 kg at 0 s",
+    "parameter(servicer.mass_0) >= 3 kg": "met: parameter(servicer.mass_0) >= 3 kg; worst 100 kg",
+}
+
+
+@pytest.mark.parametrize("text", DECIDED)
+def test_check_warns_of_a_requirement_that_the_start_values_decide(text):
+    verdict = check("sync_approach", require=[text, "guidance.range >= 3 m"])
+    assert verdict.warnings == (f"{DECIDED[text]}; the start values decide it, for any run",)
+
+
+def test_check_finds_the_start_values_of_a_system_of_several_rates():
+    given = {"require": ["servicer.mass >= 101 kg"]}
+    assert len(check("servicing_mission", **given).warnings) == 1
+    assert not check("servicing_mission").warnings
+
+
 def test_no_set_contradicts_itself_and_a_law_without_an_estimate_states_nothing(tmp_path):
     for name in ("sync_approach", "sync_approach_navigated", "sync_approach_thrusters"):
         assert not [w for w in check(name).warnings if "expected" in w]
