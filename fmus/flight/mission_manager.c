@@ -235,6 +235,7 @@ static const Model start = {
           .spin_time = 60,
           .abort_relative = 1,
           .axis_radius = 3,
+          .monitor_stack = 1,
           .far_time = 1200,
           .sample_period = 0.1},
     .u = {.T = {.r = {42164000, 0, 0}, .v = {0, 3074.66, 0}, .q = {1, 0, 0, 0}},
@@ -501,15 +502,16 @@ static void publish_selection(const Parameters *p, const State *x, Output *y)
 }
 
 /* The keep-out zone is open while `approaching`. During a retreat within R_2 monitor_valid is 0:
- * otherwise the monitor would report the position as an entry into the zone. */
-/* J.1-9 */
+ * otherwise the monitor would report the position as an entry into the zone. Docked, it is 1, or 0
+ * without monitor_stack: the force of an abort would turn the stack. */
+/* J.1-9, J.1-13 */
 static void publish_switches(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                              Output *y)
 {
     int docked = x->phase >= RIGIDISE && x->phase <= STACK;
     int leaving = (x->phase == RETREAT || x->phase == SAFE) && g->R < p->R_2;
     y->approaching = x->phase >= FINAL && x->phase <= BACKOFF;
-    y->monitor_valid = docked || (u->relative_valid > 0 && !leaving);
+    y->monitor_valid = docked ? p->monitor_stack : (u->relative_valid > 0 && !leaving);
     y->latch_enable = x->phase == MATING || docked;
     y->release = 0;
     y->push = !p->by_arm && x->phase == MATING && x->touched.runs;

@@ -46,7 +46,7 @@ typedef struct {
     double await_axis, spin_time, spin_accel, use_optimal, far_time;
     double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp */
     mat3 J_T, J_S;
-    double abort_relative, axis_radius, aim_radius;
+    double abort_relative, axis_radius, aim_radius, monitor_stack;
     double sample_period;
 } MissionParameters;
 typedef struct {
@@ -147,6 +147,9 @@ typedef struct {
         NONNEGATIVE(aim_radius, "m",                                                               \
                     "the closing aims along a tangent of this sphere until it is near R_2; 0: at " \
                     "the hold"),                                                                   \
+        SWITCH(monitor_stack,                                                                      \
+               "1: the safety monitor uses the state from soft capture on, too; 0: not in phases " \
+               "8 to 10, where its abort is not obeyed"),                                          \
         GRID(sample_period, "sample period of the software")
 
 #define MISSION_INPUTS                                                                           \

@@ -351,6 +351,14 @@ def test_a_retreat_out_of_the_opened_zone_is_not_evaluated_as_an_entry(fmu):
     assert recording["monitor_valid"] == 0
 
 
+@pytest.mark.verifies("J.1-13")
+@pytest.mark.parametrize("watched", [0, 1])
+def test_the_monitor_uses_the_state_of_the_stack_with_monitor_stack_only(fmu, watched):
+    for phase, valid in ((7, 1), (8, watched), (9, watched), (10, watched)):
+        recording = Recording(fmu, {"monitor_stack": watched}).lead_to(phase)
+        assert recording["monitor_valid"] == valid
+
+
 def test_attitude_of_the_virtual_target_carries_x_to_the_line_of_the_holds(fmu):
     """A point R on x of V is the hold point: rho_H = R [cos psi, sin psi, 0]."""
     for psi in (-np.pi / 2, 0.4, 2.0):

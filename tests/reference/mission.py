@@ -41,6 +41,7 @@ PARAMETERS = {
     "by_arm": 0, "momentum_max": 0, "mass_T": 150,
     "J_T": np.diag((100.0, 150, 90)), "J_S": np.diag((200.0, 250, 150)),
     "abort_relative": 1, "axis_radius": 3, "aim_radius": 0, "use_optimal": 0, "far_time": 1200,
+    "monitor_stack": 1,
 }  # fmt: skip
 
 FORCE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, 5, 0, 0)
@@ -534,7 +535,9 @@ class Manager:
                        strict=True)),
             "q_VN": quaternion_of_dcm(turn @ g.C_HN), "omega_VN_V": omega,
             "approaching": float(5 <= k <= 11),
-            "monitor_valid": float(8 <= k <= 10 or (bool(u["relative_valid"]) and not hidden)),
+            "monitor_valid": float(
+                p["monitor_stack"] if 8 <= k <= 10 else (bool(u["relative_valid"]) and not hidden)
+            ),
             "latch_enable": float(7 <= k <= 10), "release": 0.0,
             "push": float(k == 7 and not p["by_arm"] and not np.isnan(self.touched)),
             "arm_mode_cmd": ARM[k] * p["by_arm"] * (not self._far_back()), "momentum": g.momentum,
