@@ -205,7 +205,8 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     """Show what a run, or each phase of a mission, would have cost at least.
 
     The least impulse is the optimum of a convex problem with the constraints of the mission. Its
-    force is simulated open loop, with the requirements of the system.
+    force is simulated open loop: with the requirements of the system, or phase by phase with the
+    plants of both bodies.
     """
     from harness.studies.optimum import PhaseAnswer, bound
 
@@ -215,7 +216,9 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     if output is None:
         return
     if isinstance(found, PhaseAnswer):
-        raise UsageError(f"-o {output}: optima of phases are not simulated, there is no run")
+        raise UsageError(
+            f"-o {output}: optima of phases are simulated one by one, there is no single run"
+        )
     found.verified.save(output)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from harness.results.result import Array, Result, Rows
 
@@ -64,22 +64,28 @@ class Bound(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """Phase of a run: convex problem, impulse of the run [N s], and the problem with what is not
-    convex replaced along another path (n + 1, 3) (None: all is convex).
+    """Phase of a run: convex problem; impulse of the run [N s]; start: parameters of both bodies
+    that begin where the phase begins, with a servicer that does not turn; along: the problem with
+    what is not convex replaced along another path (n + 1, 3) (None: all is convex).
     """
 
     problem: Problem
     spent: float
+    start: Mapping[str, Any]
     along: Callable[[Problem, Array], Problem] | None = None
 
 
 class PhaseBounds(NamedTuple):
     """Least impulses of the phases of a run, for results with these variables and parameters;
-    phases: of a result, for a step of the grids [s] (None: of the mission), by name; every: macro
-    steps per row.
+    phases: of a result, for a step of the grids [s] (None: of the mission), by name; positions and
+    velocities of both bodies, attitude and force as in Bound; every: macro steps per row.
     """
 
     needs: tuple[str, ...]
     parameters: tuple[str, ...]
     phases: Callable[[Result, float | None], Mapping[str, Phase]]
+    positions: tuple[str, str]
+    velocities: tuple[str, str]
+    attitude: str
+    force: str
     every: int = 1

@@ -148,43 +148,89 @@ class Answer:
 
 
 class PhaseOptimum(NamedTuple):
-    """Impulse of a phase in the run and in its optimum [N s], and the initial mass [kg]."""
+    """Impulse of a phase in the run [N s], its optimum, the initial mass [kg], and how far position
+    [m] and velocity [m/s] are off the plan at the end of a simulation of the optimal force.
+    """
 
     spent: float
-    impulse: float
+    optimum: Optimum
     mass: float
+    miss: tuple[float, float]
+
+
+NOTHING = 1e-6
+"""Velocity increment that counts as none: far below what a solver resolves [m/s]."""
 
 
 @dataclass(frozen=True)
 class PhaseAnswer:
-    """Run and the optima of its phases by name. They are not simulated open loop."""
+    """Run and the optima of its phases by name."""
 
     run: Result
     phases: Mapping[str, PhaseOptimum]
 
     def lines(self) -> Iterator[str]:
-        """Yield the increments of each phase beside its optimum, and their sums."""
-        found = [(name, p.spent / p.mass, p.impulse / p.mass) for name, p in self.phases.items()]
+        """Yield the increments of each phase beside its optimum, with the verification, and their
+        sums.
+        """
+        found = [
+            (name, p.spent / p.mass, p.optimum.impulse / p.mass) for name, p in self.phases.items()
+        ]
+        ends = [f"; open loop {1e3 * r:.2g} mm, {1e3 * v:.1g} mm/s off the plan"
+                for r, v in (p.miss for p in self.phases.values())]  # fmt: skip
         total = ("sum", sum(f[1] for f in found), sum(f[2] for f in found))
-        for name, spent, best in (*found, total):
+        for (name, spent, best), end in zip((*found, total), (*ends, ""), strict=True):
             ratio = f"{spent / best:.3g} times the optimum of {best:.3g} m/s"
-            yield f"{self.run.system}, {name}: {spent:.3g} m/s, {ratio}"
+            ratio = ratio if best > NOTHING else "the optimum is 0"
+            yield f"{self.run.system}, {name}: {spent:.3g} m/s, {ratio}{end}"
 
 
 PASSES = 3
 """Solutions of a phase, each with what is not convex replaced along the path of the one before."""
 
 
-def _phase_optimum(phase: Phase, cost: str, without: Collection[str]) -> PhaseOptimum:
-    problem = _reduced(phase.problem, without)
-    best = solve(problem, cost)
+def phase_optimum(phase: Phase, cost: str = "sum", without: Collection[str] = ()) -> Optimum:
+    """Return the optimum of a phase, the best of PASSES; raise HarnessError if there is none."""
+    best = solve(_reduced(phase.problem, without), cost)
     for _ in range(PASSES - 1):
         if phase.along is None:
             break
         again = solve(_reduced(phase.along(phase.problem, best.position), without), cost)
         if again.impulse < best.impulse:
             best = again
-    return PhaseOptimum(phase.spent, best.impulse, problem.mass)
+    return best
+
+
+def phase_verified(
+    system: System, offered: PhaseBounds, phase: Phase, optimum: Optimum
+) -> tuple[float, float]:
+    """Return how far position [m] and velocity [m/s] are off the plan at the end of a phase: of a
+    simulation of the plants of both bodies alone, in which the actuator gives the optimal force,
+    held in N over a step of the grid.
+    """
+    begin, end = (float(phase.problem.time[k]) for k in (0, -1))
+    bodies = {name.partition(".")[0] for name in offered.positions}
+    opened = [c.name for c in system.components if c.name not in bodies]
+    span = replace(system.experiment, start=begin, stop=end)
+    changed = apply(replace(system, experiment=span), set=phase.start, open=opened)
+    with Simulation(changed, every=offered.every) as simulation:
+        q, force = simulation.port(offered.attitude), simulation.port(offered.force)
+        h, into = simulation.clock.step, q * np.array([1, -1, -1, -1])
+        ends = np.rint((optimum.time - begin) / h).astype(int)
+        impulses = _pushes(phase.problem, optimum) * np.diff(optimum.time)[:, None]
+        for impulse, first, last in zip(impulses, ends[:-1], ends[1:], strict=True):
+            force[:] = turned(into, impulse / (h * (last - first)))
+            simulation.forward(int(last))
+        pairs = (offered.positions, offered.velocities)
+        own, other = (np.array([simulation.port(pair[k]) for pair in pairs]) for k in (0, 1))
+    plan = np.array([optimum.position[-1], optimum.velocity[-1]])
+    position, velocity = np.linalg.norm(own - other - plan, axis=1).tolist()
+    return position, velocity
+
+
+def _pushes(problem: Problem, optimum: Optimum) -> Array:
+    """Return the optimal force of every step in N (n, 3)."""
+    return np.asarray(np.einsum("nij,nj->ni", problem.axes, optimum.force))
 
 
 def bound(
@@ -213,10 +259,12 @@ def bound(
             run = simulation.result()
         chosen = _fitting(offered, run)
         if isinstance(chosen, PhaseBounds):
-            phases = chosen.phases(run, grid)
-            return PhaseAnswer(
-                run, {name: _phase_optimum(p, cost, without) for name, p in phases.items()}
-            )
+            phases = {}
+            for name, phase in chosen.phases(run, grid).items():
+                best = phase_optimum(phase, cost, without)
+                miss = phase_verified(changed, chosen, phase, best)
+                phases[name] = PhaseOptimum(phase.spent, best, phase.problem.mass, miss)
+            return PhaseAnswer(run, phases)
         problem = _reduced(chosen.problem(run, grid or chosen.grid), without)
         best = solve(problem, cost)
         spent = chosen.spent(run) if chosen.spent else _spent(run, chosen.force, cost)
@@ -251,7 +299,7 @@ def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum)
     """Return the run in which the actuator gives the optimal force, turned into the axes of the
     servicer, and all other components work as ever.
     """
-    push = np.einsum("nij,nj->ni", problem.axes, optimum.force)
+    push = _pushes(problem, optimum)
     actuator = offered.force.partition(".")[0]
     with Simulation(system, open=[actuator], every=offered.every) as simulation:
         q, force = (simulation.port(name) for name in (offered.attitude, offered.force))

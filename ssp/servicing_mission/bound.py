@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problems of the phases of a mission: each from where the run began it to where the run
-left it, within the tolerances of the manager.
+"""Convex problems of the phases of a mission before the capture: each from where the run began it
+to where the run left it, within the tolerances of the manager; a hold is at its place all the time.
 
-Outside the final approach the keep-out sphere is convexified from inside: range along a way, first
-the way of the run, then the way of the last optimum (`along`).
+Before the final approach the least range is convexified from inside: range along a way, first the
+way of the run, then the way of the last optimum (`along`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -21,12 +22,19 @@ from .events import NEEDS, stays
 
 BOX = np.array([2.0, 1.0, 1.0])
 """Thrust along the axes of the servicer: four thrusters of 0.5 N along x, two along y and z [N]."""
-GRIDS = {"far": 4.0, "closing": 2.0, "fly-around": 1.0, "final": 1.0}
+GRIDS = {"far": 4.0, "hold 1": 2.0, "closing": 2.0, "hold 2": 1.0, "fly-around": 1.0, "final": 1.0,
+         "hold 3": 0.5, "mating": 0.5}  # fmt: skip
 """Phases and the steps of their grids [s]."""
 HALF_ANGLE, ZONE = "monitor.corridor_half_angle", "monitor.keep_out_half"
-ENDS = {"far": ("tol_1", "v_1"), "closing": ("tol_2", "v_2"), "fly-around": ("tol_2", "v_2"),
-        "final": ("tol_3", "v_3")}  # fmt: skip
-"""Parameters of the manager: tolerances of position and speed at the end of a phase."""
+ENDS = {"far": ("tol_1", "v_1"), "hold 1": ("tol_1", "v_1"), "closing": ("tol_2", "v_2"),
+        "hold 2": ("tol_2", "v_2"), "fly-around": ("tol_2", "v_2"), "final": ("tol_3", "v_3"),
+        "hold 3": ("tol_3", "v_3")}  # fmt: skip
+"""Parameters of the manager: tolerances of position and speed at the end of a phase. Mating ends at
+the place and with the velocity of the contact.
+"""
+WITH_TARGET = ("fly-around", "final", "hold 3", "mating")
+"""Phases that end at rest in the axes of the target; the others in H."""
+IN_CORRIDOR = ("final", "hold 3", "mating")
 
 
 def rows(result: Result, phase: str) -> slice:
@@ -48,26 +56,65 @@ def phase(result: Result, name: str, grid: float) -> Phase:
     cut = rows(result, name)
     part = replace(result, time=result.time[cut], values=result.values[cut])
     spent = part[bounds.IMPULSE][-1] - part[bounds.IMPULSE][0]
-    return Phase(problem(part, name, grid), float(spent.sum()), None if name == "final" else along)
+    given = problem(part, name, grid)
+    again = along if given.cones[0].name in {"keep_out", "range"} else None
+    return Phase(given, float(spent.sum()), start(part), again)
+
+
+def start(part: Result) -> Mapping[str, Any]:
+    """Return the parameters with which both bodies begin where a part of a run begins; the attitude
+    of the servicer does not turn.
+    """
+    found: dict[str, Any] = {
+        "servicer.t_att": 1e9,
+        "servicer.mass_0": float(part["servicer.mass"][0]),
+    }
+    for body, axes in (("target", "TN"), ("servicer", "SN")):
+        found[f"{body}.a"] = 0.0
+        for x in ("r", "v"):
+            found[f"{body}.{x}_0_N"] = part[f"{body}.{x}_{axes}_N"][0].tolist()
+    return found
 
 
 def problem(part: Result, phase: str, grid: float) -> Problem:
     """Return the convex problem of the rows of a phase."""
     found = bounds.problem(part, grid, BOX)
-    zone = float(np.min(part.parameter(ZONE)))
-    axis = bounds.target_axis(part, found.time, np.asarray(part.parameter("manager.p_T")))
-    inside = found.time > found.time[0]
-    rule = bounds.beyond("keep_out", inside, _directions(_relative(part, found.time)), zone)
-    if phase == "final":
-        rule = bounds.about("corridor", inside, axis, float(part.parameter(HALF_ANGLE)))
-    return replace(found, cones=(rule, *_ends(part, found.time, phase)))
+    return replace(found, cones=(*way(part, found.time, phase), *_ends(part, found.time, phase)))
+
+
+def way(part: Result, time: Array, phase: str) -> Iterator[Cone]:
+    """Yield the constraints on the way."""
+    given = {name: float(part.parameter(f"manager.{name}")) for name in ("R_1", "R_2", "L_3")}
+    tol_1, tol_2, tol_3 = (float(part.parameter(f"manager.tol_{k}")) for k in (1, 2, 3))
+    inside, zone = time > time[0], float(np.min(part.parameter(ZONE)))
+    axis = bounds.target_axis(part, time, np.asarray(part.parameter("manager.p_T")))
+    toward = _directions(_relative(part, time))
+    if phase in IN_CORRIDOR:
+        yield bounds.about("corridor", inside, axis, float(part.parameter(HALF_ANGLE)))
+    elif phase == "hold 1":
+        yield bounds.beyond("range", inside, toward, given["R_1"] - 2 * tol_1)
+        yield bounds.within("hold", inside, 0 * axis, given["R_1"] + 2 * tol_1)
+    elif phase != "hold 2":
+        yield bounds.beyond("keep_out", inside, toward, zone)
+    if phase == "hold 2":
+        yield bounds.within("hold", inside, given["R_2"] * _line(part, time), tol_2)
+    if phase == "hold 3":
+        yield bounds.beside("hold", inside, axis, tol_3)
+        yield bounds.between("hold", inside, axis, given["L_3"] - tol_3, given["L_3"] + tol_3)
+
+
+def _line(part: Result, time: Array) -> Array:
+    """Return the direction of the line of holds in N (n + 1, 3)."""
+    psi = float(part.parameter("manager.line_angle"))
+    r, v = (bounds.at(part, bounds.BODIES[k], time) for k in (0, 1))
+    return np.asarray(bounds.hill(r, v)[0] @ [np.cos(psi), np.sin(psi), 0])
 
 
 def along(problem: Problem, way: Array) -> Problem:
     """Return the problem with the range along another way (n + 1, 3)."""
     inside = np.arange(len(problem.time)) > 0
-    zone = -float(problem.cones[0].limit[0])
-    rule = bounds.beyond("keep_out", inside, _directions(way), zone)
+    name, least = problem.cones[0].name, -float(problem.cones[0].limit[0])
+    rule = bounds.beyond(name, inside, _directions(way), least)
     return replace(problem, cones=(rule, *problem.cones[1:]))
 
 
@@ -80,23 +127,36 @@ def _directions(way: Array) -> Array:
     return np.asarray(way / np.linalg.norm(way, axis=1)[:, None])
 
 
-def _ends(result: Result, time: Array, phase: str) -> tuple[Cone, Cone]:
-    """Return the end of a phase: near the place where the run left it, slow as seen in the frame of
+def _ends(result: Result, time: Array, phase: str) -> Iterator[Cone]:
+    """Yield the end of a phase: near the place where the run left it, slow as seen in the frame of
     the phase, H or T.
     """
-    near, slow = (float(result.parameter(f"manager.{name}")) for name in ENDS[phase])
-    last = np.arange(len(time)) == len(time) - 1
+    last, one, nothing = np.arange(len(time)) == len(time) - 1, np.eye(3)[None], np.zeros((1, 3))
     r, v = (bounds.at(result, bounds.BODIES[k], time[-1:]) for k in (0, 1))
+    if phase == "mating":
+        contact = r - bounds.at(result, bounds.BODIES[4], time[-1:])
+        striking = v - bounds.at(result, bounds.BODIES[5], time[-1:])
+        node, zero = np.flatnonzero(last), np.zeros(1)
+        yield Cone("end", node, one, 0 * one, contact, nothing, zero)
+        yield Cone("speed", node, 0 * one, one, striking, nothing, zero)
+        return
+    near, slow = (float(result.parameter(f"manager.{name}")) for name in ENDS[phase])
     rate = bounds.hill(r, v)[1][0]
-    if phase in {"fly-around", "final"}:
+    if phase in WITH_TARGET:
         q = bounds.quaternions(result, bounds.BODIES[2], time[-1:])
         rate = bounds.axes(q)[0] @ result[bounds.BODIES[3]][-1]
     turning = -np.cross(rate, np.eye(3)).T[None]  # -(rate x rho)
-    nothing, one = np.zeros((1, 3)), np.eye(3)[None]
-    speed = Cone("speed", np.flatnonzero(last), turning, one, nothing, nothing, np.array([slow]))
-    return bounds.within("end", last, _relative(result, time), near), speed
+    yield bounds.within("end", last, _relative(result, time), near)
+    yield Cone("speed", np.flatnonzero(last), turning, one, nothing, nothing, np.array([slow]))
 
 
 BOUND = PhaseBounds(
-    (*bounds.BODIES, bounds.IMPULSE, *NEEDS), (HALF_ANGLE, ZONE, "manager.p_T"), phases, every=10
+    (*bounds.BODIES, bounds.IMPULSE, *NEEDS),
+    (HALF_ANGLE, ZONE, "manager.p_T"),
+    phases,
+    (bounds.BODIES[4], bounds.BODIES[0]),
+    (bounds.BODIES[5], bounds.BODIES[1]),
+    bounds.BODIES[6],
+    "propulsion.F_S",
+    every=10,
 )

@@ -147,6 +147,25 @@ def within(name: str, mask: Mask, centre: Array, radius: float) -> Cone:
     return Cone(name, nodes, matrix, 0 * matrix, -c, 0 * c, limit)
 
 
+def beside(name: str, mask: Mask, axis: Array, most: float) -> Cone:
+    """Return a distance of at most `most` from an axis (n + 1, 3) through the target."""
+    nodes, (a,) = _part(mask, axis)
+    across = EYE - a[:, :, None] * a[:, None, :]
+    limit = np.full(len(nodes), most)
+    return Cone(name, nodes, across, 0 * across, 0 * a, 0 * a, limit)
+
+
+def between(name: str, mask: Mask, axis: Array, least: float, most: float) -> Cone:
+    """Return least <= axis . rho <= most."""
+    nodes, (a,) = _part(mask, axis)
+    middle, half = (
+        np.full((len(nodes), 1), (least + most) / 2),
+        np.full(len(nodes), (most - least) / 2),
+    )
+    along = a[:, None, :]
+    return Cone(name, nodes, along, 0 * along, -middle, 0 * a, half)
+
+
 def target_axis(result: Result, time: Array, axis: Array) -> Array:
     """Return an axis that is fixed to the target, in N (n + 1, 3)."""
     return np.asarray(axes(quaternions(result, BODIES[2], time)) @ axis)

@@ -14,7 +14,15 @@ from harness.errors import HarnessError, UsageError
 from harness.mission import Limits
 from harness.mission.optimum import Cone, Problem
 from harness.results.requirements import margin
-from harness.studies.optimum import bound, solve, transitions
+from harness.ssp.library import load
+from harness.studies.optimum import (
+    Optimum,
+    bound,
+    phase_optimum,
+    phase_verified,
+    solve,
+    transitions,
+)
 from ssp.ppc_tracking import bound as ppc_tracking
 from ssp.relay_approach import bound as relay_approach
 from ssp.servicing_mission import bound as servicing_mission
@@ -126,27 +134,58 @@ NEAR = {
 """From 25 to 20 m in a minute."""
 
 
-def test_phases_of_a_mission_cost_more_than_their_optima(capsys, tmp_path):
+@pytest.fixture(scope="module")
+def near():
+    return run("servicing_mission", set=NEAR, stop=90.0)
+
+
+def test_phases_of_a_mission_cost_more_than_their_optima(near, capsys, tmp_path):
     found = bound("servicing_mission", set=NEAR, stop=90.0, grid=3.0)
-    assert list(found.phases) == ["far", "closing"]
+    assert list(found.phases) == ["far", "hold 1", "closing", "hold 2"]
     closing = found.phases["closing"]
-    assert closing.spent > closing.impulse > 0
-    assert closing.impulse >= 2 * 100 * (5 - 1) / 70  # 100 kg, 4 m to the ball of tol_2
-    less = bound("servicing_mission", set=NEAR, stop=90.0, grid=3.0, without=("speed",))
-    assert less.phases["closing"].impulse < closing.impulse - 0.1
-    *_, last = found.lines()
+    assert closing.spent > closing.optimum.impulse > 0
+    assert closing.optimum.impulse >= 2 * 100 * (5 - 1) / 70  # 100 kg, 4 m to the ball of tol_2
+    for phase in found.phases.values():
+        assert phase.miss[0] < 1e-3 and phase.miss[1] < 1e-6
+    less = phase_optimum(servicing_mission.phases(near, 3.0)["closing"], "sum", ("speed",))
+    assert less.impulse < closing.optimum.impulse - 0.1
+    _, hold_1, closing, _, last = found.lines()
+    assert "the optimum is 0; open loop" in hold_1 and "mm/s off the plan" in closing
     assert last.startswith("servicing_mission, sum: ")
     words = [x for name, value in NEAR.items() for x in ("--set", f"{name}={value}")]
     output = ["--stop", "5", "-o", str(tmp_path / "x.nc")]
     assert main(["bound", "servicing_mission", *words, *output]) == 2
-    assert "optima of phases are not simulated" in capsys.readouterr().err
+    assert "optima of phases are simulated one by one" in capsys.readouterr().err
 
 
-def test_a_phase_ends_at_rest_in_its_frame_and_outside_the_zone():
-    result = run("servicing_mission", set=NEAR, stop=90.0)
-    given = servicing_mission.phases(result, None)["closing"].problem
+def test_the_simulation_of_a_phase_gives_the_force_of_the_plan_along_every_axis(near):
+    """Any force along all axes, twice integrated by hand: a wrong sign is metres."""
+    phase = servicing_mission.phases(near, 3.0)["closing"]
+    given = phase.problem
+    step, n = np.diff(given.time)[0], len(given.time) - 1
+    force = np.random.default_rng(5).uniform([-0.7, -1.4, -0.5], [1.3, 0.6, 1.5], (n, 3))
+    middle = given.time[:-1] + step / 2
+    rows = near["servicer.q_SN"][np.searchsorted(near.time, middle)]
+    push = Rotation.from_quat(rows, scalar_first=True).apply(force) / given.mass
+    v = np.vstack([np.zeros(3), np.cumsum(push * step, axis=0)])
+    r = np.vstack([np.zeros(3), np.cumsum((v[:-1] + v[1:]) / 2 * step, axis=0)])
+    r, v = (
+        r + given.start[:3] + np.outer(given.time - given.time[0], given.start[3:]),
+        v + given.start[3:],
+    )
+    plan = Optimum(given.time, r, v, force, 0.0)
+    with load("servicing_mission") as system:
+        miss = phase_verified(system, servicing_mission.BOUND, phase, plan)
+        assert miss[0] < 0.03 and miss[1] < 1e-3  # the tide, and the turning within a step
+        for axis in range(3):
+            wrong = replace(plan, force=force * np.where(np.arange(3) == axis, -1, 1))
+            assert phase_verified(system, servicing_mission.BOUND, phase, wrong)[0] > 3
+
+
+def test_a_phase_ends_at_rest_in_its_frame_and_outside_the_zone(near):
+    given = servicing_mission.phases(near, None)["closing"].problem
     keep_out, _, speed = given.cones
-    r, v = result["target.r_TN_N"][-1], result["target.v_TN_N"][-1]
+    r, v = near["target.r_TN_N"][-1], near["target.v_TN_N"][-1]
     rho = np.array([3.0, -5.0, 2.0])
     at_rest = np.cross(np.cross(r, v) / (r @ r), rho)
     left = speed.position[0] @ rho + speed.velocity[0] @ at_rest
@@ -156,6 +195,32 @@ def test_a_phase_ends_at_rest_in_its_frame_and_outside_the_zone():
     assert np.array_equal(turned.cones[0].slope[5], [0, 1, 0])
     assert np.array_equal(turned.cones[0].limit, keep_out.limit)
     assert keep_out.limit[0] == -12
+
+
+def holds(cone, rho):
+    """Whether a place satisfies a constraint of positions, at its first node."""
+    left = np.linalg.norm(cone.position[0] @ rho + cone.offset[0])
+    return left <= cone.slope[0] @ rho + cone.limit[0] + 1e-12
+
+
+def test_a_hold_remains_at_its_place(near):
+    """The second within a metre of 20 m behind the target; the third within 5 cm of 3 m on its
+    axis, and 5 cm beside it.
+    """
+    time = near.time[:50]
+    (second,) = servicing_mission.way(near, time, "hold 2")
+    r, v = near["target.r_TN_N"][1], near["target.v_TN_N"][1]
+    behind = -np.cross(np.cross(r, v), r)
+    behind /= np.linalg.norm(behind)
+    assert holds(second, 20.99 * behind) and not holds(second, 21.01 * behind)
+    corridor, beside, along = servicing_mission.way(near, time, "hold 3")
+    axis = Rotation.from_quat(near["target.q_TN"][1], scalar_first=True).apply([1, 0, 0])
+    across = np.cross(axis, [0.6, 0, 0.8])
+    across /= np.linalg.norm(across)
+    for off, inside in ((0.049, True), (0.051, False)):
+        assert holds(beside, 3 * axis + off * across) == inside
+        assert holds(along, (3 + off) * axis) == holds(along, (3 - off) * axis) == inside
+        assert holds(corridor, 3 * axis + off * across)
 
 
 def test_names_of_constraints_are_checked(capsys):
