@@ -192,17 +192,20 @@ class Panel(Checked):
 
 @dataclass(frozen=True)
 class Figure(Checked):
-    """Panels from top to bottom; name: of the file; when: variables that must be in the result."""
+    """Panels from top to bottom; name: of the file; when: variables that must be in the result;
+    only: whether a result has this figure (None: all that have the variables).
+    """
 
     name: str
     title: str
     panels: tuple[Panel, ...]
     when: tuple[str, ...] = ()
+    only: Callable[[Result], bool] | None = None
 
     def fits(self, result: Result) -> bool:
         """Return whether the result has everything that is drawn."""
         drawn = (v for panel in self.panels for curve in panel.curves for v in curve.variables())
-        return result.holds(*self.when, *drawn)
+        return result.holds(*self.when, *drawn) and (self.only is None or self.only(result))
 
     def is_empty(self, result: Result) -> bool:
         """Return whether nothing changes in a figure that fits."""

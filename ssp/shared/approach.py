@@ -14,6 +14,7 @@ from . import (
     line_of_sight_figures,
     navigation_claims,
     navigation_figures,
+    plan_figures,
     safety_figures,
 )
 from .approach_figures import (
@@ -44,6 +45,7 @@ FURTHER = (
     *safety_figures.FIGURES,
     *filtering.FIGURES,
     *flexible.FIGURES,
+    *plan_figures.FIGURES,
 )
 """Figures of what may take the place of a component: actuators, controllers, sensors, monitor."""
 IDLE = (LEAST, *(rule.history for rule in RULES), filtering.BARRIER, filtering.LEAST)

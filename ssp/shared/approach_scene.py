@@ -15,6 +15,7 @@ from harness.results.result import Array, Result, Rows
 
 from . import approach_zones as zones
 from . import bodies, flexible
+from .plan_figures import PLANNERS
 from .relative_motion import DISTANCE, SERVICER, SPEED, TARGET, VELOCITIES, release_time
 from .sky import frames, in_orbit, sky
 
@@ -73,6 +74,7 @@ def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
         sensors=zones.sensors(result),
         spots=_spots(result, outfit),
         plumes=_plumes(result, rows, arrays, size),
+        plans=plans(result, rows, arrays),
         range=arrays.sample(result, rows, DISTANCE),
         speed=arrays.sample(result, rows, SPEED),
         numbers=list(outfit.numbers) if outfit else [],
@@ -213,7 +215,7 @@ def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Sce
     rows = instants(longest, "target.q_TN")
     time, orbit = longest.time[rows], in_orbit(longest[TARGET][rows])
     found, numbers = [], []
-    timeline: dict[str, list[Scene]] = {"events": [], "phases": [], "rules": []}
+    timeline: dict[str, list[Scene]] = {"events": [], "phases": [], "rules": [], "plans": []}
     for k, (label, result) in enumerate(moving.items()):
         own = np.minimum(np.searchsorted(result.time, time - INSTANT), len(result.time) - 1)
         outfit = fit(result, own, arrays)
@@ -225,6 +227,7 @@ def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Sce
         timeline["events"] += of_run(label, course["events"])
         timeline["phases"] += [phase | {"run": label} for phase in course["phases"]]
         timeline["rules"] += zones.overall(label, result, own, arrays)
+        timeline["plans"] += plans(result, own, arrays, label)
     outfit = fit(longest, rows, arrays)
     client = _target(longest, rows, arrays, orbit, False, outfit)._replace(colour=NEUTRAL)
     return scene(
@@ -251,6 +254,24 @@ NEUTRAL = 7
 def _planet(result: Result) -> float:
     """Return the radius of the planet [m], 0 if no parameter defines it."""
     return max(zones.parameter(result, "target.R_E"), zones.parameter(result, "monitor.R_E"))
+
+
+# ---- plans
+
+
+def plans(result: Result, rows: Rows, arrays: Arrays, body: str = "servicer") -> list[Scene]:
+    """Return the points from the target in N that a plan of a body leads through, (rows, 3 points),
+    and the origin of its force: 0: the present plan, 1: an older one; else the force is no plan's.
+    """
+    return [
+        {
+            "body": body,
+            "points": arrays.sample(result, rows, f"{name}.plan_rho_N"),
+            "mode": arrays.sample(result, rows, f"{name}.mode"),
+        }
+        for name in PLANNERS
+        if result.holds(f"{name}.plan_rho_N", f"{name}.mode")
+    ]
 
 
 # ---- plumes

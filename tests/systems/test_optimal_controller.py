@@ -3,10 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from harness import run
+from harness.figures.choice import figures_of
+from harness.report.arrays import Arrays
+from harness.report.timeline import replay
+from tests.close import close
 
 SWAP = {"controller": "optimal_controller"}
 PLAN, FIRST_PLAN = 0, 3
@@ -54,6 +60,24 @@ def test_the_plan_points_ahead_along_the_path_that_is_then_run(limited):
         then = limited["controller.plan_time"][k] + 10 * limited["controller.plan_step"][k]
         planned = limited["controller.plan_rho_N"][k, 0]
         assert np.linalg.norm(planned - rho[np.searchsorted(t, then)]) < 0.5
+
+
+def test_the_replay_has_the_points_of_the_plan_and_the_origin_of_the_force(limited):
+    arrays = Arrays()
+    scene = replay(limited, arrays)
+    (plan,) = scene["plans"]
+    assert plan["body"] == "servicer"
+    rows = np.searchsorted(limited.time, arrays.take(scene["time"]) - 1e-3)
+    assert np.array_equal(arrays.take(plan["mode"]), limited["controller.mode"][rows])
+    points = arrays.take(plan["points"])
+    close(points, limited["controller.plan_rho_N"][rows].reshape(len(rows), 18), rel=1e-6)
+    assert arrays.samples[plan["points"]].over == "row"  # a live page computes them again
+
+
+def test_residuals_and_active_constraints_have_a_figure_where_a_plan_was_in_force(limited):
+    assert "plan" in [figure.name for figure in figures_of(limited)]
+    before = replace(limited, time=limited.time[:5], values=limited.values[:5])
+    assert "plan" not in [figure.name for figure in figures_of(before)]
 
 
 @pytest.mark.long

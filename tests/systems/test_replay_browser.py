@@ -13,6 +13,8 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from harness import run
+from harness.report.html import write
 from ssp.shared.exchange.bodies import instants, shadow, sun_direction
 from ssp.shared.safety import RESTING
 from tests.harness.chromium import opened, wait
@@ -29,6 +31,7 @@ RUNS = {
     "servicing_mission": {"stop": 30.0},
     "arm_capture": {"stop": 30.0},
 }
+PLANNED = {"params": "limited", "swap": {"controller": "optimal_controller"}, "stop": 20.0}
 SYSTEM, CAMERA = "sync_approach", "sync_approach_navigated"
 PLAIN = "ppc_tracking"
 FAR = 8.0
@@ -389,3 +392,24 @@ def test_a_phone_has_all_controls_within_reach_of_a_finger(chromium, report_of):
         page.tap("[data-camera=target]")
         assert state_at(page)["camera"] == "target"
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+# ---- the planned path
+
+
+def test_the_planned_path_leads_ahead_of_the_servicer(chromium, tmp_path):
+    """None before the first plan, then from the servicer through the points of the row."""
+    result = run(SYSTEM, **PLANNED)
+    with opened(chromium, write(result, tmp_path / "page.html")) as page:
+        page.click("[data-frame=N]")
+        assert not state_at(page, 0.5)["plans"][0]["shown"]
+        for time in (5.0, 15.0):
+            (plan,) = state_at(page, time)["plans"]
+            row = np.searchsorted(result.time, time - 1e-6)
+            rho = result["servicer.r_SN_N"][row] - result["target.r_TN_N"][row]
+            expected = np.vstack([rho, result["controller.plan_rho_N"][row]])
+            assert plan["shown"] and plan["colour"] == "#f5f7fa"
+            np.testing.assert_allclose(np.reshape(plan["points"], (7, 3)), expected, atol=1e-2)
+            np.testing.assert_allclose(plan["position"], 0, atol=1e-6)
+        page.evaluate("document.querySelector('[name=plans]').click()")
+        assert not state_at(page)["plans"][0]["shown"]

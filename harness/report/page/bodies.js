@@ -1,5 +1,6 @@
-/* Bodies of a replay: parts on joints, paths, body axes, plumes. place(at) moves all of them. */
+/* Bodies of a replay: parts on joints, paths, plans, body axes, plumes. place(at) moves all of them. */
 "use strict";
+const PLANNED = [0xf5f7fa, 0x7d8794]; /* by the mode: the present plan, an older one */
 function makeBodies(view) {
   const { T, scene, array, root, space, shapes, history, labels } = view;
   const axes = [], plumes = [], p = new T.Vector3();
@@ -60,6 +61,16 @@ function makeBodies(view) {
     labels.add(spot.text, made, "#ff9be4", { leader: true, title: spot.title, near: 14 * named[spot.body].radius });
   }
 
+  /* lines from a body through the points of its plan, which are relative to the centre */
+  const plans = (scene.plans || []).map((data) => {
+    const points = array(data.points), size = points.shape[1];
+    const geometry = new T.BufferGeometry().setAttribute("position", new T.BufferAttribute(new Float32Array(size + 3), 3));
+    const made = new T.Line(geometry, shapes.lines(PLANNED[0], 0.9));
+    made.frustumCulled = false;
+    root.add(made);
+    return { made, points, size, mode: array(data.mode), body: named[data.body], vertices: geometry.attributes.position };
+  });
+
   /* fading cones; length and brightness increase with the command */
   for (const data of scene.plumes || []) {
     const geometry = new T.CylinderGeometry(0.22, 0.03, 1, 18, 8, true);
@@ -89,6 +100,16 @@ function makeBodies(view) {
         lines[1].geometry.setDrawRange(0, at.low + 1);
       }
     }
+    for (const { made, points, size, mode, body, vertices } of plans) {
+      const now = history.state(mode, at), row = at.part < 1 ? at.low : at.high;
+      made.visible = now in PLANNED && !view.hidden.has("plans");
+      if (!made.visible) continue;
+      made.material.color.set(PLANNED[now]);
+      made.position.copy(named[scene.centre].group.position);
+      p.copy(body.group.position).sub(made.position).toArray(vertices.array);
+      vertices.array.set(points.subarray(size * row, size * (row + 1)), 3);
+      vertices.needsUpdate = true;
+    }
     for (const { made, share, size } of plumes) {
       const value = Math.min(1, Math.max(0, history.scalar(share, at))), long = size * (0.25 + 2.2 * Math.sqrt(value));
       made.visible = value > 0.004 && !view.hidden.has("plumes");
@@ -115,5 +136,5 @@ function makeBodies(view) {
     return largest;
   }
 
-  return { list: bodies, named, plumes, place, world, resize, has: { axes, plumes } };
+  return { list: bodies, named, plumes, plans, place, world, resize, has: { axes, plumes } };
 }

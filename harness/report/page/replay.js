@@ -89,7 +89,7 @@ function startReplay(scene, array, T, coasts) {
     return button;
   }));
 
-  const CHOICES = { axes: "body axes", zones: "zones and axes", plumes: "plumes", trails: "paths", planet: "planet and Sun", rings: "rings of range" };
+  const CHOICES = { axes: "body axes", zones: "zones and axes", plumes: "plumes", trails: "paths", plans: "planned path", planet: "planet and Sun", rings: "rings of range" };
   function choice(name, text, on, act) {
     const line = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: on });
     box.name = name;
@@ -97,7 +97,7 @@ function startReplay(scene, array, T, coasts) {
     line.append(box, ` ${text}`);
     return line;
   }
-  const there = { axes: true, trails: true, rings: true, zones: zones.list.length, plumes: bodies.plumes.length, planet: sky.planet };
+  const there = { axes: true, trails: true, rings: true, zones: zones.list.length, plumes: bodies.plumes.length, plans: bodies.plans.length, planet: sky.planet };
   view.part(".shown div").replaceChildren(
     ...Object.entries(CHOICES).filter(([name]) => there[name]).map(([name, text]) =>
       choice(name, text, true, (on) => (on ? view.hidden.delete(name) : view.hidden.add(name)))),
@@ -165,6 +165,8 @@ function startReplay(scene, array, T, coasts) {
       joints: b.links.map((l) => l.joint.quaternion.toArray()),
       places: b.links.map((l) => l.joint.position.toArray()) }])),
     plumes: bodies.plumes.filter((each) => each.made.visible).length,
+    plans: bodies.plans.map(({ made, vertices }) => ({ shown: made.visible, colour: view.shapes.css(made.material.color),
+      position: made.position.toArray(), points: [...vertices.array] })),
   });
   function dispose() {
     ended = true;
