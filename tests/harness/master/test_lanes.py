@@ -8,9 +8,11 @@ import importlib
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -291,6 +293,27 @@ def test_an_fmu_of_third_parties_is_never_loaded_into_the_process_of_a_worker(
         monkeypatch.setattr(fused, "compiled", lambda *_: pytest.fail("compiled here"))
         with compiling("space_robot", {}):
             pass
+
+
+@needs_lanes
+def test_lanes_that_wait_for_a_processor_remain_in_use() -> None:
+    with ExitStack() as life:
+        prepared("space_robot", life)
+        reused = ReusedSimulation(find_system("space_robot"), "fused")
+        life.callback(reused.close)
+        runs: list[Any] = [{"stop": 60.0, "set": {"robot.M_S[3]": k}} for k in (1.0, 2.0)]
+        reused.run(runs[0])
+        compiled = reused._lanes()
+        assert compiled is not None
+        real = compiled._library
+
+        def waiting(*given: Any) -> None:
+            time.sleep(0.2)  # many times what the steps take
+            real.advance(*given)
+
+        compiled._library = SimpleNamespace(begin=real.begin, advance=waiting, end=real.end)
+        reused.together(runs, 1, ["robot.omega_SN_S"])
+        assert reused.width == compiled.width > 1
 
 
 @needs_lanes
