@@ -84,7 +84,7 @@ class Driver:
             self.store = Store.resumed(path, plan, laid, self._life, kind)
         else:
             reject_existing(path)
-            block = max(1, min(LARGEST_BLOCK, BLOCK_STEPS // task.steps))
+            block = task.block(min(LARGEST_BLOCK, BLOCK_STEPS // task.steps))
             self.store = Store.create(path, plan, block, laid)
             self.store.group.attrs.update({"kind": kind})
             self._life.enter_context(self.store.alone())

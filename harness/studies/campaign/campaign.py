@@ -137,7 +137,7 @@ def _begun(
         return store, run_blocks(task, _blocks(plan, store.block, store.pending()))
     reject_existing(path)
     run_blocks = life.enter_context(pool)
-    block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // task.steps))
+    block = task.block(min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // task.steps))
     completed = run_blocks(task, _blocks(plan, block, range(0, plan.runs, block)))
     store = Store.create(path, plan, block, laid)  # while the first runs are in progress
     life.enter_context(store.alone())

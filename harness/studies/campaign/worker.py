@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from harness.errors import HarnessError, InterruptionError, RunError
 from harness.master.changes import Changes, as_in_a_file
+from harness.master.executors import FUSED
 from harness.master.recorder import recorded
 from harness.results.requirements import Finding, finding, findings
 from harness.results.result import Result
@@ -40,6 +41,9 @@ PIECE_STEPS = 100_000
 """Macro steps that a worker is given at once: a tenth of a second or more, against some
 milliseconds for handing them over.
 """
+
+TOGETHER = 4
+"""Most runs that the lanes of vectors make at once, on any processor."""
 
 
 class Row(NamedTuple):
@@ -101,7 +105,14 @@ class Task:
     @property
     def piece(self) -> int:
         """Return the runs that a worker is given at once."""
-        return max(1, PIECE_STEPS // self.steps)
+        return self.block(PIECE_STEPS // self.steps)
+
+    def block(self, runs: int) -> int:
+        """Return the number of runs of a block, about `runs`: of fused runs a multiple of the runs
+        that the lanes of vectors can make at once.
+        """
+        size = TOGETHER if self.table.executor == FUSED else 1
+        return max(size, runs - runs % size)
 
     def run(self, part: Sequence[Changes]) -> list[Row]:
         """Return the records of runs, one after the other."""
