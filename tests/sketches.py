@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from matplotlib import rc_context
 
-from harness.cli import campaigns
 from harness.figures import plots, style
+from harness.report import campaign
 
 
 @contextmanager
@@ -26,5 +26,5 @@ def sketched() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plots, "save", save)
-        patch.setattr(campaigns, "save", save)
+        patch.setattr(campaign, "save", save)
         yield

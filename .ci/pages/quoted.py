@@ -78,7 +78,7 @@ def mass_effect() -> str:
     toml = re.search(r"^```toml\n(.*?)^```", (ROOT / "docs/tutorial.md").read_text(), re.M | re.S)
     with TemporaryDirectory() as folder:
         (Path(folder) / "mass.toml").write_text(toml[1] if toml else "")
-        words = ("campaign", "mass.toml", "-o", "mass.zarr", "--workers", "0", "--no-figures")
+        words = ("campaign", "mass.toml", "-o", "mass.zarr", "--workers", "0")
         text = _printed("-m", "harness", *words, cwd=folder)
     return re.search(r"cost: servicer.mass_0 \+1.00 \((.*?)\)", text)[1]  # type: ignore[index]
 

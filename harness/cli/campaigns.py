@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Output of `harness campaign`: its progress, and the pictures of its dataset."""
+"""Display of the progress of many runs."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import typer
 
-from harness.figures.style import Style, save
-from harness.report.campaign import drawings
-from harness.spelling import file_stem
 from harness.studies.campaign.campaign import Progress
-from harness.studies.campaign.store import Store
 
 MINUTE = 60.0
 
@@ -73,14 +68,3 @@ def _lines(title: str) -> Show:
         typer.echo(f"{title}: {now.done} of {now.runs}, {now.failed} failed{left}", err=True)
 
     return show
-
-
-def pictures(store: Store, folder: Path, ending: str, style: Style) -> list[Path]:
-    """Draw histograms of the metrics, each metric against the influential factors, and bands over
-    time; return the files.
-    """
-    with style.used():
-        return [
-            save(drawing, folder / f"{file_stem(f'campaign_{stem}')}.{ending}")
-            for _, stem, drawing in drawings(store, style)
-        ]

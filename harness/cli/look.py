@@ -15,6 +15,7 @@ import typer
 from harness.cli.options import (
     CHANGES,
     Drawing,
+    DrawnArgument,
     FileArgument,
     MissionOption,
     ReportArgument,
@@ -231,24 +232,31 @@ VariablesOption = Annotated[
 @command("plot")
 def plot_command(
     *,
-    file: FileArgument,
+    file: DrawnArgument,
     output: Annotated[Path | None, output("Folder for the figures (default: FILE_figures)")] = None,
     variables: VariablesOption = None,
     drawing: Drawing,
     mission: MissionOption = None,
 ) -> None:
-    """Draw the figures of a run.
+    """Draw the figures of a run or a campaign.
 
-    Draw the figures of its system, or one figure of any variables.
+    Of a run: the figures of its system, or one figure of any variables.
     """
     from harness.figures.plots import plot as draw
+    from harness.report.campaign import pictures
     from harness.results.files import read
 
     names = [n.strip() for n in re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")]
     _use(mission)
-    result = read(file)  # before figures_of(): an unreadable file names no folder
     ending, style = drawing.how()
-    for path in draw(result, output or figures_of(file), ending, style, names):
+    if file.is_dir():
+        if names:
+            raise UsageError(f"--var: {file} is a dataset; give the results file of a run")
+        drawn = pictures(file, output or figures_of(file), ending, style)
+    else:
+        result = read(file)  # before figures_of(): an unreadable file names no folder
+        drawn = draw(result, output or figures_of(file), ending, style, names)
+    for path in drawn:
         typer.echo(path)
 
 

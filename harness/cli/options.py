@@ -78,6 +78,7 @@ SystemArgument = Annotated[str, argument("SYSTEM", "System: name, or path of an 
 ShownArgument = Annotated[str, argument("WHAT", "SYSTEM, SYSTEM.component or FMU, by name or path")]
 FmuArgument = Annotated[str, argument("FMU", "FMU: name, or path of a .fmu")]
 FileArgument = Annotated[Path, argument("FILE", "Results of `harness run`")]
+DrawnArgument = Annotated[Path, argument("FILE", "Results of `harness run` or `harness campaign`")]
 ReportArgument = Annotated[
     Path, argument("FILE", "Results; with -o also a folder of compare or a .zarr")
 ]

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
+    Drawing,
     ExecutorOption,
     PatienceOption,
     Pictures,
@@ -248,11 +249,14 @@ class Campaign:
     strict: Annotated[
         bool, option("--strict", "Let [expected], or success of every run, decide on the status")
     ] = False
-    pictures: Pictures
+    figures: Annotated[
+        bool, option("--figures/--no-figures", "Draw figures, as `harness plot OUT.zarr` does")
+    ] = False
+    drawing: Drawing
     quiet: QuietOption = False
 
     def run(self, definition: Path) -> None:
-        """Run a campaign, print its summary and draw its pictures."""
+        """Run a campaign, print its summary and draw its figures if wanted."""
         from harness.cli import campaigns
         from harness.studies.campaign.campaign import campaign
 
@@ -267,10 +271,11 @@ class Campaign:
             except RequirementError as error:  # the dataset is complete
                 found, problem = error.partial, error
         drawn = ""
-        if self.pictures.figures:
+        if self.figures:
+            from harness.report.campaign import pictures
+
             place = figures_of(folder)
-            number = len(campaigns.pictures(found.store, place, *self.pictures.how()))
-            drawn = f", {number} figures in {place}" if number else ""
+            drawn = f", {len(pictures(folder, place, *self.drawing.how()))} figures in {place}"
         if not self.quiet:
             typer.echo(f"{printable(found.summary())}\n\ndataset {folder}{drawn}")
             typer.echo(_next(folder))
@@ -405,7 +410,7 @@ def study_command(
             output=how.output,
             cluster=Cluster(workers=how.workers),
             resume=how.resume,
-            pictures=Pictures(),
+            drawing=Drawing(),
             quiet=how.quiet,
         )
         campaign.run(known[name])

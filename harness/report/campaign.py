@@ -15,13 +15,14 @@ import numpy as np
 
 from harness.errors import ResultsError
 from harness.figures import campaign as figures
-from harness.figures.style import Style
+from harness.figures.style import Style, save
 from harness.report import comparison
 from harness.report.arrays import Arrays, Canvas
 from harness.report.plots import PAGE, Plot, Shown, diagram, painted
 from harness.report.template import render
 from harness.results.files import read
 from harness.results.result import Array, Result
+from harness.spelling import file_stem
 from harness.studies.analyses.study import SHOWN, Study
 from harness.studies.analyses.worst import confirmed
 from harness.studies.campaign import summary
@@ -127,6 +128,16 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
             drawn = figures.groups(name, values, factor, texts, style)
             yield "factors", f"{plain}_by_{factor}", drawn
     yield from _bands(store, style)
+
+
+def pictures(path: Path, folder: Path, ending: str, style: Style) -> list[Path]:
+    """Draw the figures of a dataset into files, and return them; raise ResultsError."""
+    store = Store.open(path)
+    with style.used():
+        return [
+            save(drawing, folder / f"{file_stem(f'campaign_{stem}')}.{ending}")
+            for _, stem, drawing in drawings(store, style)
+        ]
 
 
 def _bands(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:

@@ -65,7 +65,7 @@ COMMANDS = {
     "compare": ("compare", "odd.ssp", "--vary", "a.k=1,2,3", "-o", "out", "--no-figures"),
     "export": ("export", "odd.ssp", "copy.ssp"),
     "linearize": ("linearize", "odd.fmu", "-o", "x.npz", "--step", "1"),
-    "campaign": ("campaign", "c.toml", "-o", "x.zarr", "--workers", "0", "--no-figures"),
+    "campaign": ("campaign", "c.toml", "-o", "x.zarr", "--workers", "0"),
 }
 
 

@@ -22,10 +22,10 @@ from scipy import stats
 
 from harness import campaign, run
 from harness.cli.app import main
-from harness.cli.campaigns import pictures
 from harness.errors import HarnessError, ResultsError, StructureError, UsageError
 from harness.figures.style import SCREEN
 from harness.mission.library import campaigns
+from harness.report.campaign import pictures
 from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
@@ -424,6 +424,14 @@ def test_every_row_of_a_block_is_at_its_run(system, tmp_path):
     assert len({*store.array("seen")}) == 64
 
 
+def test_blocks_of_fused_runs_are_multiples_of_the_runs_in_lanes(system):
+    """On every machine, so that a dataset does not depend on the width of its vectors."""
+    alone, fused = (read_plan(table(system, executor=name))[1] for name in ("c", "fused"))
+    assert [alone.block(n) for n in (0, 1, 3, 18, 200)] == [1, 1, 3, 18, 200]
+    assert [fused.block(n) for n in (0, 1, 3, 18, 200)] == [4, 4, 4, 16, 200]
+    assert fused.piece % 4 == 0
+
+
 def test_bands_are_the_percentiles_of_all_histories(serial):
     starts = serial.store.array("count.n_0")
     required = np.percentile(starts[:, None] + [0, 2, 4, 6], [5, 25, 50, 75, 95], axis=0)
@@ -523,7 +531,7 @@ stop = 60.0
     out = tmp_path / "c.zarr"
     command = [sys.executable, "-c", CTRL_C_AFTER_FOUR, "campaign", "c.toml", "-o", "c.zarr", "-q"]
     process = start(
-        [*command, "--workers", "0", "--no-figures"],
+        [*command, "--workers", "0"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -641,7 +649,15 @@ def test_the_command_shows_the_summary_and_repeats_a_run(system, tmp_path, capsy
     out = capsys.readouterr().out
     assert out.startswith("12 runs, 0 failed\nsuccess: 12 of 12, 100.0 % (95 %: 75.8 to 100.0 %)\n")
     assert "end: twice.k +1.00" in out
-    assert "dataset few.zarr, 3 figures in few_figures" in out
+    assert out.endswith("dataset few.zarr\nnext: harness report few.zarr -o few.html\n")
+    assert not list(tmp_path.glob("*_figures"))
+    assert main(["campaign", "few.toml", "--workers", "0", "-o", "drawn.zarr", "--figures"]) == 0
+    assert "dataset drawn.zarr, 3 figures in drawn_figures\n" in capsys.readouterr().out
+    assert main(["plot", "few.zarr", "--format", "svg", "-o", "few"]) == 0
+    names = ("histograms", "end", "band_twice.y")
+    assert capsys.readouterr().out.split() == [f"few/campaign_{name}.svg" for name in names]
+    assert main(["plot", "few.zarr", "--var", "twice.y"]) == 2
+    assert "--var: few.zarr is a dataset; give the results file" in capsys.readouterr().err
     ends = Store.open(tmp_path / "few.zarr").array("end")
     worst = int(np.argmax(ends))
     command = f"harness run demo --like few.zarr#{worst}"
@@ -687,7 +703,7 @@ def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
         "count.n_0": {"list": [0.0, 5.0]},
     }
     found = campaign(given, tmp_path / "out.zarr", workers=0)
-    names = [path.name for path in pictures(found.store, tmp_path, "svg", SCREEN)]
+    names = [path.name for path in pictures(found.path, tmp_path, "svg", SCREEN)]
     assert names == ["campaign_histograms.svg", "campaign_map_end.svg"]
 
 
@@ -784,7 +800,7 @@ def test_ctrl_c_reaches_us_alone_and_the_workers_state_nothing(system, tmp_path)
     )
     command = [sys.executable, "-m", "harness", "campaign", "long.toml", "-o", "long.zarr"]
     process = start(
-        [*command, "--workers", "2", "--no-figures"],
+        [*command, "--workers", "2"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

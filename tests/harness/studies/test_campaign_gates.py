@@ -52,7 +52,7 @@ def status(folder, tmp_path, *options, **given):
     """Exit status of a campaign on the command line."""
     (folder / "c.toml").write_text(tomli_w.dumps(table(folder, "demo", **given)))
     command = ["campaign", str(folder / "c.toml"), "-o", str(tmp_path / "c.zarr"), *options]
-    return main([*command, "--workers", "0", "--no-figures"])
+    return main([*command, "--workers", "0"])
 
 
 # ---- every run fails

@@ -129,7 +129,7 @@ def test_a_success_that_a_run_cannot_state_is_an_error_and_never_0_per_cent(tmp_
         "[fixed]\nstop = 1.0\n"
     )
     (tmp_path / "c.toml").write_text(text)
-    status = main(["campaign", "c.toml", "-o", "d.zarr", "--workers", "0", "--no-figures"])
+    status = main(["campaign", "c.toml", "-o", "d.zarr", "--workers", "0"])
     output = capsys.readouterr()
     assert status == 1
     assert " 0.0 %" not in output.out

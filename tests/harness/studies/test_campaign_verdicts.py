@@ -120,7 +120,7 @@ def held(system, tmp_path, *options, **more):
     """Exit status of a campaign on the command line."""
     text = tomli_w.dumps(table(system, **more))
     (tmp_path / "c.toml").write_text(text)
-    command = ["campaign", "c.toml", "-o", "c.zarr", "--workers", "0", "--no-figures"]
+    command = ["campaign", "c.toml", "-o", "c.zarr", "--workers", "0"]
     return main([*command, *options])
 
 
