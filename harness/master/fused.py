@@ -55,6 +55,7 @@ bits, because products and sums are rounded one by one.
 
 LIBRARY = "ziglang"
 """Package that brings the compiler of modules."""
+ZIG = (sys.executable, "-m", LIBRARY)
 
 
 class NotFusedError(HarnessError):
@@ -195,7 +196,7 @@ def web_compiler() -> list[str]:
         raise HarnessError(
             f"a live page needs {LIBRARY}: pip install 'servicing-fmus[live]' (or {LIBRARY})"
         )
-    return [sys.executable, "-m", LIBRARY, "cc"]
+    return [*ZIG, "cc"]
 
 
 def module_of(system: System, found: Checked) -> Module:

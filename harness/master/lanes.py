@@ -11,8 +11,10 @@ states go into the lanes, and return at the end.
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import math
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -27,12 +29,14 @@ from harness.files import cache, paths, signals
 from harness.files.machine import has_avx2
 from harness.files.output import PrivateFolder
 from harness.master.calls import layout
-from harness.master.fused import NotFusedError, WholeInstance, run_tool
+from harness.master.fused import LIBRARY, ZIG, NotFusedError, WholeInstance, run_tool
 from harness.master.simulation import CHUNK_SECONDS, Simulation
 from harness.system.interface import unpacked_sources
 from harness.system.schedule import Verb
 
-COMPILER = "g++"
+COMPILERS = ("g++", "clang++")
+"""Compilers of C++ that may be there; without one the compiler in the package ziglang is used."""
+
 NAME = "lanes.so"
 CHUNK = 1000
 """Macro steps before the time of a macro step is known."""
@@ -43,22 +47,31 @@ def width() -> int:
     """Return the runs at once on this processor: 4 with AVX2, else 2; 1 without the compiler, the C
     sources or the cache, in which processes find the library.
     """
-    there = shutil.which(COMPILER) and paths.core() and cache.folder() and os.name == "posix"
+    there = compiler() and paths.core() and cache.folder() and os.name == "posix"
     if not there:
         return 1
     return 4 if has_avx2() else 2
+
+
+@lru_cache
+def compiler() -> tuple[str, ...]:
+    """Return the command of the compiler of C++, empty if there is none."""
+    found = next(filter(None, map(shutil.which, COMPILERS)), None)
+    if found:
+        return (found,)
+    return (*ZIG, "c++") if importlib.util.find_spec(LIBRARY) else ()
 
 
 def library(fmu: Path, wait: bool = False) -> Path | None:
     """Return the library of a whole system from the cache; None if it is not there. wait: compile
     it then; raise NotFusedError if the compiler fails.
     """
-    tool = _core() / "build" / "lanes.py"
+    tool, command = _core() / "build" / "lanes.py", shlex.join(compiler())
 
     def make(path: Path) -> None:
         with PrivateFolder() as folder:
             place = unpacked_sources(fmu, folder / "whole")[0].parent
-            run_tool(tool, str(place), "-o", str(path), f"--width={width()}", f"--cxx={COMPILER}")
+            run_tool(tool, str(place), "-o", str(path), f"--width={width()}", f"--cxx={command}")
 
     if width() == 1 or not (wait or cache.has(NAME, _key(fmu))):
         return None
@@ -68,9 +81,11 @@ def library(fmu: Path, wait: bool = False) -> Path | None:
 @lru_cache(maxsize=8)
 def _key(fmu: Path) -> bytes:
     """Return what determines a library: sources, tools, compiler and processor."""
-    compiler, build = Path(shutil.which(COMPILER) or "").resolve(), _core() / "build"
+    program, build = Path(compiler()[0]).resolve(), _core() / "build"
+    if len(compiler()) > 1:
+        program = Path(importlib.import_module(LIBRARY).__path__[0]) / "zig"
     tools = (build / "lanes.py", build / "build_fmu.py", *sorted((_core() / "lanes").iterdir()))
-    about = repr((width(), str(compiler), paths.stamp(compiler))).encode()
+    about = repr((width(), str(program), paths.stamp(program))).encode()
     return b"\0".join([about, *(file.read_bytes() for file in (fmu, *tools))])
 
 
@@ -113,6 +128,7 @@ class Lanes:
 
     def __init__(self, path: Path) -> None:
         self._library = ctypes.CDLL(str(path))
+        self._library.begin.restype = ctypes.c_bool
         self._library.advance.argtypes = [ctypes.c_void_p, ctypes.c_int64]
         self.width = ctypes.c_int.in_dll(self._library, "width").value
 
@@ -131,7 +147,8 @@ class Lanes:
         arrays = [ctypes.addressof(array) for array in (references, addresses, tables)]
         numbers = *first.clock, first.recorder.every, first.steps, count, len(outputs)
         runs = _Runs(*numbers, *arrays, first.step)
-        self._library.begin(ctypes.byref(runs))
+        if not self._library.begin(ctypes.byref(runs)):
+            raise MemoryError
         try:
             pace = self._run(runs, first.steps if to is None else to)
         finally:

@@ -25,7 +25,7 @@ import build_fmu
 
 LANES = build_fmu.CORE / "lanes"
 FLAGS = (
-    "-std=gnu++20", "-O3", "-fPIC", "-fvisibility=hidden", "-fpermissive", "-w",
+    "-std=gnu++20", "-O3", "-fPIC", "-fvisibility=hidden", "-fpermissive", "-w", "-fno-exceptions",
     *(flag for flag in build_fmu.SAME_BITS if not flag.startswith("-std")),
 )  # fmt: skip
 TARGET = {4: ("-mavx2", "-mno-fma"), 2: ()}
@@ -217,10 +217,8 @@ SYSTEM = """#include "lanes.h"
 #undef double
 namespace scalar {{
 namespace {{
-static const ModelInterface the_model = {{}};
-#define fmu_model the_model
-#include "scalar/state.c"
 #include "scalar/time_grid.h"
+{types}
 {tables}}}
 }}
 using scalar::CLOCK;
@@ -256,11 +254,17 @@ void {model}_model_step(const void *p, const void *u, void *x, void *y, double t
     lanes::step_in_lanes(step_of, &all, all.x, all.y, &{model}_splits);
 }}
 """
+TYPES = re.compile(
+    r"^(?:typedef (?:struct|enum)|enum) \{[^{}]*\}(?: (?:Phase|Progress|Snapshot))?;", re.M
+)
+"""Types of the memory of a run. The functions beside them are not C++ for every compiler."""
+TYPES_IN = ("interface.h", "instance.h", "state.c")
 STEP = "void {}_model_step(const void *, const void *, void *, void *, double, double);"
 
 
-def units(system: str) -> dict[str, str]:
-    """Return the C++ files of the library by name; system: the text of system.c."""
+def units(sources: Path) -> dict[str, str]:
+    """Return the C++ files of the library by name; sources: the folder of system.c."""
+    system = (sources / "system.c").read_text(encoding="utf-8")
     part = re.DOTALL | re.MULTILINE
     step = re.search(r"^static void step_system.*?^\}", system, part)
     tables = re.search(r"^enum \{ PARTS.*?(?=^static const (?:Copy|Part) )", system, part)
@@ -268,8 +272,13 @@ def units(system: str) -> dict[str, str]:
     models = re.findall(r"^extern Step (\w+)_model_step;", system, part)
     rows = "#define CHECKED_ROWS\n" if " checked[]" in tables[0] else ""
     steps = "\n".join(map(STEP.format, models))
+    texts = [(sources / name).read_text(encoding="utf-8") for name in TYPES_IN]
+    types = "\n".join(each for text in texts for each in TYPES.findall(text))
+    pointer = step[0].replace("= model;", "= (double *)model;")
     found = {model: MODEL.format(model=model) for model in models}
-    return found | {"": SYSTEM.format(tables=rows + tables[0], steps=steps, step=step[0])}
+    return found | {
+        "": SYSTEM.format(types=types, tables=rows + tables[0], steps=steps, step=pointer)
+    }
 
 
 def build(sources: Path, output: Path, compiler: list[str], width: int, folder: Path) -> None:
@@ -289,10 +298,18 @@ def build(sources: Path, output: Path, compiler: list[str], width: int, folder: 
         subprocess.run([*command, "-c", path, "-o", made], check=True)
         return made
 
-    system = (sources / "system.c").read_text(encoding="utf-8")
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        objects = list(pool.map(compiled, units(system).items()))
-    subprocess.run([*command, "-shared", *objects, "-o", output, "-lm"], check=True)
+        objects = list(pool.map(compiled, units(sources).items()))
+    without = ("-nostdlib++",) if is_clang(compiler) else ()
+    subprocess.run([*command, "-shared", *without, *objects, "-o", output, "-lm"], check=True)
+
+
+def is_clang(compiler: list[str]) -> bool:
+    """Return whether a compiler is clang, which can leave out the library of C++: the lanes do not
+    use it, and zig would compile it first.
+    """
+    command = [*compiler, "--version"]
+    return b"clang" in subprocess.run(command, check=True, capture_output=True).stdout
 
 
 def main() -> None:

@@ -23,6 +23,11 @@
 
 #define restrict __restrict__
 #define INLINE   __attribute__((always_inline)) inline
+#ifdef __clang__
+#define OPAQUE noinline
+#else
+#define OPAQUE noipa
+#endif
 
 /* the functions of one double: lane by lane in the functions with tables and integers */
 namespace scalar
@@ -62,7 +67,7 @@ inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter *
 
 /* performs a function; false: it was left because active lanes differ in here->answer. Only this
  * function returns twice, and no optimization looks into it. */
-__attribute__((noipa)) inline bool performed(Split *here, void (*function)(void *), void *given)
+__attribute__((OPAQUE)) inline bool performed(Split *here, void (*function)(void *), void *given)
 {
     here->outer = present;
     if (setjmp(here->place)) {
@@ -84,10 +89,8 @@ INLINE bool agreed(int answer)
 
 #if defined __AVX__ && WIDTH == 4
 inline int signs(Answers a) { return __builtin_ia32_movmskpd256((Numbers)a); }
-inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd256(a); }
 #elif defined __SSE2__ && WIDTH == 2
 inline int signs(Answers a) { return __builtin_ia32_movmskpd((Numbers)a); }
-inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd(a); }
 #else
 inline int signs(Answers a)
 {
@@ -95,6 +98,14 @@ inline int signs(Answers a)
     for (int i = 0; i < WIDTH; i++) all |= a[i] ? 1 << i : 0;
     return all;
 }
+#endif
+#ifdef __clang__
+inline Numbers roots(Numbers a) { return __builtin_elementwise_sqrt(a); }
+#elif defined __AVX__ && WIDTH == 4
+inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd256(a); }
+#elif defined __SSE2__ && WIDTH == 2
+inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd(a); }
+#else
 inline Numbers roots(Numbers a)
 {
     for (int i = 0; i < WIDTH; i++) a[i] = sqrt(a[i]);
@@ -223,9 +234,9 @@ template <class N> struct Whole {
     template <Number T> operator T() const { return (bool)c ? (T)a : (T)b; }
 };
 
-template <class T> constexpr bool IsChosen = false;
-template <class N> constexpr bool IsChosen<Whole<N>> = true;
-template <> constexpr bool IsChosen<Mask> = true;
+template <class T> inline constexpr bool IsChosen = false;
+template <class N> inline constexpr bool IsChosen<Whole<N>> = true;
+template <> inline constexpr bool IsChosen<Mask> = true;
 
 template <class A, class B> constexpr auto common(int)
 {

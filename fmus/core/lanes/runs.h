@@ -7,8 +7,6 @@
 #ifndef RUNS_H
 #define RUNS_H
 
-#include <vector>
-
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
 using lanes::Mask;
@@ -23,8 +21,9 @@ typedef struct {
 
 struct Work {
     Vector memory[scalar::SIZE];
-    std::vector<Ruled> ruled;
-    std::vector<const Vector *> columns; /* recorded outputs */
+    Ruled ruled[2 * scalar::SIZE];
+    size_t ruled_count;
+    const Vector **columns; /* recorded outputs */
 };
 
 typedef struct {
@@ -71,7 +70,8 @@ static int rejected(const Runs *r)
 {
     const Vector *m = r->work->memory;
     Mask valid = all_finite(m + scalar::CLOCK, scalar::SIZE - scalar::CLOCK);
-    for (const Ruled &each : r->work->ruled) valid = valid && satisfying(&each);
+    for (size_t i = 0; i < r->work->ruled_count; i++)
+        valid = valid && satisfying(&r->work->ruled[i]);
     return (!valid).bits();
 }
 
@@ -94,19 +94,23 @@ static void list_ruled(Work *w, const scalar::Variable *rows, size_t count)
     for (const scalar::Variable *v = rows; v < rows + count; v++)
         for (size_t k = 0; k < v->size; k++)
             if (v->causality == scalar::OUTPUT_ROW && v->rule != scalar::ANY_VALUE)
-                w->ruled.push_back(
-                    {place_of(w->memory, v, k),
-                     v->rule == scalar::POSITIVE_VALUE ? DBL_TRUE_MIN : scalar::lowest(v->rule),
-                     scalar::highest(v->rule), (bool)scalar::is_flag(v->rule)});
+                w->ruled[w->ruled_count++] = {
+                    place_of(w->memory, v, k),
+                    v->rule == scalar::POSITIVE_VALUE ? DBL_TRUE_MIN : scalar::lowest(v->rule),
+                    scalar::highest(v->rule), (bool)scalar::is_flag(v->rule)};
 }
 
 /* ---- functions of the library ---- */
 EXPORT const int width = WIDTH;
 
-/* loads states after the same number of macro steps */
-EXPORT void begin(Runs *r)
+/* loads states after the same number of macro steps; false: out of memory */
+EXPORT bool begin(Runs *r)
 {
-    Work *w = r->work = new Work();
+    Work *w = r->work = (Work *)aligned_alloc(alignof(Work), sizeof(Work));
+    const Vector **columns = (const Vector **)calloc(r->columns + 1, sizeof *columns);
+    if (!w || !columns) return free(columns), free(w), false;
+    memset((void *)w, 0, sizeof *w);
+    w->columns = columns;
     const double last = fabs(r->start) + (double)r->steps * r->step;
     r->now = r->states[0]->now.time;
     for (int i = 0; i < r->count; i++) {
@@ -121,8 +125,9 @@ EXPORT void begin(Runs *r)
     for (size_t c = 0; c < r->columns; c++) {
         const unsigned row = r->reference[c] / scalar::VR_STRIDE;
         const size_t element = r->reference[c] % scalar::VR_STRIDE;
-        w->columns.push_back(place_of(w->memory, &scalar::variables[row], element));
+        w->columns[c] = place_of(w->memory, &scalar::variables[row], element);
     }
+    return true;
 }
 
 /* macro steps up to `last`, or until all runs are lost */
@@ -149,7 +154,8 @@ EXPORT void end(Runs *r)
         r->states[i]->now.time = r->now;
         r->states[i]->now.step = r->step;
     }
-    delete r->work;
+    free(r->work->columns);
+    free(r->work);
 }
 
 #endif

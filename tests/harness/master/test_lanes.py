@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import platform
+import re
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,14 +25,17 @@ import pytest
 import harness
 from harness.errors import RunError
 from harness.files import paths
+from harness.files.machine import has_avx2
 from harness.master import fused, isolated, lanes
 from harness.master.changes import apply
+from harness.master.fused import LIBRARY, ZIG
 from harness.master.lanes import Lanes
 from harness.master.simulation import Simulation
 from harness.mission.library import systems
 from harness.ssp.library import find_system, load
 from harness.studies.reuse import ReusedSimulation, compiling
 from harness.system.graph import checked
+from harness.system.interface import unpacked_sources
 from harness.system.model import System
 
 CORE = paths.core() or Path()
@@ -149,8 +156,41 @@ int main(int count, char **given)
 """
 
 
-@needs_lanes
-def test_every_branch_in_which_lanes_differ_has_the_bits_of_c(tmp_path: Path) -> None:
+ZIG_CXX = (*ZIG, "c++")
+EMULATOR = "qemu-aarch64"
+
+
+def with_compiler(width: int, *command: str, emulator: str = "", long: bool = True) -> Any:
+    """Number of lanes, compiler and emulator of a test, which is skipped where one is not there."""
+    there = all(map(shutil.which, filter(None, (command[0], emulator))))
+    if command[: len(ZIG_CXX)] == ZIG_CXX:
+        there = there and find_spec(LIBRARY) is not None
+    if not emulator:
+        there = there and (has_avx2() or width == 2)
+    label = "-".join(Path(word).name for word in command if word not in ("-m", "-target"))
+    reason = f"no {label} for {width} lanes"
+    when = [pytest.mark.skipif(not there, reason=reason), *[pytest.mark.long] * long]
+    return pytest.param(width, command, emulator, marks=when, id=f"{width}-{label}")
+
+
+COMPILERS = [
+    with_compiler(4, "g++", long=False),
+    with_compiler(2, "g++", long=False),
+    with_compiler(4, "clang++-19"),
+    with_compiler(2, "clang++-19"),
+    with_compiler(4, *ZIG_CXX),
+    with_compiler(2, *ZIG_CXX),
+]
+OTHERS = [
+    with_compiler(2, *ZIG_CXX, "-target", "aarch64-linux-musl", emulator=EMULATOR),
+    with_compiler(2, "aarch64-linux-gnu-g++", emulator=EMULATOR),
+]
+
+
+@pytest.mark.parametrize(("width", "compiler", "emulator"), COMPILERS + OTHERS)
+def test_every_branch_in_which_lanes_differ_has_the_bits_of_c(
+    tmp_path: Path, width: int, compiler: tuple[str, ...], emulator: str
+) -> None:
     tool = converter()
     (tmp_path / "scalar").mkdir()
     headers = [f for folder in tool.build_fmu.HEADERS for f in folder.glob("*.h")]
@@ -164,18 +204,21 @@ def test_every_branch_in_which_lanes_differ_has_the_bits_of_c(tmp_path: Path) ->
     (tmp_path / "model.c").write_text(tool.in_lanes(MODEL))
     (tmp_path / "together.cpp").write_text(tool.MODEL.format(model="model") + TOGETHER)
     c = [*tool.build_fmu.SAME_BITS, "-O1", "scalar/alone.c"]
-    cpp = [*tool.FLAGS, *tool.TARGET[lanes.width()], f"-DWIDTH={lanes.width()}", "-O1", "-I."]
+    cpp = [*tool.FLAGS, *tool.TARGET[width], f"-DWIDTH={width}", "-O1", "-I."]
+    whole = ["-nostdlib++"] * tool.is_clang(list(compiler)) + ["-static"] * bool(emulator)
+    for command in (
+        ["gcc", *c, "-o", "alone", "-lm"],
+        [*compiler, *cpp, "-c", "together.cpp", "-o", "together.o"],
+        [*compiler, *whole, "together.o", "-o", "together", "-lm"],
+    ):
+        subprocess.run(command, check=True, cwd=tmp_path)
     given = [repr(x) for four in INPUTS for x in four]
-    found = []
-    for command in (["gcc", *c], ["g++", *cpp, "together.cpp"]):
-        subprocess.run([*command, "-o", "program", "-lm"], check=True, cwd=tmp_path)
-        done = subprocess.run(
-            [tmp_path / "program", *given], check=True, capture_output=True, text=True
-        )
-        found.append(done)
-    alone, together = found
+    alone, together = (
+        subprocess.run([*start, *given], check=True, capture_output=True, text=True)
+        for start in ([f"{tmp_path}/alone"], [*emulator.split(), f"{tmp_path}/together"])
+    )
     assert together.stdout == alone.stdout
-    assert int(together.stderr) >= 4  # steps were split
+    assert int(together.stderr) >= 3  # steps were split
     assert len(set(alone.stdout.splitlines())) == 7  # one result per distinct input
 
 
@@ -208,21 +251,71 @@ def memory(simulation: Simulation) -> bytes:
     return bytes(buffer)
 
 
-def prepared(name: str, life: ExitStack) -> tuple[Lanes, list[System]]:
+Make = Callable[[Path], Path | None]
+
+
+def prepared(name: str, life: ExitStack, make: Make | None = None) -> tuple[Lanes, list[System]]:
     """The library of a system, and as many systems as it has lanes."""
     system = life.enter_context(load(find_system(name)))
-    whole = fused.Whole(system, checked(system).graph)
-    path = lanes.library(whole.interface.path, wait=True)
+    fmu = fused.Whole(system, checked(system).graph).interface.path
+    path = make(fmu) if make else lanes.library(fmu, wait=True)
     assert path is not None
     found = Lanes(path)
     return found, list(dispersed(system, found.width))
 
 
-def compare(name: str, single: int, steps: int) -> None:
+def fused_operations(library: Path) -> list[str]:
+    """Multiplications fused with additions in the machine code of a library."""
+    code = subprocess.run(["objdump", "-d", library], check=True, capture_output=True, text=True)
+    assert "mulpd" in code.stdout or "mulsd" in code.stdout  # the code is there
+    return re.findall(r"\t(vfn?m(?:add|sub)\w*)", code.stdout)
+
+
+needs_objdump = pytest.mark.skipif(
+    not (shutil.which("objdump") and platform.machine() in ("x86_64", "AMD64")),
+    reason="no objdump for x86-64",
+)
+
+
+@needs_objdump
+@pytest.mark.parametrize(("flag", "seen"), [("-ffp-contract=fast", True), ("-mno-fma", False)])
+def test_a_fused_multiplication_would_be_seen(tmp_path: Path, flag: str, seen: bool) -> None:
+    source = tmp_path / "product.c"
+    source.write_text("double f(double a, double b, double c) { return a * b + c * c; }\n")
+    flags = ["-O2", "-mavx2", "-mfma", flag, "-shared", "-fPIC"]
+    subprocess.run(["gcc", *flags, source, "-o", tmp_path / "product.so"], check=True)
+    assert bool(fused_operations(tmp_path / "product.so")) == seen
+
+
+def libraries(name: str, life: ExitStack, folder: Path) -> list[Path]:
+    """The compiled libraries of a system: of single runs, and of lanes."""
+    system = life.enter_context(load(find_system(name)))
+    fmu = fused.Whole(system, checked(system).graph).interface.path
+    with zipfile.ZipFile(fmu) as archive:
+        archive.extractall(folder)
+    made = lanes.library(fmu, wait=True)
+    assert made is not None
+    return [*folder.glob("binaries/*/*.so"), made]
+
+
+@needs_lanes
+@needs_objdump
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.long] * (n != "space_robot")) for n in sorted(systems())],
+)
+def test_no_library_of_a_system_has_a_fused_multiplication(tmp_path: Path, name: str) -> None:
+    with ExitStack() as life:
+        found = libraries(name, life, tmp_path)
+        assert len(found) == 2
+        assert list(map(fused_operations, found)) == [[], []]
+
+
+def compare(name: str, single: int, steps: int, make: Make | None = None) -> None:
     """Compare dispersed runs in lanes with runs alone: every double after each of the first steps,
     and at the end; all rows."""
     with ExitStack() as life:
-        found, systems = prepared(name, life)
+        found, systems = prepared(name, life, make)
         alone, together = (
             [life.enter_context(Simulation(each, executor="fused")) for each in systems]
             for _ in range(2)
@@ -251,6 +344,22 @@ def test_runs_in_lanes_have_the_bits_of_runs_alone() -> None:
 @pytest.mark.parametrize("name", sorted(systems()))
 def test_every_system_in_lanes_has_the_bits_of_runs_alone(name: str) -> None:
     compare(name, 200, 20_000)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["space_robot", "servicing_mission"])
+@pytest.mark.parametrize(("width", "compiler", "emulator"), COMPILERS)
+def test_every_compiler_and_width_has_the_bits_of_runs_alone(
+    tmp_path: Path, width: int, compiler: tuple[str, ...], emulator: str, name: str
+) -> None:
+    def make(fmu: Path) -> Path:
+        sources = unpacked_sources(fmu, tmp_path / "whole")[0].parent
+        (tmp_path / "lanes").mkdir()
+        converter().build(sources, tmp_path / "l.so", list(compiler), width, tmp_path / "lanes")
+        assert not emulator
+        return tmp_path / "l.so"
+
+    compare(name, 100, 5000, make)
 
 
 @needs_lanes
