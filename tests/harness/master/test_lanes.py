@@ -420,6 +420,9 @@ def test_lanes_that_wait_for_a_processor_remain_in_use() -> None:
             time.sleep(0.2)  # many times what the steps take
             real.advance(*given)
 
+        steps = len(reused.run(runs[0]).time) - 1
+        reused._alone = 0.1 / steps
+
         compiled._library = SimpleNamespace(begin=real.begin, advance=waiting, end=real.end)
         reused.together(runs, 1, ["robot.omega_SN_S"])
         assert reused.width == compiled.width > 1
