@@ -7,7 +7,6 @@ docs/how_good.md.
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -15,49 +14,60 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from harness import run  # noqa: E402
-from harness.studies.optimum import Answer, bound, solve  # noqa: E402
+from harness.studies.optimum import Answer, bound, phase_optimum, solve  # noqa: E402
 from ssp.shared import optima  # noqa: E402
 from tests.reference import optimal_start  # noqa: E402
 
-LAWS = {
-    "sync_approach": ("adaptive_controller", "theta_d_controller", "ppc_controller",
-                      "optimal_controller"),
-    "ppc_tracking": ("ppc_controller", "pid_controller", "theta_d_controller"),
-    "relay_approach": ("relay_controller",),
-}  # fmt: skip
-CONSTRAINTS = ("corridor", "distance", "tracking", "pointing")
+LAWS = (
+    *(("sync_approach", "limited", f"{name}_controller")
+      for name in ("adaptive", "theta_d", "ppc", "optimal")),
+    *(("ppc_tracking", "limited", f"{name}_controller") for name in ("ppc", "pid", "theta_d")),
+    *(("relay_approach", params, "relay_controller") for params in ("limited", "geo")),
+)  # fmt: skip
+"""Systems, parameter sets and controllers; the default controller of a system first."""
+CONSTRAINTS = {
+    "sync_approach": ("corridor", "distance", "tracking", "pointing"),
+    "ppc_tracking": ("range", "distance", "closing"),
+}
 ITERATIONS = (9, 20, 50, 60)
 
 
-def laws(cases: dict[str, float]) -> None:
+def laws(cases: dict[str, list[optima.Leg]]) -> None:
     """Print a row per law and store the optimum of the law that a system has by default."""
     print("| case | law | impulse | optimum [N s] | ratio | norm | ratio | off plan [mm] |")
-    for system, names in LAWS.items():
-        for name in names:
-            found = {cost: _bound(system, name, cost) for cost in ("sum", "norm")}
-            cells = [x for a in found.values() for x in (a.spent, a.optimum.impulse)]
-            cases.setdefault(optima.case(found["sum"].run), round(cells[1], 6))
-            print(f"| {system} | {name} | {cells[0]:.1f} | {cells[1]:.1f} | "
-                  f"{cells[0] / cells[1]:.2f} | {cells[3]:.1f} | {cells[2] / cells[3]:.2f} | "
-                  f"{1e3 * found['sum'].miss:.0f} |", flush=True)  # fmt: skip
+    for system, params, law in LAWS:
+        found = {cost: _bound(system, params, law, cost) for cost in ("sum", "norm")}
+        cells = [x for a in found.values() for x in (a.spent, a.optimum.impulse)]
+        cases.setdefault(optima.case(found["sum"].run), [optima.leg(found["sum"].optimum)])
+        print(f"| {system} {params} | {law} | {cells[0]:.1f} | {cells[1]:.1f} | "
+              f"{cells[0] / cells[1]:.2f} | {cells[3]:.1f} | {cells[2] / cells[3]:.2f} | "
+              f"{1e3 * found['sum'].miss:.0f} |", flush=True)  # fmt: skip
 
 
-def _bound(system: str, law: str, cost: str) -> Answer:
-    return bound(system, cost=cost, params="limited", swap={"controller": law})
+def _bound(system: str, params: str, law: str, cost: str) -> Answer:
+    return bound(system, cost=cost, params=params, swap={"controller": law})
 
 
-def phases() -> None:
-    """Print the increments of the phases of a mission beside their optima [m/s]."""
-    for params in (None, "optimal"):
-        print(*bound("servicing_mission", params=params).lines(), sep="\n", flush=True)
+def phases(cases: dict[str, list[optima.Leg]]) -> None:
+    """Print the increments of the phases of a mission beside their optima, and the optima without
+    single constraints [m/s].
+    """
+    for params in (None, "optimal", "limited"):
+        found = bound("servicing_mission", params=params)
+        cases[optima.case(found.run)] = [optima.leg(p.optimum) for p in found.phases.values()]
+        print(f"set {params or 'default'}", *found.lines(), sep="\n", flush=True)
+        for name, phase in found.offered.phases(found.run, None).items():
+            for cone in phase.problem.cones:
+                best = phase_optimum(phase, without=(cone.name,)).impulse / phase.problem.mass
+                print(f"| {name} | {cone.name} | {best:.3f} |", flush=True)
 
 
 def prices() -> None:
-    """Print the optimum of the synchronised approach without single constraints."""
-    sets = ((), *((name,) for name in CONSTRAINTS), CONSTRAINTS[1:], CONSTRAINTS)
-    for without in sets:
-        best = bound("sync_approach", params="limited", without=without).optimum.impulse
-        print(f"| {', '.join(without) or 'none'} | {best:.1f} |", flush=True)
+    """Print the optima of two approaches without single constraints."""
+    for system, names in CONSTRAINTS.items():
+        for without in ((), *((name,) for name in names), names[1:], names):
+            best = bound(system, params="limited", without=without).optimum.impulse
+            print(f"| {system} | {', '.join(without) or 'none'} | {best:.1f} |", flush=True)
 
 
 def iterations() -> None:
@@ -84,13 +94,13 @@ def cold() -> None:
 
 def main() -> None:
     """Print the tables and write the file."""
-    cases: dict[str, float] = {}
+    cases: dict[str, list[optima.Leg]] = {}
     laws(cases)
-    phases()
+    phases(cases)
+    optima.write(optima.FILE, cases)
     prices()
     iterations()
     cold()
-    optima.FILE.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

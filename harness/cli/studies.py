@@ -201,6 +201,7 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     cost: Annotated[str, option("--cost sum|norm", "Count force per axis, or its length")] = "sum",
     grid: Annotated[float | None, option("", "Solve on a grid of this step [s]")] = None,
     without: Annotated[Texts, option("--without NAME", "Leave this constraint out")] = None,
+    store: Annotated[bool, option("", "Let reports and comparisons here show the optimum")] = False,
     changes: Any,
 ) -> None:
     """Show what a run, or each phase of a mission, would have cost at least.
@@ -209,14 +210,18 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     force is simulated open loop: with the requirements of the system, or phase by phase with the
     plants of both bodies.
     """
-    from harness.studies.optimum import PhaseAnswer, bound
+    from harness.studies import optimum
 
-    found = bound(system, cost=cost, grid=grid, without=without or (), **changes)
+    if store and (cost != "sum" or without):
+        raise UsageError("--store: is valid only with all constraints and --cost sum")
+    found = optimum.bound(system, cost=cost, grid=grid, without=without or (), **changes)
     for line in found.lines():
         typer.echo(line)
+    if store:
+        typer.echo(f"stored in {optimum.store(found)}")
     if output is None:
         return
-    if isinstance(found, PhaseAnswer):
+    if isinstance(found, optimum.PhaseAnswer):
         raise UsageError(
             f"-o {output}: optima of phases are simulated one by one, there is no single run"
         )

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from harness.results.result import Array, Result, Rows
@@ -42,12 +43,28 @@ class Problem:
     cones: tuple[Cone, ...] = ()
 
 
+@dataclass(frozen=True)
+class Optimum:
+    """Solution: time (n + 1,), rho and v (n + 1, 3) in N, force (n, 3) in S, and impulse [N s]."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    force: Array
+    impulse: float
+
+
+Store = Callable[[Result, Sequence[Optimum]], Path]
+"""Function that stores the optima of a run for figures and metrics, and returns the file."""
+
+
 class Bound(NamedTuple):
     """Least impulse of a run, for results with these variables and parameters; problem: the convex
     problem of a result and the step of its grid [s]; positions of both bodies and attitude of the
     one with thrusters; force and impulse ("": none): outputs of its actuator in axes of that body;
     follows: further outputs of the actuator with the commands that they follow; grid: default of
-    the step; every: macro steps per row; spent: impulse of a run [N s] (None: of all its force).
+    the step; every: macro steps per row; spent: impulse of a run [N s] (None: of all its force);
+    store: None: the optimum cannot be stored.
     """
 
     needs: tuple[str, ...]
@@ -61,6 +78,7 @@ class Bound(NamedTuple):
     grid: float = 2.0
     every: int = 1
     spent: Callable[[Result], float] | None = None
+    store: Store | None = None
 
 
 class Phase(NamedTuple):
@@ -78,7 +96,7 @@ class Phase(NamedTuple):
 class PhaseBounds(NamedTuple):
     """Least impulses of the phases of a run, for results with these variables and parameters;
     phases: of a result, for a step of the grids [s] (None: of the mission), by name; positions and
-    velocities of both bodies, attitude and force as in Bound; every: macro steps per row.
+    velocities of both bodies, attitude, force, every and store as in Bound.
     """
 
     needs: tuple[str, ...]
@@ -89,3 +107,4 @@ class PhaseBounds(NamedTuple):
     attitude: str
     force: str
     every: int = 1
+    store: Store | None = None

@@ -21,7 +21,7 @@ from harness.errors import HarnessError, UsageError, library
 from harness.master.changes import Changes, apply
 from harness.master.simulation import Simulation
 from harness.mission.library import mission
-from harness.mission.optimum import Bound, Cone, Phase, PhaseBounds, Problem
+from harness.mission.optimum import Bound, Cone, Optimum, Phase, PhaseBounds, Problem
 from harness.results.histories import turned
 from harness.results.requirements import findings
 from harness.results.result import Array, Result
@@ -32,17 +32,6 @@ COSTS = ("sum", "norm")
 """Costs of a step: of every axis on its own, or of the length of the force."""
 LATE = 2 / 3
 """Share of a run from which on optimum and run are reported on their own, too."""
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """Solution: time (n + 1,), rho and v (n + 1, 3) in N, force (n, 3) in S, and impulse [N s]."""
-
-    time: Array
-    position: Array
-    velocity: Array
-    force: Array
-    impulse: float
 
 
 def transitions(problem: Problem) -> tuple[Array, Array]:
@@ -166,6 +155,7 @@ NOTHING = 1e-6
 class PhaseAnswer:
     """Run and the optima of its phases by name."""
 
+    offered: PhaseBounds
     run: Result
     phases: Mapping[str, PhaseOptimum]
 
@@ -259,16 +249,40 @@ def bound(
             run = simulation.result()
         chosen = _fitting(offered, run)
         if isinstance(chosen, PhaseBounds):
-            phases = {}
-            for name, phase in chosen.phases(run, grid).items():
-                best = phase_optimum(phase, cost, without)
-                miss = phase_verified(changed, chosen, phase, best)
-                phases[name] = PhaseOptimum(phase.spent, best, phase.problem.mass, miss)
-            return PhaseAnswer(run, phases)
-        problem = _reduced(chosen.problem(run, grid or chosen.grid), without)
+            return _of_phases(changed, chosen, run, chosen.phases(run, grid), cost, without)
+        problem = chosen.problem(run, grid or chosen.grid)
+        _check(without, [problem])
+        problem = _reduced(problem, without)
         best = solve(problem, cost)
         spent = chosen.spent(run) if chosen.spent else _spent(run, chosen.force, cost)
         return Answer(chosen, run, best, verified(changed, chosen, problem, best), cost, spent)
+
+
+def _of_phases(  # noqa: PLR0913, PLR0917 - what bound() has found and was given
+    system: System,
+    offered: PhaseBounds,
+    run: Result,
+    phases: Mapping[str, Phase],
+    cost: str,
+    without: Collection[str],
+) -> PhaseAnswer:
+    _check(without, [phase.problem for phase in phases.values()])
+    found = {}
+    for name, phase in phases.items():
+        best = phase_optimum(phase, cost, without)
+        miss = phase_verified(system, offered, phase, best)
+        found[name] = PhaseOptimum(phase.spent, best, phase.problem.mass, miss)
+    return PhaseAnswer(offered, run, found)
+
+
+def store(answer: Answer | PhaseAnswer) -> Path:
+    """Store the optima of a run for reports and comparisons of its case, and return the file; raise
+    UsageError if its mission cannot, ResultsError.
+    """
+    if answer.offered.store is None:
+        raise UsageError(f"--store: the mission of {answer.run.system} cannot store optima")
+    parts = [answer] if isinstance(answer, Answer) else answer.phases.values()
+    return answer.offered.store(answer.run, [part.optimum for part in parts])
 
 
 def _fitting(offered: Sequence[Bound | PhaseBounds], result: Result) -> Bound | PhaseBounds:
@@ -279,10 +293,14 @@ def _fitting(offered: Sequence[Bound | PhaseBounds], result: Result) -> Bound | 
     raise UsageError(f"{result.system}: its mission offers no convex problem")
 
 
-def _reduced(problem: Problem, without: Collection[str]) -> Problem:
-    names = [cone.name for cone in problem.cones]
+def _check(without: Collection[str], problems: Sequence[Problem]) -> None:
+    """Raise UsageError for a name that no constraint has."""
+    names = dict.fromkeys(cone.name for problem in problems for cone in problem.cones)
     if unknown := {*without} - {*names}:
         raise UsageError(f"--without {min(unknown)}: the constraints are {', '.join(names)}")
+
+
+def _reduced(problem: Problem, without: Collection[str]) -> Problem:
     return replace(problem, cones=tuple(c for c in problem.cones if c.name not in without))
 
 

@@ -13,7 +13,7 @@ from harness.mission import Bound
 from harness.mission.optimum import Cone, Problem
 from harness.results.result import Result
 
-from ..shared import bounds
+from ..shared import bounds, optima
 
 ENGINES = slice(8, 13)
 """Thrusters of translation; the others turn the servicer."""
@@ -46,4 +46,5 @@ BOUND = Bound(
     grid=100.0,
     every=10,
     spent=spent,
+    store=optima.store,
 )

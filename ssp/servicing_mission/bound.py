@@ -17,7 +17,7 @@ import numpy as np
 from harness.mission.optimum import Cone, Phase, PhaseBounds, Problem
 from harness.results.result import Array, Result
 
-from ..shared import bounds
+from ..shared import bounds, optima
 from .events import NEEDS, stays
 
 BOX = np.array([2.0, 1.0, 1.0])
@@ -159,4 +159,5 @@ BOUND = PhaseBounds(
     bounds.BODIES[6],
     "propulsion.F_S",
     every=10,
+    store=optima.store,
 )

@@ -14,6 +14,7 @@ from . import (
     line_of_sight_figures,
     navigation_claims,
     navigation_figures,
+    optima,
     plan_figures,
     safety_figures,
 )
@@ -36,7 +37,7 @@ from .relative_motion import release_time
 from .safety import LEAST, RESTING, RULES, findings
 from .watched import WATCHED
 
-COMMON = (RANGE, FORCE, *ADAPTIVE, ATTITUDE_ERROR, WHEEL_SPEEDS, ALIGNMENT)
+COMMON = (RANGE, optima.FIGURE, FORCE, *ADAPTIVE, ATTITUDE_ERROR, WHEEL_SPEEDS, ALIGNMENT)
 """Figures of any guidance and any controller."""
 FURTHER = (
     FIRING,

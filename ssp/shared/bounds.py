@@ -16,6 +16,8 @@ from harness.mission.optimum import Bound, Cone, Problem
 from harness.results.histories import turned
 from harness.results.result import Array, Result, Rows
 
+from . import optima
+
 BODIES = ("target.r_TN_N", "target.v_TN_N", "target.q_TN", "target.omega_TN_T",
           "servicer.r_SN_N", "servicer.v_SN_N", "servicer.q_SN", "servicer.mass")  # fmt: skip
 IMPULSE = "propulsion.impulse"
@@ -40,6 +42,7 @@ def bound(
         IMPULSE,
         (("propulsion.M_S", "controller.M_cmd_S"),),
         grid,
+        store=optima.store,
     )
 
 
