@@ -31,6 +31,7 @@ from harness.mission.claim import (
 from harness.mission.fields import Checked, one, place_of
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
 from harness.mission.optimum import Bound, PhaseBounds
+from harness.results.program import value_of
 from harness.results.result import Result
 
 
@@ -55,6 +56,8 @@ class Metric(BaseMetric):
     limits for it, the last line of its heading; words: names of its values 0, 1, ..; apart: a
     comparison warns if its values differ by more than this factor; above: a comparison shows the
     metric, with a warning, only if a value exceeds this; meaning: a sentence for readers of a page.
+    The function returns the value, or an expression that gives it. live: a function of result and
+    limits that returns the expression of a live page, if the value is not from an expression.
     """
 
     beside: bool = False
@@ -63,6 +66,16 @@ class Metric(BaseMetric):
     apart: float = math.inf
     above: float = -math.inf
     meaning: str = ""
+    live: Callable[[Result, Limits], str] | None = None
+
+    def expression(self, result: Result, limits: Limits) -> str:
+        """Return the expression that gives the value in each run of the system of a result, "" if
+        only a function does.
+        """
+        found = self.live or self.compute
+        if callable(found):
+            found = "" if self.lacks(result) else found(result, limits)
+        return found if isinstance(found, str) else ""
 
     def __call__(self, result: Result, *limits: Limits) -> float:
         """Return the value; NaN if the result lacks what it needs, or has no such value.
@@ -71,10 +84,14 @@ class Metric(BaseMetric):
         """
         if self.lacks(result):
             return math.nan
+        found = super().__call__(result, *limits)
         try:
-            return one_number(super().__call__(result, *limits))
+            return one_number(value_of(result, found) if isinstance(found, str) else found)
         except NotANumberError as error:
             raise HarnessError(f"{place_of(self.compute)}metric {self.name} {error}") from error
+        except ValueError as error:
+            text = f"is {found!r:.60}, neither a number nor an expression: {error}"
+            raise HarnessError(f"{place_of(self.compute)}metric {self.name} {text}") from error
 
 
 def measured(

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Live page: report of a run, its system as a WebAssembly module, sliders, and the instructions
-from which the page computes requirements, curves and arrays of the replay from the rows of another
-run.
+from which the page computes requirements, headline values, curves and arrays of the replay from the
+rows of another run.
 
-A curve that a Python function of a mission computes has no instructions. After a slider has been
-moved, it still shows the run in the file, and the page labels it so.
+A curve or a headline value that a Python function of a mission computes has no instructions. After
+a slider has been moved, it still shows the run in the file, and the page labels it so.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
+import math
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +26,7 @@ from harness.master.changes import Changes, apply
 from harness.master.fused import Module, module_of
 from harness.master.isolated import guarded
 from harness.master.remainder import rest
+from harness.mission import Limits, Metric
 from harness.report import run
 from harness.report.arrays import Arrays, Canvas
 from harness.report.template import render
@@ -105,15 +108,18 @@ def _page(result: Result, system: System, lesson: Lesson | None = None) -> str:
     named = sliders(system.sliders, read_interfaces(system))
     canvas = run.canvas_of(result, Arrays())
     data = run.content(canvas, result)
+    values = list(headline_values(result, canvas.arrays.program))
     return render(
         "live.html",
         canvas,
         data,
         live=True,
-        **run.texts(result),
+        **run.texts(result) | {"metrics": [each[:2] for each in values]},
         sliders=[_slider(result, module, slider) for slider in named],
         lesson=lesson,
-        simulation=_simulation(result, system, steps, module) | programs(result, canvas, lesson),
+        simulation=_simulation(result, system, steps, module)
+        | programs(result, canvas, lesson)
+        | {"metrics": [number for *_, number in values]},
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
     )
 
@@ -137,6 +143,17 @@ def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Da
         "program": arrays.program.data(),
         "points": canvas.points,
     }
+
+
+def headline_values(result: Result, program: Program) -> Iterator[tuple[Metric, float, int | None]]:
+    """Yield metrics with their value and the instruction that gives it, None if only a function
+    does. A metric that another run may have has the value NaN.
+    """
+    for metric, value in run.metrics(result):
+        if text := metric.expression(result, Limits()):
+            yield metric, value, program.expression(fitted(result, text))
+        elif math.isfinite(value):
+            yield metric, value, None
 
 
 def requirement(result: Result, program: Program, name: str, text: str) -> Data:

@@ -86,7 +86,7 @@ def texts(result: Result) -> dict[str, Any]:
         "notes": notes(result),
         "headline": headline(result),
         "chips": chips(result),
-        "metrics": list(metrics(result)),
+        "metrics": [each for each in metrics(result) if math.isfinite(each[1])],
         "requirements": findings(result),
         "papers": judgements(result),
         "margins": rule_findings(of_result(result), result),
@@ -154,10 +154,11 @@ def chips(result: Result) -> list[tuple[str, str]]:
 
 
 def metrics(result: Result) -> Iterator[tuple[Metric, float]]:
-    """Yield the metrics of harness compare that this run has, with their values."""
+    """Yield the metrics of harness compare whose variables this run has, with their values; NaN if
+    the run has no such value.
+    """
     offered = of_result(result)
     limits = offered.limits(Limits(), {"": result}) if len(result.time) else Limits()
     for metric in offered.metrics if len(result.time) else ():
-        value = metric(result, limits)
-        if math.isfinite(value) and not metric.beside:
-            yield metric, value
+        if not (metric.beside or metric.lacks(result)):
+            yield metric, metric(result, limits)

@@ -104,7 +104,8 @@ class Function(NamedTuple):
 
     unit: unit of the value: the place of the argument with the same unit, a unit, or a function of
     the unit of the first argument; takes: units to which arguments are converted, by place: a unit,
-    or the place of the argument that has it; per_row: the value in a row depends on that row alone.
+    or the place of the argument that has it; per_row: the value in a row depends on that row alone;
+    shifts: the value in a row is of another row.
     """
 
     value: Callable[..., Any]
@@ -112,6 +113,12 @@ class Function(NamedTuple):
     unit: int | str | Callable[[str], str | None] = 0
     takes: Mapping[int, int | str] = {}
     per_row: bool = False
+    shifts: bool = False
+
+    @property
+    def reduces(self) -> bool:
+        """Return whether the value of a history is one row or number."""
+        return not (self.per_row or self.shifts)
 
 
 FUNCTIONS: dict[str, Function] = {
@@ -130,15 +137,18 @@ FUNCTIONS: dict[str, Function] = {
     "mean": Function(np.mean),
     "min": Function(np.min),
     "mrp": Function(of_mrp, ("sigma",), "1", per_row=True),
+    "next": Function(lambda x: np.concatenate((x[1:], x[-1:])), shifts=True),
     "norm": Function(norm, per_row=True),
     "orbit": Function(orbit_attitude, ("inc", "argp", "raan", "nu"), "1", per_row=True),
     "percentile": Function(np.percentile, ("x", "percent"), takes={1: "%"}),
+    "previous": Function(lambda x: np.concatenate((x[:1], x[:-1])), shifts=True),
     "rms": Function(lambda x: np.sqrt(np.mean(np.square(x)))),
     "settling_time": Function(settling_time, ("time", "error", "band"), takes={2: 1}),
     "sin": Function(np.sin, unit="1", takes={0: "rad"}, per_row=True),
     "sqrt": Function(np.sqrt, unit=partial(product, "1", power=0.5), per_row=True),
     "std": Function(np.std),
     "steady": Function(steady_error, ("time", "error"), 1),
+    "sum": Function(np.sum),
     "total": Function(total, per_row=True),
     "turned": Function(turned, ("q", "v"), 1, per_row=True),
 }
@@ -208,7 +218,7 @@ class Node:
         """
         if self.kind == "name":
             return not self.name.startswith("parameter ")
-        reduces = self.kind == "call" and not FUNCTIONS[self.name].per_row
+        reduces = self.kind == "call" and FUNCTIONS[self.name].reduces
         return not reduces and any(part.is_history for part in self.parts)
 
     # ---- conditions

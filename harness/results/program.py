@@ -86,6 +86,8 @@ class Program:
                 about = (node.value - 1, node.parts[0].text)
                 return self.add("element", *parts, constant=about)
             case Node("call", name):
+                if FUNCTIONS[name].shifts:
+                    _check_rows(node)
                 return self.add(name, *parts, rows=node.is_history)
             case Node("join"):
                 return self.fold(node.name, parts)
@@ -103,8 +105,7 @@ class Program:
         others.
         """
         inner = node.parts[0]
-        if not inner.is_history:
-            raise ValueError(f"{node.name}(): `{inner.text}` has no rows")
+        _check_rows(node)
         row = self.add(node.name, *map(self.expression, node.parts[1:]), rows=False)
         if not is_per_row(inner):
             return self.add("row", self.expression(inner), row, rows=False)
@@ -130,6 +131,12 @@ class Program:
     def data(self) -> list[list[Any]]:
         """Return the instructions for the page; numbers that are not finite are texts."""
         return [[each.operation, each.parts, _finite(each.constant)] for each in self.instructions]
+
+
+def _check_rows(node: Node) -> None:
+    """Raise ValueError if the first argument of a function is not a history."""
+    if not node.parts[0].is_history:
+        raise ValueError(f"{node.name}(): `{node.parts[0].text}` has no rows")
 
 
 def is_per_row(tree: Node) -> bool:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from harness.mission import Metric
 from harness.results.result import Result
 
+from ..shared.live import first_time
+
 MODE, TIP = "arm_guidance.arm_mode", "arm_guidance.position_error"
 PLACE, ATTITUDE = "controller.e1_H", "controller.epsilon"
 DEPLOY, ALIGN, CLOSE, REST = 1, 2, 3, 4
@@ -59,12 +61,34 @@ def missed(result: Result) -> float:
     return float(np.linalg.norm(result["mechanism.tip_Q"][rows[0]] - seat)) if len(rows) else np.nan
 
 
+TURNED = f"angle(mrp({ATTITUDE}), mrp(0 * {ATTITUDE}))"
+
+
+def _largest(text: str, *modes: int) -> str:
+    """Return the expression of a largest value in modes of the arm, {0} in the text; 0 / 0 if there
+    are none.
+    """
+    inside = f"({' or '.join(f'{MODE} == {mode}' for mode in modes)})"
+    return f"{text.format(inside)} / max({inside})"
+
+
+def _begins(name: str, flag: str) -> Metric:
+    """Return the metric of the time at which a flag is first raised."""
+    return Metric(
+        name,
+        "s",
+        (flag,),
+        lambda r, _: first(r, flag, 1),
+        live=lambda _result, _limits: first_time(f"{flag} >= 1"),
+    )
+
+
 METRICS = (
     Metric(
         "tip error, aligning and closing",
         "mm",
-        (MODE, TIP),
-        lambda r, _: 1e3 * largest(r[TIP][during(r, ALIGN, CLOSE)]),
+        (),
+        _largest(f"1000 * max({TIP} * {{0}})", ALIGN, CLOSE),
     ),
     Metric(
         "tip error, late",
@@ -78,12 +102,13 @@ METRICS = (
         "deg",
         (MODE, ATTITUDE),
         lambda r, _: float(np.degrees(largest(turned(r)[during(r, DEPLOY)]))),
+        live=lambda _result, _limits: _largest(f"max(degrees({TURNED}) * {{0}})", DEPLOY),
     ),
     Metric(
         "base position, deploying",
         "mm",
-        (MODE, PLACE),
-        lambda r, _: 1e3 * largest(off(r)[during(r, DEPLOY)]),
+        (),
+        _largest(f"1000 * max(norm({PLACE}) * {{0}})", DEPLOY),
     ),
     Metric(
         "miss at the grip",
@@ -92,12 +117,7 @@ METRICS = (
         lambda r, _: 1e3 * missed(r),
         ("arm_guidance.seat_depth",),
     ),
-    Metric("grip", "s", ("arm_guidance.grip",), lambda r, _: first(r, "arm_guidance.grip", 1)),
-    Metric("hard capture", "s", ("mechanism.hard",), lambda r, _: first(r, "mechanism.hard", 1)),
-    Metric(
-        "load of the gripper",
-        "N",
-        ("mechanism.load_force",),
-        lambda r, _: largest(r["mechanism.load_force"]),
-    ),
+    _begins("grip", "arm_guidance.grip"),
+    _begins("hard capture", "mechanism.hard"),
+    Metric("load of the gripper", "N", (), "max(mechanism.load_force)"),
 )

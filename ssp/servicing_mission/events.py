@@ -11,7 +11,7 @@ import numpy as np
 from harness.mission import Limits, Metric
 from harness.results.result import Array, Result
 
-from ..shared.relative_motion import SERVICER, TARGET, range_
+from ..shared.relative_motion import DISTANCE, SERVICER, TARGET, range_
 
 PHASE, REASON, BEGUN = "manager.phase", "manager.reason", "manager.t_phase"
 DOCKING, MASS, MISSED = "mechanism.phase", "servicer.mass", "mechanism.missed"
@@ -21,6 +21,10 @@ TOUCHING, BESIDE = 1.5, 2.0
 """Range below which the bodies have met [m]: docked it is 1.58 m, with the probe askew in the cone
 1.55 m. Range within which a probe that misses the drogue hits the target beside it: the material of
 the mechanism has no back."""
+
+
+ENDS = {"stack": "captured", "aborted": "aborted", "retreat": "retreated"}
+"""Outcome of a mission by a phase that it has reached, the first that applies."""
 
 
 class Stay(NamedTuple):
@@ -69,9 +73,21 @@ def outcome(result: Result) -> str:
     monitor), retreated, or under way.
     """
     phases = {s.phase for s in stays(result)}
-    ends = {"stack": "captured", "aborted": "aborted", "retreat": "retreated"}
-    found = [word for phase, word in ends.items() if phase in phases]
+    found = [word for phase, word in ENDS.items() if phase in phases]
     return "collided" if collided(result) else found[0] if found else "under way"
+
+
+def _ended(result: Result, word: str) -> str:
+    """Return the condition that a mission has an outcome()."""
+    names = result.mode_names(PHASE)
+    beside = f"{DISTANCE} < {BESIDE}"
+    touched = f"{DISTANCE} < {TOUCHING} or {MISSED} > previous({MISSED}) and {beside}"
+    found = [f"(max({touched}) or first({MISSED} > 0 and {beside}))"]
+    found += [f"max({PHASE} == {names.index(name)})" for name in ENDS if name in names]
+    words = ["collided", *(ENDS[name] for name in ENDS if name in names)]
+    earlier = words.index(word) if word in words else len(words)
+    parts = [f"not {each}" for each in found[:earlier]] + found[earlier : earlier + 1]
+    return " and ".join(parts)
 
 
 def _metric(word: str) -> Metric:
@@ -79,7 +95,10 @@ def _metric(word: str) -> Metric:
         del limits
         return float(outcome(result) == word)
 
-    return Metric(word, "1", (*NEEDS, MISSED), value)
+    def live(result: Result, _: Limits) -> str:
+        return _ended(result, word)
+
+    return Metric(word, "1", (*NEEDS, MISSED), value, live=live)
 
 
 METRICS = tuple(map(_metric, ("captured", "retreated", "aborted", "collided", "under way")))

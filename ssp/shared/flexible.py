@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.mission import Figure, Limits, Metric
+from harness.mission import Figure, Metric
 from harness.mission.figure import Curve, Panel, degrees
 from harness.report.arrays import Arrays
-from harness.results.expressions import STEADY
 from harness.results.result import Array, Result
 
 from . import bodies
@@ -30,22 +29,11 @@ MASSES = tuple(f"servicer.slosh_{name}" for name in ("mass_0", "position_S", "ax
 # ---- metrics
 
 
-def _largest(values: Array) -> float:
-    return float(np.abs(values).max())
-
-
-def _residual(result: Result, _: Limits) -> float:
-    """Return the largest angle of a panel in the last fifth [mrad]."""
-    time = result.time
-    last = time >= time[-1] - STEADY * (time[-1] - time[0])
-    return 1e3 * _largest(result[ANGLES][last])
-
-
 METRICS = (
-    Metric("panel angle", "mrad", (ANGLES,), lambda r, _: 1e3 * _largest(r[ANGLES])),
-    Metric("residual vibration", "mrad", (ANGLES,), _residual),
-    Metric("slosh", "m", (SLOSH,), lambda r, _: _largest(r[SLOSH])),
-    Metric("elastic energy", "J", (ENERGIES[1],), lambda r, _: float(r[ENERGIES[1]][-1])),
+    Metric("panel angle", "mrad", (), f"1000 * max(abs({ANGLES}))"),
+    Metric("residual vibration", "mrad", (), f"1000 * steady(time, abs({ANGLES}))"),
+    Metric("slosh", "m", (), f"max(abs({SLOSH}))"),
+    Metric("elastic energy", "J", (), f"last({ENERGIES[1]})"),
 )
 
 # ---- figures
@@ -105,7 +93,7 @@ def notes(result: Result) -> Iterator[str]:
     if BEYOND not in result or not (beyond := result[BEYOND] > 0).any():
         return
     rows = beyond.any(axis=1)
-    share, largest = 100 * float(np.mean(rows)), _largest(result[SLOSH][rows])
+    share, largest = 100 * float(np.mean(rows)), float(np.abs(result[SLOSH][rows]).max())
     yield (
         f"slosh alarm: propellant is beyond servicer.slosh_travel in {share:.2g} % of the rows, "
         f"first at {float(result.time[np.argmax(rows)]):.5g} s, up to {largest:.2g} m: the tank is "

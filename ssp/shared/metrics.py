@@ -2,7 +2,8 @@
 """Metrics by which runs are compared: errors against the reference of the guidance, safety, cost.
 
 A metric is computed if the result contains its variables, so systems without a reference simply
-have fewer of them. Limits (bands, keep-out radius) are common to all runs of a comparison.
+have fewer of them. Limits (bands, keep-out radius) are common to all runs of a comparison. Most
+metrics are expressions, which a live page evaluates in further runs (ssp/shared/live.py).
 """
 
 from __future__ import annotations
@@ -18,17 +19,9 @@ from harness.results.expressions import STEADY, settling_time, steady_error
 from harness.results.histories import minus, total
 from harness.results.result import Array, Result
 
-from . import estimates, optima, safety
+from . import estimates, live, optima, safety
 from . import relative_motion as derived
-from .relative_motion import (
-    attitude_error,
-    initial_range,
-    position_error,
-    range_,
-    range_error,
-    reference_range,
-    release_time,
-)
+from .relative_motion import DISTANCE, attitude_error, initial_range, range_, release_time
 
 APART = 10.0
 """Factor between peaks from which on two controllers do not have the same actuators."""
@@ -66,12 +59,17 @@ def _controlled(result: Result) -> tuple[Array, Array]:
     return result.time[begun], np.degrees(attitude_error(result)[begun])
 
 
-def _range_settles(result: Result, limits: Limits) -> float:
-    return settling_time(result.time, range_error(result), limits.position or 0.0)
+def _band(limits: Limits) -> str:
+    """Return the band of the position, the default as an expression."""
+    return f"{BAND} * {live.FIRST_RANGE}" if limits.position is None else repr(limits.position)
 
 
-def _position_settles(result: Result, limits: Limits) -> float:
-    return settling_time(result.time, position_error(result), limits.position or 0.0)
+def _range_settles(result: Result, limits: Limits) -> str:
+    return f"settling_time(time, {live.range_error(result)}, {_band(limits)})"
+
+
+def _position_settles(result: Result, limits: Limits) -> str:
+    return f"settling_time(time, {live.position_error(result)}, {_band(limits)})"
 
 
 def _attitude_settles(result: Result, limits: Limits) -> float:
@@ -107,9 +105,10 @@ def _estimate_nees(result: Result, _: Limits) -> float:
 # ---- safety
 
 
-def _inside_reference(result: Result, _: Limits) -> float:
+def _inside_reference(result: Result, _: Limits) -> str:
     """Return the largest amount by which the range falls below the range of the reference [m]."""
-    return float(max(0.0, np.max(reference_range(result) - range_(result))))
+    short = f"max({live.reference_range(result)} - {DISTANCE})"
+    return f"({short} + abs({short})) / 2"
 
 
 def _inside_keep_out(result: Result, limits: Limits) -> float:
@@ -136,8 +135,6 @@ def _first_violation(result: Result, _: Limits) -> float:
 
 # ---- cost
 
-TORQUE_IMPULSE = "propulsion.torque_impulse"
-TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
 OFTEN = 20.0
 """Share of rows at a limit [%] above which a comparison shows an actuator."""
 WHEEL_LIMIT, FULL = "servicer.wheel_speed_max", 1e-9
@@ -176,16 +173,12 @@ def _torque_impulse(result: Result, _: Limits) -> float:
     acting = _acting(result)
     if not len(result.time[acting]):
         return 0.0
-    if TORQUE_IMPULSE in result:
-        thrusters = np.ptp(result[TORQUE_IMPULSE][acting], axis=0)
+    if live.TORQUE_IMPULSE in result:
+        thrusters = np.ptp(result[live.TORQUE_IMPULSE][acting], axis=0)
     else:
         steps = np.diff(result.time[acting])[:, None]
         thrusters = np.abs(result["propulsion.M_S"][acting][1:]) * steps
     return float(np.sum(thrusters) + np.sum(np.abs(_wheel_torque_steps(result))))
-
-
-def _peak_force(result: Result, _: Limits) -> float:
-    return float(np.linalg.norm(result["propulsion.F_S"], axis=1).max())
 
 
 def _peak_torque(result: Result, _: Limits) -> float:
@@ -200,26 +193,23 @@ def _peak_torque(result: Result, _: Limits) -> float:
     return float(np.linalg.norm(torque, axis=1).max())
 
 
-def _saturated(result: Result, _: Limits) -> float:
+def _saturated(result: Result, _: Limits) -> str | float:
     """Return the share of rows with an actuator, allocation or controller at a limit [%]."""
-    flags = [result[n] for n in result.vectors if n.rpartition(".")[2] in LIMIT_FLAGS]
-    if not flags:
-        return float("nan")
-    raised = np.column_stack([flag.reshape(len(result.time), -1) for flag in flags])
-    return float(100 * np.mean(raised.any(axis=1)))
+    flags = [n for n in result.vectors if n.rpartition(".")[2] in LIMIT_FLAGS]
+    return _share(*flags) if flags else float("nan")
 
 
-def _share(name: str, result: Result, _: Limits) -> float:
+def _share(*flags: str) -> str:
     """Return the share of rows with a flag raised [%]."""
-    raised = result[name].reshape(len(result.time), -1).any(axis=1)
-    return float(100 * np.mean(raised))
+    return f"100 * mean({' or '.join(f'norm({flag}) != 0' for flag in flags)})"
 
 
-def _wheels_full(result: Result, _: Limits) -> float:
+def _wheels_full(result: Result, _: Limits) -> str | float:
     """Return the share of rows with a wheel at its largest speed [%]; NaN without a limit."""
-    most = result.parameter(WHEEL_LIMIT)
-    full = np.abs(result["servicer.wheel_speed"]).max(axis=1) >= (1 - FULL) * most
-    return float(100 * np.mean(full)) if most > 0 else float("nan")
+    most = f"{1 - FULL!r} * parameter({WHEEL_LIMIT})"
+    wheels = range(1, result["servicer.wheel_speed"].shape[1] + 1)
+    full = " or ".join(f"abs(servicer.wheel_speed[{k}]) >= {most}" for k in wheels)
+    return f"100 * mean({full})" if result.parameter(WHEEL_LIMIT) > 0 else float("nan")
 
 
 def _within(limits: Limits, _: Mapping[str, Result]) -> str:
@@ -241,10 +231,7 @@ ACTUATORS = {
 }
 """Flags of actuators that are 1 where a limit is reached, by the name of a metric."""
 AT_LIMITS = (
-    *(
-        Metric(name, "%", (flag,), partial(_share, flag), above=OFTEN)
-        for name, flag in ACTUATORS.items()
-    ),
+    *(Metric(name, "%", (), _share(flag), above=OFTEN) for name, flag in ACTUATORS.items()),
     Metric(
         "wheels at limit", "%", ("servicer.wheel_speed",), _wheels_full, (WHEEL_LIMIT,), above=OFTEN
     ),
@@ -253,11 +240,18 @@ SATURATED = Metric("saturated", "%", (), _saturated)
 METRICS = (
     Metric("range settles", "s", POSITION, _range_settles, about=_within),
     Metric("position settles", "s", POSITION, _position_settles, about=_within),
-    Metric("attitude settles", "s", ATTITUDE, _attitude_settles, about=_turned_within),
-    Metric("range error", "m", POSITION, lambda r, _: steady_error(r.time, range_error(r))),
-    Metric("position error", "m", POSITION, lambda r, _: steady_error(r.time, position_error(r))),
-    Metric("attitude error", "deg", ATTITUDE, _attitude_steady),
-    Metric("minimum range", "m", POSITION[:2], lambda r, _: float(np.min(range_(r)))),
+    Metric(
+        "attitude settles",
+        "s",
+        ATTITUDE,
+        _attitude_settles,
+        about=_turned_within,
+        live=live.attitude_settles,
+    ),
+    Metric("range error", "m", POSITION, lambda r, _: f"steady(time, {live.range_error(r)})"),
+    Metric("position error", "m", POSITION, lambda r, _: f"steady(time, {live.position_error(r)})"),
+    Metric("attitude error", "deg", ATTITUDE, _attitude_steady, live=live.attitude_steady),
+    Metric("minimum range", "m", (), f"min({DISTANCE})"),
     Metric("inside reference", "m", POSITION, _inside_reference),
     Metric("inside keep-out", "m", POSITION[:2], _inside_keep_out),
     Metric("estimate error", "m", estimates.MOTION, lambda r, _: _estimate_error(r, 0)),
@@ -278,11 +272,26 @@ METRICS = (
     Metric(
         "first violation", "s", safety.FOUND, lambda r, _: safety.first_violation(r), beside=True
     ),
-    Metric("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
+    Metric("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v, live=live.delta_v),
     optima.METRIC,
-    Metric("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
-    Metric("peak force", "N", ("propulsion.F_S",), _peak_force, apart=APART),
-    Metric("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",), apart=APART),
+    Metric(
+        "torque impulse",
+        "N m s",
+        live.TORQUES,
+        _torque_impulse,
+        ("servicer.A_w",),
+        live=live.torque_impulse,
+    ),
+    Metric("peak force", "N", (), "max(norm(propulsion.F_S))", apart=APART),
+    Metric(
+        "peak torque",
+        "N m",
+        live.TORQUES,
+        _peak_torque,
+        ("servicer.A_w",),
+        apart=APART,
+        live=live.peak_torque,
+    ),
     SATURATED,
     *AT_LIMITS,
 )

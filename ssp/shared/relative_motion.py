@@ -110,13 +110,6 @@ def initial_range(result: Result) -> float:
     return float(norm(result[SERVICER][:1] - result[TARGET][:1])[0])
 
 
-def reference_range(result: Result) -> Array:
-    """Return the range of the reference position, (rows,) [m]. Each value is in the row of the
-    state to which the reference belongs.
-    """
-    return _aligned(result, _relative(result), lambda _, b: norm(b))
-
-
 def relative_speed(result: Result) -> Array:
     """Return the magnitude of the velocity of the servicer relative to the target, (rows,)
     [m/s].

@@ -67,13 +67,6 @@ def rotation_number(result: Result) -> float:
     return float(steps.mean() / TURN)
 
 
-def swing(result: Result) -> float:
-    """Return the difference of the largest and the smallest pitch [deg]: above 360 deg it has
-    tumbled.
-    """
-    return float(np.degrees(np.ptp(result[PITCH])))
-
-
 def spectrum(result: Result) -> tuple[Array, Array]:
     """Return frequencies [1/orbit] and amplitudes [rad] of the pitch over the true anomaly, mean
     removed, Hann window.
@@ -91,7 +84,7 @@ def spectrum(result: Result) -> tuple[Array, Array]:
 
 METRICS = (
     SATURATED,
-    Metric("pitch swing", "deg", (PITCH,), lambda r, _: swing(r)),
+    Metric("pitch swing", "deg", (), f"degrees(max({PITCH}) - min({PITCH}))"),
     Metric(
         "rotation number",
         "1/orbit",

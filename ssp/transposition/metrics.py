@@ -9,6 +9,7 @@ from harness.mission import Limits, Metric
 from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result
 
+from ..shared.live import first_time
 from ..shared.metrics import SATURATED
 
 MOMENTUM, TURN = "assembly.h_cmg", "assembly.rotation"
@@ -37,10 +38,22 @@ def _tracking_error(result: Result, _: Limits) -> float:
     return float(np.degrees(attitude_error(result)).max())
 
 
+def _live_error(result: Result, _: Limits) -> str:
+    del result
+    actual, reference = ASSEMBLY
+    return f"max(degrees(next(angle(previous({actual}), {reference}))))"
+
+
 METRICS = (
     SATURATED,
-    Metric("saturates at", "s", ("assembly.saturated",), _saturates),
-    Metric("peak momentum", "N m s", (MOMENTUM,), lambda r, _: float(r[MOMENTUM].max())),
-    Metric("largest rotation", "deg", (TURN,), lambda r, _: float(np.degrees(r[TURN]).max())),
-    Metric("tracking error", "deg", ASSEMBLY, _tracking_error),
+    Metric(
+        "saturates at",
+        "s",
+        ("assembly.saturated",),
+        _saturates,
+        live=lambda _result, _limits: first_time("assembly.saturated != 0"),
+    ),
+    Metric("peak momentum", "N m s", (), f"max({MOMENTUM})"),
+    Metric("largest rotation", "deg", (), f"max(degrees({TURN}))"),
+    Metric("tracking error", "deg", ASSEMBLY, _tracking_error, live=_live_error),
 )

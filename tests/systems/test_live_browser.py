@@ -14,6 +14,7 @@ import pytest
 
 from harness import run
 from harness.report.html import write
+from harness.report.run import metrics
 from harness.results.requirements import findings
 from tests.harness.chromium import opened, wait
 from tests.harness.report_page import Page
@@ -51,6 +52,11 @@ def simulated(page, settings):
     """Verdicts and end of a run with these settings."""
     page.evaluate("settings => report.live.run(settings)", settings)
     return page.evaluate("report.live")
+
+
+def headline(result):
+    """Texts of the headline values of a run by name."""
+    return {m.name: f"{value:.4g} {m.unit}" for m, value in metrics(result) if np.isfinite(value)}
 
 
 def stated(verdicts):
@@ -122,6 +128,49 @@ def test_a_key_on_a_slider_changes_verdicts_replay_and_plots(chromium, path):
         after = page.evaluate("report.replay.state().bodies.servicer.position")
         np.testing.assert_allclose(after, before, rtol=1e-6, atol=1e-6)
         assert page.inner_text("#requirements tbody") == table
+
+
+def shown(page):
+    """Texts of the headline values by name; those marked as values of the file are left out."""
+    return dict(
+        page.eval_on_selector_all(
+            "#numbers .tile:not([hidden]):not(.of-file)",
+            "all => all.map(e => ['span', 'b'].map(part => e.querySelector(part).textContent))",
+        )
+    )
+
+
+def test_headline_values_follow_a_slider(chromium, path, result):
+    """They equal the values of `harness run --set`."""
+    with opened(chromium, path) as page:
+        ready(page)
+        before = shown(page)
+        assert before == headline(result)
+        page.focus("#slider-2")
+        page.keyboard.press("End")
+        page.evaluate("report.live.idle()")
+        other = run(SYSTEM, set={"target.omega_TN_T_0[2]": 0.02})
+        after = headline(other)
+        assert shown(page) == after
+        assert sum(before.get(name) != text for name, text in after.items()) >= 5
+        tile = page.query_selector("#numbers .tile:has-text('minimum range')")
+        assert after["minimum range"].split()[0] in tile.get_attribute("aria-label")
+        page.click("#live .reset")
+        page.evaluate("report.live.idle()")
+        assert shown(page) == before
+
+
+def test_a_headline_value_of_a_function_is_marked(chromium, path, tmp_path):
+    other = write(run("relay_approach", every=10), tmp_path / "relay.html", live=True)
+    with opened(chromium, other) as page:
+        ready(page)
+        assert page.query_selector_all("#numbers .tile.of-file") == []
+        page.focus("#slider-1")
+        page.keyboard.press("End")
+        page.evaluate("report.live.idle()")
+        (marked,) = page.query_selector_all("#numbers .tile.of-file")
+        assert "x optimum" in marked.inner_text()
+        assert "minimum range" in shown(page)
 
 
 def test_a_value_beyond_the_range_stays_at_its_end(chromium, path):

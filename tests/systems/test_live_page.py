@@ -56,7 +56,9 @@ VALUES = (
     "rms(a.y)", "std(a.y)", "mean(parameter(a.gain))", "percentile(a.x, 90)", "percentile(a.x, 31)",
     "percentile(a.gap, 50)", "first(a.v)", "last(norm(a.v - a.w))", "at(a.v, 3.05 s)[1]",
     "at(a.x, 11 s)", "last(a.x - max(a.x))", "settling_time(time, abs(a.y), 0.9)",
-    "settling_time(time, a.gap, 0)", "steady(time, a.y)", "9 ** 9 ** 9 * a.x", "a.v[1] - True",
+    "settling_time(time, a.gap, 0)", "steady(time, a.y)", "steady(time, a.v)", "next(a.v)",
+    "previous(a.gap)", "next(previous(a.v) - a.w)", "sum(a.x)", "sum(a.x > 0)",
+    "9 ** 9 ** 9 * a.x", "a.v[1] - True",
 )  # fmt: skip
 """Expressions whose values have the same bits in Python and in the page."""
 NEARLY = (

@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from harness.mission import Limits
 from harness.results.result import Result
-from ssp.space_robot.pitch import orbits, rotation_number, spectrum, strobe, swing
+from ssp.space_robot.pitch import METRICS, orbits, rotation_number, spectrum, strobe
 
 RATE = 0.01
 """Rate of the true anomaly [rad/s]."""
@@ -76,9 +77,9 @@ def test_the_rotation_number_is_the_frequency_less_whole_turns():
 
 
 def test_the_swing_is_the_range_of_the_pitch():
-    assert swing(motion(lambda nu: 0.2 + 0.5 * np.sin(nu))) == pytest.approx(
-        np.degrees(1.0), rel=1e-5
-    )
+    (swing,) = (metric for metric in METRICS if metric.name == "pitch swing")
+    found = swing(motion(lambda nu: 0.2 + 0.5 * np.sin(nu)), Limits())
+    assert found == pytest.approx(np.degrees(1.0), rel=1e-5)
 
 
 def test_the_spectrum_has_the_lines_of_the_motion_with_their_amplitudes():

@@ -145,11 +145,29 @@
     if (solved[k]) state.replaceChildren(badge("good", "solved"));
     else if (!state.hasChildNodes()) state.replaceChildren(badge("none", "not solved yet"));
   });
-  const OF_FILE_ALONE = "#numbers, #claims, #margins .tiles, .hero .chips";
+  /* headline values of a run; without an instruction, a value remains as it is in the file */
+  const tiles = [...document.querySelectorAll("#numbers .tile")];
+  const valuesOfRun = (result, constants) => {
+    const value = Program.evaluator(about.program, tablesOf(result.time, result.values, constants, result.complete));
+    return about.metrics.map((k) => {
+      if (k === null) return null;
+      try { return value(k).data[0]; } catch { return NaN; }
+    });
+  };
+  const writeValues = (values, changed) => values.forEach((value, k) => {
+    const tile = tiles[k];
+    tile.classList.toggle("of-file", changed && value === null);
+    if (value === null) return;
+    const text = Program.g(value, 4);
+    tile.hidden = !Number.isFinite(value);
+    tile.querySelector("b").firstChild.data = text;
+    if (tile.dataset.about) tile.setAttribute("aria-label", `${tile.querySelector("span").textContent} ${text} ${tile.dataset.unit}: ${tile.dataset.about}`);
+  });
+  const OF_FILE_ALONE = "#claims, #margins .tiles, .hero .ended, .hero .chips";
   const mark = (changed) => {
     for (const each of document.querySelectorAll(OF_FILE_ALONE)) each.classList.toggle("of-file", changed);
     part(".stale").hidden = !changed;
-    part(".stale").textContent = `Replay with its phases, events and rules, plots, signals and requirements show the new run. Shapes, zones, limits, shadows, headline values, claims and safety tiles belong to the run in the file, as do plots and curves whose name ends with "(of the run in the file)".`;
+    part(".stale").textContent = `Replay with its phases, events and rules, plots, signals, requirements and headline values show the new run. Shapes, zones, limits, shadows, claims, safety tiles and the head of the page belong to the run in the file, as do headline values, plots and curves with the note "of the run in the file".`;
   };
   const present = (data, arrays) => {
     const { replay } = window.report, state = replay && replay.state();
@@ -200,7 +218,9 @@
     if (result.cancelled) return say(outcome(result, seconds));
     const verdicts = verdictsOf(about.requirements, result, constants);
     const exercises = verdictsOf(about.exercises, result, constants).map((v) => v.kind === "good");
+    const values = result.rows ? valuesOfRun(result, constants) : about.metrics.map(() => null);
     writeVerdicts(verdicts);
+    writeValues(values, !same);
     writeExercises(exercises);
     part(".bits").textContent = same ? await compared(result) : "";
     mark(!same);
@@ -210,7 +230,7 @@
     }
     shown = key;
     say(outcome(result, seconds));
-    Object.assign(window.report.live, { result: { rows: result.rows, complete: result.complete, message: result.message, seconds }, verdicts, exercises, settings });
+    Object.assign(window.report.live, { result: { rows: result.rows, complete: result.complete, message: result.message, seconds }, verdicts, values, exercises, settings });
     return null;
   };
   const start = async (settings) => {

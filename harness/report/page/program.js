@@ -70,9 +70,9 @@ const Program = (() => {
     error.forEach((e, k) => { if (!(e <= band)) outside = k; });
     return scalar(outside + 1 < time.length ? time[outside + 1] - time[0] : NaN);
   };
-  const steady = ({ data: time }, { data: error }) => {
+  const steady = ({ data: time }, { m, data: error }) => {
     const end = time[time.length - 1], from = end - 0.2 * (end - time[0]);
-    return scalar(error.reduce((most, e, k) => (time[k] >= from ? largest(most, e) : most), -Infinity));
+    return scalar(error.reduce((most, e, k) => (time[Math.floor(k / m)] >= from ? largest(most, e) : most), -Infinity));
   };
   const at = ({ data: [instant] }, { data: time }) => {
     const slack = slackOf(time), [begin, end] = [time[0], time[time.length - 1]];
@@ -110,16 +110,21 @@ const Program = (() => {
     const h = i / 2, a = (o + w + n) / 2, b = (o - w - n) / 2;
     return [Math.cos(h) * Math.cos(a), Math.sin(h) * Math.cos(b), Math.sin(h) * Math.sin(b), Math.cos(h) * Math.sin(a)];
   });
+  const shifted = (by) => (x) => {
+    const out = table(x.n, x.m);
+    for (let k = 0; k < x.n; k++) out.data.set(row(x, Math.min(x.n - 1, Math.max(0, k + by))).data, k * x.m);
+    return out;
+  };
   const element = (x, [k, text]) => {
     if (k >= x.m) throw new Error(`\`${text}\` has ${x.m} elements`);
     return table(x.n, 1, Float64Array.from({ length: x.n }, (_, i) => x.data[i * x.m + k]));
   };
   const WHOLE = {
     angle, angle_between: between, at, element, mrp, orbit, turned, first: () => scalar(0), hill, last: () => scalar(-1), max: ({ data }) => scalar(data.reduce(largest)),
-    mean: (x) => scalar(mean(x)), min: ({ data }) => scalar(data.reduce(least)), norm, number: (constant) => scalar(Number(constant)), percentile,
+    mean: (x) => scalar(mean(x)), min: ({ data }) => scalar(data.reduce(least)), next: shifted(1), norm, number: (constant) => scalar(Number(constant)), percentile, previous: shifted(-1),
     rms: (x) => scalar(Math.sqrt(mean(square(x)))), settling_time: settling,
     std: (x) => { const middle = mean(x); return scalar(Math.sqrt(mean(map((v) => (v - middle) ** 2, x)))); },
-    steady, total: (x) => byRow(sum, x), table: (x) => x, any: ({ data }) => scalar(+data.some((v) => v !== 0)),
+    steady, sum: ({ data }) => scalar(sum(data)), total: (x) => byRow(sum, x), table: (x) => x, any: ({ data }) => scalar(+data.some((v) => v !== 0)),
     least: (x) => byRow((elements) => elements.reduce(least), x),
     row: (x, { data: [k] }) => row(x, k < 0 ? x.n + k : k), "one row": (x, { data: [k] }) => row(x, k < 0 ? x.n + k : k),
     "every row": (x, time) => map((a) => a, x, table(time.n, 1)),

@@ -153,7 +153,7 @@ def test_an_error_in_a_mission_module_is_one_line_with_its_place(alone, capsys):
         ("figures=(5,)", "line 9: TypeError: figures: expected tuple[Figure |"),
         ("metrics=metric(fails)", "line 5: ZeroDivisionError: division by zero"),
         ("metrics=metric(leaves)", "line 7: SystemExit: 0"),
-        ("metrics=metric(lambda r, l: 'far')", "line 9: metric m is 'far', not a number"),
+        ("metrics=metric(lambda r, l: 'far')", "line 9: metric m is 'far', neither a number nor"),
         ("metrics=metric(lambda r, l: None)", "line 9: metric m is None, not a number"),
         ("metrics=metric(lambda r, l: r.time)", "line 9: metric m is an array of 3, not one"),
         ("figures=figure(fails)", "line 5: ZeroDivisionError: division by zero"),

@@ -28,6 +28,7 @@ from harness.results.program import Program
 from harness.ssp.build import system_of
 from harness.system.graph import read_interfaces
 from harness.system.sliders import problems, sliders
+from tests.close import close
 from tests.each import some
 
 OF_FUNCTIONS = {
@@ -64,6 +65,43 @@ def test_every_curve_of_an_expression_has_instructions_that_give_it(system):
     assert {n for n, plots in figures.items() for p in plots for c in p["curves"]
             if "source" not in c} == OF_FUNCTIONS[system]  # fmt: skip
     assert all("source" in curve for plot in signals for curve in plot["curves"])
+
+
+BY_FUNCTION = {
+    "sync_approach": {"x optimum"},
+    "ppc_tracking": set(),
+    "space_robot": {"rotation number"},
+    "transposition": set(),
+}
+"""Headline values that only Python functions compute."""
+MOVED = {
+    "sync_approach": ({"stop": 400}, {"target.omega_TN_T_0[2]": 0.02, "servicer.t_att": 290.5}),
+    "ppc_tracking": ({"stop": 20}, {"servicer.mass_0": 80.0}),
+    "space_robot": ({"stop": 400, "every": 10}, {"robot.e": 0.1}),
+    "transposition": ({"stop": 900}, {"assembly.m1": 24000.0}),
+}
+"""Options of two runs by system, and parameters of the second."""
+
+
+@pytest.mark.parametrize("system", BY_FUNCTION)
+def test_instructions_of_headline_values_apply_to_another_run(system):
+    """The instructions of the run in the file, over the rows of a run with other parameters."""
+    options, moved = MOVED[system]
+    program, result = Program(), run(system, **options)
+    shown = list(live.headline_values(result, program))
+    assert {m.name for m, _, number in shown if number is None} <= BY_FUNCTION[system]
+    other = run(system, **options, set=moved)
+    for rows in (result, other):
+        values, expected = program.run(partial(history, rows)), dict(report.metrics(rows))
+        for metric, _, number in shown:
+            if number is None:
+                continue
+            found, wanted = float(values[number]), expected[metric]
+            if np.isfinite(wanted):
+                close(found, wanted, rel=1e-9)
+            else:
+                assert not np.isfinite(found), metric.name
+    assert any(expected[metric] != value for metric, value, _ in shown)
 
 
 def test_a_converted_or_broken_curve_has_no_instructions():

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Expressions of the metrics of an approach: by them a live page computes the metrics of the runs
+that it simulates.
+
+The functions of ssp/shared/relative_motion.py state the same quantities over the rows of a result.
+"""
+
+from __future__ import annotations
+
+from harness.mission import Limits
+from harness.results.result import Result
+
+from .relative_motion import (
+    ATTITUDE,
+    DISTANCE,
+    REFERENCE,
+    REFERENCE_ATTITUDE,
+    RELEASE,
+    SERVICER,
+    TARGET,
+    release_time,
+)
+from .samples import is_late
+
+FIRST_RANGE = f"first({DISTANCE})"
+TORQUE_IMPULSE = "propulsion.torque_impulse"
+TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
+STEP = "(time - previous(time) + (time == first(time)) * 1 s)"
+"""Time since the row before; of the first row 1 s, because changes since the row before are 0."""
+
+
+def at_samples(result: Result, name: str, error: str) -> str:
+    """Return an error, in which {} stands behind variables of the plants, with the outputs of a
+    sampled component that belong to the state of the row (ssp/shared/samples.py).
+    """
+    late = is_late(result, name)
+    return f"next({error.format('previous')})" if late else error.format("")
+
+
+def position_error(result: Result) -> str:
+    """Return the distance of the servicer from its reference position [m]."""
+    return at_samples(result, REFERENCE, f"norm({{}}({SERVICER} - {TARGET}) - {REFERENCE})")
+
+
+def range_error(result: Result) -> str:
+    """Return the magnitude of range less range of the reference position [m]."""
+    error = f"abs(norm({{}}({SERVICER} - {TARGET})) - norm({REFERENCE}))"
+    return at_samples(result, REFERENCE, error)
+
+
+def reference_range(result: Result) -> str:
+    """Return the range of the reference position [m]."""
+    return at_samples(result, REFERENCE, f"norm({REFERENCE})")
+
+
+def attitude_error(result: Result) -> str:
+    """Return the angle between the attitude of the servicer and the reference attitude [rad]."""
+    error = f"angle({{}}({ATTITUDE}), {REFERENCE_ATTITUDE})"
+    return at_samples(result, REFERENCE_ATTITUDE, error)
+
+
+def first_time(condition: str) -> str:
+    """Return the time of the first row in which a condition holds [s]; infinite without one."""
+    since = f"(time - first(time) + 1 s) / ({condition})"
+    return f"min({since}) + first(time) - 1 s"
+
+
+# ---- since the release of the attitude
+
+
+def released(result: Result) -> str:
+    """Return the condition that the attitude is free."""
+    known = result.holds(parameters=(RELEASE,))
+    release = f"parameter({RELEASE})" if known else f"{min(release_time(result), 1e300)!r} s"
+    return f"time >= {release}"
+
+
+def since_release(result: Result) -> str:
+    """Return the time from the first row with a free attitude to the last row [s]."""
+    return f"max((last(time) - time) * ({released(result)}))"
+
+
+def attitude_settles(result: Result, limits: Limits) -> str:
+    """Return the time from the release on after which the attitude stays within its band [s]."""
+    error = f"degrees({attitude_error(result)}) * ({released(result)})"
+    frozen = f"(last(time) - first(time) - {since_release(result)})"
+    settled = f"(settling_time(time, {error}, {limits.attitude!r}) - {frozen})"
+    return f"{settled} * ({settled} > 0) / (last({released(result)}))"
+
+
+def attitude_steady(result: Result, _: Limits) -> str:
+    """Return the largest attitude error in the last fifth of the time since the release [deg]."""
+    late = f"(last(time) - time <= 0.2 * {since_release(result)})"
+    error = f"max(degrees({attitude_error(result)}) * {late})"
+    return f"{error} / (last({released(result)}))"
+
+
+# ---- cost
+
+
+def delta_v(result: Result, _: Limits) -> str:
+    """Return the impulse of all thrusters or axes over the mass [m/s]."""
+    del result
+    impulse = "propulsion.impulse"
+    return f"sum(total({impulse} - previous({impulse})) / servicer.mass)"
+
+
+def acting(result: Result) -> str:
+    """Return the condition that the attitude is free in a row and in the row before."""
+    return f"(time > last(time) - {since_release(result)}) * ({released(result)})"
+
+
+def wheel_torque(result: Result) -> list[str]:
+    """Return the mean torque of the wheels on the body since the row before, by axis [N m]."""
+    wheels = range(1, result["servicer.wheel_speed"].shape[1] + 1)
+    change = f"(servicer.wheel_speed - previous(servicer.wheel_speed)) / {STEP}"
+    unit = "(1 N.m) / (1 kg.m2.rad/s2)"
+    sums = (
+        " + ".join(f"parameter(servicer.A_w[{axis},{k}]) * ({change})[{k}]" for k in wheels)
+        for axis in (1, 2, 3)
+    )
+    return [f"(-({each}) * {unit})" for each in sums]
+
+
+def torque_impulse(result: Result, _: Limits) -> str:
+    """Return the integral of the torque of thrusters and wheels on the body since the release of
+    its attitude, summed over the axes [N m s].
+    """
+    thrusters = f"({TORQUE_IMPULSE} - previous({TORQUE_IMPULSE}))"
+    if TORQUE_IMPULSE not in result:
+        thrusters = f"abs({TORQUES[0]}) * {STEP}"
+    wheels = " + ".join(f"abs({each})" for each in wheel_torque(result))
+    free = acting(result)
+    return f"sum({thrusters} * {free}) + sum(({wheels}) * {STEP} * {free})"
+
+
+def peak_torque(result: Result, _: Limits) -> str:
+    """Return the largest torque of thrusters and wheels on the body since the release of its
+    attitude [N m].
+    """
+    axes = enumerate(wheel_torque(result), 1)
+    square = " + ".join(f"({TORQUES[0]}[{axis}] + {wheels}) ** 2" for axis, wheels in axes)
+    return f"max(sqrt({square}) * {acting(result)}) / (last({released(result)}))"
