@@ -41,6 +41,9 @@ DatasetOption = Annotated[Path | None, output("Dataset to write (default: result
 WorkersOption = Annotated[
     int | None, option("", "Use N processes or jobs (default: processors; 0: this one)")
 ]
+LanesOption = Annotated[
+    bool, option("--lanes/--no-lanes", "Make several fused runs of a worker at once")
+]
 ResumeOption = Annotated[bool, option("--resume", "Continue after an interruption")]
 
 
@@ -53,9 +56,7 @@ class Cluster:
         None
     )
     slurm: Annotated[bool, option("--slurm", "Submit the workers as SLURM jobs")] = False
-    lanes: Annotated[
-        bool, option("--lanes/--no-lanes", "Make several fused runs of a worker at once")
-    ] = True
+    lanes: LanesOption = True
     tls_ca: Annotated[
         Path | None, option("FILE", "Certificate of the authority that signs all others")
     ] = None
@@ -344,6 +345,7 @@ class How:
 
     output: DatasetOption = None
     workers: WorkersOption = None
+    lanes: LanesOption = True
     resume: ResumeOption = False
     quiet: QuietOption = False
 
@@ -358,6 +360,7 @@ class How:
                 definition,
                 target,
                 workers=self.workers,
+                lanes=self.lanes,
                 resume=self.resume,
                 progress=show,
                 notify=lambda text: None if self.quiet else typer.echo(printable(text)),
@@ -413,7 +416,7 @@ def study_command(
     if not kinds:
         campaign = Campaign(
             output=how.output,
-            cluster=Cluster(workers=how.workers),
+            cluster=Cluster(workers=how.workers, lanes=how.lanes),
             resume=how.resume,
             drawing=Drawing(),
             quiet=how.quiet,

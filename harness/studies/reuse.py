@@ -33,6 +33,10 @@ from harness.system.model import System
 from harness.system.values import base
 
 _log = logging.getLogger("harness")
+
+LONG = 5_000_000
+"""Macro steps of many runs from which the library of lanes is compiled for them."""
+
 _retained: dict[Any, ReusedSimulation] = {}
 
 
@@ -99,10 +103,13 @@ def rejected_before(
 
 
 @contextmanager
-def compiling(system: str | Path, changes: Changes) -> Iterator[None]:
-    """Compile the library of lanes of a fused system in the background, unless it is there, or the
-    system has FMUs of third parties.
+def compiling(system: str | Path, changes: Changes, steps: int) -> Iterator[None]:
+    """Compile the library of lanes of a fused system in the background for runs of so many macro
+    steps together, unless it is there, they are few, or the system has FMUs of third parties.
     """
+    if steps < LONG:
+        yield
+        return
     with quietly(), load(system) as found:
         changed = apply(found, **changes)
         ours = isolated.all_ours(changed)

@@ -32,6 +32,7 @@ from harness.studies.campaign.factors import SMALLEST
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.sources import named
 from harness.studies.campaign.worker import Row
+from harness.studies.reuse import compiling
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,8 @@ class Evaluator:
 
     d: coordinates of a row; groups: their indices by factor; names: requirements, in the order of
     the columns of margins. definition: path of the .toml of a campaign, or the table itself;
-    workers: as for campaign(); file: file of a table, in whose folder the files that it names are.
+    workers, lanes: as for campaign(); file: file of a table, in whose folder the files that it
+    names are.
 
     Raises UsageError and StructureError with all problems before the first run.
     """
@@ -56,16 +58,18 @@ class Evaluator:
         definition: str | Path | Mapping[str, Any],
         *,
         workers: int | None = None,
+        lanes: bool = True,
         file: Path | None = None,
         notify: Callable[[str], None] = lambda _: None,
     ) -> None:
         if file is None and not isinstance(definition, Mapping):
             file = Path(definition)
         table = {k: v for k, v in table_of(definition).items() if k not in UNUSED}
-        self.workers = Workers(workers)
+        self.workers = Workers(workers, lanes=lanes)
         prestart(self.workers, worker.__name__)
         with logged_once():
-            self.plan, self.task = read_plan(table | {"runs": 1}, file)
+            self.plan, task = read_plan(table | {"runs": 1}, file)
+        self.task = task.in_lanes(lanes, notify)
         if listed := [each.name for each in self.plan.factors if each.draw is None]:
             rule = (
                 "a study cannot vary a list or range; move it to [fixed] or write one file "
@@ -119,6 +123,10 @@ class Evaluator:
         return {name: self.names.index(name) for name in names[:most]}
 
     def __enter__(self) -> Evaluator:
+        plan = self.plan
+        if self.task.lanes:
+            steps = plan.runs * self.task.steps
+            self._life.enter_context(compiling(plan.system, plan.fixed, steps))
         self._run_blocks = self._life.enter_context(worker_pool(self.workers, self.notify))
         return self
 
@@ -152,8 +160,9 @@ class Evaluator:
                 "Evaluator: use it in a with block, `with Evaluator(...) as evaluator:`"
             )
         changes = [self.plan.changes(each) for each in values]
-        size = min(LARGEST, -(-len(changes) // (2 * self.workers.processes)))
-        blocks = (Block(k, changes[k : k + size]) for k in range(0, len(changes), size or 1))
+        share = -(-len(changes) // (2 * self.workers.processes))
+        size = self.task.block(min(LARGEST, share))
+        blocks = (Block(k, changes[k : k + size]) for k in range(0, len(changes), size))
         completed = dict(self._run_blocks(self.task, blocks))
         return [row for k in sorted(completed) for row in completed[k]]
 

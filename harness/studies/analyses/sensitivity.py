@@ -165,7 +165,8 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
 
     definition: path of a campaign TOML with a table [sensitivity], or the table itself; or the
     dataset of a complete campaign, which needs no further run and no output. output: OUT.zarr;
-    how: workers, resume, progress, `notify` as for campaign(). Raises UsageError, StructureError.
+    how: workers, lanes, resume, progress, `notify` as for campaign(). Raises UsageError,
+    StructureError.
     """
     if not isinstance(definition, Mapping) and Path(definition).suffix == ".zarr":
         return Study(Path(definition), of_dataset(Path(definition)))

@@ -152,7 +152,12 @@ def begun(
 def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T, Evaluator]:
     """Return the entries of an analysis with its evaluator."""
     entry = entries(kind, table_of(definition))
-    return entry, Evaluator(definition, workers=how.get("workers"), notify=how.get("notify", print))
+    return entry, Evaluator(definition, notify=how.get("notify", print), **where(how))
+
+
+def where(how: Mapping[str, Any]) -> dict[str, Any]:
+    """Return workers and lanes of a study."""
+    return {"workers": how.get("workers"), "lanes": how.get("lanes", True)}
 
 
 def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:

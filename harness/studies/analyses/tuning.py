@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.studies.analyses.evaluator import Evaluator
-from harness.studies.analyses.study import Study, Tune, begun, entries
+from harness.studies.analyses.study import Study, Tune, begun, entries, where
 from harness.studies.analyses.worst import generation, needs_cma, search
 from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.store import Store
@@ -123,9 +123,7 @@ def tune(definition: Any, output: str | Path, **how: Any) -> Study:
         )
     file = Path("campaign.toml" if isinstance(definition, Mapping) else definition)
     factors = table.get("factors", {})
-    evaluator = Evaluator(
-        {**table, "factors": {**factors, **entry.gains}}, workers=how.get("workers"), file=file
-    )
+    evaluator = Evaluator({**table, "factors": {**factors, **entry.gains}}, file=file, **where(how))
     of = evaluator.columns(entry.of, slope=True)
     gains = [p for n in entry.gains for p in evaluator.groups[n]]
     d, seed = evaluator.d, evaluator.plan.table.seed

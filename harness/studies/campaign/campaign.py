@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
-from harness.master.executors import FUSED
-from harness.master.lanes import width
 from harness.master.messages import logged_once
 from harness.spelling import some
 from harness.ssp.library import find_system, name_of
@@ -40,9 +38,6 @@ BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 16, 200, 2_000_000
 """Smallest number of blocks of a campaign; largest numbers of runs and of macro steps of a block:
 some seconds of work, which a kill or Ctrl-C loses.
 """
-
-LONG = 5_000_000
-"""Macro steps of a campaign from which it compiles the library of lanes."""
 
 
 @dataclass(frozen=True)
@@ -105,9 +100,7 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     with logged_once():
         plan, task = read_plan(definition)
     _reject_conditions(task, require)
-    task = replace(task, lanes=who.lanes and task.table.executor == FUSED and width() > 1)
-    if task.lanes:
-        notify(f"{width()} runs at once in the lanes of vectors, where their library is compiled")
+    task = task.in_lanes(who.lanes, notify)
     with ExitStack() as life:
         store, completed = _begun(
             (plan, task), Path(output), resume, worker_pool(who, notify), life
@@ -129,8 +122,8 @@ def _begun(
     """
     plan, task = read
     laid = list(fields(plan, task))
-    if task.lanes and plan.runs * task.steps >= LONG:
-        life.enter_context(compiling(plan.system, plan.fixed))
+    if task.lanes:
+        life.enter_context(compiling(plan.system, plan.fixed, plan.runs * task.steps))
     if resume and path.exists():
         store = Store.resumed(path, plan, laid, life)
         run_blocks = life.enter_context(pool)

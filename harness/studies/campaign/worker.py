@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError, InterruptionError, RunError
 from harness.master.changes import Changes, as_in_a_file
 from harness.master.executors import FUSED
+from harness.master.lanes import width
 from harness.master.recorder import recorded
 from harness.results.requirements import Finding, finding, findings
 from harness.results.result import Result
@@ -101,6 +102,17 @@ class Task:
         """Return the numbers of the rows of which histories are recorded."""
         rows = len(recorded(self.steps, self.table.every))
         return recorded(rows - 1, max(1, -(-rows // self.table.record.rows)))
+
+    def in_lanes(self, wanted: bool, notify: Callable[[str], None]) -> Task:
+        """Return the task with the decision on lanes; notify: receives a line that states how many
+        runs are made at once.
+        """
+        lanes = wanted and self.table.executor == FUSED and width() > 1
+        if lanes:
+            notify(
+                f"{width()} runs at once in the lanes of vectors, where their library is compiled"
+            )
+        return replace(self, lanes=lanes)
 
     @property
     def piece(self) -> int:

@@ -33,7 +33,7 @@ from harness.master.lanes import Lanes
 from harness.master.simulation import Simulation
 from harness.mission.library import systems
 from harness.ssp.library import find_system, load
-from harness.studies.reuse import ReusedSimulation, compiling
+from harness.studies.reuse import LONG, ReusedSimulation, compiling
 from harness.system.graph import checked
 from harness.system.interface import unpacked_sources
 from harness.system.model import System
@@ -251,6 +251,9 @@ def memory(simulation: Simulation) -> bytes:
     return bytes(buffer)
 
 
+TORQUES = {f"robot.M_S[{i}]": {"normal": {"mean": 10.0, "sigma": 5.0}} for i in (2, 3)}
+GAIN = {"robot.M_S[1]": {"normal": {"mean": 0.0, "sigma": 5.0}}}
+
 Make = Callable[[Path], Path | None]
 
 
@@ -400,7 +403,7 @@ def test_an_fmu_of_third_parties_is_never_loaded_into_the_process_of_a_worker(
         monkeypatch.setattr(Simulation, "begin", lambda *_: pytest.fail("loaded here"))
         assert reused.together(runs, 1, ["robot.omega_SN_S"]) == [None, None]
         monkeypatch.setattr(fused, "compiled", lambda *_: pytest.fail("compiled here"))
-        with compiling("space_robot", {}):
+        with compiling("space_robot", {}, LONG):
             pass
 
 
@@ -428,18 +431,24 @@ def test_lanes_that_wait_for_a_processor_remain_in_use() -> None:
         assert reused.width == compiled.width > 1
 
 
-@needs_lanes
-def test_a_campaign_in_lanes_has_the_dataset_of_single_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    groups: list[int] = []
+@pytest.fixture
+def groups(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Numbers of the runs that were made together."""
+    found: list[int] = []
     advance = Lanes.advance
 
     def counted(self: Lanes, simulations: Any, to: int | None = None) -> list[bool]:
-        groups.append(len(simulations))
+        found.append(len(simulations))
         return advance(self, simulations, to)
 
     monkeypatch.setattr(Lanes, "advance", counted)
+    return found
+
+
+@needs_lanes
+def test_a_campaign_in_lanes_has_the_dataset_of_single_runs(
+    tmp_path: Path, groups: list[int]
+) -> None:
     with ExitStack() as life:
         prepared("space_robot", life)
     table = {
@@ -462,3 +471,40 @@ def test_a_campaign_in_lanes_has_the_dataset_of_single_runs(
         assert together[key].tolist() == value.tolist() or np.array_equal(
             together[key], value, equal_nan=True
         ), key
+
+
+@needs_lanes
+@pytest.mark.parametrize(
+    ("kind", "entry"),
+    [
+        ("worst", {"of": "slow", "runs": 24}),
+        ("probability", {"of": "slow", "method": "random", "runs": 24}),
+        ("sensitivity", {"method": "morris", "runs": 12}),
+        ("boundary", {"of": "slow", "factors": list(TORQUES), "runs": 25}),
+        ("tune", {"of": "slow", "draws": 2, "runs": 48, "gains": GAIN}),
+    ],
+)
+def test_a_study_in_lanes_has_the_dataset_of_single_runs(
+    tmp_path: Path, groups: list[int], kind: str, entry: dict[str, Any]
+) -> None:
+    with ExitStack() as life:
+        prepared("space_robot", life)
+    table = {
+        "system": "space_robot",
+        "executor": "fused",
+        "fixed": {"stop": 10.0},
+        "factors": TORQUES,
+        "requirements": {"slow": "norm(robot.omega_SN_S) <= 0.002 rad/s"},
+        kind: entry,
+    }
+    made = []
+    for lanes_too in (True, False):
+        before = len(groups)
+        study = getattr(harness, kind)(
+            table, tmp_path / f"{lanes_too}.zarr", workers=0, lanes=lanes_too, notify=len
+        )
+        assert (len(groups) > before) == lanes_too
+        names = ("numbers", "margin", "status", "generation")
+        made.append([study.store.array(name).tobytes() for name in names])
+    assert made[0] == made[1]
+    assert max(groups) == lanes.width()
