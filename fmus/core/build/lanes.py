@@ -25,7 +25,8 @@ import build_fmu
 
 LANES = build_fmu.CORE / "lanes"
 FLAGS = (
-    "-std=gnu++20", "-O3", "-fPIC", "-fvisibility=hidden", "-fpermissive", "-w", "-fno-exceptions",
+    "-std=gnu++20", "-O3", "-fPIC", "-fvisibility=hidden", "-fpermissive", "-w",
+    "-fno-exceptions", "-Wno-address-of-temporary",
     *(flag for flag in build_fmu.SAME_BITS if not flag.startswith("-std")),
 )  # fmt: skip
 TARGET = {4: ("-mavx2", "-mno-fma"), 2: ()}
@@ -168,6 +169,26 @@ def separated(items: Items) -> list[Items]:
     return [part for part in parts if part]
 
 
+def with_casts(items: Items) -> Items:
+    """Return items in which a pointer that is declared with the value of another one has its type,
+    which C++ demands of one without a type.
+    """
+    found: Items = []
+    for i, item in enumerate(items):
+        found.append(item if isinstance(item, str) else [item[0], *with_casts(item[1:])])
+        if item == "=" and items[i - 2 : i - 1] == ["*"] and items[i + 2 : i + 3] == [";"]:
+            begin = max((k + 1 for k, x in enumerate(items[:i]) if ends(x)), default=0)
+            kind = items[begin : i - 2]
+            if kind and all(map(is_name, kind)) and not {"else", "do"} & set(kind):
+                found.append(["(", *(x for x in kind if x != "static"), "*"])
+    return found
+
+
+def is_name(item: Any) -> bool:
+    """Return whether an item is a word."""
+    return isinstance(item, str) and item.isidentifier()
+
+
 def in_lanes(text: str) -> str:
     """Return a C text as C++ for lanes.h, without the tables of start values and variables."""
     items = parsed(text)
@@ -191,7 +212,7 @@ def function(head: Items, body: Items) -> Items:
     kind = " ".join(head[begin:-2])
     if head[-2] == "check":
         return []
-    body = designated(body)
+    body = designated(with_casts(body))
     if kind in ("void", "int", "bool") or writes(head):
         return conditionals(body)
     body = conditionals(early_returns(body, kind))
