@@ -10,14 +10,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
-from harness.results.evaluation import fitted, ruling, unit_in, unit_of
+import numpy as np
+
+from harness.results.evaluation import fitted, history, ruling, unit_in, unit_of
 from harness.results.expressions import Node
-from harness.results.program import Program
+from harness.results.program import Program, evaluate, is_per_row
 from harness.results.result import Result
 from harness.system.units import convert
+
+ALL = slice(None)
+"""All rows of a result."""
 
 
 class Requirement:
@@ -35,6 +40,8 @@ class Requirement:
         self.program, self._unit = program, unit
         self.guarded = not tree.is_timing
         self.has_rows, self.at_start = tree.is_history, tree.has_window
+        decisive = self.guarded and tree.kind == "join" and tree.name == "or" and is_per_row(tree)
+        self._limits = [p for p in tree.parts if decisive and p.is_timing and p.kind == "compare"]
         self.margin_unit = unit_of_margin(tree, unit)
         self.units: list[tuple[str, str]] = []
         """Units of compared values: of the variables, and as written ("": as the variables)."""
@@ -49,6 +56,17 @@ class Requirement:
         )
         self.exercised = self._exercised(tree, self._number(1))
         self.value, self.which = self._shown(tree)
+
+    def rows(self, result: Result) -> slice:
+        """Return the rows outside of which a condition on time alone decides that it holds; all
+        rows where the rows depend on each other, or none is left.
+        """
+        applies = np.ones(len(result.time), dtype=np.bool_)
+        for part in self._limits:
+            holds = evaluate(part, partial(history, result))
+            applies &= ~holds if np.ndim(holds) == 1 else True
+        there = np.flatnonzero(applies)
+        return slice(there[0], there[-1] + 1) if len(there) else ALL
 
     def _add(self, operation: str, *parts: int, constant: Any = None) -> int:
         return self.program.add(operation, *parts, constant=constant)

@@ -229,6 +229,14 @@ def _least(table: Any) -> Any:
     return table if table.shape[1] == 1 else np.min(table, axis=1, keepdims=True)
 
 
+def _decided(x: Any, *by: Any) -> Any:
+    """Return x as numbers, NaN where one of `by` is."""
+    unknown = reduce(np.logical_or, map(np.isnan, by))
+    if np.shape(x) == unknown.shape and not unknown.any():  # np.where takes ten times as long
+        return np.asarray(x, dtype=np.float64)
+    return np.where(unknown, np.nan, x)
+
+
 def _over_windows(function: Callable[..., Any]) -> Callable[..., Any]:
     def of_tables(*given: Any) -> Any:
         *tables, time, begin, end, complete = given
@@ -241,7 +249,7 @@ def _over_windows(function: Callable[..., Any]) -> Callable[..., Any]:
 TABLES: Mapping[str, Callable[..., Any]] = {
     "row": lambda x, row: x[row],
     "one row": lambda x, row: x[[row]],
-    "decided": lambda x, *by: np.where(reduce(np.logical_or, map(np.isnan, by)), np.nan, x),
+    "decided": _decided,
     "both": lambda a, b: np.where((a == 0) | (b == 0), 0.0, a * b),
     "where": np.where,
     "difference": lambda a, b: np.where(a == b, 0.0, a - b),

@@ -20,7 +20,7 @@ import numpy as np
 
 from harness.results.evaluation import history, resolved
 from harness.results.expressions import Node, parsed
-from harness.results.margins import Requirement, compared, compiled, leaves
+from harness.results.margins import ALL, Requirement, compared, compiled, leaves
 from harness.results.provenance import Provenance
 from harness.results.result import Result
 from harness.results.verdict import Kind, Outcome, Verdict
@@ -256,11 +256,14 @@ def finding(result: Result, name: str, text: str) -> Finding:
 def _found(result: Result, name: str, text: str) -> Finding:
     condition(text)
     required = compiled(result, text)
-    values = required.program.run(partial(history, result), result.complete)
     nothing = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=required.margin_unit)
     if required.at_start:
+        values = required.program.run(partial(history, result), result.complete)
         return _evaluated_at_start(result, nothing, required, values)
-    found = _evaluated(result, nothing, required, values)
+    applies = required.rows(result)
+    found = _evaluated(result, nothing, required, applies)
+    if found.margin == math.inf and applies != ALL:
+        found = _evaluated(result, nothing, required, ALL)
     if result.complete:
         return found
     if found.verdict is Verdict.NOT_MET:
@@ -296,8 +299,9 @@ def _evaluated_at_start(
     return replace(_with_margin(found, sign > 0, margin), reason=reason)
 
 
-def _evaluated(result: Result, found: Finding, required: Requirement, values: list[Any]) -> Finding:
-    """Return the finding for a requirement that must hold in every row."""
+def _evaluated(result: Result, found: Finding, required: Requirement, rows: slice) -> Finding:
+    """Return the finding for a requirement that must hold in every row, from these rows."""
+    values = required.program.run(partial(_part, result, rows), result.complete)
     truth, least = values[required.truth], values[required.margin]
     met = bool(np.all(truth == 1))
     if met and not values[required.exercised]:
@@ -313,9 +317,15 @@ def _evaluated(result: Result, found: Finding, required: Requirement, values: li
         )
         given, written = required.units[int(which)]
         value, unit = (convert(value, given, written), written) if written else (value, given)
-    instant = float(result.time[row]) if required.has_rows else None
+    instant = float(result.time[rows][row]) if required.has_rows else None
     worst = replace(found, value=value, unit=unit, time=instant)
     return _with_margin(worst, met, float(least[row, 0]))
+
+
+def _part(result: Result, rows: slice, path: str) -> Any:
+    """Return the value of a name of an expression, of a history these rows."""
+    value = history(result, path)
+    return value if path.startswith("parameter ") else value[rows]
 
 
 def _at(rows: Any, row: int) -> Any:

@@ -8,7 +8,7 @@ metrics are expressions, which a live page evaluates in further runs (ssp/shared
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -77,9 +77,20 @@ def _attitude_settles(result: Result, limits: Limits) -> float:
     return settling_time(time, error, limits.attitude) if len(time) else float("nan")
 
 
+def _steady(error: Callable[[Result, slice], Array], result: Result, begin: float) -> float:
+    """Return the largest error in the last fifth of the time from `begin` on; NaN if none is left.
+    Only those rows are computed, and the row before them, because the last row may repeat it.
+    """
+    time = result.time[result.time >= begin]
+    if not len(time):
+        return float("nan")
+    first = int(np.argmax(result.time >= time[-1] - STEADY * (time[-1] - time[0])))
+    before = max(0, first - 1)
+    return float(np.max(error(result, slice(before, None))[first - before :]))
+
+
 def _attitude_steady(result: Result, _: Limits) -> float:
-    time, error = _controlled(result)
-    return steady_error(time, error) if len(time) else float("nan")
+    return float(np.degrees(_steady(attitude_error, result, release_time(result))))
 
 
 def _estimate_error(result: Result, part: int) -> float:

@@ -19,6 +19,7 @@ from harness.results.result import Array, Result
 
 from .samples import aligned, is_late
 
+ALL = slice(None)
 SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"
 VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
 DISTANCE = f"norm({SERVICER} - {TARGET})"
@@ -33,21 +34,21 @@ RATE = "servicer.omega_SN_S"
 """Variable that is published as zero as long as the attitude is frozen."""
 
 
-def position_error(result: Result) -> Array:
+def position_error(result: Result, rows: slice = ALL) -> Array:
     """Return the distance of the servicer from its reference position, (rows,) [m]."""
-    return _aligned(result, _relative(result), lambda a, b: norm(minus(a, b)))
+    return _aligned(result, lambda a, b: norm(minus(a, b)), rows)
 
 
-def range_error(result: Result) -> Array:
+def range_error(result: Result, rows: slice = ALL) -> Array:
     """Return the magnitude of range less range of the reference position, (rows,) [m]."""
-    return _aligned(result, _relative(result), lambda a, b: np.abs(norm(a) - norm(b)))
+    return _aligned(result, lambda a, b: np.abs(norm(a) - norm(b)), rows)
 
 
-def attitude_error(result: Result) -> Array:
+def attitude_error(result: Result, rows: slice = ALL) -> Array:
     """Return the angle between the attitude of the servicer and the reference attitude, 0 to pi,
     (rows,) [rad].
     """
-    return _turned_from(result, rotation_angle)
+    return _turned_from(result, rotation_angle, rows)
 
 
 def position_error_H(result: Result) -> Array:
@@ -72,7 +73,7 @@ def attitude_error_vector(result: Result) -> Array:
     """Return the attitude of S relative to D as modified Rodrigues parameters, |sigma| <= 1, (rows,
     3).
     """
-    return _turned_from(result, _relative_mrp)
+    return _turned_from(result, _relative_mrp, ALL)
 
 
 def force_H(result: Result) -> Array:
@@ -117,16 +118,17 @@ def relative_speed(result: Result) -> Array:
     return norm(minus(result[VELOCITIES[0]], result[VELOCITIES[1]]))
 
 
-def _relative(result: Result) -> Array:
-    return np.asarray(minus(result[SERVICER], result[TARGET]))
+def _relative(result: Result, rows: slice = ALL) -> Array:
+    return np.asarray(minus(result[SERVICER][rows], result[TARGET][rows]))
 
 
-def _aligned(result: Result, actual: Array, error: Callable[[Array, Array], Array]) -> Array:
+def _aligned(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
     """Return the error of a position against the reference."""
-    return aligned(actual, result[REFERENCE], error, is_late(result, REFERENCE))
+    late = is_late(result, REFERENCE)
+    return aligned(_relative(result, rows), result[REFERENCE][rows], error, late)
 
 
-def _turned_from(result: Result, error: Callable[[Array, Array], Array]) -> Array:
+def _turned_from(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
     """Return the error of the attitude against the reference."""
     late = is_late(result, REFERENCE_ATTITUDE)
-    return aligned(result[ATTITUDE], result[REFERENCE_ATTITUDE], error, late)
+    return aligned(result[ATTITUDE][rows], result[REFERENCE_ATTITUDE][rows], error, late)
