@@ -403,6 +403,7 @@ def test_the_planned_path_leads_ahead_of_the_servicer(chromium, tmp_path):
     with opened(chromium, write(result, tmp_path / "page.html")) as page:
         page.click("[data-frame=N]")
         assert not state_at(page, 0.5)["plans"][0]["shown"]
+        assert "planned path" in page.inner_text(".key")
         for time in (5.0, 15.0):
             (plan,) = state_at(page, time)["plans"]
             row = np.searchsorted(result.time, time - 1e-6)

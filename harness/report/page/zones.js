@@ -74,6 +74,7 @@ function makeZones(view, bodies) {
     zone.now = state;
   }
   for (const zone of zones) zone.swatch.style.borderColor = shapes.css(ZONE_COLOURS[zone.kind]);
+  if (bodies.plans.length) entry({ text: "planned path" }).swatch.style.borderColor = shapes.css(PLANNED[0]);
 
   const away = new Set();
   return {
