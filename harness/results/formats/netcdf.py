@@ -41,6 +41,7 @@ def write(result: Result, path: Path) -> None:
         file.setncatts(attributes(result))
         content["time"] = (("time",), result.time, time_labels(result))
         defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
+        file.set_auto_maskandscale(False)  # nothing to search for: a third of the time
         for variable, data in defined:
             variable[...] = data
 
