@@ -13,12 +13,13 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 
 from harness.errors import HarnessError, ResultsError, RunError, UsageError
 from harness.files.output import command_line, work_for, written
 from harness.master.changes import apply
-from harness.master.executors import known_executor
+from harness.master.executors import FUSED, known_executor
 from harness.master.isolated import PATIENCE
 from harness.master.messages import logged_once
 from harness.master.remainder import rest
@@ -34,7 +35,15 @@ from harness.spelling import one_line
 from harness.ssp.library import load
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.engine import Block, prestart, worker_pool
-from harness.studies.reuse import ReusedSimulation, quietly, rejected_before, retained
+from harness.studies.campaign.worker import TOGETHER
+from harness.studies.reuse import (
+    ReusedSimulation,
+    compiling,
+    kind,
+    quietly,
+    rejected_before,
+    retained,
+)
 from harness.studies.variants import Variant
 from harness.system.graph import checked
 from harness.system.model import System
@@ -44,6 +53,8 @@ ROWS = 20_000
 """Largest number of rows of a run by default."""
 TABLE = "comparison.csv"
 WIDTH = 120
+Order = tuple[Variant, Path, int]
+"""Variant with its results file and macro steps per row."""
 Metrics = Mapping[tuple[str, str], Mapping[str, float]]
 """Values by (name, unit) of a metric, then by the label of a run."""
 
@@ -71,16 +82,25 @@ class ComparisonRuns:
     executor: str
     patience: float
     command: str | None
-    piece = 1
 
-    def run(self, part: Sequence[tuple[Variant, Path, int]]) -> list[Outcome]:
-        """Return the outcomes of variants; each comes with its results file and macro steps per
-        row.
-        """
+    @property
+    def piece(self) -> int:
+        """Return the runs that a worker is given at once."""
+        return TOGETHER if self.executor == FUSED else 1
+
+    def run(self, part: Sequence[Order]) -> list[Outcome]:
+        """Return the outcomes of variants."""
         work_for(self.command)
         with quietly():
             reused = retained(self, lambda: ReusedSimulation(self.system, self.executor))
-            return [_run(reused, *each, self.patience) for each in part]
+            found: list[Outcome] = []
+            while len(found) < len(part):
+                group = _alike(part[len(found) :][: reused.width])
+                runs, every = [variant.changes for variant, _, _ in group], group[0][2]
+                results = reused.together(runs, every, None) if len(runs) > 1 else [None]
+                for order, result in zip(group, results, strict=True):
+                    found.append(_run(reused, order, self.patience, result))
+            return found
 
     @staticmethod
     def lost(message: str) -> Outcome:
@@ -88,12 +108,24 @@ class ComparisonRuns:
         return Outcome(None, message)
 
 
+def _alike(orders: Sequence[Order]) -> list[Order]:
+    """Return the first orders, which differ in values only."""
+    first = kind(orders[0][0].changes)
+    return list(takewhile(lambda order: kind(order[0].changes) == first, orders))
+
+
 def _run(
-    reused: ReusedSimulation, variant: Variant, path: Path, every: int, patience: float
+    reused: ReusedSimulation,
+    order: Order,
+    patience: float,
+    result: Result | None,
 ) -> Outcome:
+    """Return the outcome of a variant, from its result or run alone."""
+    variant, path, every = order
     file = ResultFile(path)
     try:
-        result = reused.run(variant.changes, every, patience)
+        if result is None:
+            result = reused.run(variant.changes, every, patience)
         with suppress(OSError):  # the table of an earlier comparison
             (path.parent / TABLE).unlink()
         file.write(result)
@@ -212,9 +244,14 @@ def compare(  # noqa: PLR0913 - options of a comparison
     thinning = [_thinning(n) if every is None else every for n in steps]
     orders = list(zip(variants, files, thinning, strict=True))
     over: dict[int, Outcome] = {}
-    with worker_pool(workers) as run_blocks:
-        for k, (outcome,) in run_blocks(work, (Block(k, [each]) for k, each in enumerate(orders))):
-            over[k] = outcome
+    size = work.piece if len(orders) >= work.piece * workers.processes else 1
+    blocks = (Block(k, orders[k : k + size]) for k in range(0, len(orders), size))
+    with (
+        compiling(system, variants[0].changes, sum(steps) if executor == FUSED else 0),
+        worker_pool(workers) as run_blocks,
+    ):
+        for k, found in run_blocks(work, blocks):
+            over |= dict(enumerate(found, k))
             if progress is not None:
                 progress(len(over))
     outcomes = {each.label: over[k] for k, each in enumerate(variants)}

@@ -121,6 +121,11 @@ def compiling(system: str | Path, changes: Changes, steps: int) -> Iterator[None
         yield
 
 
+def kind(changes: Changes) -> str:
+    """Return a text of the changes of a run that are not values."""
+    return repr({name: value for name, value in changes.items() if name != "set"})
+
+
 class ReusedSimulation:
     """System with its simulation, which is created for the first run that needs it.
 
@@ -197,11 +202,13 @@ class ReusedSimulation:
         return result, simulation.pace
 
     def together(
-        self, part: Sequence[Changes], every: int, needed: Collection[str]
+        self, part: Sequence[Changes], every: int, needed: Collection[str] | None
     ) -> list[Result | None]:
         """Return the results of runs that differ in values only, in the lanes of vectors; None for
         a run that has to be made alone, as all have with an FMU of third parties, without a library
         or with one that is slower. A result is valid until the next call.
+
+        needed: as for run().
         """
         results: list[Result | None] = [None] * len(part)
         if self.width < 2:
@@ -236,7 +243,9 @@ class ReusedSimulation:
             self._library = (whole, Lanes(path)) if path else None
         return self._library[1] if whole is not None and self._library else None
 
-    def _begun(self, place: int, system: System, every: int, needed: Collection[str]) -> Simulation:
+    def _begun(
+        self, place: int, system: System, every: int, needed: Collection[str] | None
+    ) -> Simulation:
         """Return the simulation of a lane after the first macro step of a run. All simulations
         share the compiled system.
         """

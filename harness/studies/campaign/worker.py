@@ -29,7 +29,7 @@ from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
 from harness.studies.campaign.metrics import is_condition, measured, read
 from harness.studies.campaign.plan import SUCCESS, Table
-from harness.studies.reuse import Reading, ReusedSimulation, quietly, retained
+from harness.studies.reuse import Reading, ReusedSimulation, kind, quietly, retained
 
 Array = NDArray[np.float64]
 
@@ -157,7 +157,7 @@ class _Runner(ReusedSimulation):
         together.
         """
         rows: dict[int, Row] = {}
-        kinds = [_kind(changes) for changes in part]
+        kinds = [kind(changes) for changes in part]
         left = deque(sorted(range(len(part)), key=lambda k: (kinds[k], k)))
         while left:
             group = [left.popleft()]
@@ -171,11 +171,6 @@ class _Runner(ReusedSimulation):
             for k in group:
                 rows[k] = _run(self, part[k], results.pop(0))
         return [rows[k] for k in sorted(rows)]
-
-
-def _kind(changes: Changes) -> str:
-    """Return a text of the changes of a run that are not values."""
-    return repr({name: value for name, value in changes.items() if name != "set"})
 
 
 def _run(runner: _Runner, changes: Changes, result: Result | None) -> Row:

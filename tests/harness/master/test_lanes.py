@@ -32,8 +32,12 @@ from harness.master.fused import LIBRARY, ZIG
 from harness.master.lanes import Lanes
 from harness.master.simulation import Simulation
 from harness.mission.library import systems
+from harness.results.files import read
 from harness.ssp.library import find_system, load
+from harness.studies import reuse
+from harness.studies.compare import ComparisonRuns
 from harness.studies.reuse import LONG, ReusedSimulation, compiling
+from harness.studies.variants import combinations
 from harness.system.graph import checked
 from harness.system.interface import unpacked_sources
 from harness.system.model import System
@@ -471,6 +475,35 @@ def test_a_campaign_in_lanes_has_the_dataset_of_single_runs(
         assert together[key].tolist() == value.tolist() or np.array_equal(
             together[key], value, equal_nan=True
         ), key
+
+
+@needs_lanes
+def test_a_comparison_in_lanes_has_the_results_of_single_runs(
+    tmp_path: Path, groups: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ExitStack() as life:
+        prepared("space_robot", life)
+        life.callback(reuse.close)
+        fixed: Any = {"stop": 10.0}
+        varied = "robot.M_S[3]=" + ",".join(map(str, (1.0, 2.0, 3.0, 1e6, 4.0, 5.0)))  # one fails
+        variants = combinations(fixed, [("set", varied)])
+        variants += combinations({"stop": 5.0}, [("set", "robot.M_S[3]=1,2")])
+        outcomes = []
+        for folder in (tmp_path / "together", tmp_path / "alone"):
+            folder.mkdir()
+            work = ComparisonRuns("space_robot", "fused", 60.0, str(folder))
+            orders = [(v, folder / f"{k}.nc", 2) for k, v in enumerate(variants)]
+            outcomes.append(work.run(orders[:1]) + work.run(orders[1:]))
+            monkeypatch.setattr(reuse.ReusedSimulation, "width", 1)
+    together, alone = outcomes
+    assert groups == ([4, 2] if lanes.width() == 4 else [2, 2, 2])
+    assert [each.failure for each in together] == [each.failure for each in alone]
+    assert sum(bool(each.failure) for each in together) == 1
+    for one, other in zip(together, alone, strict=True):
+        assert one.file is not None and other.file is not None
+        a, b = read(one.file), read(other.file)
+        assert a.columns == b.columns and a.values.tobytes() == b.values.tobytes()
+        assert a.time.tobytes() == b.time.tobytes()
 
 
 @needs_lanes
