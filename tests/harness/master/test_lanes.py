@@ -62,12 +62,13 @@ def converter() -> Any:
 # ---- branches ----
 MODEL = r"""
 #include "fmu.h"
+#include <stdbool.h>
 #include "vec3.h"
 
 typedef struct { double k; } Parameters;
 typedef struct { double x; } Input;
 typedef struct { double sum; } State;
-typedef struct { double y[12]; } Output;
+typedef struct { double y[15]; } Output;
 typedef struct { double a, b[2]; } Three;
 typedef struct { double a; int n; } Mixed;
 
@@ -119,6 +120,16 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     y->y[9] = floor_of(3 * u->x) + nearest_whole(u->x) + copysign(u->x, 1 - u->x);
     y->y[10] = counts[0] + 10 * counts[1] + 100 * counts[2];
     for (double left = u->x; left > 0; left -= h) y->y[11] += left * t;
+    const double *pointed = u->x > 1.5 ? &s.a : &m.a;
+    y->y[12] = *pointed / 3;
+    const bool flag = u->x > 2;
+    y->y[13] = flag ? 1 / u->x : u->x * u->x;
+    double left = u->x;
+    do {
+        if (left > 2) left -= 1;
+        else left = left / 3;
+    } while (left > 0.5);
+    y->y[14] = left;
 }
 """
 INPUTS = (0.25, 1.75, 2.2, 3.1), (1.2, 1.2, 1.2, 1.2), (0.3, 0.3, 2.7, 0.3)
@@ -133,7 +144,7 @@ int main(int count, char **given)
         Output y = {{0}};
         step(&p, &u, &x, &y, 3, 0.25);
         printf("%a", x.sum);
-        for (int i = 0; i < 12; i++) printf(" %a", y.y[i]);
+        for (int i = 0; i < 15; i++) printf(" %a", y.y[i]);
         puts("");
     }
 }
@@ -151,7 +162,7 @@ int main(int count, char **given)
         model_model_step(&p, &u, &x, &y, 3.0, 0.25);
         for (int i = 0; i < WIDTH; i++) {
             printf("%a", x.sum.v[i]);
-            for (int k = 0; k < 12; k++) printf(" %a", y.y[k].v[i]);
+            for (int k = 0; k < 15; k++) printf(" %a", y.y[k].v[i]);
             puts("");
         }
     }
