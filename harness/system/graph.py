@@ -11,6 +11,7 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 from harness.errors import FmuError, StructureError
@@ -74,6 +75,13 @@ class Node:
     outputs: tuple[Wire, ...]
     settings: tuple[Setting, ...]
     parameters: tuple[tuple[Variable, Slot], ...]
+
+    @cached_property
+    def constants(self) -> tuple[tuple[Slot, float], ...]:
+        """Return every parameter with its value in the run, without strings."""
+        given = {setting.variable.name: setting.value for setting in self.settings}
+        values = ((slot, given.get(v.name, v.start)) for v, slot in self.parameters)
+        return tuple((slot, float(value)) for slot, value in values if value is not None)
 
 
 @dataclass(frozen=True)
@@ -157,7 +165,8 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
     if not _same_structure(system, known, graph):
         return build_graph(system)
     pairs = list(zip(graph.nodes, system.components, strict=True))
-    changed = [new for node, c in pairs if (new := _with_new_values(node, c)).parameters]
+    others = [(node, c) for node, c in pairs if c is not node.component]
+    changed = [new for node, c in others if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     if any(value_problems(system, interfaces, changed)):
         return build_graph(system)  # it raises, with every problem
@@ -189,6 +198,8 @@ def _with_new_values(node: Node, component: Component) -> Component:
 
 def _adapted(node: Node, component: Component) -> Node:
     """Return the node for another component of the same FMU, with new settings if they differ."""
+    if component is node.component:
+        return node
     new = {s.variable.name: s for s in _settings(_with_new_values(node, component), node.interface)}
     if not new and component.parameters.keys() == node.component.parameters.keys():
         return replace(node, component=component)
@@ -269,8 +280,4 @@ def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
     """Yield every parameter of every component with its value in the run, without strings."""
     for node in graph.nodes:
-        given = {setting.variable.name: setting.value for setting in node.settings}
-        for variable, slot in node.parameters:
-            value = given.get(variable.name, variable.start)
-            if value is not None:
-                yield slot, float(value)
+        yield from node.constants
