@@ -23,6 +23,7 @@ LAWS = (
       for name in ("adaptive", "theta_d", "ppc", "optimal")),
     *(("ppc_tracking", "limited", f"{name}_controller") for name in ("ppc", "pid", "theta_d")),
     *(("relay_approach", params, "relay_controller") for params in ("limited", "geo")),
+    ("arch_rendezvous", "default", "switched_controller"),
 )  # fmt: skip
 """Systems, parameter sets and controllers; the default controller of a system first."""
 CONSTRAINTS = {

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..shared.approach import approach
+from .bound import BOUND
 from .claims import PAPERS
 from .figures import FIGURES
 
-MISSION = approach(FIGURES, PAPERS)
+MISSION = replace(approach(FIGURES, PAPERS), bounds=(BOUND,))

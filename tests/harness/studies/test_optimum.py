@@ -28,6 +28,7 @@ from harness.studies.optimum import (
     store,
     transitions,
 )
+from ssp.arch_rendezvous import bound as arch_rendezvous
 from ssp.ppc_tracking import bound as ppc_tracking
 from ssp.relay_approach import bound as relay_approach
 from ssp.servicing_mission import bound as servicing_mission
@@ -309,6 +310,27 @@ def test_a_hold_remains_at_its_place(near):
         assert holds(corridor, 3 * axis + off * across)
 
 
+def test_speed_in_the_hill_frame_is_limited_in_the_attempt_only():
+    """The attempt begins at once; a place at rest in H has no speed."""
+    at_100_m = {"servicer.rho_0_H": [-90, -40, 0]}
+    result = run("arch_rendezvous", set=at_100_m, stop=60.0)
+    corridor, closing, end, rest = arch_rendezvous.problem(result, 20.0).cones
+    assert corridor.nodes.tolist() == closing.nodes.tolist() == [1, 2, 3]
+    r, v = result["target.r_TN_N"][-1], result["target.v_TN_N"][-1]
+    rho = np.array([-90.0, -40, 10])
+    at_rest = np.cross(np.cross(r, v) / (r @ r), rho)
+    for cone in (closing, rest):
+        left = cone.position[-1] @ rho + cone.velocity[-1] @ at_rest
+        close(left, np.zeros(3), rel=1e-9, of=np.linalg.norm(at_rest))
+    assert closing.limit[0] == 0.055
+    far = np.linalg.norm(result["controller.rho_H"][-1])
+    close(end.limit[0], far, rel=1e-3)
+    axis = -r / np.linalg.norm(r)
+    close(corridor.slope[-1], np.tan(np.pi / 6) * axis, rel=1e-9)
+    with pytest.raises(UsageError, match="bound needs a run without an abort"):
+        bound("arch_rendezvous", set={"controller.t_abort": 1}, stop=2.0)
+
+
 def test_names_of_constraints_are_checked(capsys):
     with pytest.raises(UsageError, match=r"--without x: the constraints are corridor, distance"):
         bound("sync_approach", stop=2.0, grid=1.0, without=("x",))
@@ -319,12 +341,17 @@ def test_names_of_constraints_are_checked(capsys):
 
 
 @pytest.mark.parametrize(
-    ("system", "stop"),
-    [("sync_approach", 1800.0), ("ppc_tracking", 120.0), ("relay_approach", 40000.0)],
+    ("system", "params", "stop"),
+    [
+        ("sync_approach", "limited", 1800.0),
+        ("ppc_tracking", "limited", 120.0),
+        ("relay_approach", "limited", 40000.0),
+        ("arch_rendezvous", None, 18000.0),
+    ],
 )
-def test_the_default_cases_have_a_stored_optimum(system, stop):
+def test_the_default_cases_have_a_stored_optimum(system, params, stop):
     """Otherwise a parameter has changed: python .ci/bounds.py computes the optima anew."""
-    result = run(system, params="limited", stop=1.0)
+    result = run(system, params=params, stop=1.0)
     whole = replace(result, time=np.append(result.time[:-1], stop))
     assert optima.case(whole) in optima.stored()
     ratio = optima.METRIC(whole, Limits())
@@ -333,6 +360,17 @@ def test_the_default_cases_have_a_stored_optimum(system, stop):
     close(ratio * leg.impulse[-1], spent, rel=1e-14)
     assert leg.time[0] == 0 and leg.time[-1] == stop
     assert np.isnan(optima.METRIC(result, Limits()))
+
+
+@pytest.mark.long
+def test_the_rendezvous_benchmark_costs_more_than_three_times_its_optimum():
+    found = bound("arch_rendezvous")
+    assert found.spent > 3 * found.optimum.impulse
+    assert found.miss < 0.05
+    assert margin(found.verified, "monitor.corridor_margin >= -0.02 m") > 0
+    assert margin(found.verified, "monitor.speed_margin >= 0 m/s") > 0
+    (leg,) = optima.stored()[optima.case(found.run)]
+    close(found.optimum.impulse, leg.impulse[-1], rel=1e-5)
 
 
 @pytest.mark.long
