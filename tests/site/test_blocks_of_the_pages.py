@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from harness import campaign as run_campaign
 from harness.files import paths
 from harness.master.changes import apply
 from harness.report.live import read_lesson
@@ -23,6 +24,7 @@ from harness.results.expressions import parsed
 from harness.results.requirements import rejected
 from harness.ssp.library import load
 from harness.studies.campaign.draft import read_plan
+from harness.studies.campaign.worker import COMPLETE
 from harness.system.graph import read_interfaces
 from tests.each import Each
 from tests.site.test_commands_of_the_pages import COMMANDS, PAGES, commands_of
@@ -109,6 +111,20 @@ def test_a_campaign_of_a_page_has_no_problem(campaign, tmp_path, monkeypatch):
     text = campaign.text if "runs" in campaign.content else f"runs = 4\n{campaign.text}"
     file.write_text(text.replace('executor = "fused"', 'executor = "c"'))  # without its compilation
     read_plan(file)
+
+
+def test_every_run_of_a_campaign_of_a_page_completes(campaign, tmp_path, monkeypatch):
+    """One draw of each combination, two macro steps long: the draws are values that FMUs accept."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("def spread(result):\n    return 0.0\n")
+    fixed = dict(campaign.content.get("fixed", {}))
+    with load(campaign.content["system"]) as system:
+        fixed["stop"] = 2 * fixed.get("step", system.experiment.step)
+    short = {"runs": 1, "executor": "c", "fixed": fixed, "sampler": "random"}
+    drawn = ("system", "seed", "factors", "seeds")
+    table = {key: value for key, value in campaign.content.items() if key in drawn} | short
+    found = run_campaign(table, tmp_path / f"{campaign.page}.zarr")
+    assert (found.data.status == COMPLETE).all(), campaign.page
 
 
 def test_the_lesson_of_a_page_is_one(tmp_path):
