@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import sys
 
-from tests.bench import environments, startup
+from harness.mission.library import campaigns
+from tests.bench import environments, lanes, startup
 from tests.bench.bench import bench
 
 (system,) = sys.argv[1:2] or ["sync_approach"]
 print(bench(system))
 print("\n".join(environments.bench(system)))
+if f"{system}_dispersions" in campaigns():
+    print("\n".join(lanes.bench(system)))
 print("\n".join(startup.bench(system)))

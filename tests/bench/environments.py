@@ -11,11 +11,13 @@ from tempfile import TemporaryDirectory
 from time import process_time
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from harness import environment, export
 from harness.learning.vector import Environments
+from harness.master.executors import Stretches
 
 ROUNDS, STEPS, RESETS, MANY = 7, 400, 200, 16
 
@@ -53,14 +55,30 @@ def bench(name: str) -> Iterator[str]:
         many.reset()
         return per_call(STEPS, lambda: many.step(all_rest)) / MANY
 
+    def macro_steps() -> float:
+        many.reset()
+        with patch.object(Stretches, "execute", timed):
+            spent.clear()
+            per_call(STEPS, lambda: many.step(all_rest))
+        return sum(spent) / (STEPS * MANY)
+
+    spent: list[float] = []
+    execute = Stretches.execute
+
+    def timed(stretches: Stretches) -> None:
+        began = process_time()
+        execute(stretches)
+        spent.append(process_time() - began)
+
     for function in (plain, steps, together):  # memory, caches
         function()
-    a, b, c = least(plain, steps, together)
+    a, b, c, loop = least(plain, steps, together, macro_steps)
     (reset,) = least(lambda: per_call(RESETS, env.reset))
     yield f"{name}: environment of {env.every} macro steps per action, one core"
     yield f"plain loop over advance()    {1e6 * a:8.1f} us per action"
     yield f"environment                  {1e6 * b:8.1f} us, {a / b:.2f} of the plain rate"
     yield f"{MANY} in one process           {1e6 * c:8.1f} us each, {b / c:.2f} of {MANY} times one"
+    yield f"macro steps alone           {1e6 * loop:8.1f} us, {100 * loop / c:.0f} %"
     yield f"reset                        {1e6 * reset:8.1f} us"
     other = fmugym(name)
     if other is None:
