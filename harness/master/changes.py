@@ -235,7 +235,8 @@ def choose_set(system: System, name: str) -> System:
 def _with(system: System, parameters: Mapping[str, Parameters]) -> System:
     """Return the system with other parameters of these components."""
     found = ((c, parameters.get(c.name, c.parameters)) for c in system.components)
-    return replace(system, components=tuple(replace(c, parameters=p) for c, p in found))
+    new = (c if p is c.parameters else replace(c, parameters=p) for c, p in found)
+    return replace(system, components=tuple(new))
 
 
 def _over(system: System, values: Assignments) -> System:

@@ -128,7 +128,8 @@ class Assignments:
 
     def over(self, component: str, parameters: Parameters) -> Parameters:
         """Return the parameters of a component, overridden by the values assigned here."""
-        return {**parameters, **self.parameters[component]}
+        own = self.parameters[component]
+        return {**parameters, **own} if own else parameters
 
 
 # ---- types of tables
