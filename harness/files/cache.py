@@ -4,8 +4,8 @@ content.
 
 An entry appears completely or not at all. It is compared with its hash at every use and made again
 if it is damaged. Every process that uses the folder holds a lock on it until it ends. Entries above
-the size limit are removed when a process starts while no other process uses the folder.
-HARNESS_CACHE names another folder; if it is empty or `off`, nothing is stored.
+the size limit are removed when a process starts while no other process uses the folder, at most
+once an hour. HARNESS_CACHE names another folder; if it is empty or `off`, nothing is stored.
 
 The folder is used only if programs can be run in it, it belongs to the user, no other user may
 enter it, and no folder above it lets others replace it. Otherwise it is not used, with one note.
@@ -111,6 +111,11 @@ def _unusable(path: Path) -> str:
 
 LIMIT = 512 * 1024**2
 """Size limit of the cache [bytes]; the least recently used entries are removed first."""
+
+TIDY_SECONDS = 3600.0
+"""Least time between two looks at the size of all entries, which takes a second for thousands of
+files.
+"""
 
 MAX_ARCHIVE = 128 * 1024**2
 """Larger archives are not stored [bytes]."""
@@ -289,7 +294,9 @@ def _hold(root: Path) -> int:
     descriptor = os.open(root / "used", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     with suppress(BlockingIOError):
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _tidy(root)
+        if time.time() - os.fstat(descriptor).st_mtime >= TIDY_SECONDS:
+            _tidy(root)
+            os.utime(descriptor)
     fcntl.flock(descriptor, fcntl.LOCK_SH)
     return descriptor
 

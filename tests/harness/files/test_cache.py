@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
@@ -42,6 +43,7 @@ def place(tmp_path, monkeypatch):
     """An empty cache."""
     folder = tmp_path / "cache"
     monkeypatch.setenv("HARNESS_CACHE", str(folder))
+    monkeypatch.setattr(cache, "TIDY_SECONDS", 0.0)
     return folder
 
 
@@ -171,6 +173,20 @@ def test_the_least_recently_used_is_removed_first_and_nothing_in_use(place, tmp_
         assert (new / "a").read_text() == "3" * 1000  # nobody else is alone
 
 
+def test_the_size_is_looked_at_once_an_hour(place, tmp_path, monkeypatch):
+    monkeypatch.setattr(cache, "TIDY_SECONDS", 3600.0)
+    monkeypatch.setattr(cache, "LIMIT", 0)
+    folder = cache.unpacked(archive(tmp_path / "a.zip", a="x"))
+    for age, there in ((3500, True), (3700, False), (0, False)):
+        os.close(cache._hold(place))
+        cache._hold.cache_clear()
+        begun = time.time() - age
+        os.utime(place / "used", (begun, begun))
+        cache._hold(place)
+        assert folder.is_dir() is there
+        assert (time.time() - (place / "used").stat().st_mtime < 60) is (age != 3500)
+
+
 def test_a_half_unpacked_folder_of_a_killed_process_is_not_used_and_is_removed(place, tmp_path):
     with unpacked(archive(tmp_path / "a.zip", a="x")):
         pass
@@ -186,7 +202,7 @@ MANY = """
 import os, sys
 from pathlib import Path
 from harness.files import cache
-cache.LIMIT = 0
+cache.LIMIT, cache.TIDY_SECONDS = 0, 0.0
 for k in range(150):
     found = cache.unpacked(Path(sys.argv[1 + k % 2]))
     assert (found / "a").read_text() == sys.argv[3 + k % 2], k
