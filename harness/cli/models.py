@@ -192,7 +192,9 @@ def processor_command(  # noqa: PLR0913, PLR0917 - one argument per option
     place: PlaceOfFmuOption = None,
     stop: Annotated[float | None, option("", "Set the stop time [s]")] = None,
     clock: Annotated[float | None, option("", "Set the clock of the processor [Hz]")] = None,
-    write: Annotated[Path | None, option("", "Write the rows as Markdown to this file")] = None,
+    write: Annotated[
+        Path | None, option("", "Write the rows to this Markdown page; its other rows remain")
+    ] = None,
 ) -> None:
     """Compute the cost of FMUs on a flight processor.
 
@@ -211,8 +213,9 @@ def processor_command(  # noqa: PLR0913, PLR0917 - one argument per option
     )
     typer.echo(processor.table(rows))
     if write is not None:
+        earlier = write.read_text(encoding="utf-8") if write.exists() else ""
         with written(write) as page:
-            page.write_text(processor.markdown(rows), encoding="utf-8")
+            page.write_text(processor.markdown(rows, earlier), encoding="utf-8")
     if any(row.difference for row in rows):
         raise typer.Exit(1)
 

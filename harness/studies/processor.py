@@ -271,10 +271,15 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(columns([HEAD, *(tuple(row.cells()) for row in rows)]))
 
 
-def markdown(rows: Iterable[Row]) -> str:
-    """Return the rows as a Markdown page."""
+def markdown(rows: Iterable[Row], page: str = "") -> str:
+    """Return the rows as a Markdown page. Rows of an earlier page for other FMUs and processors
+    remain.
+    """
+    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line[:2] == "| "]
+    known = {(cells[0], cells[1]): cells for cells in lines if cells[1] in PROCESSORS}
+    known |= {(row.fmu, row.processor): [*row.cells()] for row in rows}
     named = list(PROCESSORS)
-    order = sorted(rows, key=lambda row: (row.fmu, named.index(row.processor)))
-    body = [HEAD, ("---",) * len(HEAD), *(tuple(row.cells()) for row in order)]
+    order = sorted(known, key=lambda key: (key[0], named.index(key[1])))
+    body = [HEAD, ("---",) * len(HEAD), *(known[key] for key in order)]
     head = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
     return head + "".join(f"| {' | '.join(cells)} |\n" for cells in body)

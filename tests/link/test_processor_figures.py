@@ -63,9 +63,9 @@ them.
 
 
 def test_no_row_is_older_than_the_code_of_its_fmu():
-    """`make processors`, or `harness processor FMU` for one, measures a row again."""
-    digests = {r["FMU"]: r["sources"] for r in rows_of(DOCS / "processor_figures.md")}
-    stale = {fmu for fmu, found in digests.items() if found not in (OLDER, digest(fmus()[fmu]))}
+    """`make processors FLIGHT_FMUS=FMU` measures the rows of an FMU again."""
+    digests = {(r["FMU"], r["sources"]) for r in rows_of(DOCS / "processor_figures.md")}
+    stale = {fmu for fmu, found in digests if found not in (OLDER, digest(fmus()[fmu]))}
     assert stale == set()
 
 
@@ -109,6 +109,19 @@ def test_a_page_has_the_rows_in_order_of_fmus_and_processors():
     )
     assert {line[-1] for line in lines[2:]} == {"abc"}
     assert float(lines[4][-3]) == 0.01  # percent: 4000 instructions of 400e6 Hz * 0.1 s
+
+
+def test_rows_of_a_page_for_other_fmus_and_processors_remain():
+    earlier = markdown([row("a", "cortex-m7", 5), row("b", "cortex-m7", 6), row("b", "riscv64", 7)])
+    assert markdown([], earlier) == earlier
+    page = markdown([row("b", "cortex-m7", 4000), row("c", "riscv32", 9)], earlier)
+    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line[:1] == "|"]
+    assert [(line[0], line[1], line[8]) for line in lines[2:]] == [
+        ("a", "cortex-m7", "5"),
+        ("b", "cortex-m7", "4 000"),
+        ("b", "riscv64", "7"),
+        ("c", "riscv32", "9"),
+    ]
 
 
 @needs("cortex-m7")
