@@ -8,9 +8,8 @@ The first folder has the libraries with counters and the counts of the tests (pr
 second goes a JSON file per component. The page has a row per component. Deliberate faults and
 random inputs come from lab/component_faults.jsonl (make faults) and lab/component_fuzz.jsonl
 (make fuzz). Exits with 1 if something is not reached and has no reason in .ci/unreached.toml, if a
-reason there is no longer true, if the outcome of Frama-C Eva is not the one of .ci/proofs.py, if
-the deviations from MISRA C are not the ones of .ci/misra.toml, or if faults or random inputs are
-older than the code.
+reason there is no longer true, if Frama-C Eva has an alarm or no end, if the deviations from MISRA
+C are not the ones of .ci/misra.toml, or if faults or random inputs are older than the code.
 """
 
 import argparse
@@ -155,13 +154,6 @@ def lines_of(file: Path) -> dict[str, list[dict]]:
 
 
 # ---- rows ----
-def proof_of(source: Path, models: Mapping) -> proofs.Proof:
-    """Return the outcome of Eva; a component that it does not end for is not run."""
-    if source.stem in proofs.ENDLESS:
-        return proofs.Proof(source.stem, (), 0, 0, proofs.ENDLESS[source.stem])
-    return proofs.prove(source, models[source.stem], PROOFS)
-
-
 def complexity(files: Iterable[str]) -> int:
     """Return the largest cyclomatic complexity of a function of some files."""
     import lizard
@@ -218,7 +210,7 @@ def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
             )
         )
         source = sources.get(name)
-        proof = source and proof_of(source, models)
+        proof = source and proofs.prove(source, models[source.stem], PROOFS)
         print(f"{name}: {sums}, {proof and (proof.error or len(proof.alarms))}", flush=True)
         yield Row(
             name, files, sums, absent, proof, hash_of(source) if source else "",
@@ -300,11 +292,6 @@ def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str], places
     text += f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|\n"
     text += "".join(map(cells, evidence))
     text += cells(total(evidence))
-    text += (
-        "\nNo outcome of Eva: "
-        + ", ".join(f"`{name}` ({reason})" for name, reason in proofs.ENDLESS.items())
-        + ". Reasons of the alarms are in `.ci/proofs.py`.\n"
-    )
     draws = sorted({(len(row.faults), row.faults[0]["seed"]) for row in components if row.faults})
     text += MORE.format(
         draw=" or ".join(f"{n} faults" for n, _ in draws),
@@ -364,8 +351,8 @@ def main() -> None:
     places = misra.places(flight_rules.sources())
     a.page.write_text(page(evidence, known, places), "utf-8")
     wrong = list(structure.differences((m for row in evidence for m in row.missing), known))
-    wrong += [f"{row.name}: {proofs.verdict(row.proof)}\n" for row in evidence if row.proof
-              and proofs.verdict(row.proof)]  # fmt: skip
+    wrong += [f"{row.name}: {row.proof.error or outcome(row.proof)[0]}\n" for row in evidence
+              if row.proof and (row.proof.error or row.proof.alarms)]  # fmt: skip
     wrong += [problem for row in evidence if row.sources for problem in older(row)]
     wrong += list(misra.differences(places, misra.deviations()))
     sys.exit("".join(wrong) or 0)

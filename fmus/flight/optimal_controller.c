@@ -373,16 +373,17 @@ static void stay_inactive(State *x, Output *y)
 
 /* the goal nearest to the input; -1: none, or no mass, which the rule of the mode rejects */
 /* N.4-7 */
-static double goal_of(const Input *u)
+static int goal_of(const Input *u)
 {
-    double goal = nearest_whole(u->goal);
-    return goal >= INACTIVE && goal <= ALONG_AXIS && u->mass > 0 ? goal : -1;
+    for (int goal = INACTIVE; goal < GOALS; goal++)
+        if (nearest_whole(u->goal) == goal && u->mass > 0) return goal;
+    return -1;
 }
 
 static void sample(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    double goal = goal_of(u);
-    if (goal <= INACTIVE) {
+    int goal = goal_of(u);
+    if (goal < TO_POINT) {
         stay_inactive(x, y);
         if (goal < INACTIVE) y->mode = goal;
         return;

@@ -129,8 +129,8 @@ static inline vec3 acceleration(const OptimalParameters *p, const OptimalState *
 {
     if (x->mode == FIRST_PLAN) return vec(0, 0, 0);
     if (x->mode == BRAKE) return braking(p, x, o, s);
-    double k = floor_of((s->t - x->plan.grid.t) / x->plan.grid.dt + 1e-9);
-    return x->plan.u[(int)clamp(k, 0, NODES - 1)];
+    double nodes = (s->t - x->plan.grid.t) / x->plan.grid.dt + 1e-9;
+    return x->plan.u[index_within(nodes, NODES - 1)];
 }
 
 /* (21): over the seconds until the plan */

@@ -6,6 +6,7 @@
 #ifndef OPTIMAL_MOTION_H
 #define OPTIMAL_MOTION_H
 
+#include "index.h"
 #include "optimal_problem.h"
 #include "orbit.h"
 #include "rk4.h"
@@ -69,7 +70,8 @@ static inline void tumble_on(const Inertia *i, double h, Tumble *x)
 /* over a node of dt seconds, at most four steps */
 static inline void tumble_over_node(const Inertia *i, double dt, double longest, Tumble *x)
 {
-    int steps = (int)clamp(ceiling_of(dt / longest), 1, 4);
+    double ratio = dt / longest;
+    int steps = 1 + (ratio > 1) + (ratio > 2) + (ratio > 3);
     for (int s = 0; s < 4; s++)
         if (s < steps) tumble_on(i, dt / steps, x);
 }
@@ -79,14 +81,16 @@ typedef struct { double t, dt; } Grid; /* start [s] and length of a node [s] */
 
 /* values over the nodes of an old grid, linear in time, at the nodes of a new one; at: place of a
  * value in its node, 1/2 for the accelerations, 1 for the ends */
-typedef struct { double left, part; } Place; /* node and part of the way to the next */
+typedef struct {
+    int left;
+    double part;
+} Place; /* node and part of the way to the next */
 
 static inline Place place_on(Grid old, Grid new, int k, double at)
 {
     double s = ((new.t - old.t) + (k + at) * new.dt) / old.dt - at;
-    s = clamp(s, 0, NODES - 1);
-    double left = smaller(floor_of(s), NODES - 2);
-    return (Place){left, s - left};
+    int left = index_within(s, NODES - 2);
+    return (Place){left, clamp(s, 0, NODES - 1) - left};
 }
 
 static inline vec3 between(vec3 a, vec3 b, double part) { return add(a, scale(part, sub(b, a))); }
@@ -97,7 +101,7 @@ static inline void move_path(vec3 path[], Grid old, Grid new, double factor)
     memcpy(before, path, sizeof before);
     for (int k = 0; k < NODES; k++) {
         Place s = place_on(old, new, k, 1);
-        int j = (int)s.left;
+        int j = s.left;
         path[k] = scale(factor, between(before[j], before[j + 1], s.part));
     }
 }
@@ -108,7 +112,7 @@ static inline void move_splits(Split split[], Grid old, Grid new, double at, dou
     memcpy(before, split, sizeof before);
     for (int k = 0; k < NODES; k++) {
         Place s = place_on(old, new, k, at);
-        int j = (int)s.left;
+        int j = s.left;
         split[k].z = scale(factor, between(before[j].z, before[j + 1].z, s.part));
         split[k].y = scale(factor, between(before[j].y, before[j + 1].y, s.part));
     }

@@ -163,7 +163,7 @@ static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, 
                   w}; /* motion of the base without arm motion, at the same momentum */
     Reaction reaction = {.v = {{0}, {0}, {0}}};
     double z[ARM_JOINTS];
-    if (law->base_floats) set_reaction(&reaction, t);
+    if (law->base_floats && joints > 0) set_reaction(&reaction, t);
     for (int i = 0; i < joints; i++) {
         Twist r = {vec_at(&reaction.v, i), vec_at(&reaction.w, i)};
         z[i] = law->K_posture * (law->ready[i] - q[i]);

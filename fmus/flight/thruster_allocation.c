@@ -153,30 +153,37 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* step of the free x to the minimum with the others fixed: d = R^-1 Q^T r by modified
- * Gram-Schmidt */
-static void free_step(const Matrix *A, const Iterate *it, Column r, double *d)
-{
+/* Q R of the free columns; who: their thrusters */
+typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
-    int who[THRUSTERS], n = 0;
+    int who[THRUSTERS];
+} Factors;
+
+/* step of the free x to the minimum with the others fixed: d = R^-1 c, c = Q^T r, by modified
+ * Gram-Schmidt */
+static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, double *d)
+{
+    Column *Q = f->Q;
+    int n = 0;
     for (int i = 0; i < THRUSTERS; i++) {
         d[i] = 0;
         if (it->side[i] != FREE) continue;
         Q[n] = A->a[i];
         for (int k = 0; k < n; k++) {
-            R[k][n] = product_of(&Q[k], &Q[n], LENGTH);
-            Q[n] = plus(Q[n], -R[k][n], &Q[k]);
+            f->R[k][n] = product_of(&Q[k], &Q[n], LENGTH);
+            Q[n] = plus(Q[n], -f->R[k][n], &Q[k]);
         }
-        R[n][n] = sqrt(product_of(&Q[n], &Q[n], LENGTH));
-        for (int k = 0; k < LENGTH; k++) Q[n].v[k] /= R[n][n];
-        c[n] = product_of(&Q[n], &r, LENGTH);
-        r = plus(r, -c[n], &Q[n]);
-        who[n++] = i;
+        f->R[n][n] = sqrt(product_of(&Q[n], &Q[n], LENGTH));
+        for (int k = 0; k < LENGTH; k++) Q[n].v[k] /= f->R[n][n];
+        f->c[n] = product_of(&Q[n], &r, LENGTH);
+        r = plus(r, -f->c[n], &Q[n]);
+        f->who[n++] = i;
     }
-    while (n-- > 0) {
-        d[who[n]] = c[n] / R[n][n];
-        for (int k = 0; k < n; k++) c[k] -= R[k][n] * d[who[n]];
+    for (int i = n - 1; i >= 0; i--) {
+        double step = f->c[i] / f->R[i][i];
+        d[f->who[i]] = step;
+        for (int k = 0; k < i; k++) f->c[k] -= f->R[k][i] * step;
     }
 }
 
@@ -188,8 +195,9 @@ static int variable_to_release(const Matrix *A, const Iterate *it, const Column 
     double best = 0, size = sqrt(product_of(b, b, LENGTH));
     int found = -1;
     for (int i = 0; i < THRUSTERS; i++) {
+        if (it->side[i] == FREE) continue;
         double length = sqrt(product_of(&A->a[i], &A->a[i], LENGTH));
-        if (it->side[i] == FREE || length == 0) continue;
+        if (length == 0) continue;
         double slope =
             product_of(&A->a[i], &r, LENGTH) / length * (it->side[i] == AT_ZERO ? 1 : -1);
         if (slope > 1e-14 * size && slope > best) best = slope, found = i;
@@ -200,10 +208,10 @@ static int variable_to_release(const Matrix *A, const Iterate *it, const Column 
 /* one move towards the minimum over the free variables, up to the first bound; 1 if the minimum was
  * reached */
 /* B.7-5 */
-static int move(const Matrix *A, Iterate *it, const Column *b)
+static int move(const Matrix *A, Iterate *it, const Column *b, Factors *f)
 {
     double d[THRUSTERS], part = 1, step_to_bound[THRUSTERS];
-    free_step(A, it, residual(A, *b, it->x), d);
+    free_step(A, it, residual(A, *b, it->x), f, d);
     for (int i = 0; i < THRUSTERS; i++) {
         step_to_bound[i] = d[i] > 0 ? (1 - it->x[i]) / d[i] : d[i] < 0 ? -it->x[i] / d[i] : 2;
         part = smaller(part, step_to_bound[i]);
@@ -218,13 +226,13 @@ static int move(const Matrix *A, Iterate *it, const Column *b)
 }
 
 /* B.7-1 */
-static Iterate bounded_least_squares(const Matrix *A, const Column *b)
+static Iterate bounded_least_squares(const Matrix *A, const Column *b, Factors *f)
 {
     Iterate it = {{0}, {AT_ZERO}};
     for (int exchange = 0, i; exchange < EXCHANGES && (i = variable_to_release(A, &it, b)) >= 0;
          exchange++) {
         it.side[i] = FREE;
-        for (int bound = 0; bound <= THRUSTERS && !move(A, &it, b); bound++) {}
+        for (int bound = 0; bound <= THRUSTERS && !move(A, &it, b, f); bound++) {}
     }
     return it;
 }
@@ -235,11 +243,12 @@ static void allocate_wrench(const Parameters *p, const Input *u, Output *y, doub
 {
     Matrix A = columns_of(p, t);
     Column w = weighted(p, u->F_cmd_S, u->M_cmd_S), none = {{0}};
+    Factors f = {.who = {0}};
     Iterate it;
     y->scale = 1;
     for (int cut = 0;; cut++) {
         Column target = plus(none, y->scale, &w);
-        it = bounded_least_squares(&A, &target);
+        it = bounded_least_squares(&A, &target, &f);
         Column r = residual(&A, target, it.x), met = plus(target, -1, &r);
         int in_reach = product_of(&r, &r, 6) <= IN_REACH * IN_REACH * product_of(&w, &w, 6);
         if (in_reach || !p->keep_direction || cut == CUTS - 1) break;

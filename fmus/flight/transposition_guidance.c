@@ -145,7 +145,7 @@ static vec3 impulse_N(const Parameters *p, const State *x, double from, double t
     double count = larger(1, ceiling_of(QUADRATURE * (to - from) / x->history.dt - 1e-6));
     double h = (to - from) / count, off = h / 2 / sqrt(3.0);
     vec3 sum = vec(0, 0, 0);
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < QUADRATURE && i < count; i++) {
         double middle = from + (i + 0.5) * h;
         sum = sum3(sum, torque_N_at(p, x, middle - off), torque_N_at(p, x, middle + off));
     }
@@ -169,7 +169,7 @@ static vec3 predicted_momentum(const Parameters *p, const State *x, double t)
     const History *y = &x->history;
     if (t <= y->t_0) return p->h_0_S;
     if (t >= window_end(y)) return x->h_end;
-    int k = (int)floor_of((t - y->t_0) / y->dt);
+    int k = index_within((t - y->t_0) / y->dt, intervals(y));
     double node = node_time(y, k);
     vec3 H_N = t > node ? add(x->H_N[k], impulse_N(p, x, node, t)) : x->H_N[k];
     return momentum_D(p, x, H_N, t);

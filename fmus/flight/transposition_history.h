@@ -5,6 +5,7 @@
 #ifndef TRANSPOSITION_HISTORY_H
 #define TRANSPOSITION_HISTORY_H
 
+#include "index.h"
 #include "spline.h"
 
 enum {
@@ -24,7 +25,7 @@ static inline Motion history_at(const History *y, double t) /* at rest outside t
 {
     double u = (t - y->t_0) / y->dt;
     if (!(u >= 0 && u < y->n)) return (Motion){vec(0, 0, 0), vec(0, 0, 0), vec(0, 0, 0)};
-    int k = (int)floor_of(u);
+    int k = index_within(u, intervals(y) - 1);
     return spline_at(y->dt, y->eps, y->curvature, k, u - k);
 }
 

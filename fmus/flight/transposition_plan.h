@@ -42,8 +42,8 @@ static inline void add_smoothing(Workspace *w, int nodes, double strength)
         for (int c = 0; c < 3; c++) {
             int i = 3 * j + c;
             w->normal[i][i] += strength * (j == 0 || j == nodes - 1 ? 5 : 6);
-            if (j >= 1) w->normal[i][i - 3] -= 4 * strength;
-            if (j >= 2) w->normal[i][i - 6] += strength;
+            if (j >= 1) w->normal[i][3 * (j - 1) + c] -= 4 * strength;
+            if (j >= 2) w->normal[i][3 * (j - 2) + c] += strength;
         }
 }
 

@@ -341,6 +341,39 @@ def test_first_sample_of_CLOSE_does_not_count(fmu):
     assert modes[modes.index(CLOSE) :][:2] == [CLOSE, REST]
 
 
+@pytest.mark.parametrize(("gate_angle", "mode"), [(0.5 + 1e-9, CLOSE), (0.5 - 1e-9, ALIGN)])
+def test_a_tip_at_the_standoff_waits_until_it_points_at_the_fixture(fmu, gate_angle, mode):
+    always = {"T_deploy": 0.1, "T_align": 0.1, "gate_distance": 9, "gate_angle": gate_angle}
+    unit = fmu(
+        "arm_guidance",
+        settings(STILL, always) | {"sample_period": 0.1},
+        put(angle=0.5) | {"arm_mode_cmd": 2},
+    )
+    for _ in range(5):
+        unit.step(0.1)
+    assert unit.get("arm_mode") == mode
+
+
+@pytest.mark.verifies("K.3-4")
+@pytest.mark.parametrize("joints", [0, 1])
+@pytest.mark.parametrize("base_floats", [0, 1])
+def test_a_singular_arm_without_damping_only_goes_towards_its_posture(fmu, joints, base_floats):
+    """The end effector cannot move along X: the joint turns about X, or there is none."""
+    p = {"joints": joints, "joint_axis": np.tile((1.0, 0, 0), (7, 1)), "K_posture": 0.02}
+    p |= {"T_deploy": 0.1, "manipulability_min": 0, "base_floats": base_floats}
+    unit = fmu(
+        "arm_guidance",
+        settings(STILL, p) | {"sample_period": 0.1, "joint_angle_ready": np.full(7, 0.5)},
+        put() | {"arm_mode_cmd": 2, "joint_angle": np.full(7, 0.1)},
+    )
+    for _ in range(4):
+        unit.step(0.1)
+    assert unit.get("arm_mode") == ALIGN
+    assert np.array_equal(
+        unit.get("joint_rate_ref"), [0.02 * (0.5 - 0.1)] * joints + [0] * (7 - joints)
+    )
+
+
 # ---- the rest ----
 
 

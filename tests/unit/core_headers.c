@@ -8,6 +8,7 @@
 #include "attitude.h"
 #include "cholesky.h"
 #include "finite.h"
+#include "index.h"
 #include "interface.h"
 #include "line_of_sight.h"
 #include "motion.h"
@@ -250,6 +251,9 @@ size_t samples(double t, double h, double period, size_t capacity, double at[], 
 /* finite.h */
 int call_all_finite(const double x[], size_t count);
 int call_all_finite(const double x[], size_t count) { return all_finite(x, count); }
+
+/* index.h */
+CALL(int, index_within, (double x, int last), (x, last))
 
 /* interface.h */
 int call_satisfy_rule(int rule, const double x[], size_t count);

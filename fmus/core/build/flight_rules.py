@@ -36,14 +36,14 @@ LOOPS = (
     (r"pass < ARM_JOINTS && ", "7 joints, of which every pass fixes one"),
     (r"Sample s = first_sample", "samples between two communication points: h/period, rounded up"),
     (r"; \w+ <=? [A-Z_]+( [-+*/] (\d+|[A-Z_]+))*;|; \w+ < \d+;", "a constant"),
+    (r"i < QUADRATURE && ", "16 steps from node to node"),
     (r"= \d+; \w+ > 0;|= [A-Z_ 1-]+; \w+-- > 0|= NODES - 1; k >= 0", "a constant, downwards"),
     (r"int k = nodes - 1; k >= 0|k < nodes;", "nodes of a path, NODES in flight software"),
     (r"intervals\((y|shape)\)", "FINE = 4 times the 120 nodes that check() allows"),
     (r"< (unknowns|unknown_nodes|nodes);|j <= i;", "three times the 118 free nodes"),
     (r"\w+ = \S.*; \w+ < (n|m|j|k|i|columns|moving|length|to|m->count|D_AT);"
-     r"|= n; \w+-- > 0|k <= n;",
+     r"|= n - 1; \w+ >= 0|= n; \w+-- > 0|k <= n;",
      "order of a matrix or length of a vector, a constant of every caller"),
-    (r"while \(n-- > 0\)", "free thrusters, at most 16"),
     (r"while \(m\+\+ < k\)", "age of a late measurement, below HISTORY = 16 samples"),
     (r"x->(anchor_)?index < |j = x->anchor_index", "samples since the last, or in the ring of 16"),
     (r"double k = 0; k < steps", "duration/max_step of the drift, both parameters"),
@@ -56,7 +56,6 @@ LOOPS = (
     (r"above_half && i < DIGIT_WORDS|shift > 0 && i < DIGIT_WORDS", "7 words"),
     (r"while \(at < 100", "98 bits"),
     (r"for \(;; r\.iterations\+\+\)|i <= r\.iterations", "iterations_max, at most 30"),
-    (r"int i = 0; i < count;", "16 steps from node to node"),
     (r"i < \(int\)task->weight", "weight, a whole number up to 8"),
 )  # fmt: skip
 """Pattern of the head of a loop and its bound; the first pattern that matches counts."""

@@ -32,7 +32,7 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
         for (int k = 0; k < i; k++) sum -= row[k] * b[k];
         b[i] = sum / row[i];
     }
-    for (int i = n; i-- > 0;) {
+    for (int i = n - 1; i >= 0; i--) {
         b[i] /= l[i * stride + i];
         for (int k = 0; k < i; k++) b[k] -= l[i * stride + k] * b[i];
     }
@@ -56,7 +56,7 @@ static inline int solve_upper(double a[][UPPER], int n, double *x)
                 for (int k = 0; k < HALF; k++) a[i][half + k] -= ratio * row[half + k];
         }
     }
-    for (int i = n; i-- > 0;) {
+    for (int i = n - 1; i >= 0; i--) {
         const double *row = a[i];
         double sum = row[n];
         for (int k = i + 1; k < n; k++) sum -= row[k] * x[k];

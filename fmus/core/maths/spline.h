@@ -14,7 +14,7 @@ enum { SPLINE_MAX = 120 }; /* intervals */
 
 static inline void spline_curvature(int n, double dt, const vec3 *y, vec3 *m)
 {
-    double upper[SPLINE_MAX + 1]; /* of the matrix after elimination */
+    double upper[SPLINE_MAX + 1] = {0}; /* of the matrix after elimination */
     for (int k = 0; k <= n; k++) {
         vec3 left = k > 0 ? sub(y[k - 1], y[k]) : vec(0, 0, 0);
         vec3 right = k < n ? sub(y[k + 1], y[k]) : vec(0, 0, 0);
@@ -23,7 +23,7 @@ static inline void spline_curvature(int n, double dt, const vec3 *y, vec3 *m)
         upper[k] = 1 / pivot;
         m[k] = scale(1 / pivot, k > 0 ? sub(rhs, m[k - 1]) : rhs);
     }
-    for (int k = n; k-- > 0;) m[k] = sub(m[k], scale(upper[k], m[k + 1]));
+    for (int k = n - 1; k >= 0; k--) m[k] = sub(m[k], scale(upper[k], m[k + 1]));
 }
 
 /* value and derivatives at the fraction b (0 .. 1) of interval k */
