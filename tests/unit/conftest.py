@@ -50,7 +50,7 @@ class Core:
     def __init__(self, library):
         self.library = library
         for result, name, parameters in re.findall(
-            r"^CALL\((\w+), (\w+), \((.*?)\), ", SOURCE.read_text(), re.MULTILINE
+            r"^CALL\((\w+), (\w+), \((.*?)\),\s", SOURCE.read_text(), re.MULTILINE
         ):
             setattr(self, name, self.function(result, name, re.findall(r"(\w+) \w+", parameters)))
         self.lyapunov = self.function("mat6", "lyapunov", ["mat6", "mat6"])
@@ -118,7 +118,7 @@ class Core:
 @pytest.fixture(scope="session")
 def core(tmp_path_factory):
     library = tmp_path_factory.mktemp("core") / "core_headers.so"
-    folders = [f"-I{CORE / name}" for name in ("adapter", "maths", "models")]
+    folders = [f"-I{CORE / name}" for name in ("adapter", "maths", "models", "ports", "../flight")]
     compiler = os.environ.get("CC", "cc").split()
     subprocess.run(
         [*compiler, *FLAGS, *WARNINGS, *folders, str(SOURCE), "-o", str(library), "-lm"], check=True

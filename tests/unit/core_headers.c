@@ -6,11 +6,16 @@
 #include "arc.h"
 #include "arm.h"
 #include "attitude.h"
+#include "carried_frame.h"
 #include "cholesky.h"
 #include "finite.h"
 #include "index.h"
 #include "interface.h"
+#include "limited_roll.h"
 #include "line_of_sight.h"
+#include "mission_aim.h"
+#include "mission_budget.h"
+#include "mission_retreat.h"
 #include "motion.h"
 #include "optimal_problem.h"
 #include "riccati.h"
@@ -18,6 +23,10 @@
 #include "small_rotation.h"
 #include "symmetric3.h"
 #include "time_grid.h"
+
+#define between between_ends /* another between() is in arc.h */
+#include "optimal_motion.h"
+#undef between
 
 #define CALL(result, function, parameters, arguments) \
     result call_##function parameters;                \
@@ -77,6 +86,7 @@ int call_solve_upper(const double *A, int n, const double *b, double *x)
 CALL(vec3, onto_cone, (vec3 a, double t, double o, vec3 x), (a, t, o, x))
 CALL(vec3, onto_slab, (vec3 n, double low, double high, vec3 x), (n, low, high, x))
 CALL(vec3, onto_ball, (vec3 centre, double radius, vec3 x), (centre, radius, x))
+CALL(int, differ, (vec3 a, vec3 b), (a, b))
 static vec3 box_projection(vec3 most, double threshold, mat3 C, vec3 x)
 {
     Problem b = {.most = most, .threshold = threshold};
@@ -264,3 +274,41 @@ int call_satisfy_rule(int rule, const double x[], size_t count)
 
 uint64_t call_fold_text(uint64_t hash, const char *text);
 uint64_t call_fold_text(uint64_t hash, const char *text) { return fold_text(hash, text); }
+
+/* limited_roll.h: axis of both rolls, second axis and rate of each */
+CALL(double, missing_roll, (vec3 i, vec3 k, double rate, vec3 rule, double rule_rate),
+     ((Roll){i, k, rate, 0}, (Roll){i, rule, rule_rate, 0}))
+CALL(double, closing_rate, (double psi, double a, double tau), (psi, a, tau))
+CALL(int, satisfies, (double rate_max, double most, double rate, double acceleration, double h),
+     ((RollLimits){rate_max, most}, (Roll){.rate = rate, .acceleration = acceleration}, h))
+CALL(double, roll_acceleration, (double rate_max, double most, double rate, double h),
+     ((RollLimits){rate_max, most}, (Roll){.rate = 0}, (Roll){.rate = rate}, 1, h))
+
+/* mission_aim.h, mission_budget.h, mission_retreat.h, by the parameters that they read */
+static double mode_of_aim(double aim_radius, double R_2, vec3 rho, double R)
+{
+    return aim_from(&(MissionParameters){.aim_radius = aim_radius, .R_2 = R_2}, rho, R).mode;
+}
+CALL(double, mode_of_aim, (double aim_radius, double R_2, vec3 rho, double R),
+     (aim_radius, R_2, rho, R))
+CALL(double, range_around, (double budget, double w_steer, double R_2, double F, double tumble),
+     (&(MissionParameters){.budget = budget, .w_steer = w_steer, .R_2 = R_2, .F_axis = F}, 1,
+      tumble))
+CALL(vec3, wheel_bias, (double budget, mat3 J, mat3 A, double most, vec3 w),
+     (
+         &(MissionParameters){
+             .budget = budget, .J_S = J, .A_w = A, .bias_max = 1, .wheel_speed_max = most},
+         w))
+CALL(double, verdict_on, (double rate_probe, double by_arm, double tumble),
+     (&(MissionParameters){.budget = 1, .Isp = 200, .rate_probe = rate_probe, .by_arm = by_arm},
+      &(MissionInput){.mass = 1}, tumble, &(Budget){.R = 1}))
+CALL(double, least_distance, (double time, double step, vec3 rho, vec3 v),
+     (&(MissionParameters){.drift_time = time, .drift_step = step}, &(RelativeState){.rho_H = rho},
+      v))
+
+/* carried_frame.h */
+CALL(vec3, integrated_steering, (double w_steer, vec3 b, vec3 db, double period),
+     (&(Steering){.w_steer = w_steer}, b, db, period))
+
+/* optimal_motion.h */
+CALL(vec3, first_way, (vec3 a, vec3 b, int is_arc, double part), (a, b, is_arc, part))
