@@ -9,8 +9,8 @@ overflow, an undefined shift, a conversion of a number that does not fit, or a r
 without a value. Infinite numbers and NaN are values.
 
 Parameters of SPLIT are followed one value after the other, all others at once. Options differ by
-component only in how many states are followed apart (MORE): fewer states can add alarms, none can hide
-one. The working memory of a component has a value (0) before `initialize`: the caller sets it.
+component only in how many states are followed apart (MORE): fewer states can add alarms, none can
+hide one. The working memory of a component has a value (0) before `initialize`: the caller sets it.
 
 Stubs: `sqrt`, `fabs` and `copysign` come from Frama-C; `reject`, which writes the texts of
 rejected parameters before the first step, counts only.
