@@ -56,7 +56,8 @@ struct Split {
     int answer;    /* bits of the lanes with a true answer */
     Split *outer;
 };
-inline Split *present;                /* of the function that is being performed */
+inline Split *present; /* of the function that is being performed */
+inline jmp_buf again;  /* where runs.h repeats macro steps, for a step that was not saved */
 inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter */
 
 [[noreturn]] __attribute__((noinline, cold)) inline void split(int answer)
@@ -521,11 +522,23 @@ template <class T, class F> T performed_apart(const F &function)
     return blend(answers_of(here.answer), first, second);
 }
 
+#ifndef LARGE
+#define LARGE 32768
+#endif
+
 /* A step of a component in all lanes. Where lanes differ in an answer, states and outputs are
- * restored, and the step is made for the lanes of each answer. */
+ * restored, and the step is made for the lanes of each answer. Saving more than LARGE bytes before
+ * every step takes longer than most steps; such a component is saved from its first split on, and
+ * the macro steps before that split are repeated. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {
+    if (sizeof(X) + sizeof(Y) > LARGE && *splits == 0) {
+        Split here;
+        if (performed(&here, step, given)) return;
+        *splits = 1;
+        longjmp(again, 1);
+    }
     const X states = *x;
     const Y outputs = *y;
     Split here;

@@ -9,6 +9,8 @@
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
+#define STRETCH 64 /* macro steps that are repeated at most */
+
 using lanes::Mask;
 using lanes::Vector;
 
@@ -21,6 +23,9 @@ typedef struct {
 
 struct Work {
     Vector memory[scalar::SIZE];
+    Vector saved[scalar::SIZE]; /* before the macro steps that may be repeated */
+    int64_t saved_done, saved_lost;
+    double saved_now;
     Ruled ruled[2 * scalar::SIZE];
     size_t ruled_count;
     const Vector **columns; /* recorded outputs */
@@ -130,19 +135,57 @@ EXPORT bool begin(Runs *r)
     return true;
 }
 
-/* macro steps up to `last`, or until all runs are lost */
-EXPORT void advance(Runs *r, int64_t last)
+static void activate(const Runs *r) { lanes::active = ((1 << r->count) - 1) & ~(int)r->lost; }
+
+static void save(const Runs *r)
 {
-    const int all = (1 << r->count) - 1;
-    lanes::active = all & ~(int)r->lost;
+    Work *w = r->work;
+    memcpy((void *)w->saved, w->memory, sizeof w->saved);
+    w->saved_done = r->done;
+    w->saved_lost = r->lost;
+    w->saved_now = r->now;
+}
+
+static void restore(Runs *r)
+{
+    Work *w = r->work;
+    memcpy((void *)w->memory, w->saved, sizeof w->saved);
+    r->done = w->saved_done;
+    r->lost = w->saved_lost;
+    r->now = w->saved_now;
+    lanes::present = NULL;
+    activate(r);
+}
+
+static void perform(Runs *r, int64_t last)
+{
     while (r->done < last && lanes::active) {
         const double t = r->start + (double)r->done * r->step;
         step_system(r->work->memory, r->now, r->step);
         r->lost |= rejected(r);
-        lanes::active = all & ~(int)r->lost;
+        activate(r);
         r->now = t + r->step;
         r->done++;
         record(r);
+    }
+}
+
+/* false: the macro steps have to be repeated, see lanes.h */
+__attribute__((OPAQUE)) static bool performed(Runs *r, int64_t last)
+{
+    if (setjmp(lanes::again)) return false;
+    perform(r, last);
+    return true;
+}
+
+/* macro steps up to `last`, or until all runs are lost */
+EXPORT void advance(Runs *r, int64_t last)
+{
+    activate(r);
+    while (r->done < last && lanes::active) {
+        const int64_t end = last - r->done > STRETCH ? r->done + STRETCH : last;
+        save(r);
+        while (!performed(r, end)) restore(r);
     }
 }
 
