@@ -75,7 +75,7 @@ def _texts(store: Store) -> dict[str, Any]:
         "metrics": {name: _statistics(values) for name, values in metrics.items()},
         "lacking": list(summary.lacking(store)),
         "chance": [summary.left_out(name, factors, x) for name, x in metrics.items()],
-        "failures": summary.failures(store),
+        "failures": summary.failures_by_category(store),
         "definition": store.definition()[0],
         **_worst(store),
     }

@@ -48,6 +48,14 @@ CUT = """() => {
         if (e.closest(other) || !e.getClientRects().length) continue;
         if (![...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim())) continue;
         const box = e.getBoundingClientRect(), text = e.textContent.trim().slice(0, 40);
+        for (const n of e.childNodes) {
+            if (n.nodeType !== 3) continue;
+            const range = document.createRange();
+            range.selectNodeContents(n);
+            const lines = new Set([...range.getClientRects()].map((line) => Math.round(line.top)));
+            if (lines.size > 2 && n.data.trim().length < 4 * lines.size)
+                found.push(`${text} is squeezed`);
+        }
         const hides = getComputedStyle(e).overflowX !== "visible";
         if (hides && e.scrollWidth > e.clientWidth + 1) found.push(`${text} is cut`);
         if (!e.closest(".scroll") && (box.right > wide + 1 || box.left < -1))

@@ -135,7 +135,7 @@
       const row = rows[k];
       if (!row) return;
       const [, , detail, verdict] = row.cells, again = detail.querySelector(".seek");
-      detail.textContent = `${v.detail} `;
+      detail.textContent = `${v.detail.replace(/^worst /, "")} `;
       if (again && v.time !== null) { again.dataset.time = v.time; detail.append(again); }
       verdict.replaceChildren(badge(v.kind, v.verdict));
     });

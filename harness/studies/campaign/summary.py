@@ -403,17 +403,21 @@ def failures(store: Store) -> dict[int, str]:
     }
 
 
-def _failures(store: Store, shown: str) -> Iterator[str]:
+def failures_by_category(store: Store) -> dict[int, str]:
+    """Return failures(), ordered by the values of categories, with these before each reason."""
     found, groups = failures(store), categories(store)
-    system = store.system
+    names = {
+        run: ", ".join(f"{name} = {texts[run]}" for name, texts in groups.items()) for run in found
+    }
+    ordered = sorted(found, key=lambda run: names[run])
+    return {run: f"{names[run]}: {found[run]}" if groups else found[run] for run in ordered}
 
-    def group(run: int) -> str:
-        return ", ".join(f"{n} = {texts[run]}" for n, texts in groups.items())
 
-    for run, why in sorted(found.items(), key=lambda each: group(each[0]))[:LISTED]:
-        of = f" ({group(run)})" if groups else ""
-        yield f"failed: run {run}{of}: {one_line(why)}"
-        yield f"    harness run {system} --like {shown}#{run}"
+def _failures(store: Store, shown: str) -> Iterator[str]:
+    found = failures_by_category(store)
+    for run, why in list(found.items())[:LISTED]:
+        yield f"failed: run {run}: {one_line(why)}"
+        yield f"    harness run {store.system} --like {shown}#{run}"
     if len(found) > LISTED:
         yield (
             f"failed: {len(found) - LISTED} more runs; the array `message` of the dataset has "

@@ -69,9 +69,10 @@ def test_the_page_shows_laws_by_name(found):
 
 def test_runs_that_fail_are_listed_by_law(found):
     lines = [x for x in found[0].summary().splitlines() if x.startswith("failed: run")]
-    laws = [x.partition("swap.controller = ")[2].partition(")")[0] for x in lines]
+    laws = [x.partition("swap.controller = ")[2].partition(":")[0] for x in lines]
     assert laws == sorted(laws)
     assert set(laws) == {"pid_controller"}
+    assert "swap.controller = pid_controller: " in of_dataset(found[1])
 
 
 def test_the_size_of_an_effect_is_beside_its_rank():
