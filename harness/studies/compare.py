@@ -10,7 +10,7 @@ import math
 import os
 import re
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -87,6 +87,12 @@ class ComparisonRuns:
     def piece(self) -> int:
         """Return the runs that a worker is given at once."""
         return TOGETHER if self.executor == FUSED else 1
+
+    def blocks(self, orders: Sequence[Order], workers: int) -> Iterator[Block]:
+        """Yield the runs that are made together where every worker has several, else one by one."""
+        size = self.piece if len(orders) >= self.piece * workers else 1
+        for k in range(0, len(orders), size):
+            yield Block(k, orders[k : k + size])
 
     def run(self, part: Sequence[Order]) -> list[Outcome]:
         """Return the outcomes of variants."""
@@ -244,13 +250,9 @@ def compare(  # noqa: PLR0913 - options of a comparison
     thinning = [_thinning(n) if every is None else every for n in steps]
     orders = list(zip(variants, files, thinning, strict=True))
     over: dict[int, Outcome] = {}
-    size = work.piece if len(orders) >= work.piece * workers.processes else 1
-    blocks = (Block(k, orders[k : k + size]) for k in range(0, len(orders), size))
-    with (
-        compiling(system, variants[0].changes, sum(steps) if executor == FUSED else 0),
-        worker_pool(workers) as run_blocks,
-    ):
-        for k, found in run_blocks(work, blocks):
+    many = sum(steps) if executor == FUSED else 0
+    with compiling(system, variants[0].changes, many), worker_pool(workers) as run_blocks:
+        for k, found in run_blocks(work, work.blocks(orders, workers.processes)):
             over |= dict(enumerate(found, k))
             if progress is not None:
                 progress(len(over))
