@@ -18,7 +18,7 @@ START_VALUES: dict[str, tuple[str, tuple[str, ...]]] = {
     "los_guidance": ("ppc_tracking.guidance", ("sample_period",)),
     "mission_manager": (
         "servicing_mission.manager",
-        ("budget", "rate_2", "await_axis", "spin_accel", "aim_radius"),
+        ("budget", "rate_2", "await_axis", "spin_accel", "aim_radius", "monitor_stack"),
     ),
     "notch_filter": ("ppc_tracking_notched.filter", ("sample_period",)),
     "optimal_controller": ("sync_approach.controller", ("cone", "t_att")),
