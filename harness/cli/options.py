@@ -22,7 +22,7 @@ Command = TypeVar("Command", bound=Callable[..., None])
 
 def figures_of(results: Path) -> Path:
     """Return the folder for the figures of a results file or dataset, beside it."""
-    return results.with_name(f"{results.stem}_figures")
+    return results.parent / f"{results.stem}_figures"
 
 
 # ---- arguments and options
