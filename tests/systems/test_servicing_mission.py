@@ -213,3 +213,13 @@ def test_a_safe_drift_is_resumed_when_ground_states_so():
     result = run("servicing_mission", set=changes, stop=6000)
     phases = [s.phase for s in stays(result)]
     assert phases[:5] == ["far", "hold 1", "retreat", "safe", "far"]
+
+
+@pytest.mark.parametrize("phase", ["contact", "soft", "hard", "free"])
+def test_the_load_counts_from_the_first_touch_to_the_stack(phase):
+    names = tuple(f"mechanism.{name}" for name in ("contact", "soft", "hard", "load_force"))
+    row = [float(name == f"mechanism.{phase}") for name in names[:3]] + [70.0]
+    result = Result("made", np.arange(2.0), names, ("1", "1", "1", "N"), np.array([row, row]))
+    with load("servicing_mission") as system:
+        found = finding(result, "load", system.requirements["load"])
+    assert found.word == ("not exercised" if phase == "free" else "NOT MET")
