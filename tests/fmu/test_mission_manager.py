@@ -8,13 +8,28 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from tests.each import each, some
 from tests.reference import mission
 
-from .mission_cases import AXIS, GEO, GOOD, HOLDING, P, Recording, T, in_hill, line, on_axis
+from .mission_cases import (
+    AXIS,
+    GEO,
+    GOOD,
+    GROUND,
+    HOLDING,
+    QUICK,
+    RATE,
+    P,
+    Recording,
+    T,
+    in_hill,
+    line,
+    on_axis,
+)
 from .rejections import rejection
 from .theory import MU, dcm_of_quaternion, quaternion_of_dcm
 
@@ -548,6 +563,28 @@ def test_clearance_matches_the_two_body_motion(fmu, a, rho, drho):
         np.linalg.norm(two_bodies(other, T, 86400, 120), axis=1).min()
         < 1.001 * recording["clearance"]
     )
+
+
+@pytest.mark.verifies("J.3-1")
+@pytest.mark.parametrize("phase", [2, 6])
+def test_without_abort_relative_the_retreat_leaves_outwards_from_the_last_valid_state(fmu, phase):
+    """Also near the target, where the grasp axis would be another direction; no drift until now."""
+    recording = Recording(fmu, {"abort_relative": 0}).lead_to(phase)
+    recording.sample(seen := on_axis(3, 0.04, 0.001))
+    assert recording.sample(in_hill((50, 60, 70), relative_valid=0, retreat=1)) == 12
+    F_N = recording["F_retreat_S"]  # the servicer is aligned with N there
+    dv_H = AXIS.T @ (recording["dv_left_N"] + F_N * P / GROUND["mass"])
+    rho = AXIS.T @ (seen["r_SN_N"] - seen["r_TN_N"])
+    drho = AXIS.T @ (seen["v_SN_N"] - seen["v_TN_N"]) - np.cross((0, 0, RATE), rho)
+    along = dv_H + drho - 0.1 * rho / np.linalg.norm(rho)
+    assert np.abs(along) == pytest.approx((0, 0.05, 0), abs=1e-9)
+
+
+def test_a_servicer_without_mass_is_rejected_with_the_input(fmu, capfd):
+    unit = fmu("mission_manager", QUICK, GOOD[0] | {"mass": 0.0}, 0.0)
+    with pytest.raises(FMICallException):
+        unit.step(P)
+    assert "the input mass is zero" in capfd.readouterr().out
 
 
 @pytest.mark.verifies("J.3-1")

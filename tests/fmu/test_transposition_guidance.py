@@ -123,6 +123,13 @@ def test_a_small_step_takes_its_part_of_the_momentum_with_a_small_rotation(fmu):
     assert np.degrees(rotation[2]) < 1.5
 
 
+def test_a_step_beyond_any_attitude_counts_as_half_a_turn_and_ends_the_plan(fmu):
+    """A vector part longer than 1 belongs to no quaternion."""
+    unit = fmu("transposition_guidance", {"nodes": 24, "alpha": 50.0, "sample_period": 225})
+    assert unit.get("rotation")[:2] == pytest.approx([0, np.pi])
+    assert (unit.get("status"), unit.get("no_plan"), unit.get("iterations")) == (3, 1, 1)
+
+
 @pytest.mark.verifies("E.4-3")
 def test_momentum_at_the_start_is_part_of_the_plan(fmu):
     unit = fmu("transposition_guidance", FULL | {"h_0_S": (0, 400, 0), "sample_period": 1.0})

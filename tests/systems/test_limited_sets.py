@@ -6,7 +6,10 @@ servicer, and notes where the software assumes something else than is simulated.
 from __future__ import annotations
 
 import logging
+import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from harness import load, run
@@ -30,6 +33,19 @@ def test_a_comparison_takes_the_limited_set(system):
     with load(system) as found:
         assert found.compared == "limited"
         assert "limited" in [s.name for s in found.sets]
+
+
+def test_the_laws_that_the_readme_compares_run_below_their_limits():
+    readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+    (laws,) = re.findall(r"harness compare sync_approach --swap controller=(\S+)", readme)
+    with load("sync_approach") as found:
+        compared = found.compared
+    for law in laws.split(","):
+        swap = {"controller": law}
+        result = run("sync_approach", params=compared, swap=swap, executor="fused")
+        flags = [result[f"propulsion.{flag}"] for flag in ("F_saturated", "M_saturated")]
+        assert np.concatenate(flags, axis=1).any(axis=1).mean() < 0.2, law
+        assert result["guidance.range"][-1] == pytest.approx(4, abs=0.1), law
 
 
 @pytest.mark.parametrize("system", some(SYSTEMS, 2))
