@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import shutil
 from dataclasses import replace
 
@@ -174,6 +175,7 @@ def test_a_campaign_shows_its_success_and_its_metrics(simulated):
     succeeded = int((data.success.values > 0).sum())
     assert 0 < succeeded < 24
     assert f"{succeeded} of 24" in page.text
+    assert re.search(rf"24 runs of \w+: success in {succeeded} of 24,", page.text)
     for name in ("miss", "cost"):
         for number in (data[name].values.mean(), data[name].values.max()):
             assert f"{number:.5g}" in page.text
