@@ -24,7 +24,7 @@ import pytest
 
 import harness
 from harness.errors import RunError
-from harness.files import paths
+from harness.files import output, paths
 from harness.files.machine import has_avx2
 from harness.master import fused, isolated, lanes
 from harness.master.changes import apply
@@ -498,6 +498,7 @@ def test_a_comparison_in_lanes_has_the_results_of_single_runs(
     with ExitStack() as life:
         prepared("space_robot", life)
         life.callback(reuse.close)
+        life.callback(output.work_for, None)
         fixed: Any = {"stop": 10.0}
         varied = "robot.M_S[3]=" + ",".join(map(str, (1.0, 2.0, 3.0, 1e6, 4.0, 5.0)))  # one fails
         variants = combinations(fixed, [("set", varied)])
