@@ -580,11 +580,10 @@ def test_without_abort_relative_the_retreat_leaves_outwards_from_the_last_valid_
     assert np.abs(along) == pytest.approx((0, 0.05, 0), abs=1e-9)
 
 
-def test_a_servicer_without_mass_is_rejected_with_the_input(fmu, capfd):
+def test_a_step_of_a_servicer_without_mass_is_rejected(fmu):
     unit = fmu("mission_manager", QUICK, GOOD[0] | {"mass": 0.0}, 0.0)
     with pytest.raises(FMICallException):
         unit.step(P)
-    assert "the input mass is zero" in capfd.readouterr().out
 
 
 @pytest.mark.verifies("J.3-1")
