@@ -28,7 +28,7 @@ from harness.errors import (
 )
 from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
-from harness.master.isolated import in_child, simulate, timed
+from harness.master.isolated import PATIENCE, in_child, simulate, timed
 from harness.master.messages import as_typed, noted, without
 from harness.master.remainder import rest
 from harness.master.simulation import Simulation
@@ -175,7 +175,8 @@ def log_decided(system: System) -> None:
     stop = experiment.start + period * experiment.step
     with suppress(HarnessError):  # the run reports it
         with noted():
-            run = simulate(replace(system, experiment=replace(experiment, stop=stop)))
+            short = replace(system, experiment=replace(experiment, stop=stop))
+            run = simulate(short, patience=PATIENCE)
         first = replace(run, time=run.time[:1], values=run.values[:1])
         for found in findings(first):
             fixed = all(path.startswith("parameter ") for path in condition(found.text).variables)

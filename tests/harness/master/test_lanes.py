@@ -404,17 +404,23 @@ def test_a_run_that_is_rejected_changes_no_other_run() -> None:
                 assert memory(one) == memory(other)
 
 
+def reused_robot(life: ExitStack, stop: float) -> tuple[ReusedSimulation, list[Any]]:
+    """A simulation of the space robot after its first run, with a library, and two runs."""
+    prepared("space_robot", life)
+    reused = ReusedSimulation(find_system("space_robot"), "fused")
+    life.callback(reused.close)
+    runs: list[Any] = [{"stop": stop, "set": {"robot.M_S[3]": k}} for k in (1.0, 2.0)]
+    reused.run(runs[0])
+    return reused, runs
+
+
 @needs_lanes
 def test_an_fmu_of_third_parties_is_never_loaded_into_the_process_of_a_worker(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As after a swap: the runs before it, of our FMUs, have made a simulation and a library."""
     with ExitStack() as life:
-        prepared("space_robot", life)
-        reused = ReusedSimulation(find_system("space_robot"), "fused")
-        life.callback(reused.close)
-        runs: list[Any] = [{"stop": 20.0, "set": {"robot.M_S[3]": k}} for k in (1.0, 2.0)]
-        reused.run(runs[0])
+        reused, runs = reused_robot(life, 20.0)
         assert None not in reused.together(runs, 1, ["robot.omega_SN_S"])
         monkeypatch.setattr(isolated, "all_ours", lambda system: False)
         monkeypatch.setattr(Simulation, "begin", lambda *_: pytest.fail("loaded here"))
@@ -427,11 +433,7 @@ def test_an_fmu_of_third_parties_is_never_loaded_into_the_process_of_a_worker(
 @needs_lanes
 def test_lanes_that_wait_for_a_processor_remain_in_use() -> None:
     with ExitStack() as life:
-        prepared("space_robot", life)
-        reused = ReusedSimulation(find_system("space_robot"), "fused")
-        life.callback(reused.close)
-        runs: list[Any] = [{"stop": 60.0, "set": {"robot.M_S[3]": k}} for k in (1.0, 2.0)]
-        reused.run(runs[0])
+        reused, runs = reused_robot(life, 60.0)
         compiled = reused._lanes()
         assert compiled is not None
         real = compiled._library
