@@ -312,3 +312,12 @@ CALL(vec3, integrated_steering, (double w_steer, vec3 b, vec3 db, double period)
 
 /* optimal_motion.h */
 CALL(vec3, first_way, (vec3 a, vec3 b, int is_arc, double part), (a, b, is_arc, part))
+
+static vec3 rate_after_node(mat3 J, mat3 J_inverse, vec3 w, double dt, double longest)
+{
+    Tumble x = {{1, 0, 0, 0}, w};
+    tumble_over_node(&(Inertia){J, J_inverse}, dt, longest, &x);
+    return x.w;
+}
+CALL(vec3, rate_after_node, (mat3 J, mat3 J_inverse, vec3 w, double dt, double longest),
+     (J, J_inverse, w, dt, longest))

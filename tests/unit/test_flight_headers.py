@@ -112,6 +112,27 @@ def test_the_first_path_is_straight_where_no_arc_is_defined(core, part):
     assert core.first_way(a, aside, 1, part) == pytest.approx(arc, abs=1e-13)
 
 
+@pytest.mark.parametrize(
+    ("ratio", "steps"), [(0.5, 1), (1.0, 1), (1.01, 2), (2.01, 3), (3.0, 3), (3.01, 4), (9.0, 4)]
+)
+def test_a_node_of_the_tumble_has_as_many_steps_as_it_needs_but_at_most_four(core, ratio, steps):
+    """Steps of Runge and Kutta of Euler's equations, long enough that their number shows."""
+    J, w, dt = np.diag((100.0, 150, 90)), np.array((0.02, 0.5, 0.1)), 5.0
+
+    def rate(w):
+        return np.linalg.solve(J, np.cross(J @ w, w))
+
+    expected, h = w, dt / steps
+    for _ in range(steps):
+        a = rate(expected)
+        b = rate(expected + h / 2 * a)
+        c = rate(expected + h / 2 * b)
+        d = rate(expected + h * c)
+        expected = expected + h / 6 * (a + 2 * b + 2 * c + d)
+    found = core.rate_after_node(J, np.linalg.inv(J), w, dt, dt / ratio)
+    assert found == pytest.approx(expected, abs=1e-13)
+
+
 # ---- optimal_problem.h
 
 
