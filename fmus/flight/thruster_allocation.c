@@ -102,7 +102,10 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- columns: six weighted wrench components, then one row of damping per thruster ---- */
 typedef struct { double v[LENGTH]; } Column;
-typedef struct { Column a[THRUSTERS]; } Matrix;
+typedef struct {
+    Column a[THRUSTERS]; /* not 0 in row 6 + i of the rows of damping only */
+    double length[THRUSTERS];
+} Matrix;
 
 static double product_of(const Column *a, const Column *b, int length)
 {
@@ -111,10 +114,9 @@ static double product_of(const Column *a, const Column *b, int length)
     return sum;
 }
 
-static Column plus(Column a, double k, const Column *b) /* a + k b */
+static void add_to(Column *a, double k, const Column *b, int length) /* a += k b */
 {
-    for (int i = 0; i < LENGTH; i++) a.v[i] += k * b->v[i];
-    return a;
+    for (int i = 0; i < length; i++) a->v[i] += k * b->v[i];
 }
 
 static Column weighted(const Parameters *p, vec3 F, vec3 M)
@@ -136,13 +138,18 @@ static Matrix columns_of(const Parameters *p, double t)
         Wrench w = thruster_wrench(&p->thrusters, i, thrust_at(p, i, t));
         A.a[i] = weighted(p, w.F, w.M);
         A.a[i].v[6 + i] = DAMPING * sqrt(product_of(&A.a[i], &A.a[i], 6));
+        A.length[i] = sqrt(product_of(&A.a[i], &A.a[i], LENGTH));
     }
     return A;
 }
 
+/* b - A x; b has no rows of damping */
 static Column residual(const Matrix *A, Column b, const double *x)
 {
-    for (int i = 0; i < THRUSTERS; i++) b = plus(b, -x[i], &A->a[i]);
+    for (int i = 0; i < THRUSTERS; i++) {
+        add_to(&b, -x[i], &A->a[i], 6);
+        b.v[6 + i] = -x[i] * A->a[i].v[6 + i];
+    }
     return b;
 }
 
@@ -153,33 +160,46 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* Q R of the free columns; who: their thrusters */
+/* Q R of the free columns; who: their thrusters, n: their number. Of the rows of damping, Q has
+ * those of the free thrusters only, and column k is 0 below row 6 + k. */
 typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
-    int who[THRUSTERS];
+    int who[THRUSTERS], n;
 } Factors;
 
-/* step of the free x to the minimum with the others fixed: d = R^-1 c, c = Q^T r, by modified
- * Gram-Schmidt */
+/* column n of Q and R from that of thruster i, by modified Gram-Schmidt */
+static void orthogonalize(const Matrix *A, Factors *f, int n, int i)
+{
+    Column *q = &f->Q[n];
+    *q = A->a[i];
+    q->v[6 + i] = 0;
+    q->v[6 + n] = A->a[i].v[6 + i];
+    for (int k = 0; k < n; k++) {
+        f->R[k][n] = product_of(&f->Q[k], q, 7 + k);
+        add_to(q, -f->R[k][n], &f->Q[k], 7 + k);
+    }
+    f->R[n][n] = sqrt(product_of(q, q, 7 + n));
+    for (int k = 0; k < 7 + n; k++) q->v[k] /= f->R[n][n];
+    f->who[n] = i;
+    f->n = n + 1;
+}
+
+/* step of the free x to the minimum with the others fixed: d = R^-1 c, c = Q^T r; the first columns
+ * of Q and R hold from the step before while their thrusters are the same */
 static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, double *d)
 {
-    Column *Q = f->Q;
     int n = 0;
     for (int i = 0; i < THRUSTERS; i++) {
         d[i] = 0;
         if (it->side[i] != FREE) continue;
-        Q[n] = A->a[i];
-        for (int k = 0; k < n; k++) {
-            f->R[k][n] = product_of(&Q[k], &Q[n], LENGTH);
-            Q[n] = plus(Q[n], -f->R[k][n], &Q[k]);
-        }
-        f->R[n][n] = sqrt(product_of(&Q[n], &Q[n], LENGTH));
-        for (int k = 0; k < LENGTH; k++) Q[n].v[k] /= f->R[n][n];
-        f->c[n] = product_of(&Q[n], &r, LENGTH);
-        r = plus(r, -f->c[n], &Q[n]);
-        f->who[n++] = i;
+        if (n >= f->n || f->who[n] != i) orthogonalize(A, f, n, i);
+        r.v[6 + n] = r.v[6 + i];
+        f->c[n] = product_of(&f->Q[n], &r, 7 + n);
+        add_to(&r, -f->c[n], &f->Q[n], 7 + n);
+        n++;
     }
+    f->n = n;
     for (int i = n - 1; i >= 0; i--) {
         double step = f->c[i] / f->R[i][i];
         d[f->who[i]] = step;
@@ -192,14 +212,12 @@ static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, 
 static int variable_to_release(const Matrix *A, const Iterate *it, const Column *b)
 {
     Column r = residual(A, *b, it->x);
-    double best = 0, size = sqrt(product_of(b, b, LENGTH));
+    double best = 0, size = sqrt(product_of(b, b, 6));
     int found = -1;
     for (int i = 0; i < THRUSTERS; i++) {
-        if (it->side[i] == FREE) continue;
-        double length = sqrt(product_of(&A->a[i], &A->a[i], LENGTH));
-        if (length == 0) continue;
-        double slope =
-            product_of(&A->a[i], &r, LENGTH) / length * (it->side[i] == AT_ZERO ? 1 : -1);
+        if (it->side[i] == FREE || A->length[i] == 0) continue;
+        double slope = (product_of(&A->a[i], &r, 6) + A->a[i].v[6 + i] * r.v[6 + i]) /
+                       A->length[i] * (it->side[i] == AT_ZERO ? 1 : -1);
         if (slope > 1e-14 * size && slope > best) best = slope, found = i;
     }
     return found;
@@ -242,14 +260,16 @@ static Iterate bounded_least_squares(const Matrix *A, const Column *b, Factors *
 static void allocate_wrench(const Parameters *p, const Input *u, Output *y, double t)
 {
     Matrix A = columns_of(p, t);
-    Column w = weighted(p, u->F_cmd_S, u->M_cmd_S), none = {{0}};
-    Factors f = {.who = {0}};
+    Column w = weighted(p, u->F_cmd_S, u->M_cmd_S);
+    Factors f = {.n = 0};
     Iterate it;
     y->scale = 1;
     for (int cut = 0;; cut++) {
-        Column target = plus(none, y->scale, &w);
+        Column target = {{0}};
+        add_to(&target, y->scale, &w, 6);
         it = bounded_least_squares(&A, &target, &f);
-        Column r = residual(&A, target, it.x), met = plus(target, -1, &r);
+        Column r = residual(&A, target, it.x), met = target;
+        add_to(&met, -1, &r, 6);
         int in_reach = product_of(&r, &r, 6) <= IN_REACH * IN_REACH * product_of(&w, &w, 6);
         if (in_reach || !p->keep_direction || cut == CUTS - 1) break;
         y->scale = larger(0, product_of(&r, &met, 6) / product_of(&r, &w, 6));
@@ -266,7 +286,8 @@ static void publish_wrench(const Parameters *p, const Input *u, Output *y)
         y->M_alloc_S = add(y->M_alloc_S, w.M);
     }
     Column w = weighted(p, u->F_cmd_S, u->M_cmd_S), met = weighted(p, y->F_alloc_S, y->M_alloc_S);
-    Column missing = plus(w, -1, &met);
+    Column missing = w;
+    add_to(&missing, -1, &met, 6);
     y->infeasible = product_of(&missing, &missing, 6) > IN_REACH * IN_REACH * product_of(&w, &w, 6);
 }
 
