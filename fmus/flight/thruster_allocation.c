@@ -160,8 +160,8 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* Q R of the free columns; who: their thrusters, n: their number. Of the rows of damping, Q has
- * those of the free thrusters only, and column k is 0 below row 6 + k. */
+/* Q R of the free columns; who: their thrusters, n: the columns that hold for them. Of the rows of
+ * damping, Q has those of the free thrusters only, and column k is 0 below row 6 + k. */
 typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
@@ -186,7 +186,7 @@ static void orthogonalize(const Matrix *A, Factors *f, int n, int i)
 }
 
 /* step of the free x to the minimum with the others fixed: d = R^-1 c, c = Q^T r; the first columns
- * of Q and R hold from the step before while their thrusters are the same */
+ * of Q and R are those of the step before while their thrusters are the same */
 static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, double *d)
 {
     int n = 0;
@@ -199,7 +199,6 @@ static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, 
         add_to(&r, -f->c[n], &f->Q[n], 7 + n);
         n++;
     }
-    f->n = n;
     for (int i = n - 1; i >= 0; i--) {
         double step = f->c[i] / f->R[i][i];
         d[f->who[i]] = step;
