@@ -119,6 +119,11 @@ static void add_to(Column *a, double k, const Column *b, int length) /* a += k b
     for (int i = 0; i < length; i++) a->v[i] += k * b->v[i];
 }
 
+static void divide(Column *a, double by, int length)
+{
+    for (int i = 0; i < length; i++) a->v[i] /= by;
+}
+
 static Column weighted(const Parameters *p, vec3 F, vec3 M)
 {
     vec3 f = times(p->weight_F, F), m = times(p->weight_M, M);
@@ -180,7 +185,7 @@ static void orthogonalize(const Matrix *A, Factors *f, int n, int i)
         add_to(q, -f->R[k][n], &f->Q[k], 7 + k);
     }
     f->R[n][n] = sqrt(product_of(q, q, 7 + n));
-    for (int k = 0; k < 7 + n; k++) q->v[k] /= f->R[n][n];
+    divide(q, f->R[n][n], 7 + n);
     f->who[n] = i;
     f->n = n + 1;
 }
