@@ -148,12 +148,17 @@ static Unloading unloading_now(const Parameters *p, const Input *u)
     return now;
 }
 
-/* in law 1 the wheels have no other task and are always unloaded, unless they turn the body */
+static int may_unload(const Parameters *p, int torque)
+{
+    return torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
+}
+
+/* whether a threshold was passed; after `prepare` the wheels are below both. In law 1 the wheels have
+ * no other task and are always unloaded, unless they turn the body */
 /* J.5-4 */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
-    if (torque < FAR_LAW || torque > SYNC_LAW || p->unload.k == 0) return 0;
-    if (u->prepare) return 1;
+    if (!may_unload(p, torque) || u->prepare) return 0;
     return unloading_is_on(&p->unload, u->wheel_speed,
                            torque == FAR_LAW && !p->far_wheels ? 1 : before);
 }
@@ -217,7 +222,8 @@ static void select_commands(const Parameters *p, const Input *u, State *x, Outpu
     int force = selection(u->select_force, SELECTIONS);
     int torque = selection(u->select_torque, RETREAT_LAW);
     x->unloading = unloading_active(p, u, torque, x->unloading);
-    Command now = with_unloading(p, u, x->unloading, selected_command(p, u, force, torque));
+    double on = x->unloading || (u->prepare && may_unload(p, torque));
+    Command now = with_unloading(p, u, on, selected_command(p, u, force, torque));
     blend(p, x, now, force, torque, period);
     x->out = (Command){add(now.F, x->D.F), add(now.M, x->D.M), add(now.W, x->D.W)};
     x->started = 1;
@@ -230,7 +236,7 @@ static void select_commands(const Parameters *p, const Input *u, State *x, Outpu
     y->wheel_accel_cmd = x->out.W;
     y->force_law = force;
     y->torque_law = torque;
-    y->wheels_unloading = x->unloading;
+    y->wheels_unloading = on;
 }
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)

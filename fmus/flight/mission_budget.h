@@ -57,6 +57,15 @@ static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
     return scale(share, bias);
 }
 
+/* wheel speeds with which the momentum of body and wheels is that of the bias, within the budget */
+static inline vec3 wheels_with(const MissionParameters *p, vec3 bias, vec3 w_S)
+{
+    vec3 rest = sub(bias, solve(p->A_w, mul(p->J_S, w_S)));
+    double most = p->budget * p->wheel_speed_max;
+    return vec(clamp(rest.x, -most, most), clamp(rest.y, -most, most),
+               clamp(rest.z, -most, most));
+}
+
 static inline double momentum_at_grasp(const MissionParameters *p, double mass, vec3 w_T_T)
 {
     double reduced = mass > 0 ? mass * p->mass_T / (mass + p->mass_T) : 0;

@@ -290,9 +290,9 @@ static const Variable variables[] = {
                        "increment that fly-around, final approach and mating need against the "
                        "rotation with the target, with budget"),
     NONNEGATIVE_OUTPUT(steer_max, "rad/s", "steering of the fly-around that force leaves here"),
-    FLAG(prepare, "1: the wheels are brought to wheel_bias"),
+    FLAG(prepare, "1: the wheels are brought to wheel_bias, from the closing to the fly-around"),
     FLAG(spin, "1: the servicer turns with the target, 0 in the fly-around: it still waits"),
-    OUTPUT(wheel_bias, "rad/s", "wheel speeds before the servicer turns with the target"),
+    OUTPUT(wheel_bias, "rad/s", "wheel speeds whose momentum turning with the target needs"),
     MODE(goal, "goal of the fuel-optimal law, 0 without use_optimal",
          "inactive|point on the line of holds|grasp axis at constant range|along the grasp axis"),
     OUTPUT(L_goal, "m", "range at the end of that goal: of the first hold; 0: as the law has it"),
@@ -522,14 +522,13 @@ static void publish_switches(const Parameters *p, const Input *u, const State *x
 static void publish_budget(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                            Output *y)
 {
-    int before = x->phase == CLOSING || x->phase == HOLD_2 || (x->phase == FLYAROUND && !x->spins);
-    int prepares = p->budget > 0 && before;
+    int prepares = p->budget > 0 && x->phase >= CLOSING && x->phase <= FLYAROUND;
     y->verdict = x->budget.verdict;
     y->dv_ahead = x->budget.dv;
     y->steer_max = steering_left(p, u->mass, g->tumble, larger(g->R, p->L_3));
     y->prepare = prepares;
     y->spin = x->phase == FLYAROUND ? x->spins : 1;
-    y->wheel_bias = prepares ? x->budget.bias : vec(0, 0, 0);
+    y->wheel_bias = prepares ? wheels_with(p, x->budget.bias, u->S.omega) : vec(0, 0, 0);
 }
 
 /* V of the closing beside the target */
