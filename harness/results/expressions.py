@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from unicodedata import normalize
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.results.histories import (
     angle_between,
@@ -67,7 +68,12 @@ def settling_time(time: Array, error: Array, band: float) -> float:
 
 def steady_error(time: Array, error: Array) -> float:
     """Return the largest error (rows,) in the last fifth of the time."""
-    return float(np.max(error[time >= time[-1] - STEADY * (time[-1] - time[0])]))
+    return float(np.max(error[is_steady(time)]))
+
+
+def is_steady(time: Array) -> NDArray[np.bool_]:
+    """Return which rows are in the last fifth of the time."""
+    return np.asarray(time >= time[-1] - STEADY * (time[-1] - time[0]))
 
 
 def _angle(q: Array, p: Array) -> Array:
@@ -155,6 +161,8 @@ FUNCTIONS: dict[str, Function] = {
 """Functions of expressions. The number of arguments is checked, because functions of numpy write to
 further ones.
 """
+SHIFTS = [name for name, each in FUNCTIONS.items() if each.shifts]
+"""Functions whose value in a row is of another row."""
 ROW = ("first", "last", "at")
 """Functions that return one row of their first argument."""
 WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}

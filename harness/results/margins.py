@@ -11,18 +11,34 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from harness.results.evaluation import fitted, history, ruling, unit_in, unit_of
 from harness.results.expressions import Node
-from harness.results.program import Program, evaluate, is_per_row
+from harness.results.program import Program, is_per_row
 from harness.results.result import Result
 from harness.system.units import convert
 
 ALL = slice(None)
 """All rows of a result."""
+ORDERS = ("<", "<=", ">", ">=")
+"""Comparisons whose truth follows from their margin."""
+
+
+class Single(NamedTuple):
+    """The one comparison that is left where no condition on time or premise decides.
+
+    name: its operation; difference, value: numbers of the instructions of its sides' difference and
+    of the side that is shown; needed: instructions of both; units: of the side, and as written.
+    """
+
+    name: str
+    difference: int
+    value: int
+    needed: Sequence[int]
+    units: tuple[str, str]
 
 
 class Requirement:
@@ -40,8 +56,7 @@ class Requirement:
         self.program, self._unit = program, unit
         self.guarded = not tree.is_timing
         self.has_rows, self.at_start = tree.is_history, tree.has_window
-        decisive = self.guarded and tree.kind == "join" and tree.name == "or" and is_per_row(tree)
-        self._limits = [p for p in tree.parts if decisive and p.is_timing and p.kind == "compare"]
+        self.single: Single | None = None
         self.margin_unit = unit_of_margin(tree, unit)
         self.units: list[tuple[str, str]] = []
         """Units of compared values: of the variables, and as written ("": as the variables)."""
@@ -56,17 +71,39 @@ class Requirement:
         )
         self.exercised = self._exercised(tree, self._number(1))
         self.value, self.which = self._shown(tree)
+        decisive = self.guarded and tree.kind == "join" and tree.name == "or" and is_per_row(tree)
+        parts = tree.parts if decisive else (tree,)
+        self._limits = [self._truth(part) for part in parts if decisive and part.is_timing]
+        further = [part for part in parts if not part.is_timing]
+        if len(further) == 1 and further[0].name in ORDERS:
+            self.single = self._single(further[0])
 
-    def rows(self, result: Result) -> slice:
-        """Return the rows outside of which a condition on time alone decides that it holds; all
-        rows where the rows depend on each other, or none is left.
+    def _single(self, node: Node) -> Single:
+        difference = self._add("difference", *map(self._table, node.parts))
+        value = self._table(node.shown)
+        needed = self.program.needed((difference, value))
+        units = unit_of(node.shown, self._unit), node.unit
+        return Single(node.name, difference, value, needed, units)
+
+    def rows(self, result: Result) -> tuple[Any, bool]:
+        """Return the rows in which no condition on time or premise of implies() decides that it
+        holds, and whether each of them is false there; all rows where the rows depend on each
+        other, or none is left.
         """
-        applies = np.ones(len(result.time), dtype=np.bool_)
-        for part in self._limits:
-            holds = evaluate(part, partial(history, result))
-            applies &= ~holds if np.ndim(holds) == 1 else True
+        if not self._limits:
+            return ALL, True
+        applies, decided = np.ones(len(result.time), dtype=np.bool_), True
+        values = self.program.run(partial(history, result), only=self.program.needed(self._limits))
+        for truth in (values[k] for k in self._limits):
+            if truth.shape != (len(applies), 1):
+                return ALL, False
+            applies &= truth[:, 0] != 1
+            decided &= not np.isnan(truth).any()
         there = np.flatnonzero(applies)
-        return slice(there[0], there[-1] + 1) if len(there) else ALL
+        if not len(there):
+            return ALL, False
+        neighbours = there[-1] - there[0] == len(there) - 1
+        return slice(there[0], there[-1] + 1) if neighbours else there, decided
 
     def _add(self, operation: str, *parts: int, constant: Any = None) -> int:
         return self.program.add(operation, *parts, constant=constant)

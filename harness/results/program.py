@@ -19,7 +19,7 @@ import numpy as np
 
 from harness.results import windows
 from harness.results.evaluation import fitted, history
-from harness.results.expressions import FUNCTIONS, ROW, Node
+from harness.results.expressions import FUNCTIONS, ROW, SHIFTS, Node, is_steady
 from harness.results.histories import minus, plus
 from harness.results.result import Result
 
@@ -112,20 +112,32 @@ class Program:
         first = self.add("first", rows=False)
         return self.add("row", self.expression(inner, row), first, rows=False)
 
-    def run(self, look_up: LookUp, complete: bool = True, rows: bool = True) -> list[Any]:
+    def needed(self, wanted: Sequence[int]) -> list[int]:
+        """Return the numbers of some instructions and of all that give them values, in order."""
+        found = {*wanted}
+        for k in range(max(wanted), -1, -1):
+            found |= {*self.instructions[k].parts} if k in found else set()
+        return sorted(found)
+
+    def run(
+        self,
+        look_up: LookUp,
+        complete: bool = True,
+        rows: bool = True,
+        only: Sequence[int] | None = None,
+    ) -> list[Any]:
         """Return the values of all instructions; complete: the last row is the end of the run;
-        rows: False leaves out histories, None is in their places.
+        rows: False leaves out histories, None is in their places; only: the needed() instructions.
         """
-        values: list[Any] = []
+        values: list[Any] = [None] * len(self.instructions)
         with np.errstate(all="ignore"):
-            for each in self.instructions:
-                given = [(values[part], self.instructions[part].rows) for part in each.parts]
-                if each.rows and not rows:
-                    values.append(None)
-                elif each.operation == "look up":
-                    values.append(_flat(look_up(each.constant), each.rows))
-                else:
-                    values.append(_value(each, given, complete))
+            for k in range(len(values)) if only is None else only:
+                each = self.instructions[k]
+                if each.operation == "look up" and (rows or not each.rows):
+                    values[k] = _flat(look_up(each.constant), each.rows)
+                elif rows or not each.rows:
+                    given = [(values[part], self.instructions[part].rows) for part in each.parts]
+                    values[k] = _value(each, given, complete)
         return values
 
     def data(self) -> list[list[Any]]:
@@ -143,6 +155,15 @@ def is_per_row(tree: Node) -> bool:
     """Return whether the value of an expression in a row depends on that row alone."""
     reducing = (n for n in tree.walk() if n.kind == "call" and not FUNCTIONS[n.name].per_row)
     return not tree.has_window and not any(p.is_history for n in reducing for p in n.parts)
+
+
+def is_local(tree: Node) -> bool:
+    """Return whether an expression is a history whose value in a row depends on that row and its
+    neighbours alone.
+    """
+    calls = (node.name for node in tree.walk() if node.kind == "call")
+    near = all(FUNCTIONS[name].per_row or FUNCTIONS[name].shifts for name in calls)
+    return near and tree.is_history and not tree.has_window
 
 
 def _finite(constant: Any) -> Any:
@@ -237,6 +258,12 @@ def _decided(x: Any, *by: Any) -> Any:
     return np.where(unknown, np.nan, x)
 
 
+def _difference(a: Any, b: Any) -> Any:
+    """Return a - b, 0 for equal infinities."""
+    found = a - b
+    return np.where(a == b, 0.0, found) if np.isnan(found).any() else found
+
+
 def _over_windows(function: Callable[..., Any]) -> Callable[..., Any]:
     def of_tables(*given: Any) -> Any:
         *tables, time, begin, end, complete = given
@@ -252,7 +279,7 @@ TABLES: Mapping[str, Callable[..., Any]] = {
     "decided": _decided,
     "both": lambda a, b: np.where((a == 0) | (b == 0), 0.0, a * b),
     "where": np.where,
-    "difference": lambda a, b: np.where(a == b, 0.0, a - b),
+    "difference": _difference,
     "fmin": np.fmin,
     "fmax": np.fmax,
     "isnan": np.isnan,
@@ -298,4 +325,18 @@ def evaluate(node: Node, look_up: LookUp) -> Any:
     """Return the value of a resolved() expression: (rows,) or (rows, elements) if Node.is_history,
     else () or (elements,).
     """
+    if node.name == "steady" and node.parts[0].name == "time" and is_local(node.parts[1]):
+        return _steady(node.parts[1], look_up)
     return _compiled(node).run(look_up)[-1]
+
+
+def of_rows(look_up: LookUp, rows: Any) -> LookUp:
+    """Return the values of histories in these rows alone."""
+    return lambda name: look_up(name) if name.startswith("parameter ") else look_up(name)[rows]
+
+
+def _steady(error: Node, look_up: LookUp) -> float:
+    """Return steady_error(), computed from its rows and those that they are shifted from."""
+    first = int(np.argmax(is_steady(look_up("time"))))
+    before = max(0, first - sum(node.name in SHIFTS for node in error.walk()))
+    return float(np.max(evaluate(error, of_rows(look_up, slice(before, None)))[first - before :]))

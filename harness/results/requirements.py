@@ -20,7 +20,8 @@ import numpy as np
 
 from harness.results.evaluation import history, resolved
 from harness.results.expressions import Node, parsed
-from harness.results.margins import ALL, Requirement, compared, compiled, leaves
+from harness.results.margins import ALL, Requirement, Single, compared, compiled, leaves
+from harness.results.program import of_rows
 from harness.results.provenance import Provenance
 from harness.results.result import Result
 from harness.results.verdict import Kind, Outcome, Verdict
@@ -260,10 +261,13 @@ def _found(result: Result, name: str, text: str) -> Finding:
     if required.at_start:
         values = required.program.run(partial(history, result), result.complete)
         return _evaluated_at_start(result, nothing, required, values)
-    applies = required.rows(result)
-    found = _evaluated(result, nothing, required, applies)
-    if found.margin == math.inf and applies != ALL:
-        found = _evaluated(result, nothing, required, ALL)
+    applies, decided = required.rows(result)
+    single = required.single if decided else None
+    found = single and _of_one_row(result, nothing, required, single, applies)
+    if found is None:
+        found = _evaluated(result, nothing, required, applies)
+        if found.margin == math.inf and applies is not ALL:
+            found = _evaluated(result, nothing, required, ALL)
     if result.complete:
         return found
     if found.verdict is Verdict.NOT_MET:
@@ -299,9 +303,34 @@ def _evaluated_at_start(
     return replace(_with_margin(found, sign > 0, margin), reason=reason)
 
 
-def _evaluated(result: Result, found: Finding, required: Requirement, rows: slice) -> Finding:
+def _of_one_row(
+    result: Result, found: Finding, required: Requirement, single: Single, rows: Any
+) -> Finding | None:
+    """Return the finding for a comparison in these rows: the row with the least margin decides.
+    None if a margin is not a finite number, which only _evaluated() explains.
+    """
+    values = required.program.run(of_rows(partial(history, result), rows), only=single.needed)
+    difference, least = values[single.difference], single.name in (">", ">=")
+    place = int(np.argmin(difference) if least else np.argmax(difference))
+    row, element = divmod(place, difference.shape[1])
+    margin = float(difference[row, element]) if least else -float(difference[row, element])
+    if not math.isfinite(margin):
+        return None
+    value = float(_at(_at(values[single.value], row), element))
+    value, unit = _in_unit(value, *single.units)
+    instant = float(result.time[rows][row]) if required.has_rows else None
+    met = margin > 0 or (margin == 0 and single.name in ("<=", ">="))
+    return _with_margin(replace(found, value=value, unit=unit, time=instant), met, margin)
+
+
+def _in_unit(value: float, given: str, written: str) -> tuple[float, str]:
+    """Return a value in the unit in which a comparison was written, if there is one."""
+    return (convert(value, given, written), written) if written else (value, given)
+
+
+def _evaluated(result: Result, found: Finding, required: Requirement, rows: Any) -> Finding:
     """Return the finding for a requirement that must hold in every row, from these rows."""
-    values = required.program.run(partial(_part, result, rows), result.complete)
+    values = required.program.run(of_rows(partial(history, result), rows), result.complete)
     truth, least = values[required.truth], values[required.margin]
     met = bool(np.all(truth == 1))
     if met and not values[required.exercised]:
@@ -315,17 +344,10 @@ def _evaluated(result: Result, found: Finding, required: Requirement, rows: slic
         value, which = (
             float(_at(_at(values[k], row), element)) for k in (required.value, required.which)
         )
-        given, written = required.units[int(which)]
-        value, unit = (convert(value, given, written), written) if written else (value, given)
+        value, unit = _in_unit(value, *required.units[int(which)])
     instant = float(result.time[rows][row]) if required.has_rows else None
     worst = replace(found, value=value, unit=unit, time=instant)
     return _with_margin(worst, met, float(least[row, 0]))
-
-
-def _part(result: Result, rows: slice, path: str) -> Any:
-    """Return the value of a name of an expression, of a history these rows."""
-    value = history(result, path)
-    return value if path.startswith("parameter ") else value[rows]
 
 
 def _at(rows: Any, row: int) -> Any:

@@ -126,9 +126,7 @@ def _lines(
     result: Result, program: Program, wanted: Sequence[int], sizes: Sequence[int]
 ) -> Iterator[str]:
     """Yield assignments of the elements of all needed instructions."""
-    needed = {*wanted}
-    for k in range(max(wanted), -1, -1):
-        needed |= {*program.instructions[k].parts} if k in needed else set()
+    needed = {*program.needed(wanted)}
     names: list[Sequence[str]] = []
     constants = 0
     for k, (each, size) in enumerate(zip(program.instructions, sizes, strict=True)):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -21,9 +21,9 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.mission import Limits, Metric
 from harness.mission.claim import BaseMetric, one_number
-from harness.mission.library import everything, of_result
+from harness.mission.library import everything, mission, of_result, places
 from harness.results.evaluation import unit_in, unit_of
-from harness.results.expressions import parsed
+from harness.results.expressions import Node, parsed
 from harness.results.requirements import condition, finding
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Verdict
@@ -34,13 +34,12 @@ def metric(text: str, folder: Path) -> BaseMetric:
 
     folder: folder of the files with functions.
     """
-    if text in (known := _known()):
-        of = known[text]
-        return BaseMetric(text, of.unit, of.needs, partial(_with_limits, of), of.parameters)
+    if offered := offering(text):
+        return offered[1]
     if file_of(text):
         file, _, name = text.rpartition(":")
         return BaseMetric(text, "", (), _function(folder / file, name))
-    parsed(text, list(known), "metric")
+    _expression(text)
     return BaseMetric(text, "", (), text)
 
 
@@ -70,21 +69,37 @@ def _succeeded(text: str, result: Result) -> bool:
     return found.verdict is Verdict.MET
 
 
-def _known() -> dict[str, Metric]:
-    """Return the metrics of the available missions by name."""
-    return {m.name: m for m in reversed(everything().metrics)}
+def offering(text: str) -> tuple[str, Metric] | None:
+    """Return the first available mission that has a built-in metric of this name, and the metric;
+    None for an expression and a function. Only missions up to that one are imported.
+    """
+    if file_of(text) or is_expression(text):
+        return None
+    offered = ((name, m) for name in places() if (own := mission(name)) for m in own.metrics)
+    return next((each for each in offered if each[1].name == text), None)
 
 
-def _with_limits(metric: Metric, result: Result) -> float:
-    """Return a built-in metric with the limits of a comparison of this one run."""
-    return metric(result, of_result(result).limits(Limits(), {"": result}))
+@lru_cache(maxsize=256)
+def is_expression(text: str) -> bool:
+    """Return whether a text is an expression, which the name of a built-in metric is not."""
+    try:
+        return bool(parsed(text))
+    except ValueError:
+        return False
+
+
+def _expression(text: str) -> Node:
+    """Return the tree of an expression; raise ValueError with close names of metrics."""
+    if is_expression(text):
+        return parsed(text)
+    return parsed(text, [m.name for m in everything().metrics], "metric")
 
 
 def variables(text: str) -> Iterator[str]:
     """Yield the variables that an expression names; none for a built-in metric or a function."""
-    if text in (known := _known()) or file_of(text):
+    if offering(text) or file_of(text):
         return
-    names = parsed(text, list(known), "metric").variables
+    names = _expression(text).variables
     yield from (name for name in names if name != "time" and not name.startswith("parameter "))
 
 
@@ -92,8 +107,8 @@ def unit(text: str, kinds: Result) -> str:
     """Return the unit of a metric, "" if it is unknown; kinds: a result with the units of the
     variables.
     """
-    if text in (known := _known()):
-        return known[text].unit
+    if offered := offering(text):
+        return offered[1].unit
     if file_of(text):
         return ""
     return unit_of(parsed(text), partial(unit_in, kinds))
@@ -123,20 +138,28 @@ def measured(
     metrics: Mapping[str, BaseMetric], result: Result
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return all metrics of a run, NaN for one that does not exist, and the reasons by name."""
-    values, reasons = {}, {}
+    values, reasons, limits = {}, {}, cache(partial(_limits, result))
     for name, each in metrics.items():
-        values[name], reason = value(each, result)
+        values[name], reason = value(each, result, limits)
         if reason:
             reasons[name] = reason
     return values, reasons
 
 
-def value(each: Callable[[Result], Any], result: Result) -> tuple[float, str]:
-    """Return a metric of a result, or NaN and the reason."""
+def _limits(result: Result) -> Limits:
+    """Return the limits of a comparison of this one run."""
+    return of_result(result).limits(Limits(), {"": result})
+
+
+def value(
+    each: Callable[..., Any], result: Result, limits: Callable[[], Limits] | None = None
+) -> tuple[float, str]:
+    """Return a metric of a result, or NaN and the reason; limits: of a built-in metric."""
     try:
         with np.errstate(all="ignore"), catch_warnings():
             simplefilter("ignore", RuntimeWarning)  # numpy warns of the mean of no values
-            return one_number(each(result)), ""
+            given = (limits() if limits else _limits(result),) if isinstance(each, Metric) else ()
+            return one_number(each(result, *given)), ""
     except (Exception, SystemExit) as error:  # of a function of the user
         plain = isinstance(error, KeyError | ValueError | HarnessError) and error.args
         text = str(error.args[0]) if plain else f"{type(error).__name__}: {error}"

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from harness.files.checksums import sha256
 from harness.files.paths import is_file, is_folder
-from harness.mission.library import mission, places
+from harness.mission.library import places
 from harness.ssp.extends import chain
-from harness.studies.campaign.metrics import file_of
+from harness.studies.campaign.metrics import file_of, offering
 from harness.studies.campaign.plan import Plan, Source
 from harness.system.model import System
 from harness.system.swap import find_fmu
@@ -44,9 +44,9 @@ def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, 
     texts, python = set(plan.table.texts.values()), set[Path]()
     for file in filter(None, map(file_of, texts)):
         python.update(_imported(plan.folder / file))
+    offered = {each[0] for each in map(offering, texts) if each}
     for name, place in places().items():
-        offered = mission(name) if texts else None
-        if name == loaded.mission or (offered and texts & {m.name for m in offered.metrics}):
+        if name in {loaded.mission, *offered}:
             own = _package(place.folder)
             python.update(own if place.package else (f for each in own for f in _imported(each)))
     packages = {f"version of {name}": Source(name, _state(name)) for name in PACKAGES}
