@@ -241,7 +241,7 @@ class Simulation:
         plan, pause = steered(self.system.experiment.algorithm, self.instances, without)
         loop = Loop(plan, self.bus, self.recorder, self.clock, pause)
         self._executor = EXECUTORS[self._executor_name](loop)
-        self._ports = Ports(self.graph, self.instances, self.bus, without)
+        self._ports: Ports | None = None
 
     def _instance(self, node: Node, before: dict[str, Instance]) -> Instance:
         """Return the earlier instance with that name if it can be reset, else a new one."""
@@ -428,6 +428,8 @@ class Simulation:
             raise UsageError("a Simulation can be steered inside its `with` block only")
         if not self._initialised:
             self.advance(to=0)
+        if self._ports is None:
+            self._ports = Ports(self.graph, self.instances, self.bus, self.system.without)
         return self._ports
 
     def _held(self) -> list[Any]:

@@ -213,11 +213,11 @@ class ReusedSimulation:
         results: list[Result | None] = [None] * len(part)
         if self.width < 2:
             return results
-        begun = {}
+        begun: dict[int, Simulation] = {}
         for place, changes in enumerate(part):
             with suppress(HarnessError):  # made alone, the run reports it
                 changed = rest(self._changed(changes))
-                if isolated.all_ours(changed):
+                if begun or isolated.all_ours(changed):  # they all have the same FMUs
                     begun[place] = self._begun(place, changed, every, needed)
         compiled, complete = self._lanes(), list[bool]()
         if compiled is not None and begun:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import NamedTuple
 
 from harness.errors import FmuError, StructureError
@@ -80,8 +81,8 @@ class Node:
     def constants(self) -> tuple[tuple[Slot, float], ...]:
         """Return every parameter with its value in the run, without strings."""
         given = {setting.variable.name: setting.value for setting in self.settings}
-        values = ((slot, given.get(v.name, v.start)) for v, slot in self.parameters)
-        return tuple((slot, float(value)) for slot, value in values if value is not None)
+        values = [(slot, given.get(v.name, v.start)) for v, slot in self.parameters]
+        return tuple([(slot, float(value)) for slot, value in values if value is not None])
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,9 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
     others = [(node, c) for node, c in pairs if c is not node.component]
     changed = [new for node, c in others if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
-    if any(value_problems(system, interfaces, changed)):
+    lost = any(node.component.parameters.keys() - c.parameters.keys() for node, c in others)
+    looked = system if lost else replace(system, strict=False)  # values open no input
+    if any(value_problems(looked, interfaces, changed)):
         return build_graph(system)  # it raises, with every problem
     return replace(graph, nodes=tuple(_adapted(*pair) for pair in pairs))
 
@@ -278,6 +281,5 @@ def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
 
 
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
-    """Yield every parameter of every component with its value in the run, without strings."""
-    for node in graph.nodes:
-        yield from node.constants
+    """Return every parameter of every component with its value in the run, without strings."""
+    return chain.from_iterable(node.constants for node in graph.nodes)

@@ -17,6 +17,7 @@ from harness.errors import HarnessError, StructureError
 from harness.master.changes import Changes, apply, as_in_a_file, pairs
 from harness.master.recorder import recorded
 from harness.mission.claim import BaseMetric
+from harness.results.provenance import Provenance
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
@@ -250,7 +251,8 @@ def _blank(system: System, found: Checked, every: int) -> Result:
     begin, step = system.experiment.start, system.experiment.step or 0.0
     time = begin + step * np.asarray(steps, dtype=np.float64)
     values = np.broadcast_to(1.0, (len(steps), len(found.graph.slots)))
-    return replace(_table(found.graph.slots, parameters, values), time=time)
+    made = Provenance(system=system.name, mission=system.mission)
+    return replace(_table(found.graph.slots, parameters, values), time=time, provenance=made)
 
 
 def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:
