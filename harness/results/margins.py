@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from harness.results.evaluation import fitted, history, ruling, unit_in, unit_of
 from harness.results.expressions import Node
 from harness.results.program import Program, is_per_row
-from harness.results.result import Result
+from harness.results.result import Result, Rows
 from harness.system.units import convert
 
 ALL = slice(None)
@@ -39,6 +39,32 @@ class Single(NamedTuple):
     value: int
     needed: Sequence[int]
     units: tuple[str, str]
+
+
+class Limits:
+    """Conditions on time and premises of implies(), any of which decides alone that a requirement
+    holds in a row.
+    """
+
+    def __init__(self, parts: Sequence[Node]) -> None:
+        self.parts, self._program = parts, Program()
+        self._holds = list(map(self._program.expression, parts))
+        found = [leaf for part in parts for leaf, _ in leaves(part)]
+        sides = [side for f in found for side in (f.parts if f.kind == "compare" else (f,))]
+        self._sides = list(map(self._program.expression, sides))
+
+    def applying(self, result: Result) -> Rows | None:
+        """Return the rows in which none of them holds; None if there are none, if one has elements,
+        or if a number is missing, so that one is undecided.
+        """
+        values = self._program.run(lambda name: np.ascontiguousarray(history(result, name)))
+        applies = np.ones(len(result.time), dtype=np.bool_)
+        for holds in (values[k] for k in self._holds):
+            if np.shape(holds) != applies.shape:
+                return None
+            applies &= np.logical_not(holds)
+        undecided = any(np.isnan(np.max(values[k])) for k in self._sides)
+        return None if undecided or not self.parts else np.flatnonzero(applies)
 
 
 class Requirement:
@@ -73,7 +99,7 @@ class Requirement:
         self.value, self.which = self._shown(tree)
         decisive = self.guarded and tree.kind == "join" and tree.name == "or" and is_per_row(tree)
         parts = tree.parts if decisive else (tree,)
-        self._limits = [self._truth(part) for part in parts if decisive and part.is_timing]
+        self._limits = Limits([part for part in parts if decisive and part.is_timing])
         further = [part for part in parts if not part.is_timing]
         if len(further) == 1 and further[0].name in ORDERS:
             self.single = self._single(further[0])
@@ -90,20 +116,11 @@ class Requirement:
         holds, and whether each of them is false there; all rows where the rows depend on each
         other, or none is left.
         """
-        if not self._limits:
-            return ALL, True
-        applies, decided = np.ones(len(result.time), dtype=np.bool_), True
-        values = self.program.run(partial(history, result), only=self.program.needed(self._limits))
-        for truth in (values[k] for k in self._limits):
-            if truth.shape != (len(applies), 1):
-                return ALL, False
-            applies &= truth[:, 0] != 1
-            decided &= not np.isnan(truth).any()
-        there = np.flatnonzero(applies)
-        if not len(there):
-            return ALL, False
+        there = self._limits.applying(result)
+        if there is None or not len(there):
+            return ALL, not self._limits.parts
         neighbours = there[-1] - there[0] == len(there) - 1
-        return slice(there[0], there[-1] + 1) if neighbours else there, decided
+        return slice(there[0], there[-1] + 1) if neighbours else there, True
 
     def _add(self, operation: str, *parts: int, constant: Any = None) -> int:
         return self.program.add(operation, *parts, constant=constant)

@@ -24,7 +24,7 @@ Rows = NDArray[np.intp]
 """Rows of a history by their number."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Result:
     """Recorded rows of a run, with parameters and provenance.
 

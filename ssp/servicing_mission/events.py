@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,7 @@ def collided(result: Result) -> bool:
     return bool((far < TOUCHING).any() or missed.any())
 
 
+@lru_cache(maxsize=1)  # several metrics of one run
 def outcome(result: Result) -> str:
     """Return the outcome of a mission: collided, captured (the stack detumbled), aborted (by the
     monitor), retreated, or under way.
