@@ -27,11 +27,11 @@ from harness.studies.campaign.layout import wrong_names
 from harness.studies.campaign.plan import MAX_RUNS, SUCCESS, Plan, Table, changes_of, kind_of
 from harness.studies.campaign.sources import sources
 from harness.studies.campaign.worker import Task
-from harness.studies.reuse import rejected_before
+from harness.studies.reuse import Reading, rejected_before
 from harness.system.graph import Checked, Slot, checked, columns, constants
 from harness.system.model import System
 from harness.system.tables import problems, read_toml
-from harness.system.values import plain
+from harness.system.values import base, plain
 
 
 def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
@@ -187,8 +187,7 @@ class _Draft:
         first, graph = structures[0][0], structures[0][1].graph
         kinds = _table(graph.slots, _table([slot for slot, _ in constants(graph)]))
         self._names(kinds)
-        if not self.problems:
-            self._measurable(ready, found)
+        read = None if self.problems else self._measurable(ready, found)
         if not (table.success or first.requirements):
             given = {"until": table.until, "expected.success": table.expected.get(SUCCESS)}
             needed = "needs `success = ...` or [requirements], which define the success of a run"
@@ -205,7 +204,7 @@ class _Draft:
         steps = max(each.steps for _, each in ready)
         begin, step = first.experiment.start, first.experiment.step or 0.0
         common = plan.digest, plan.system, plan.folder, table
-        return Task(*common, kinds, first.requirements, begin, step, steps)
+        return Task(*common, kinds, first.requirements, begin, step, steps, read)
 
     def _names(self, kinds: Result) -> None:
         """Check that the variables which metrics and histories name exist."""
@@ -219,15 +218,23 @@ class _Draft:
 
     def _measurable(
         self, structures: Sequence[tuple[System, Checked]], found: Mapping[str, BaseMetric]
-    ) -> None:
-        """Report metrics that no run can have, and a success that some run cannot have."""
+    ) -> frozenset[str] | None:
+        """Report metrics that no run can have, and a success that some run cannot have; return the
+        variables that metrics, requirements and histories read, None if only runs can show it.
+        """
         sizes = {
             (s.graph.slots, s.steps): (system, s) for system, s in structures
         }  # equal sizes give equal results
         results = [_blank(*each, self.table.every) for each in sizes.values()]
-        for name, text in self.table.texts.items():
+        texts = self.table.texts
+        for name, text in texts.items():
             if why := metrics.rejection(text, found[name], results, name == SUCCESS):
                 self.problems.append(f"{_place(name)}: {why}")
+        if any(map(metrics.file_of, texts.values())):
+            return None
+        conditions = (text for system, _ in structures for text in system.requirements.values())
+        named = {base(name) for text in conditions for name in metrics.variables(text)}
+        return frozenset(named.union(self.table.recorded, *(each.read for each in results)))
 
 
 def _place(metric: str) -> str:
@@ -243,16 +250,18 @@ def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
         return False, (-1,)
 
 
-def _blank(system: System, found: Checked, every: int) -> Result:
+def _blank(system: System, found: Checked, every: int) -> Reading:
     """Return a result with as many rows as a run, all values 1, for a first check of metrics."""
     given = list(constants(found.graph))
     parameters = _table([slot for slot, _ in given], values=np.array([[x for _, x in given]]))
     steps = recorded(found.steps, every)
     begin, step = system.experiment.start, system.experiment.step or 0.0
     time = begin + step * np.asarray(steps, dtype=np.float64)
-    values = np.broadcast_to(1.0, (len(steps), len(found.graph.slots)))
+    slots = found.graph.slots
+    values = np.broadcast_to(1.0, (len(steps), len(slots)))
     made = Provenance(system=system.name, mission=system.mission)
-    return replace(_table(found.graph.slots, parameters, values), time=time, provenance=made)
+    whole = replace(_table(slots, parameters, values), time=time, provenance=made)
+    return Reading(whole, slots, values[-1])
 
 
 def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:

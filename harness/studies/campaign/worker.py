@@ -70,7 +70,8 @@ class Task:
 
     key: of the plan; kinds: names, units and texts of variables and parameters; requirements: texts
     by name of the requirements evaluated in every run; steps: macro steps of the longest run, of
-    `step` s from `start` s on; lanes: whether several runs may be made together, with equal bits.
+    `step` s from `start` s on; needed: variables that a run is expected to read (None: unknown);
+    lanes: whether several runs may be made together, with equal bits.
     """
 
     key: str
@@ -82,6 +83,7 @@ class Task:
     start: float
     step: float
     steps: int
+    needed: frozenset[str] | None = None
     lanes: bool = True
 
     def __getstate__(self) -> dict[str, Any]:
@@ -141,7 +143,7 @@ class Task:
 
 class _Runner(ReusedSimulation):
     """Reused simulation of this process with its metrics; needed: variables that the runs so far
-    have read, None before the first.
+    have read or are expected to read, None if unknown.
     """
 
     def __init__(self, task: Task) -> None:
@@ -149,7 +151,7 @@ class _Runner(ReusedSimulation):
         texts = task.table.texts.items()
         self.task = task
         self.metrics = {name: read(name, text, task.folder) for name, text in texts}
-        self.needed: frozenset[str] | None = None
+        self.needed = task.needed
         super().__init__(task.system, task.table.executor)
 
     def rows(self, part: Sequence[Changes]) -> list[Row]:
