@@ -18,7 +18,7 @@ import numpy as np
 from harness.results.evaluation import fitted, history, ruling, unit_in, unit_of
 from harness.results.expressions import Node
 from harness.results.program import Program, is_per_row
-from harness.results.result import Result, Rows
+from harness.results.result import Result
 from harness.system.units import convert
 
 ALL = slice(None)
@@ -27,11 +27,43 @@ ORDERS = ("<", "<=", ">", ">=")
 """Comparisons whose truth follows from their margin."""
 
 
+class Limits:
+    """Conditions on time and premises of implies(), any of which decides alone that a requirement
+    holds in a row.
+    """
+
+    def __init__(self, parts: Sequence[Node]) -> None:
+        self._program = Program()
+        self._holds = list(map(self._program.expression, parts))
+        found = [leaf for part in parts for leaf, _ in leaves(part)]
+        sides = [side for f in found for side in (f.parts if f.kind == "compare" else (f,))]
+        self._sides = list(map(self._program.expression, sides))
+
+    def applying(self, result: Result) -> Any:
+        """Return the rows in which none of them holds; None if there are none, if one has elements,
+        or if a number is missing, so that one is undecided.
+        """
+        if not self._holds:
+            return ALL
+        values = self._program.run(lambda name: np.ascontiguousarray(history(result, name)))
+        applies = np.ones(len(result.time), dtype=np.bool_)
+        for holds in (values[k] for k in self._holds):
+            if np.shape(holds) != applies.shape:
+                return None
+            applies &= np.logical_not(holds)
+        there = np.flatnonzero(applies)
+        if not len(there) or any(np.isnan(np.max(values[k])) for k in self._sides):
+            return None
+        neighbours = there[-1] - there[0] == len(there) - 1
+        return slice(there[0], there[-1] + 1) if neighbours else there
+
+
 class Single(NamedTuple):
     """The one comparison that is left where no condition on time or premise decides.
 
     name: its operation; difference, value: numbers of the instructions of its sides' difference and
-    of the side that is shown; needed: instructions of both; units: of the side, and as written.
+    of the side that is shown; needed: instructions of both; units: of the side, and as written;
+    limits: the conditions that decide elsewhere.
     """
 
     name: str
@@ -39,32 +71,7 @@ class Single(NamedTuple):
     value: int
     needed: Sequence[int]
     units: tuple[str, str]
-
-
-class Limits:
-    """Conditions on time and premises of implies(), any of which decides alone that a requirement
-    holds in a row.
-    """
-
-    def __init__(self, parts: Sequence[Node]) -> None:
-        self.parts, self._program = parts, Program()
-        self._holds = list(map(self._program.expression, parts))
-        found = [leaf for part in parts for leaf, _ in leaves(part)]
-        sides = [side for f in found for side in (f.parts if f.kind == "compare" else (f,))]
-        self._sides = list(map(self._program.expression, sides))
-
-    def applying(self, result: Result) -> Rows | None:
-        """Return the rows in which none of them holds; None if there are none, if one has elements,
-        or if a number is missing, so that one is undecided.
-        """
-        values = self._program.run(lambda name: np.ascontiguousarray(history(result, name)))
-        applies = np.ones(len(result.time), dtype=np.bool_)
-        for holds in (values[k] for k in self._holds):
-            if np.shape(holds) != applies.shape:
-                return None
-            applies &= np.logical_not(holds)
-        undecided = any(np.isnan(np.max(values[k])) for k in self._sides)
-        return None if undecided or not self.parts else np.flatnonzero(applies)
+    limits: Limits
 
 
 class Requirement:
@@ -99,28 +106,17 @@ class Requirement:
         self.value, self.which = self._shown(tree)
         decisive = self.guarded and tree.kind == "join" and tree.name == "or" and is_per_row(tree)
         parts = tree.parts if decisive else (tree,)
-        self._limits = Limits([part for part in parts if decisive and part.is_timing])
         further = [part for part in parts if not part.is_timing]
         if len(further) == 1 and further[0].name in ORDERS:
-            self.single = self._single(further[0])
+            limits = Limits([part for part in parts if part.is_timing])
+            self.single = self._single(further[0], limits)
 
-    def _single(self, node: Node) -> Single:
+    def _single(self, node: Node, limits: Limits) -> Single:
         difference = self._add("difference", *map(self._table, node.parts))
         value = self._table(node.shown)
         needed = self.program.needed((difference, value))
         units = unit_of(node.shown, self._unit), node.unit
-        return Single(node.name, difference, value, needed, units)
-
-    def rows(self, result: Result) -> tuple[Any, bool]:
-        """Return the rows in which no condition on time or premise of implies() decides that it
-        holds, and whether each of them is false there; all rows where the rows depend on each
-        other, or none is left.
-        """
-        there = self._limits.applying(result)
-        if there is None or not len(there):
-            return ALL, not self._limits.parts
-        neighbours = there[-1] - there[0] == len(there) - 1
-        return slice(there[0], there[-1] + 1) if neighbours else there, True
+        return Single(node.name, difference, value, needed, units, limits)
 
     def _add(self, operation: str, *parts: int, constant: Any = None) -> int:
         return self.program.add(operation, *parts, constant=constant)

@@ -20,7 +20,7 @@ import numpy as np
 
 from harness.results.evaluation import history, resolved
 from harness.results.expressions import Node, parsed
-from harness.results.margins import ALL, Requirement, Single, compared, compiled, leaves
+from harness.results.margins import Requirement, compared, compiled, leaves
 from harness.results.program import of_rows
 from harness.results.provenance import Provenance
 from harness.results.result import Result
@@ -261,13 +261,7 @@ def _found(result: Result, name: str, text: str) -> Finding:
     if required.at_start:
         values = required.program.run(partial(history, result), result.complete)
         return _evaluated_at_start(result, nothing, required, values)
-    applies, decided = required.rows(result)
-    single = required.single if decided else None
-    found = single and _of_one_row(result, nothing, required, single, applies)
-    if found is None:
-        found = _evaluated(result, nothing, required, applies)
-        if found.margin == math.inf and applies is not ALL:
-            found = _evaluated(result, nothing, required, ALL)
+    found = _of_one_row(result, nothing, required) or _evaluated(result, nothing, required)
     if result.complete:
         return found
     if found.verdict is Verdict.NOT_MET:
@@ -303,12 +297,13 @@ def _evaluated_at_start(
     return replace(_with_margin(found, sign > 0, margin), reason=reason)
 
 
-def _of_one_row(
-    result: Result, found: Finding, required: Requirement, single: Single, rows: Any
-) -> Finding | None:
-    """Return the finding for a comparison in these rows: the row with the least margin decides.
-    None if a margin is not a finite number, which only _evaluated() explains.
+def _of_one_row(result: Result, found: Finding, required: Requirement) -> Finding | None:
+    """Return the finding for a single comparison: the row with the least margin decides. None if a
+    margin is not a finite number, or no row is left, which only _evaluated() explains.
     """
+    single = required.single
+    if single is None or (rows := single.limits.applying(result)) is None:
+        return None
     values = required.program.run(of_rows(partial(history, result), rows), only=single.needed)
     difference, least = values[single.difference], single.name in (">", ">=")
     place = int(np.argmin(difference) if least else np.argmax(difference))
@@ -328,9 +323,9 @@ def _in_unit(value: float, given: str, written: str) -> tuple[float, str]:
     return (convert(value, given, written), written) if written else (value, given)
 
 
-def _evaluated(result: Result, found: Finding, required: Requirement, rows: Any) -> Finding:
-    """Return the finding for a requirement that must hold in every row, from these rows."""
-    values = required.program.run(of_rows(partial(history, result), rows), result.complete)
+def _evaluated(result: Result, found: Finding, required: Requirement) -> Finding:
+    """Return the finding for a requirement that must hold in every row."""
+    values = required.program.run(partial(history, result), result.complete)
     truth, least = values[required.truth], values[required.margin]
     met = bool(np.all(truth == 1))
     if met and not values[required.exercised]:
@@ -345,7 +340,7 @@ def _evaluated(result: Result, found: Finding, required: Requirement, rows: Any)
             float(_at(_at(values[k], row), element)) for k in (required.value, required.which)
         )
         value, unit = _in_unit(value, *required.units[int(which)])
-    instant = float(result.time[rows][row]) if required.has_rows else None
+    instant = float(result.time[row]) if required.has_rows else None
     worst = replace(found, value=value, unit=unit, time=instant)
     return _with_margin(worst, met, float(least[row, 0]))
 
