@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Requirements judged by the row with the least margin, and steady errors from their own rows,
+"""Requirements evaluated by the row with the least margin, and steady errors from their own rows,
 against the evaluation of all rows.
 """
 
