@@ -13,7 +13,6 @@ import html
 import re
 import subprocess
 import sys
-import tomllib
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,9 +32,9 @@ DESCRIPTIONS = {".fmu": "modelDescription.xml", ".ssp": "SystemStructure.ssd"}
 
 
 def version() -> str:
-    """Return the version of pyproject.toml."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return str(project["version"])
+    """Return the version in harness/__init__.py."""
+    text = (ROOT / "harness/__init__.py").read_text(encoding="utf-8")
+    return re.findall(r'^__version__ = "(.*)"$', text, re.MULTILINE)[0]
 
 
 def artefacts(folder: Path) -> list[Path]:
@@ -150,7 +149,7 @@ def _versions() -> Iterator[str]:
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     given = dict(re.findall(r"^(version|date-released): (\S+)$", citation, re.MULTILINE))
     if given.get("version") != version():
-        yield f"CITATION.cff: version {given.get('version')}, pyproject.toml has {version()}"
+        yield f"CITATION.cff: version {given.get('version')}, harness/__init__.py has {version()}"
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     heading = f"[{version()}] - {given.get('date-released')}"
     if f"## {heading}" != next(iter(re.findall(r"^## .*$", changelog, re.MULTILINE)), ""):

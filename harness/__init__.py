@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from harness.studies.campaign.campaign import campaign as campaign
     from harness.studies.show import show as show
 
-    __version__: str
+__version__ = "0.1.0"
 
 _HOMES = {
     "Evaluator": "harness.studies.analyses.evaluator",
@@ -65,10 +65,6 @@ __all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
 
 def __getattr__(name: str) -> Any:
     """Return a public name, imported on first use."""
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("servicing-fmus")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     import_module("harness.api")  # adds the methods of results that draw and save

@@ -7,15 +7,14 @@ import inspect
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import typer.main
 from text import table
 
-from harness.cli.app import app
+from harness.cli.app import group
 
 
 def commands() -> Mapping[str, Any]:
     """Return the commands by name, as typer passes them to click."""
-    return dict(sorted(typer.main.get_command(app).commands.items()))  # type: ignore[attr-defined]
+    return dict(sorted(group().commands.items()))
 
 
 def pages() -> Iterator[tuple[str, str]]:

@@ -13,19 +13,29 @@ import shlex
 import sys
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
-from harness.cli import runs, studies, look, models  # noqa: F401 # isort: skip - the order of --help
+from harness import __version__
 from harness.cli.options import app
 from harness.errors import HarnessError, exhausted, missing
 from harness.files import signals
 from harness.files.output import commanded
 from harness.spelling import printable
+
+MODULES = {
+    "runs": "run",
+    "studies": "compare bound campaign sensitivity worst probability boundary tune study",
+    "look": "list docs show check requirements draw plan plot report convert validate",
+    "models": "new build export linearize processor serve",
+}
+HOMES = {name: module for module, names in MODULES.items() for name in names.split()}
+"""Modules of the commands, in the order of --help."""
 
 INTERRUPTED = 130
 """Exit status of newer versions of typer after Ctrl-C."""
@@ -40,10 +50,21 @@ class _Printable(logging.Formatter):
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"harness {version('servicing-fmus')}")
+        typer.echo(f"harness {__version__}")
         raise typer.Exit
+
+
+class _Commands(Mapping[str, Any]):
+    """Commands by name. The module of a command is imported when the command is requested."""
+
+    def __getitem__(self, name: str) -> Any:
+        return _commands_with(HOMES[name])[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(HOMES)
+
+    def __len__(self) -> int:
+        return len(HOMES)
 
 
 @app.callback()
@@ -96,7 +117,7 @@ def _main(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with commanded(shlex.join(["harness", *given])):
-            status = _command()(given or ["--help"], "harness", standalone_mode=False)
+            status = group()(given or ["--help"], "harness", standalone_mode=False)
     except HarnessError as error:
         return _complain(exhausted(error.__cause__) or str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
@@ -109,9 +130,19 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 
 @cache
-def _command() -> Any:
-    """Return all commands, which typer would otherwise build again for every call of main()."""
-    return typer.main.get_command(app)
+def group() -> Any:
+    """Return the group of all commands, which typer would otherwise build again for every call."""
+    found: Any = typer.main.get_command(app)
+    found.commands = _Commands()
+    return found
+
+
+@cache
+def _commands_with(module: str) -> Any:
+    """Import a module of commands and return all commands that are known then."""
+    import_module(f"harness.cli.{module}")
+    found: Any = typer.main.get_command(app)
+    return found.commands
 
 
 def _unexpected(error: Exception | SystemExit) -> int:

@@ -70,8 +70,9 @@ def _sweep(target: Path) -> None:
     left = re.compile(
         rf"\.{re.escape(target.stem[:100])}-(\d+)-[0-9a-f]{{12}}{re.escape(target.suffix)}"
     )
-    for file in target.parent.iterdir():
-        if (match := left.fullmatch(file.name)) and not _is_running(int(match[1])):
+    for name in os.listdir(target.parent):  # noqa: PTH208 - without a Path for each of many files
+        if (match := left.fullmatch(name)) and not _is_running(int(match[1])):
+            file = target.with_name(name)
             if file.is_dir() and not file.is_symlink():
                 shutil.rmtree(file, ignore_errors=True)
             else:

@@ -15,7 +15,6 @@ import traceback
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib.machinery import ModuleSpec
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +24,8 @@ from harness.mission.mission import Mission, together
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 
+OURS = "ssp"
+"""Package of the missions of this project."""
 GROUP = "harness.missions"
 FILE = "mission.py"
 SYSTEM = "system.toml"
@@ -63,26 +64,34 @@ def use(folder: Path, always: bool = False) -> str:
 
 @lru_cache(maxsize=1)
 def installed() -> dict[str, Place]:
-    """Return the missions of installed packages by name."""
-    found: dict[str, Place] = {}
+    """Return the missions of this project and of other installed packages by name."""
+    from importlib.metadata import entry_points
+
+    found = dict(_ours())
     for point in entry_points(group=GROUP):
-        for place in _offered(point):
+        for place in _offered(point.value):
             found.setdefault(place.folder.name, place)
     return found
 
 
-def _offered(point: EntryPoint) -> Iterator[Place]:
-    """Yield the missions of an entry point; none if its package is missing."""
+@lru_cache(maxsize=1)
+def _ours() -> dict[str, Place]:
+    """Return the missions of this project by name, found without a look at other packages."""
+    return {place.folder.name: place for place in _offered(OURS)}
+
+
+def _offered(package: str) -> Iterator[Place]:
+    """Yield the missions of a package; none if the package is missing."""
     try:
-        spec = importlib.util.find_spec(point.value)
+        spec = importlib.util.find_spec(package)
     except (ImportError, ValueError):
         return
     for top in map(Path, (spec.submodule_search_locations or ()) if spec else ()):
         if (top / FILE).is_file() or (top / SYSTEM).is_file():
-            yield Place(top, point.value)
+            yield Place(top, package)
         elif top.is_dir():
             inside = sorted(p for p in top.iterdir() if (p / FILE).is_file())
-            yield from (Place(each, f"{point.value}.{each.name}") for each in inside)
+            yield from (Place(each, f"{package}.{each.name}") for each in inside)
 
 
 def places() -> dict[str, Place]:
@@ -113,7 +122,7 @@ def mission(name: str) -> Mission | None:
     """Return the mission with that name, None if it is not available; raise HarnessError if its
     Python fails.
     """
-    place = places().get(name)
+    place = _named.get(name) or _ours().get(name) or installed().get(name)
     return None if place is None else _loaded(place)
 
 

@@ -15,13 +15,13 @@ import json
 import re
 from datetime import UTC, datetime
 from functools import cache
-from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from harness import __version__
 from harness.errors import HarnessError, library
 from harness.report.arrays import Canvas
 
@@ -85,7 +85,7 @@ def render(
         code=code,
         policy=" ".join([POLICY, *sources, *(["'wasm-unsafe-eval'"] if live else [])]),
         coasts=_text_of("coasts.json"),
-        version=version("servicing-fmus"),
+        version=__version__,
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
     return page

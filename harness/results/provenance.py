@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from hashlib import sha256
-from importlib.metadata import version
 from typing import Any, NamedTuple, get_origin, get_type_hints
 
 import msgspec
 
+from harness import __version__
 from harness.errors import UsageError
 from harness.files.output import command_line
 from harness.system.interface import Interface
@@ -123,7 +123,7 @@ def run_provenance(system: System, executor: str, every: int, timing: str = "") 
     given |= {name: getattr(experiment, name) for name in ("algorithm", "step", "stop", "epoch")}
     return Provenance(
         **given,
-        version=_version(),
+        version=__version__,
         system=system.name,
         mission=system.mission,
         swaps=tuple(origin.swaps.values()),
@@ -165,12 +165,7 @@ def whole_provenance(system: System, interfaces: Mapping[str, Interface]) -> Who
     ]
     newest = max(model.generationDateAndTime or "" for model in models)
     date = now() if os.environ.get("SOURCE_DATE_EPOCH") or not newest else newest
-    return WholeProvenance(_version(), date, {**fixed, "fmus": fmus})
-
-
-@lru_cache
-def _version() -> str:
-    return version("servicing-fmus")
+    return WholeProvenance(__version__, date, {**fixed, "fmus": fmus})
 
 
 @lru_cache
@@ -220,7 +215,7 @@ def from_table(given: Mapping[str, Any]) -> Provenance:
     if _field("schema", given.get("schema", SCHEMA)) > SCHEMA:
         raise ValueError(
             f"schema {given['schema']} is newer than {SCHEMA}, the newest that servicing-fmus "
-            f"{_version()} reads: install a newer version"
+            f"{__version__} reads: install a newer version"
         )
     return Provenance(**{name: _field(name, given[name]) for name in KINDS.keys() & given.keys()})
 

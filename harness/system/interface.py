@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+import fmpy
 from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
 
 from harness.conformance.check import examine
@@ -140,7 +141,7 @@ def read_interface(path: Path) -> Interface:
 def _read(path: Path, _: Stamp) -> Interface:
     path = path.resolve()
     try:
-        key = f"{path} {sha256(path)}".encode()
+        key = f"{path} {sha256(path)} {fmpy.__version__}".encode()
     except OSError as error:
         raise FmuError(f"{path.name}: cannot be read ({error.strerror})") from error
     return cache.computed("interface", key, lambda: _examined(path))

@@ -65,15 +65,40 @@ def test_without_extras_a_system_runs_and_is_evaluated_and_the_rest_states_what_
         assert extra in reported or extra == "report", reported
 
 
-def test_a_run_loads_none_of_the_extras(tmp_path):
+NOT_FOR_A_RUN = [
+    *(f"harness.cli.{name}" for name in ("look", "models", "studies", "verdicts", "watch")),
+    *("harness.exports", "harness.studies.campaign", "importlib.metadata"),
+]
+"""Modules that a run could do without, each of which would lengthen every start."""
+
+
+@pytest.mark.parametrize("ending", ["csv", "nc"])
+def test_a_run_loads_no_extra_and_nothing_of_other_commands(tmp_path, ending):
     script = (
-        "import sys; from harness.cli import main\n"
-        "main(['run', 'sync_approach', '--stop', '5', '-o', 'x.csv'])\n"
-        f"print('loaded:', sorted(set({LIBRARIES}) & set(sys.modules)))"
+        "import gc, sys; from harness.cli import main\n"
+        f"assert main(['run', 'sync_approach', '--stop', '1', '-o', 'x.{ending}']) == 0\n"
+        f"print('loaded:', sorted(set({LIBRARIES + NOT_FOR_A_RUN}) & set(sys.modules)))\n"
+        "print('collections:', sum(each['collections'] for each in gc.get_stats()))"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )
+    loaded, collections = done.stdout.splitlines()[-2:]
+    assert loaded == "loaded: []"
+    assert int(collections.removeprefix("collections: ")) <= 40  # 150 by default
+
+
+def test_the_list_of_systems_loads_neither_numpy_nor_the_modules_of_a_run(tmp_path):
+    """Once the text is in the cache, it is read with the hashes of the files alone."""
+    script = (
+        "import sys; from harness.cli import main\n"
+        "main(['list'])\n"
+        "print('loaded:', sorted({'harness.cli.runs', 'harness.ssp', 'numpy'} & set(sys.modules)))"
+    )
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
     assert done.stdout.splitlines()[-1] == "loaded: []"
 
 

@@ -8,16 +8,15 @@ import shlex
 from pathlib import Path
 
 import pytest
-import typer.main
 
-from harness.cli.app import app
+from harness.cli.app import group
 from tests.each import Each
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 SHOWN = re.compile(r"^(?: {4}| {8})?harness ((?:[^\n]*\\\n)*[^\n]*)$", re.MULTILINE)
 PLACEHOLDER = re.compile(r"\[-|\||\.\.\. |<|SYSTEM\.|PROCESSOR\b")
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = group().commands
 
 
 def commands_of(page):

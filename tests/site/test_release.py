@@ -234,8 +234,9 @@ def test_the_changelog_describes_the_version_and_its_date(release, tmp_path, mon
     assert list(release._versions()) == []
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 60
-    for name in ("pyproject.toml", "CITATION.cff"):
-        shutil.copy(ROOT / name, tmp_path)
+    for name in ("harness/__init__.py", "CITATION.cff"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
     (tmp_path / "CHANGELOG.md").write_text(text.replace("## [0.1.0] - ", "## [0.0.9] - "))
     monkeypatch.setattr(release, "ROOT", tmp_path)
     assert [line.partition(":")[0] for line in release._versions()] == ["CHANGELOG.md"]

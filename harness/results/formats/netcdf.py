@@ -25,7 +25,7 @@ def fits(name: str) -> bool:
     return as_it_is and _NAME.fullmatch(name) is not None
 
 
-_NAME = re.compile(r"[\w\u0080-\U0010ffff][^/\x00-\x1f\x7f]*(?<! )")
+_NAME = re.compile(r"((?a:\w)|[^\x00-\x7f])[^/\x00-\x1f\x7f]*(?<! )")
 """Names that a netCDF file can have, of at most 256 bytes."""
 
 

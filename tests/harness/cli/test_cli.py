@@ -126,8 +126,10 @@ def test_help_names_every_command(command):
 
 def test_the_head_of_a_module_lists_its_own_commands():
     own = {}
-    for name, each in app._command().commands.items():
+    for name, each in app.group().commands.items():
         own.setdefault(inspect.unwrap(each.callback).__module__, set()).add(name)
+    assert list(app.group().commands) == list(app.HOMES)
+    assert {f"harness.cli.{module}" for module in app.HOMES.values()} == set(own)
     for module in (look, models):
         listed = re.search(r"`harness ([a-z |\n]+)`", module.__doc__)[1].replace("\n", " ")
         assert set(listed.split(" | ")) == own[module.__name__]
