@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +13,16 @@ from harness.figures.choice import compared, overlays_of
 from harness.figures.plots import paint_overlay
 from harness.mission import Figure
 from harness.mission.library import of_result
-from harness.mission.mission import together
+from harness.mission.mission import apart, exceeding, together
 from harness.report import run
 from harness.report.arrays import Arrays, Canvas, points_of
 from harness.report.plots import PAGE, Shown, painted, sections
 from harness.report.template import render
 from harness.report.timeline import replay_several
 from harness.results.files import read
+from harness.results.requirements import Finding, findings
 from harness.results.result import Result
+from harness.results.verdict import Kind
 from harness.studies.compare import TABLE, read_csv
 from harness.studies.variants import Variant, with_files
 
@@ -33,6 +35,7 @@ def of_folder(folder: Path) -> str:
     results = _results(folder, labels)
     canvas = canvas_of(results, Arrays())
     metrics = together(map(of_result, results.values())).metrics
+    values = {(m.name, m.unit): columns.get(f"{m.name} [{m.unit}]", {}) for m in metrics}
     return render(
         "compare.html",
         canvas,
@@ -44,8 +47,20 @@ def of_folder(folder: Path) -> str:
         gaps=run.gaps,
         table={head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))},
         words={f"{m.name} [{m.unit}]": m.words for m in metrics},
-        cell=_cell,
+        cell=run.cell,
+        requirements=_by_requirement(results),
+        warnings=[*apart(metrics, values), *exceeding(metrics, values)],
+        Kind=Kind,
     )
+
+
+def _by_requirement(results: Mapping[str, Result]) -> dict[str, dict[str, Finding]]:
+    """Return the findings of all runs by name of the requirement and label of the run."""
+    found: dict[str, dict[str, Finding]] = {}
+    for label, result in results.items():
+        for each in findings(result):
+            found.setdefault(each.name, {})[label] = each
+    return found
 
 
 def canvas_of(results: Mapping[str, Result], arrays: Arrays) -> Canvas:
@@ -77,13 +92,6 @@ def _curves(result: Result) -> int:
     """Return the approximate number of curves in all figures of a run."""
     fitting = (f for f in overlays_of({"": result}) if f.fits(result))
     return sum(3 * len(f.panels) if isinstance(f, Figure) else 3 for f in fitting)
-
-
-def _cell(value: float, words: Sequence[str] = ()) -> str:
-    """Return a metric as text; words: meaning of its values 0, 1, ..."""
-    if words and 0 <= value < len(words):
-        return words[int(value)]
-    return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
 def figures(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from harness.claims.case import listed
@@ -91,6 +91,7 @@ def texts(result: Result) -> dict[str, Any]:
         "papers": judgements(result),
         "margins": rule_findings(of_result(result), result),
         "changed": {base(name) for name, _ in given},
+        "cell": cell,
         "words": {"Kind": Kind, "OPEN": OPEN, "OTHER": OTHER, "listed": listed, "number": number},
     }
 
@@ -139,7 +140,7 @@ def chips(result: Result) -> list[tuple[str, str]]:
     have each, worst first.
     """
     given = judgements(result)
-    found = [("good", "complete") if result.complete else ("bad", "incomplete")]
+    found = [("none", "complete") if result.complete else ("bad", "incomplete")]
     found += [("fair", OTHER) for paper in given if paper.deviations]
     tallies = {
         Kind.RULE: [each.verdict for each in rule_findings(of_result(result), result)],
@@ -151,6 +152,13 @@ def chips(result: Result) -> list[tuple[str, str]]:
             text = f"{count} {kind.value}{'' if count == 1 else 's'} {word}"
             found.append((verdict.value, text.replace("rules holds", "rules hold")))
     return sorted(found, key=lambda chip: WORST_FIRST.index(chip[0]))
+
+
+def cell(value: float, words: Sequence[str] = ()) -> str:
+    """Return a metric as text; words: meaning of its values 0, 1, ..."""
+    if words and 0 <= value < len(words):
+        return words[int(value)]
+    return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
 def metrics(result: Result) -> Iterator[tuple[Metric, float]]:

@@ -100,7 +100,7 @@ def _metric(word: str) -> Metric:
     def live(result: Result, _: Limits) -> str:
         return _ended(result, word)
 
-    return Metric(word, "1", (*NEEDS, MISSED), value, live=live)
+    return Metric(word, "1", (*NEEDS, MISSED), value, words=("no", "yes"), live=live)
 
 
 METRICS = tuple(map(_metric, ("captured", "retreated", "aborted", "collided", "under way")))

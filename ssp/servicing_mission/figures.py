@@ -45,11 +45,18 @@ def _mission(canvas: Axes, result: Result) -> None:
     bottom.set(ylabel="increments [m/s]", xlabel=clock.label)
     for k, stay in enumerate(stays(result)):
         begin, end = stay.begin / clock.seconds, stay.end / clock.seconds
-        for axes in (top, bottom):
-            axes.axvspan(begin, end, color="0.5", alpha=0.12 if k % 2 else 0, lw=0)
+        for axes in (top, bottom) if k % 2 else ():
+            axes.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
         if end - begin > 0.02 * t[-1]:
             top.text((begin + end) / 2, 0.98, stay.phase, transform=top.get_xaxis_transform(),
                      rotation=90, ha="center", va="top", fontsize=7)  # fmt: skip
+
+
+def _in_final_approach(result: Result) -> Any:
+    """Return the rows from the fly-around to the last attempt, (rows,) of bool."""
+    first, last = map(result.mode_names(PHASE).index, ("fly-around", "retreat"))
+    phase = result[PHASE]
+    return (phase >= first) & (phase < last) & (range_(result) < CLOSE)
 
 
 def _corridor(canvas: Axes, result: Result) -> None:
@@ -58,12 +65,11 @@ def _corridor(canvas: Axes, result: Result) -> None:
     """
     p = in_target_axes(result)
     axis = np.asarray(result.parameter("guidance.p_T"))
-    along, phase = p @ axis, result[PHASE]
+    along, phase, near = p @ axis, result[PHASE], _in_final_approach(result)
     off = np.linalg.norm(p - along[:, None] * axis, axis=1)
     axes = canvas.add_subplot()
-    first = result.mode_names(PHASE).index("fly-around")
-    for number in np.unique(phase[(phase >= first) & (range_(result) < CLOSE)]):
-        shown = (phase == number) & (range_(result) < CLOSE)
+    for number in np.unique(phase[near]):
+        shown = near & (phase == number)
         axes.plot(np.where(shown, along, np.nan), off, label=result.mode(PHASE, number))
     cone = np.array([0, CLOSE])
     axes.plot(cone, cone * np.tan(float(result.parameter(HALF_ANGLE))), "k--", lw=0.8)
@@ -114,6 +120,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         _corridor,
         (11, 6),
         ("guidance.p_T", HALF_ANGLE),
+        lambda result: bool(_in_final_approach(result).any()),
     ),
     Drawing(
         "escapes",

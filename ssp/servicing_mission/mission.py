@@ -30,9 +30,9 @@ def _words(result: Result) -> str:
 
 WATCHED = (
     WatchedMetric("phase", "", (), "manager.phase"),
-    WatchedMetric("ground", "", tuple(f"timeline.go_{k}" for k in (1, 2, 3)), _words),
-    WatchedMetric("attempt", "", (), "manager.attempt"),
     WatchedMetric("latch", "", (), "mechanism.phase"),
+    WatchedMetric("attempt", "", (), "manager.attempt"),
+    WatchedMetric("ground", "", tuple(f"timeline.go_{k}" for k in (1, 2, 3)), _words),
 )
 _APPROACH = approach((*FIGURES, *ARM), (PAPER, *OF_ARMS))
 COMMANDED = (

@@ -12,7 +12,11 @@ from harness import campaign, compare
 from harness.report.html import write
 from tests.harness.chromium import opened
 
-RUNS = {"sync_approach": {"every": 10, "params": "clear"}, "relay_approach": {"stop": 4000.0}}
+RUNS = {
+    "sync_approach": {"every": 10, "params": "clear"},
+    "relay_approach": {"stop": 4000.0},
+    "servicing_mission": {"params": "ground_retreat", "every": 100},
+}
 SIZES = {"phone": (390, 844), "tablet": (800, 1000), "screen": (1440, 900)}
 each_size = pytest.mark.parametrize("size", SIZES)
 pytestmark = pytest.mark.browser
@@ -78,6 +82,7 @@ def pages(tmp_path_factory, report_of):
         "fixed": {"params": "clear", "stop": 60.0},
         "factors": {"servicer.mass_0": {"uniform": {"low": 90.0, "high": 110.0}}},
         "metrics": {"cost": "delta-v"},
+        "success": "parameter(servicer.mass_0) < 100 and last(guidance.range) < 19.5 m",
     }
     masses = {"servicer.mass_0": [90.0, 110.0]}
     compare("sync_approach", folder / "runs", vary=masses, params=["clear"], stop=100.0)
@@ -85,6 +90,7 @@ def pages(tmp_path_factory, report_of):
     return {
         "run": report_of("sync_approach")[0],
         "other run": report_of("relay_approach")[0],
+        "run that retreats": report_of("servicing_mission")[0],
         "comparison": write(folder / "runs", folder / "comparison.html"),
         "campaign": write(folder / "c.zarr", folder / "campaign.html"),
     }

@@ -6,6 +6,7 @@ extremes survive, it needs nothing from elsewhere, and it states what is wrong.
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -473,8 +474,24 @@ def test_the_head_begins_with_what_is_worst():
     looks = [look for look, _ in report_run.chips(result)]
     assert looks == sorted(looks, key=report_run.WORST_FIRST.index)
     assert report_run.chips(result)[0] == ("bad", "2 safety rules violated")
+    assert ("none", "complete") in report_run.chips(result)  # the run, not what it was for
     text = Page(sketch_of(result)).text
     assert text.index("2 safety rules violated") < text.index("complete")
+
+
+def test_headline_values_without_a_unit_are_words_or_bare_numbers():
+    """A mission under way has not captured: "no", not "0 1"."""
+    text = sketch_of(result_of("servicing_mission"))
+    tiles = dict(re.findall(r"<span>([^<]*)</span><b>([^<]*<small>[^<]*)</small></b></div>", text))
+    assert tiles["captured"] == "no<small> "
+    assert tiles["under way"] == "yes<small> "
+    assert tiles["minimum range"].endswith("<small> m")
+
+
+def test_the_final_approach_is_not_drawn_before_it_has_begun():
+    result = result_of("servicing_mission")
+    drawn = {figure.name: figure for figure in of_result(result).figures}
+    assert drawn["corridor"].is_empty(result)
 
 
 def test_many_notes_are_folded_below_the_verdicts(monkeypatch):

@@ -17,6 +17,7 @@ from harness.cli.app import main
 from harness.errors import ResultsError
 from harness.report.html import write
 from harness.results.files import ResultFile
+from harness.results.requirements import findings
 from harness.studies.campaign.summary import rank_correlation
 from tests.harness.report_page import Page
 
@@ -72,6 +73,28 @@ def test_a_comparison_shows_its_table(compared):
                 worded = head == "first violated [1]"
                 shown = words[int(float(cell))] if worded else f"{float(cell):.4g}"
                 assert shown in page.text
+
+
+def test_a_comparison_shows_the_verdicts_of_its_runs_and_warns_of_limits(compared):
+    """A law at the limit of its actuators all the time may meet a requirement far from the target:
+    the page shows what the other requirements say, and the warning of `harness compare`.
+    """
+    folder, page = compared
+    assert f"{folder.name}: 4 runs of sync_approach" in page.headings
+    for label in page.data["runs"]:
+        result = read(folder / f"{label.replace(', servicer.mass_0=', '_servicer.mass_0_')}.nc")
+        found = findings(result)
+        assert len(found) == 4
+        for each in found:
+            assert each.name in page.text
+            assert each.detail in page.text
+    with (folder / "comparison.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    shares = {row["run"]: float(row["force at limit [%]"]) for row in rows}
+    warned = {name for name in shares if f"{name}: force at limit" in page.text}
+    assert warned == {name for name, share in shares.items() if share > 20}
+    assert warned
+    assert warned != shares.keys()
 
 
 def test_every_run_is_in_every_plot_with_its_own_numbers(compared):

@@ -2,6 +2,7 @@
  * in the corner. */
 "use strict";
 const TURNS = [0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.8, -1.8, Math.PI]; /* directions of the line from a name to its body [rad] */
+const LENGTHS = [1, 0.5, 2, 4]; /* lengths of this line, relative to the usual one */
 const ABOUT = [".readout", ".cameras", ".key", ".controls", ".triad"]; /* words and buttons about the picture */
 const SVG = "http://www.w3.org/2000/svg";
 const svg = (tag, about = {}) => {
@@ -56,7 +57,7 @@ function makeLabels(view) {
     for (const [each, at] of list.map((one, k) => [one, seen[k]]).sort(([a], [b]) => !a.line - !b.line)) {
       const own = { x: 4 + 3.6 * each.text.length, y: 9 };
       const ends = !at ? [] : each.line ? leads(each, at, middle, order++, camera) : [at];
-      each.at = ends.find((end) => isFree(end, own)) || (each.line && ends[0]) || null;
+      each.at = ends.find((end) => isFree(end, own)) || null;
       each.made.style.display = each.at ? "block" : "none";
       if (each.line) each.line.style.display = each.at ? "block" : "none";
       if (!each.at) continue;
@@ -75,10 +76,10 @@ function makeLabels(view) {
     const seen = each.about.size ? (each.about.size() / distance / Math.tan((camera.fov * Math.PI) / 360)) * canvas.clientHeight / 2 : 0;
     const far = Math.min(150, 34 + 0.75 * seen);
     const clamp = (value, edge, low, high) => Math.min(edge - high, Math.max(low, value));
-    return TURNS.map((turn) => ({
-      x: clamp(at.x + far * Math.cos(away + turn), canvas.clientWidth, 50, 50),
-      y: clamp(at.y + far * Math.sin(away + turn), canvas.clientHeight, 24, 80),
-    }));
+    return LENGTHS.flatMap((length) => TURNS.map((turn) => ({
+      x: clamp(at.x + length * far * Math.cos(away + turn), canvas.clientWidth, 50, 50),
+      y: clamp(at.y + length * far * Math.sin(away + turn), canvas.clientHeight, 24, 80),
+    })));
   }
 
   /* ---- the axes of the frame ---- */

@@ -158,7 +158,7 @@
     const tile = tiles[k];
     tile.classList.toggle("of-file", changed && value === null);
     if (value === null) return;
-    const text = Program.g(value, 4);
+    const text = (tile.dataset.words.split(",")[value]) || Program.g(value, 4);
     tile.hidden = !Number.isFinite(value);
     tile.querySelector("b").firstChild.data = text;
     if (tile.dataset.about) tile.setAttribute("aria-label", `${tile.querySelector("span").textContent} ${text} ${tile.dataset.unit}: ${tile.dataset.about}`);

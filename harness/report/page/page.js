@@ -91,6 +91,7 @@
   window.addEventListener("beforeprint", () => {
     before = root.dataset.theme;
     theme("light");
+    for (const each of document.querySelectorAll("details.settings")) each.open = true;
     root.classList.add("paper");
     drawAll();
     fitPlots();

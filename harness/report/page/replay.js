@@ -105,6 +105,7 @@ function startReplay(scene, array, T, coasts) {
 
   /* ---- size, keys, frames of the screen ---- */
   function fitCanvas() {
+    stage.style.setProperty("--cameras", `${view.part(".cameras").offsetHeight}px`);
     stage.style.setProperty("--controls", `${view.part(".controls").offsetHeight}px`);
     const width = stage.clientWidth, height = stage.clientHeight;
     if (!width || !height) return;
