@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -146,6 +147,7 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
 
     Default: results/SYSTEM.nc. With --like RESULT the exit status is 1 if the bits differ.
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has no work for further threads
     from harness.files.cache import with_second_try
     from harness.results.files import ResultFile
     from harness.studies.rerun import agreement

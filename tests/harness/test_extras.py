@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -75,17 +76,22 @@ NOT_FOR_A_RUN = [
 @pytest.mark.parametrize("ending", ["csv", "nc"])
 def test_a_run_loads_no_extra_and_nothing_of_other_commands(tmp_path, ending):
     script = (
-        "import gc, sys; from harness.cli import main\n"
+        "import gc, os, sys; from harness.cli import main\n"
         f"assert main(['run', 'sync_approach', '--stop', '1', '-o', 'x.{ending}']) == 0\n"
         f"print('loaded:', sorted(set({LIBRARIES + NOT_FOR_A_RUN}) & set(sys.modules)))\n"
-        "print('collections:', sum(each['collections'] for each in gc.get_stats()))"
+        "print(sum(each['collections'] for each in gc.get_stats()), end=' ')\n"
+        "print(len(os.listdir('/proc/self/task')) if sys.platform == 'linux' else 1)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    loaded, collections = done.stdout.splitlines()[-2:]
+        [sys.executable, "-c", script],
+        cwd=tmp_path, capture_output=True, text=True, check=True,
+        env={k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"},
+    )  # fmt: skip
+    loaded, counts = done.stdout.splitlines()[-2:]
+    collections, threads = map(int, counts.split())
     assert loaded == "loaded: []"
-    assert int(collections.removeprefix("collections: ")) <= 40  # 150 by default
+    assert collections <= 40  # 150 by default
+    assert threads == 1
 
 
 def test_the_list_of_systems_loads_neither_numpy_nor_the_modules_of_a_run(tmp_path):
