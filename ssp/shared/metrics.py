@@ -60,8 +60,9 @@ def _controlled(result: Result) -> tuple[Array, Array]:
 
 
 def _band(limits: Limits) -> str:
-    """Return the band of the position, the default as an expression."""
-    return f"{BAND} * {live.FIRST_RANGE}" if limits.position is None else repr(limits.position)
+    """Return the band of the position, the default or one that is not finite as an expression."""
+    band = limits.position
+    return f"{BAND} * {live.FIRST_RANGE}" if band is None or not np.isfinite(band) else repr(band)
 
 
 def _range_settles(result: Result, limits: Limits) -> str:
