@@ -263,7 +263,7 @@ class Campaign:
 
     def run(self, definition: Path) -> None:
         """Run a campaign, print its summary and draw its figures if wanted."""
-        from harness.cli import campaigns
+        from harness.cli.watch import counting
         from harness.studies.campaign.campaign import campaign
 
         folder = self.output or Path("results") / f"{definition.stem}.zarr"
@@ -271,7 +271,7 @@ class Campaign:
         how |= {"require": self.require or (), **asdict(self.cluster)}
         notify = (lambda text: None) if self.quiet else (lambda text: typer.echo(text, err=True))
         problem = None
-        with campaigns.counting(definition.stem, not self.quiet) as show:
+        with counting(definition.stem, not self.quiet) as show:
             try:
                 found = campaign(definition, folder, progress=show, notify=notify, **how)
             except RequirementError as error:  # the dataset is complete
@@ -351,7 +351,7 @@ class How:
 
     def run(self, kind: str, definition: Path) -> bool:
         """Run a study, print its summary and return whether its verdict is positive."""
-        from harness.cli.campaigns import counting
+        from harness.cli.watch import counting
         from harness.studies.analyses import STUDIES
 
         target = self.output or Path("results") / f"{definition.stem}_{kind}.zarr"

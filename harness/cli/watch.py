@@ -1,25 +1,32 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Display of `harness run --watch`: on a terminal a table that is updated during the run, elsewhere
-a line per tenth of the run.
+"""Displays of progress: of one run for `harness run --watch`, on a terminal a table that is updated
+during the run, elsewhere a line per tenth of the run; and of many runs.
 
-It reads recorded rows between stretches of macro steps, so the bits are the same without a display.
+The display of a run reads recorded rows between stretches of macro steps, so the bits are the same
+without a display.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from operator import itemgetter
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import typer
 
 from harness.master.progress import Running, Show
 from harness.mission import WatchedMetric
 from harness.mission.library import of_result
 from harness.results.result import Result
 from harness.spelling import printable
+
+if TYPE_CHECKING:
+    from harness.studies.campaign.campaign import Progress
 
 SECONDS = 0.25
 """Wall-clock time between two updates of a terminal."""
@@ -125,3 +132,61 @@ def _table(watcher: Watcher, done: int) -> Any:
     for label, value in watcher.lines(done):
         table.add_row(Text(label), Text(value))
     return table
+
+
+# ---- many runs
+
+MINUTE = 60.0
+
+
+@contextmanager
+def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | None]:
+    """Yield a display of progress: a bar on stderr with rate, remaining time and failures, or a
+    line a minute without a terminal; None if not requested.
+    """
+    if not wanted:
+        yield None
+        return
+    if not sys.stderr.isatty():
+        yield _minutely(title)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed} of {task.total}, {task.fields[failed]} failed"),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Bar(*columns, console=Console(file=sys.stderr), transient=True) as bar:
+        line = bar.add_task(title, total=None, failed=0, rate="")
+
+        def show(now: Progress) -> None:
+            speed = bar.tasks[0].finished_speed or bar.tasks[0].speed
+            rate = f"{speed:.1f} runs/s" if speed else ""
+            bar.update(line, completed=now.done, total=now.runs, failed=now.failed, rate=rate)
+
+        yield show
+
+
+def _minutely(title: str) -> Callable[[Progress], None]:
+    """Return a display that writes a line after a block of runs, at most once a minute."""
+    begin = last = time.monotonic()
+    first: int | None = None  # completed runs at the first call
+
+    def show(now: Progress) -> None:
+        nonlocal begin, last, first
+        clock = time.monotonic()
+        if first is None:
+            begin, first = clock, now.done
+        if clock - last < MINUTE:
+            return
+        last = clock
+        rate = (now.done - first) / (clock - begin) if clock > begin else 0.0
+        left = f", {(now.runs - now.done) / rate / MINUTE:.0f} min left" if rate else ""
+        typer.echo(f"{title}: {now.done} of {now.runs}, {now.failed} failed{left}", err=True)
+
+    return show

@@ -22,8 +22,7 @@ from harness.authoring.policy import Policy
 from harness.errors import RunError, UsageError
 from harness.figures.picture import picture
 from harness.learning.scoring import Scoring, Weights
-from harness.learning.signals import Bound, actuator_limits
-from harness.learning.spaces import Spaces
+from harness.learning.spaces import Bound, Spaces, actuator_limits
 from harness.master.changes import Changes, apply, joined
 from harness.master.executors import Stretch
 from harness.master.simulation import Simulation

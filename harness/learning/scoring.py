@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from harness.errors import UsageError
-from harness.learning.signals import FAR
+from harness.learning.spaces import FAR
 from harness.results.evaluation import fitted, history, unit_in
 from harness.results.expressions import Node
 from harness.results.margins import Requirement
