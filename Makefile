@@ -148,7 +148,7 @@ test-processors: build
 # from the runs. A run with the same files is not repeated, so the target may be interrupted.
 FLIGHT_FMUS := $(sort $(basename $(notdir $(wildcard fmus/flight/*.c))))
 processors: build
-	$(BIN)/harness processor $(FLIGHT_FMUS) --write docs/processor_figures.md
+	$(BIN)/python .ci/processor_figures.py docs/processor_figures.md $(FLIGHT_FMUS)
 
 # FMUs against published reference values; writes the page docs/validation.md from the run
 validation: build

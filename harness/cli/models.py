@@ -186,15 +186,12 @@ def linearize_command(
 
 
 @command("processor")
-def processor_command(  # noqa: PLR0913, PLR0917 - one argument per option
+def processor_command(
     fmus: Annotated[list[str], argument("FMU...", "FMUs: names, or paths of .fmu files")],
     on: Annotated[Texts, option("PROCESSOR", "Use this processor (default: all)")] = None,
     place: PlaceOfFmuOption = None,
     stop: Annotated[float | None, option("", "Set the stop time [s]")] = None,
     clock: Annotated[float | None, option("", "Set the clock of the processor [Hz]")] = None,
-    write: Annotated[
-        Path | None, option("", "Write the rows to this Markdown page; its other rows remain")
-    ] = None,
 ) -> None:
     """Compute the cost of FMUs on a flight processor.
 
@@ -212,10 +209,6 @@ def processor_command(  # noqa: PLR0913, PLR0917 - one argument per option
         notify=lambda row: typer.echo(f"{row.fmu} on {row.processor}", err=True),
     )
     typer.echo(processor.table(rows))
-    if write is not None:
-        earlier = write.read_text(encoding="utf-8") if write.exists() else ""
-        with written(write) as page:
-            page.write_text(processor.markdown(rows, earlier), encoding="utf-8")
     if any(row.difference for row in rows):
         raise typer.Exit(1)
 

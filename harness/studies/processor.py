@@ -28,7 +28,7 @@ from harness.files.archive import read_all
 from harness.master.calls import Cost, cost
 from harness.master.changes import apply
 from harness.master.simulation import Simulation
-from harness.remote.firmware import PROCESSORS, Processor, Sizes, find_processor, sizes
+from harness.remote.firmware import Processor, Sizes, find_processor, sizes
 from harness.results.result import Result
 from harness.spelling import columns
 from harness.ssp.library import load
@@ -206,7 +206,7 @@ def _homes() -> dict[str, tuple[str, str]]:
     return others | own
 
 
-# ---- table as text and as page
+# ---- table as text
 
 
 class Row(NamedTuple):
@@ -269,17 +269,3 @@ def _grouped(number: int) -> str:
 def table(rows: Sequence[Row]) -> str:
     """Return the rows as text."""
     return "\n".join(columns([HEAD, *(tuple(row.cells()) for row in rows)]))
-
-
-def markdown(rows: Iterable[Row], page: str = "") -> str:
-    """Return the rows as a Markdown page. Rows of an earlier page for other FMUs and processors
-    remain.
-    """
-    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line[:2] == "| "]
-    known = {(cells[0], cells[1]): cells for cells in lines if cells[1] in PROCESSORS}
-    known |= {(row.fmu, row.processor): [*row.cells()] for row in rows}
-    named = list(PROCESSORS)
-    order = sorted(known, key=lambda key: (key[0], named.index(key[1])))
-    body = [HEAD, ("---",) * len(HEAD), *(known[key] for key in order)]
-    head = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
-    return head + "".join(f"| {' | '.join(cells)} |\n" for cells in body)

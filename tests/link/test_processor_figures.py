@@ -15,10 +15,12 @@ from harness.files.paths import fmus
 from harness.master.calls import Cost
 from harness.remote.firmware import PROCESSORS, Sizes, _sizes, sizes
 from harness.studies import processor
-from harness.studies.processor import HEAD, Row, compute_costs, digest, markdown, table
+from harness.studies.processor import HEAD, Row, compute_costs, digest, table
 from tests.link.test_processor import needs
+from tests.site.scripts import script
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+markdown = script("processor_figures").markdown
 MAP = """
 Discarded input sections
 
