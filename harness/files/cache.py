@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Cache of unpacked, built and checked files of earlier runs, stored under the hash of their
-content.
+"""Cache of unpacked and built files of earlier runs, and of what was read from them, stored under
+the hash of their content.
 
 An entry appears completely or not at all. It is compared with its hash at every use and made again
 if it is damaged. Every process that uses the folder holds a lock on it until it ends. Entries above
@@ -119,9 +119,6 @@ files.
 MAX_ARCHIVE = 128 * 1024**2
 """Larger archives are not stored [bytes]."""
 
-PASSED = "passed"
-"""Folder with an empty file per passed check; it is not an entry."""
-
 
 def unpacked(archive: Path) -> Path | None:
     """Return a read-only folder with the content of an archive, or None if the cache is off."""
@@ -145,23 +142,6 @@ def _content(archive: Path) -> bytes | None:
         return archive.read_bytes() if archive.stat().st_size <= MAX_ARCHIVE else None
     except OSError:
         return None  # unpack() reports the fault
-
-
-def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
-    """Run a check on some content, unless the same check has already passed on the same content.
-
-    kind: names the check and its version.
-    """
-    root = folder()
-    if root is None:
-        return check()
-    mark = root / PASSED / hashlib.sha256(kind.encode() + b"\0" + content).hexdigest()
-    if not mark.exists():
-        check()
-        with suppress(OSError):
-            mark.parent.mkdir(exist_ok=True)
-            mark.touch()
-    return None
 
 
 def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
@@ -315,5 +295,5 @@ def _tidy(root: Path) -> None:
 
 def _entries(root: Path) -> list[Path]:
     """Return the folders of all finished entries."""
-    folders = (path for path in root.iterdir() if path.is_dir() and path.name != PASSED)
+    folders = (path for path in root.iterdir() if path.is_dir())
     return [path for path in folders if not path.name.startswith(checksums.UNFINISHED)]

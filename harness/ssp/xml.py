@@ -18,7 +18,6 @@ import fmpy
 from lxml import etree
 
 from harness.errors import StructureError, reason_of
-from harness.files import cache
 from harness.files.archive import MAX_ENTRY, UnsafeXmlError, XmlElement, parsed
 from harness.files.paths import contents
 from harness.system.values import Scalar
@@ -121,18 +120,13 @@ def parse(source: Path, schema: str) -> XmlElement:
     """
     name = source.name
     try:
-        data = contents(source, MAX_ENTRY)
-        root = parsed(data)
+        root = parsed(contents(source, MAX_ENTRY))
     except (OSError, UnsafeXmlError) as error:
         raise StructureError([f"{name}: {reason_of(error)}"]) from error
     if root.get("version") == "2.1":
         raise StructureError([f"{name}: SSP 2.1 is a draft; export SSP 1.0 or 2.0 to run a system"])
     _made_readable(root)
-    cache.passed(
-        f"{schema} of fmpy {fmpy.__version__}, and what is supported of SSP 2.0",
-        data,
-        lambda: _validate(root, schema, name),
-    )
+    _validate(root, schema, name)
     return root
 
 

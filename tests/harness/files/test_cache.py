@@ -64,7 +64,7 @@ def unpacked(path):
 
 
 def entries(place):
-    return sorted(f.name for f in place.iterdir() if f.is_dir() and f.name != "passed")
+    return sorted(f.name for f in place.iterdir() if f.is_dir())
 
 
 def test_the_same_content_is_unpacked_once_and_other_content_elsewhere(place, tmp_path):
@@ -217,23 +217,6 @@ def test_processes_that_add_use_and_remove_at_once_do_not_disturb_each_other(pla
     with ThreadPoolExecutor(6) as pool:
         done = [pool.submit(subprocess.run, command, capture_output=True) for _ in range(6)]
         assert [job.result().stderr for job in done] == [b""] * 6
-
-
-def test_a_check_is_repeated_only_for_other_content(place):
-    seen = []
-    for content in (b"a", b"b", b"a", b"a"):
-        cache.passed("kind", content, lambda content=content: seen.append(content))
-    cache.passed("other kind", b"a", lambda: seen.append(b"other"))
-    assert seen == [b"a", b"b", b"other"]
-
-
-def test_a_check_that_failed_is_repeated(place):
-    def fail():
-        raise ValueError("wrong")
-
-    for _ in range(2):
-        with pytest.raises(ValueError, match="wrong"):
-            cache.passed("kind", b"a", fail)
 
 
 # ---- damage
