@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from harness.api import environment as environment
     from harness.api import linearize as linearize
     from harness.api import run as run
+    from harness.authoring.export import export as export
     from harness.errors import HarnessError as HarnessError
-    from harness.exports.package import export as export
     from harness.master.simulation import Simulation as Simulation
     from harness.results.files import read as read
     from harness.results.result import Result as Result
@@ -47,7 +47,7 @@ _HOMES = {
     "campaign": "harness.studies.campaign.campaign",
     "compare": "harness.api",
     "environment": "harness.api",
-    "export": "harness.exports.package",
+    "export": "harness.authoring.export",
     "linearize": "harness.api",
     "load": "harness.ssp.library",
     "probability": "harness.studies.analyses.probability",

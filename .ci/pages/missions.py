@@ -168,7 +168,7 @@ MOST_FIGURES = 12
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
     """Yield the pages and diagrams."""
-    from harness.exports.draw import painted
+    from harness.figures.diagram import painted
     from harness.ssp.library import load
 
     rows = []

@@ -163,13 +163,16 @@ def requirements_command(
 
     Requirements that rtamt cannot express are comments that state why.
     """
-    from harness.exports import stl as notation
+    from harness.master.simulation import Simulation
+    from harness.results import stl as notation
+    from harness.ssp.library import load
 
     if system.endswith(".stl"):
         typer.echo(printable("{} = {!r}".format(*notation.read(Path(system).read_text("utf-8")))))
         return
-    for line in notation.lines(notation.of_system(system, **changes), stl):
-        typer.echo(printable(line))
+    with load(system) as found:
+        for line in notation.lines(Simulation(found, **changes).result(), stl):
+            typer.echo(printable(line))
 
 
 DiagramOption = Annotated[
@@ -180,7 +183,7 @@ DiagramOption = Annotated[
 @command("draw", "swap")
 def draw_command(*, system: SystemArgument, output: DiagramOption = None, changes: Any) -> None:
     """Draw the N2 diagram of a system: components on the diagonal, signals between them."""
-    from harness.exports.draw import draw
+    from harness.figures.diagram import draw
     from harness.master.changes import apply
     from harness.master.remainder import rest
     from harness.ssp.library import load

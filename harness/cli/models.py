@@ -150,7 +150,7 @@ def export_command(  # noqa: PLR0913 - one argument per option
     The file holds all changes, FMUs and parameters.
     """
     from harness.authoring.c_api import write_system
-    from harness.exports.package import export
+    from harness.authoring.export import export
 
     if c_api:
         if fmi or ssp or hints or without or scalars:

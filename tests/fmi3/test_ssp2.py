@@ -15,9 +15,9 @@ import pytest
 from lxml import etree
 
 from harness import run
+from harness.authoring.export import export
 from harness.cli import main
 from harness.errors import StructureError, UsageError
-from harness.exports.package import export
 from harness.files import paths
 from harness.ssp.library import load
 from harness.ssp.reader import opened

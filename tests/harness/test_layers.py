@@ -22,7 +22,7 @@ LAYERS = (
     ("api",),
     ("learning",),
     ("authoring", "report"),
-    ("studies", "exports", "figures", "claims"),
+    ("studies", "figures", "claims"),
     ("master",),
     ("ssp",),
     ("mission",),
@@ -38,11 +38,11 @@ LAYERS = (
 FLOOR = {package: len(LAYERS) - i for i, layer in enumerate(LAYERS) for package in layer}
 
 ONLY = {
-    "lxml": {"ssp", "exports", "remote", "conformance", "files", "authoring"},
+    "lxml": {"ssp", "remote", "conformance", "files", "authoring"},
     "ctypes": {"master"},
     "gymnasium": {"learning"},
     "fmpy": {"master", "ssp", "remote", "system", "studies", "conformance"},
-    "matplotlib": {"figures", "exports"},
+    "matplotlib": {"figures"},
     "typer": {"cli"},
     "jinja2": {"report"},
     "plotly": {"report"},

@@ -13,7 +13,7 @@ import pytest
 from fmpy import read_model_description
 
 from harness.cli import main
-from harness.exports import draw
+from harness.figures import diagram
 from harness.files import paths
 from harness.mission.library import places, systems_in
 from harness.ssp import build
@@ -34,7 +34,9 @@ def missions(writer, request):
     """With the diagrams of every fourth system; of the others the head alone."""
     drawn = sorted(paths.systems())[:: request.param]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(draw, "painted", lambda s, f=draw.painted: f(s) if s.name in drawn else HEAD)
+        patch.setattr(
+            diagram, "painted", lambda s, f=diagram.painted: f(s) if s.name in drawn else HEAD
+        )
         return dict(writer["missions"].pages({}, {}))
 
 

@@ -27,8 +27,8 @@ from fmpy.validation import validate_fmu
 
 from harness import Simulation, campaign, load, run
 from harness.authoring.build import build
+from harness.authoring.export import export
 from harness.errors import FmuError, RunError
-from harness.exports.package import export
 from harness.files import paths
 from harness.files.archive import pack, read_all
 from harness.master import fused

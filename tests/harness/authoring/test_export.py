@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from harness import run
+from harness.authoring.export import export
 from harness.cli.app import main
 from harness.errors import FmuError, ResultsError, StructureError, UsageError
-from harness.exports.package import export
 from harness.ssp import reader as ssp
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp

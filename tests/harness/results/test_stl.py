@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from harness import load
+from harness import Simulation, load
 from harness.errors import UsageError
-from harness.exports import stl
+from harness.results import stl
 from harness.results.requirements import margin
 from harness.results.result import Result
 from tests.close import close
@@ -44,7 +44,7 @@ def test_requirements_of_systems_are_written():
     for name in ("sync_approach", "arm_capture", "space_robot"):
         with load(name) as system:
             count = len(system.requirements)
-        written = list(stl.lines(stl.of_system(name), stl=True))
+            written = list(stl.lines(Simulation(system).result(), stl=True))
         assert len(written) == count
         assert all("output float" in each for each in written)
 

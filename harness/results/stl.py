@@ -15,20 +15,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import partial
-from pathlib import Path
-from typing import Unpack
 
 import numpy as np
 
 from harness.errors import UsageError
-from harness.master.changes import Changes
-from harness.master.simulation import Simulation
 from harness.results.evaluation import fitted, history
 from harness.results.expressions import IMPLIES, Node
 from harness.results.program import evaluate, value_of
 from harness.results.result import Array, Result
-from harness.ssp.library import load
-from harness.system.model import System
 
 NOT = "not ("
 """Beginning of the expression of a guard that is the premise of implies()."""
@@ -57,14 +51,6 @@ class Formula:
             guard = np.where(values > 0, math.inf, -math.inf)
             found[name] = guard if name.startswith(GUARD) else np.asarray(values, dtype=np.float64)
         return found
-
-
-def of_system(system: str | Path | System, **changes: Unpack[Changes]) -> Result:
-    """Return a result of a system with these changes that has no valid row: names, units,
-    parameters and requirements. Raises the errors of run() before its first step.
-    """
-    with load(system) as found:
-        return Simulation(found, **changes).result()
 
 
 def written(result: Result, name: str, text: str) -> Formula:

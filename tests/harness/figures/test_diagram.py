@@ -13,7 +13,7 @@ from lxml import etree
 
 from harness.cli.app import main
 from harness.errors import UsageError
-from harness.exports.draw import CHARACTER, LINE, draw, lay_out, painted, texts
+from harness.figures.diagram import CHARACTER, LINE, draw, lay_out, painted, texts
 
 LOOP = (
     {"a": "ladder", "b": "ladder", "c": "ladder"},
