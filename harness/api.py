@@ -7,14 +7,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
+from warnings import catch_warnings, simplefilter
 
-from harness.errors import library
+from harness.errors import UsageError, library
 from harness.files.cache import with_second_try
+from harness.files.output import written
 from harness.master.changes import Changes, Pairs, pairs, timely
 from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer
 from harness.master.remainder import rest
-from harness.results.files import save
+from harness.results.files import read, save
 from harness.results.requirements import log_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
@@ -202,6 +204,44 @@ def linearize(
     return model
 
 
+def write_page(
+    source: Result | str | Path,
+    path: str | Path,
+    live: bool = False,
+    lesson: str | Path | None = None,
+) -> Path:
+    """Write the HTML report of a result, a results file, the folder of a comparison or the dataset
+    of a campaign, and return its path.
+
+    live: include the system of the run; the reader can change its parameters and run it again
+    (extra `live`); lesson: TOML with exercises for a live page.
+
+    Raises UsageError or ResultsError if the source cannot be read, HarnessError if a library of the
+    extra `report` is missing, ResultsError if the page cannot be written.
+    """
+    from harness.report import campaign, comparison, run
+    from harness.report import live as live_page
+    from harness.studies.compare import TABLE
+
+    folder = None if isinstance(source, Result) else Path(source)
+    live = live or lesson is not None
+    with catch_warnings():
+        simplefilter("ignore", RuntimeWarning)  # numpy warns of values that are not finite
+        if live or folder is None or not folder.is_dir():
+            taught = None if lesson is None else live_page.read_lesson(Path(lesson))
+            result = source if isinstance(source, Result) else read(source)
+            text = live_page.of_run(result, taught) if live else run.of_run(result)
+        elif (folder / TABLE).is_file():
+            text = comparison.of_folder(folder)
+        elif (folder / "zarr.json").is_file():
+            text = campaign.of_dataset(folder)
+        else:
+            raise UsageError(f"{source}: contains neither {TABLE} nor the dataset of a campaign")
+    with written(Path(path)) as target:
+        target.write_text(text, encoding="utf-8")
+    return Path(path)
+
+
 def _plot(self: Result, *names: str) -> Any:
     """Return a matplotlib Figure of these variables, the figure with this name, or the first figure
     of the result. Raises UsageError, ResultsError.
@@ -215,9 +255,7 @@ def _report(self: Result, path: str | Path) -> Path:
     """Write an HTML page with plots, verdicts and a replay, and return its path. Raises
     HarnessError.
     """
-    from harness.report.html import write
-
-    return write(self, path)
+    return write_page(self, path)
 
 
 # attached here, so that results know nothing of those who draw them

@@ -57,7 +57,7 @@ def live(name: str, folder: Path, lesson: Path | None = None) -> str:
     import importlib.util
 
     from harness import Simulation, load, run
-    from harness.report.html import write
+    from harness.api import write_page
     from harness.report.live import read_lesson
 
     if importlib.util.find_spec("ziglang") is None:
@@ -70,7 +70,7 @@ def live(name: str, folder: Path, lesson: Path | None = None) -> str:
         every = max(system.experiment.every, int(numbers / MOST_BYTES) + 1)
         result = run(system, every=every, **({"params": params} if params else {}))
     file = folder / f"{'lesson_' if lesson else ''}{name}.html"
-    return write(result, file, live=True, lesson=lesson).name
+    return write_page(result, file, live=True, lesson=lesson).name
 
 
 LESSONS = """# Learn

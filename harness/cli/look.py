@@ -308,9 +308,9 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
 
 
 def _page(source: Any, output: Path, live: bool = False, lesson: Path | None = None) -> None:
-    from harness.report.html import write
+    from harness.api import write_page
 
-    typer.echo(write(source, output, live, lesson))
+    typer.echo(write_page(source, output, live, lesson))
 
 
 ConvertedOption = Annotated[

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from harness import run
-from harness.report.html import write
+from harness.api import write_page
 from tests.harness.chromium import browser
 from tests.sketches import sketched
 
@@ -33,7 +33,7 @@ def report_of(request, tmp_path_factory):
         if system not in known:
             result = run(system, **request.module.RUNS[system])
             page = tmp_path_factory.mktemp("report") / f"{system}.html"
-            known[system] = write(result, page), result
+            known[system] = write_page(result, page), result
         return known[system]
 
     return written

@@ -19,7 +19,7 @@ from harness.figures.finish import finish, look_of, mathematical, plain_number
 from harness.figures.plots import overlay, paint
 from harness.figures.style import PAPER, SERIF
 from harness.mission import Curve, Figure, Level, Panel
-from harness.report.html import of_run
+from harness.report.run import of_run
 from harness.results.result import Result
 from tests.each import Each
 from tests.harness.report_page import Page

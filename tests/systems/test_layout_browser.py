@@ -9,7 +9,7 @@ from __future__ import annotations
 import pytest
 
 from harness import campaign, compare
-from harness.report.html import write
+from harness.api import write_page
 from tests.harness.chromium import opened
 
 RUNS = {
@@ -91,8 +91,8 @@ def pages(tmp_path_factory, report_of):
         "run": report_of("sync_approach")[0],
         "other run": report_of("relay_approach")[0],
         "run that retreats": report_of("servicing_mission")[0],
-        "comparison": write(folder / "runs", folder / "comparison.html"),
-        "campaign": write(folder / "c.zarr", folder / "campaign.html"),
+        "comparison": write_page(folder / "runs", folder / "comparison.html"),
+        "campaign": write_page(folder / "c.zarr", folder / "campaign.html"),
     }
 
 

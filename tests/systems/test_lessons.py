@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from harness import Simulation, run
+from harness.api import write_page
 from harness.cli.app import main
 from harness.errors import StructureError
 from harness.report.arrays import Arrays
-from harness.report.html import write
 from harness.report.live import programs, read_lesson
 from harness.report.run import canvas_of
 from harness.results.requirements import finding, rejected
@@ -92,7 +92,7 @@ def test_the_browser_shows_which_exercises_are_solved(chromium, tmp_path, name):
     with load(name) as system:
         every = max(1, Simulation(system).steps // 4000)
     result = run(name, every=every, **changes(lesson))
-    path = write(result, tmp_path / "lesson.html", lesson=FILES[name])
+    path = write_page(result, tmp_path / "lesson.html", lesson=FILES[name])
     with opened(chromium, path) as page:
         wait(page, "report.live && report.live.ready")
         names = page.eval_on_selector_all(

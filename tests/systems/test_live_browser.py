@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from harness import run
-from harness.report.html import write
+from harness.api import write_page
 from harness.report.run import metrics
 from harness.results.requirements import findings
 from tests.harness.chromium import opened, wait
@@ -41,7 +41,7 @@ def result():
 @pytest.fixture(scope="module")
 def path(tmp_path_factory, result):
     pytest.importorskip("ziglang", reason="needs ziglang: make test-browser installs it")
-    return write(result, tmp_path_factory.mktemp("live") / "page.html", live=True)
+    return write_page(result, tmp_path_factory.mktemp("live") / "page.html", live=True)
 
 
 def ready(page):
@@ -161,7 +161,7 @@ def test_headline_values_follow_a_slider(chromium, path, result):
 
 
 def test_a_headline_value_of_a_function_is_marked(chromium, path, tmp_path):
-    other = write(run("relay_approach", every=10), tmp_path / "relay.html", live=True)
+    other = write_page(run("relay_approach", every=10), tmp_path / "relay.html", live=True)
     with opened(chromium, other) as page:
         ready(page)
         assert page.query_selector_all("#numbers .tile.of-file") == []

@@ -14,7 +14,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from harness import run
-from harness.report.html import write
+from harness.api import write_page
 from ssp.shared.exchange.bodies import instants, shadow, sun_direction
 from ssp.shared.safety import RESTING
 from tests.harness.chromium import opened, wait
@@ -400,7 +400,7 @@ def test_a_phone_has_all_controls_within_reach_of_a_finger(chromium, report_of):
 def test_the_planned_path_leads_ahead_of_the_servicer(chromium, tmp_path):
     """None before the first plan, then from the servicer through the points of the row."""
     result = run(SYSTEM, **PLANNED)
-    with opened(chromium, write(result, tmp_path / "page.html")) as page:
+    with opened(chromium, write_page(result, tmp_path / "page.html")) as page:
         page.click("[data-frame=N]")
         assert not state_at(page, 0.5)["plans"][0]["shown"]
         assert "planned path" in page.inner_text(".key")

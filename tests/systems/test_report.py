@@ -20,6 +20,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from harness import run
+from harness.api import write_page
 from harness.claims.report import judgements
 from harness.cli.app import main
 from harness.errors import HarnessError
@@ -27,7 +28,7 @@ from harness.mission.library import everything, of_result
 from harness.report import run as report_run
 from harness.report import template
 from harness.report.arrays import thinned_rows
-from harness.report.html import of_run, write
+from harness.report.run import of_run
 from harness.results.files import ResultFile
 from harness.results.requirements import findings
 from harness.results.verdict import Kind, Verdict
@@ -576,7 +577,7 @@ def test_an_incomplete_run_states_so_at_the_top():
 def test_a_result_without_bodies_or_parameters_has_a_page(tmp_path):
     result = result_of("ppc_tracking")
     ResultFile(tmp_path / "bare.csv").write(result)
-    page = Page(write(tmp_path / "bare.csv", tmp_path / "bare.html").read_text())
+    page = Page(write_page(tmp_path / "bare.csv", tmp_path / "bare.html").read_text())
     assert page.data["scene"] is not None
     columns = [i for i, c in enumerate(result.columns) if c.startswith("controller.")]
     part = replace(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from harness import run
-from harness.report.html import write
+from harness.api import write_page
 from tests.harness.chromium import opened, wait
 
 RUNS = {
@@ -124,7 +124,7 @@ def test_a_page_of_values_that_are_not_finite_opens(chromium, report_of, tmp_pat
     _, result = report_of(SYSTEM)
     values = result.values.copy()
     values[rows] = value
-    path = write(replace(result, values=values), tmp_path / "page.html")
+    path = write_page(replace(result, values=values), tmp_path / "page.html")
     with opened(chromium, path) as page:
         scroll_through(page)
         assert page.evaluate("!!report.replay") == (rows != slice(None))
@@ -149,7 +149,7 @@ def test_panels_bend_and_propellant_slides_as_the_result_states(chromium, tmp_pa
     masses their displacements.
     """
     result = run("ppc_tracking", swap=["servicer=flexible_servicer"], stop=10.0)
-    path = write(result, tmp_path / "flexible.html")
+    path = write_page(result, tmp_path / "flexible.html")
     k = int(np.abs(result["servicer.panel_angle"][:, 0]).argmax())
     angles = result["servicer.panel_angle"][k, :2]
     slides = result["servicer.slosh_displacement"][k, :2]

@@ -13,9 +13,9 @@ import pytest
 import zarr
 
 from harness import campaign, compare, read, worst
+from harness.api import write_page
 from harness.cli.app import main
 from harness.errors import ResultsError
-from harness.report.html import write
 from harness.results.files import ResultFile
 from harness.results.requirements import findings
 from harness.studies.campaign.summary import rank_correlation
@@ -34,7 +34,7 @@ def compared(tmp_path_factory):
         set={"servicer.t_att": 25},
         stop=40.0,
     )
-    page = write(folder, folder / "report.html")
+    page = write_page(folder, folder / "report.html")
     return folder, Page(page.read_text(encoding="utf-8"))
 
 
@@ -52,7 +52,7 @@ def simulated(tmp_path_factory):
         "record": {"bands": ["guidance.range"]},
     }
     found = campaign(definition, path, workers=0)
-    return found, Page(write(path, path.parent / "c.html").read_text(encoding="utf-8"))
+    return found, Page(write_page(path, path.parent / "c.html").read_text(encoding="utf-8"))
 
 
 # ---- comparison
@@ -178,7 +178,7 @@ def test_a_run_that_ended_early_is_named_at_the_top(compared, tmp_path):
     ended.unlink()
     ResultFile(ended).write_partial(short)
     (partial / "adaptive_controller_servicer.mass_0_95.nc").unlink()
-    page = Page(write(partial, tmp_path / "r.html").read_text(encoding="utf-8"))
+    page = Page(write_page(partial, tmp_path / "r.html").read_text(encoding="utf-8"))
     reported = " ".join(page.alerts)
     assert "pid_controller, servicer.mass_0=95. target.q_TN: is not a number" in reported
     assert "adaptive_controller, servicer.mass_0=95. there is no results file" in reported
@@ -255,7 +255,7 @@ def test_runs_to_come_and_failed_runs_are_reported(simulated, tmp_path):
     group["status"][3:7] = 0
     group["status"][9] = 2
     group["message"][9] = "servicer: mass is not positive"
-    page = Page(write(path, tmp_path / "p.html").read_text(encoding="utf-8"))
+    page = Page(write_page(path, tmp_path / "p.html").read_text(encoding="utf-8"))
     assert " ".join(page.alerts) == "Incomplete campaign. 4 runs have not completed."
     assert "run 9: servicer: mass is not positive" in page.text
 
@@ -271,11 +271,11 @@ def test_other_folders_and_damaged_tables_are_reported_in_one_line(tmp_path, cap
     assert capsys.readouterr().err.count("\n") == 1
     (tmp_path / "comparison.csv").write_text("run,range [m]\na,1\n")
     with pytest.raises(ResultsError, match="contains none of the results"):
-        write(tmp_path, tmp_path / "r.html")
+        write_page(tmp_path, tmp_path / "r.html")
     (tmp_path / "c.zarr").mkdir()
     (tmp_path / "c.zarr" / "zarr.json").write_text("{}")
     with pytest.raises(ResultsError, match="is not the dataset of a campaign"):
-        write(tmp_path / "c.zarr", tmp_path / "r.html")
+        write_page(tmp_path / "c.zarr", tmp_path / "r.html")
 
 
 def test_the_worst_run_of_a_search_is_beside_the_nominal_one(tmp_path):
@@ -287,7 +287,7 @@ def test_the_worst_run_of_a_search_is_beside_the_nominal_one(tmp_path):
         "worst": {"of": "distance", "runs": 12},
     }
     study = worst(definition, tmp_path / "w.zarr", workers=0)
-    page = Page(write(study.path, tmp_path / "w.html").read_text(encoding="utf-8"))
+    page = Page(write_page(study.path, tmp_path / "w.html").read_text(encoding="utf-8"))
     assert page.data["runs"] == ["nominal", "worst distance"]
     assert [b["name"] for b in page.data["scene"]["bodies"]] == [*page.data["runs"], "target"]
     (plot, *_) = page.figures()["compared_range"]
@@ -299,6 +299,6 @@ def test_the_worst_run_of_a_search_is_beside_the_nominal_one(tmp_path):
     assert {"beside", "replay"} <= page.ids
     (tmp_path / "w_worst" / "distance.nc").unlink()
     (tmp_path / "w_worst" / "nominal.nc").unlink()
-    bare = Page(write(study.path, tmp_path / "bare.html").read_text(encoding="utf-8"))
+    bare = Page(write_page(study.path, tmp_path / "bare.html").read_text(encoding="utf-8"))
     assert bare.data["scene"] is None
     assert "beside" not in bare.ids

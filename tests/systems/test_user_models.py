@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from harness import run
+from harness.api import write_page
 from harness.cli import main
 from harness.errors import UsageError
 from harness.mission import library
 from harness.report import models
-from harness.report.html import write
 from tests.harness.report_page import Page
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype="<f4")
@@ -78,7 +78,7 @@ def mine(tmp_path):
 
 
 def page_of(result, path):
-    return Page(write(result, path).read_text(encoding="utf-8"))
+    return Page(write_page(result, path).read_text(encoding="utf-8"))
 
 
 def test_a_model_is_where_the_body_was(mine, tmp_path):
@@ -152,7 +152,7 @@ def test_a_model_too_large_for_a_page_is_rejected_with_its_number(mine, tmp_path
     (mine / "sat.glb").write_bytes(glb(faces=many))
     result = run(mine, stop=1.0)
     with pytest.raises(UsageError, match=f"target: {count} triangles, at most {models.MOST} fit"):
-        write(result, tmp_path / "x.html")
+        write_page(result, tmp_path / "x.html")
 
 
 def test_a_model_of_what_the_replay_does_not_show_is_rejected(mine, tmp_path):
@@ -161,4 +161,4 @@ def test_a_model_of_what_the_replay_does_not_show_is_rejected(mine, tmp_path):
     with pytest.raises(
         UsageError, match="guidance: the replay has no such body; its bodies are servicer"
     ):
-        write(run(mine, stop=1.0), tmp_path / "x.html")
+        write_page(run(mine, stop=1.0), tmp_path / "x.html")

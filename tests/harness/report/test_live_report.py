@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from harness import load, run
+from harness.api import write_page
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.figures.plots import paint
 from harness.files import paths
@@ -21,7 +22,6 @@ from harness.mission.figure import Curve, Figure, Panel
 from harness.report import live
 from harness.report import run as report
 from harness.report.arrays import Arrays, Canvas
-from harness.report.html import write
 from harness.report.plots import PAGE, painted
 from harness.results.evaluation import history
 from harness.results.program import Program
@@ -191,7 +191,7 @@ def test_without_the_compiler_one_line_states_how_to_get_it(monkeypatch, tmp_pat
         fused.importlib.util, "find_spec", lambda n: None if n == fused.LIBRARY else there(n)
     )
     with pytest.raises(HarnessError, match=r"needs ziglang: pip install 'servicing-fmus\[live\]'"):
-        write(result, tmp_path / "page.html", live=True)
+        write_page(result, tmp_path / "page.html", live=True)
     assert not (tmp_path / "page.html").exists()
 
 
@@ -200,4 +200,4 @@ def test_a_result_without_its_system_has_no_page_that_runs(tmp_path):
 
     result = replace(run("space_robot", stop=2.0), provenance=None)
     with pytest.raises(UsageError, match="does not name its system"):
-        write(result, tmp_path / "page.html", live=True)
+        write_page(result, tmp_path / "page.html", live=True)
