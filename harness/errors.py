@@ -21,6 +21,8 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterable
 from importlib import import_module
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
 from typing import Any
 
 
@@ -140,6 +142,8 @@ EXTRAS = {
     "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),
     "python": ("pythonfmu",),
     "learn": ("gymnasium",),
+    "live": ("ziglang",),
+    "verify": ("cma", "threadpoolctl"),
 }
 """Extras of this package and the libraries that each brings."""
 HOMES = {"erfa": "pyerfa"}
@@ -152,6 +156,15 @@ def library(name: str, extra: str) -> Any:
         return import_module(name)
     except ImportError as error:
         raise HarnessError(_needed(name.partition(".")[0], extra)) from error
+
+
+def installed(name: str, extra: str) -> ModuleSpec:
+    """Return where a module of an extra is, without importing it; raise HarnessError if it is not
+    installed.
+    """
+    if (found := find_spec(name)) is None:
+        raise HarnessError(_needed(name, extra))
+    return found
 
 
 _MEMORY = "memory", "RLIMIT_AS", "ulimit -v", 1024

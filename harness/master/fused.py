@@ -10,7 +10,6 @@ core/build/web_module.py compiles the module.
 from __future__ import annotations
 
 import ctypes
-import importlib.util
 import json
 import logging
 import re
@@ -26,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import FmuError, HarnessError
+from harness.errors import FmuError, HarnessError, installed
 from harness.files import adapter, cache, paths
 from harness.files.machine import has_avx2
 from harness.files.output import PrivateFolder
@@ -190,20 +189,12 @@ class Module(NamedTuple):
     outputs: dict[str, int]
 
 
-def web_compiler() -> list[str]:
-    """Return the command of the compiler; raise HarnessError naming the extra if it is missing."""
-    if importlib.util.find_spec(LIBRARY) is None:
-        raise HarnessError(
-            f"a live page needs {LIBRARY}: pip install 'servicing-fmus[live]' (or {LIBRARY})"
-        )
-    return [*ZIG, "cc"]
-
-
 def module_of(system: System, found: Checked) -> Module:
     """Return the module of a checked system; raise HarnessError without a compiler, or if the
     system cannot be one FMU (NotFusedError: str() is the reason).
     """
-    web = web_compiler()
+    installed(LIBRARY, "live")
+    web = [*ZIG, "cc"]
     native = COMPILER if shutil.which(COMPILER) else shlex.join(web)
     whole = Whole(system, found.graph, native)
     core, fmu = _core(), whole.interface.path

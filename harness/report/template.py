@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-import importlib.util
 import json
 import re
 from datetime import UTC, datetime
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from harness import __version__
-from harness.errors import HarnessError, library
+from harness.errors import installed, library
 from harness.report.arrays import Canvas
 
 SCRIPTS = {"plotly": "package_data/plotly.min.js", "k3d": "static/standalone.js"}
@@ -50,13 +49,8 @@ def _script(name: str) -> tuple[str, str]:
     """Return the script of a library, compressed and in base64, and its source for the policy;
     HarnessError naming the extra if the library is not there.
     """
-    found = importlib.util.find_spec(name)
-    file = Path(found.origin).parent / SCRIPTS[name] if found and found.origin else None
-    if file is None or not file.is_file():
-        raise HarnessError(
-            f"a report needs {name}: pip install 'servicing-fmus[report]' (or {name})"
-        )
-    text = FONTS.sub(b"", file.read_bytes())
+    package = Path(installed(name, "report").origin or "").parent
+    text = FONTS.sub(b"", (package / SCRIPTS[name]).read_bytes())
     return base64.b64encode(gzip.compress(text, 4, mtime=0)).decode(), _source(text)
 
 

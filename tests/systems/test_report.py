@@ -634,8 +634,10 @@ def test_corrupt_and_missing_files_are_reported_in_one_line(tmp_path, capsys):
 def test_a_missing_library_names_the_extra(monkeypatch):
     template._script.cache_clear()
     monkeypatch.setitem(sys.modules, "k3d", None)
-    monkeypatch.setattr(template.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(HarnessError, match=r"needs plotly: pip install 'servicing-fmus\[report\]'"):
+    monkeypatch.setattr("harness.errors.find_spec", lambda name: None)
+    with pytest.raises(
+        HarnessError, match=r"library plotly: pip install 'servicing-fmus\[report\]'"
+    ):
         template._script("plotly")
     template._script.cache_clear()
 

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import UsageError
+from harness.errors import UsageError, installed
 from harness.studies.analyses.evaluator import Evaluator
 from harness.studies.analyses.study import Study, Tune, begun, entries, where
-from harness.studies.analyses.worst import generation, needs_cma, search
+from harness.studies.analyses.worst import generation, search
 from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import PENDING
@@ -113,7 +113,7 @@ def tune(definition: Any, output: str | Path, **how: Any) -> Study:
     definition: path of a campaign TOML with a table [tune], or the table itself; output: OUT.zarr;
     how: as for sensitivity(). Raises UsageError, StructureError.
     """
-    needs_cma()
+    installed("cma", "verify")
     table = table_of(definition)
     entry = entries(Tune, table)
     if not entry.gains:

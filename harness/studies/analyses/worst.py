@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterable
 from contextlib import closing
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, InterruptionError, UsageError
+from harness.errors import HarnessError, InterruptionError, UsageError, installed
 from harness.results.files import save
 from harness.results.requirements import margin
 from harness.studies.analyses.driver import Driver
@@ -45,15 +44,6 @@ class Found(NamedTuple):
     margin: float
     place: int
     first: int
-
-
-def needs_cma() -> None:
-    """Raise UsageError if a package is missing."""
-    for name in ("cma", "threadpoolctl"):
-        if find_spec(name) is None:
-            raise UsageError(
-                f"worst and tune need the package {name}: pip install 'servicing-fmus[verify]'"
-            )
 
 
 def generation(d: int) -> int:
@@ -128,7 +118,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     the worst runs and the nominal one are repeated with all rows into OUT_worst/NAME.nc; how: as
     for sensitivity(). Raises UsageError, StructureError.
     """
-    needs_cma()
+    installed("cma", "verify")
     entry, evaluator = prepared(Worst, definition, how)
     of = evaluator.columns(entry.of, slope=True)
     each, least = entry.runs // entry.searches, generation(evaluator.d)

@@ -188,9 +188,11 @@ def test_without_the_compiler_one_line_states_how_to_get_it(monkeypatch, tmp_pat
     result = run("space_robot", stop=2.0)
     there = importlib.util.find_spec
     monkeypatch.setattr(
-        fused.importlib.util, "find_spec", lambda n: None if n == fused.LIBRARY else there(n)
+        "harness.errors.find_spec", lambda n: None if n == fused.LIBRARY else there(n)
     )
-    with pytest.raises(HarnessError, match=r"needs ziglang: pip install 'servicing-fmus\[live\]'"):
+    with pytest.raises(
+        HarnessError, match=r"library ziglang: pip install 'servicing-fmus\[live\]'"
+    ):
         write_page(result, tmp_path / "page.html", live=True)
     assert not (tmp_path / "page.html").exists()
 

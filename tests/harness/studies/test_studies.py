@@ -16,7 +16,7 @@ from scipy import stats
 
 from harness import Evaluator, boundary, campaign, probability, read, run, sensitivity, tune, worst
 from harness.cli import main
-from harness.errors import InterruptionError, RunError, StructureError, UsageError
+from harness.errors import HarnessError, InterruptionError, RunError, StructureError, UsageError
 from harness.report.campaign import of_dataset
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
@@ -551,10 +551,10 @@ def test_a_flag_is_allowed_where_no_slope_is_needed(system, tmp_path):
 
 
 def test_without_cma_a_search_states_how_to_get_it(system, tmp_path, monkeypatch):
-    monkeypatch.setattr(searches, "find_spec", lambda name: None)
+    monkeypatch.setattr("harness.errors.find_spec", lambda name: None)
     entry = {"gains": {"twice.k": K}, "of": "small"}
     for study, given in ((worst, {"worst": {"of": "small"}}), (tune, {"tune": entry})):
-        with pytest.raises(UsageError, match=r"pip install 'servicing-fmus\[verify\]'"):
+        with pytest.raises(HarnessError, match=r"pip install 'servicing-fmus\[verify\]'"):
             study(table(system) | given, tmp_path / "x.zarr", workers=0)
 
 
