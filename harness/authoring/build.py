@@ -76,9 +76,12 @@ def compiler_command(compiler: str) -> tuple[Path, list[str]]:
     """Return the folder of the C code that FMUs share, and the command of a compiler; raise
     UsageError if one of them is missing.
     """
-    core, command = paths.core(), _command(compiler)
-    if core is None:
+    if (core := paths.core()) is None:
         raise UsageError("the C sources of the project are missing: reinstall servicing-fmus")
+    try:
+        command = shlex.split(compiler, posix=os.name == "posix")
+    except ValueError as error:
+        raise UsageError(f"--cc {compiler}: is not a command ({error})") from error
     if not command or shutil.which(command[0]) is None:
         raise UsageError(
             f"{' '.join(command) or '(nothing)'}: there is no such C compiler; install gcc or "
@@ -92,13 +95,6 @@ def _build_c(source: Path, output: Path, compiler: str, fmi: int) -> None:
     helper = [sys.executable, str(core / "build" / "build_fmu.py")]
     options = ["-o", str(output), f"--cc={shlex.join(command)}", f"--fmi={fmi}"]
     _run([*helper, str(source), *options, *adapter.options(command, fmi)], source)
-
-
-def _command(compiler: str) -> list[str]:
-    try:
-        return shlex.split(compiler, posix=os.name == "posix")
-    except ValueError as error:
-        raise UsageError(f"--cc {compiler}: is not a command ({error})") from error
 
 
 def _build_python(source: Path, folder: Path) -> Path:

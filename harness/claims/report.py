@@ -19,7 +19,7 @@ from harness.mission.fields import several
 from harness.mission.library import missing, notes_of, of_result
 from harness.results.requirements import findings
 from harness.results.result import Result
-from harness.results.verdict import OPEN, Kind, Outcome, Verdict, missed
+from harness.results.verdict import OPEN, Kind, Outcome, Verdict
 from harness.spelling import columns
 
 WIDTH = 120
@@ -39,19 +39,10 @@ class Line(NamedTuple):
     start: str = ""
 
 
-def report(result: Result, width: int = WIDTH) -> tuple[str, bool]:
-    """Return run settings, notes, requirements and claims of a result, and whether the run is
-    complete and every claim could be evaluated.
-
-    width: of the text. "Not reproduced" is a verdict, not a failure. Raises ResultsError if no
-    paper belongs to a result without requirements.
-    """
-    text = "\n".join(line.text for line in lines(result, width))
-    return text, result.complete and not missed(outcomes(result))
-
-
 def lines(result: Result, width: int = WIDTH) -> Iterator[Line]:
-    """Yield the lines of the report, each at most `width` characters wide."""
+    """Yield the report, each line at most `width` characters wide: settings of the run, notes,
+    requirements, claims. Raises ResultsError if no paper belongs to a result without requirements.
+    """
     for text, verdict, start in _paragraphs(result):
         wrapped = textwrap.wrap(
             text, width, initial_indent=start, subsequent_indent=" " * len(start)

@@ -59,6 +59,11 @@ def layout(*types: tuple[Any, str]) -> list[tuple[str, Any]]:
     return [(name, kind) for kind, names in types for name in names.split()]
 
 
+def address(function: Any) -> int | None:
+    """Return the address of a function of a library."""
+    return ctypes.cast(function, ctypes.c_void_p).value
+
+
 class Library(ctypes.CDLL):
     """Library of an FMU with typed functions."""
 

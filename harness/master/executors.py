@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.files.paths import built
-from harness.master.calls import OK, WARNING, layout
+from harness.master.calls import OK, WARNING, address, layout
 from harness.master.fmu import Instance
 from harness.master.recorder import Recorder
 from harness.master.transfer import Transfer
@@ -193,19 +193,15 @@ def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
     kinds = _KINDS[instance.node.interface.fmi][action.verb]
     period = action.every, action.phase, instance.no_rollback
     if transfer is None:
-        step = {"function": _address(instance.calls.do_step), "component": instance.calls.handle}
+        step = {"function": address(instance.calls.do_step), "component": instance.calls.handle}
         return _Call(kinds[0], *period, **step)
     t = transfer
     kind = kinds[(0 if t.plain else 2) if t.real else 1]
     sizes = len(t.references), len(t.pieces), len(t.names), len(t.values)
     places = (t.slots.ctypes.data, t.at.ctypes.data, ctypes.addressof(t.pieces))
     values = ctypes.addressof(t.values), t.factors.ctypes.data, t.offsets.ctypes.data
-    called = _address(t.function), t.handle, ctypes.addressof(t.references)
+    called = address(t.function), t.handle, ctypes.addressof(t.references)
     return _Call(kind, *period, t.type, instance.ours, *sizes, *called, *places, *values)
-
-
-def _address(function: Any) -> int | None:
-    return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def library() -> Any:

@@ -18,7 +18,7 @@ from harness.errors import FmuError, UsageError
 from harness.files.archive import unpack
 from harness.files.output import PrivateFolder
 from harness.files.paths import built
-from harness.master.calls import layout
+from harness.master.calls import address, layout
 from harness.remote.firmware import functions, software
 from harness.system.interface import binaries, binary_problem, read_interface
 
@@ -91,7 +91,7 @@ class Board:
         self._fmu = ctypes.CDLL(str(path))
         self._serve = ctypes.CDLL(str(place)).serve
         about = fmu.stem.encode(), interface.model.guid.encode(), len(interface.variables)
-        members = {member: _address(self._fmu, f) for member, f in functions(interface).items()}
+        members = {m: address(getattr(self._fmu, f)) for m, f in functions(interface).items()}
         self._software = _Software(*about, **members)
         self._slot = _Slot()
 
@@ -129,10 +129,6 @@ class Board:
         self._serve(ctypes.byref(board))
         if failures:
             raise failures[0]
-
-
-def _address(library: ctypes.CDLL, function: str) -> int | None:
-    return ctypes.cast(getattr(library, function), ctypes.c_void_p).value
 
 
 @contextmanager

@@ -177,14 +177,8 @@ def _linked(parts: Sequence[Part], processor: Processor, folder: Path) -> Path:
     board = [*(link_sources() / name for name in BOARD), folder / "components.c"]
     elf = folder / "firmware.elf"
     include = [f"-I{link_sources()}", HEADERS]
-    link = [
-        LIBRARY,
-        *_memory(processor),
-        "--oslib=semihost",
-        "--crt0=semihost",
-        "-Wl,--gc-sections",
-    ]
-    out = [f"-Wl,-Map={elf.with_suffix('.map')}", "-lm", "-o", elf]
+    link = [LIBRARY, *_memory(processor), "--oslib=semihost", "--crt0=semihost"]
+    out = ["-Wl,--gc-sections", f"-Wl,-Map={elf.with_suffix('.map')}", "-lm", "-o", elf]
     command = [*_compiler(processor), *include, *board, *objects, *link, *out]
     _run(command, f"the firmware for {processor.name} cannot be linked")
     return elf

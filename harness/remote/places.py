@@ -155,14 +155,8 @@ def on_processor(
     """
     firmware = _firmware(parts, processor)
     word = hashlib.sha256(firmware + group.encode()).hexdigest()[:16] if group else ""
-    emulator = (
-        *processor.emulator,
-        *QUIET,
-        "-semihosting-config",
-        PIPES,
-        "-kernel",
-        "@/firmware.elf",
-    )
+    firmware_options = ("-semihosting-config", PIPES, "-kernel", "@/firmware.elf")
+    emulator = (*processor.emulator, *QUIET, *firmware_options)
     made = []
     for slot, part in enumerate(parts):
         lines = [("via", "emulator"), ("target", processor.name), ("slot", str(slot))]

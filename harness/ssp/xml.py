@@ -70,14 +70,8 @@ NOT_SUPPORTED = tuple(
 """Elements that a run cannot take into account; a file with one of them is rejected."""
 
 OPTIONAL = (
-    "startElement",
-    "endElement",
-    "source",
-    "type",
-    "sourceBase",
-    "implementation",
-    "unit",
-    "prefix",
+    *("startElement", "endElement", "source", "sourceBase"),
+    *("type", "implementation", "unit", "prefix"),
 )
 """Attributes that are ignored when they are empty."""
 

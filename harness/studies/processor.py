@@ -108,7 +108,9 @@ def _compared(
     """
     place = f"{processor.name}?timeout={PATIENCE:g}"
     moved = apply(system, on=dict.fromkeys(components, place))
-    key = b"\0".join([_mark(system), _mark(moved), _version(processor.emulator[0])])
+    command = [processor.emulator[0], "--version"]
+    version = subprocess.run(command, capture_output=True, check=True).stdout
+    key = b"\0".join([_mark(system), _mark(moved), version])
 
     def make(path: Path) -> None:
         result, costs = _costed_run(moved, components)
@@ -142,10 +144,6 @@ def _mark(system: System) -> bytes:
     parts = tuple(replace(c, fmu=Path(c.fmu.name)) for c in system.components)
     text = repr(replace(system, components=parts, declared={}, origin=Origin()))
     return b"\0".join([text.encode(), *files])
-
-
-def _version(program: str) -> bytes:
-    return subprocess.run([program, "--version"], capture_output=True, check=True).stdout
 
 
 def digest(fmu: Path) -> str:

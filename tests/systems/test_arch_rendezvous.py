@@ -16,11 +16,11 @@ from scipy.stats import qmc
 
 from harness import campaign as campaign_of
 from harness import run
-from harness.claims.report import report
 from harness.mission import Verdict
 from harness.mission.library import campaigns
 from harness.system.tables import read_toml
 from ssp.arch_rendezvous.claims import PAPERS
+from tests.reported import report
 
 from ..reference import rendezvous as spre
 from ..reference.rendezvous import INSTANCES, NEVER, START

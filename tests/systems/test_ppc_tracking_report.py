@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.claims.report import report
 from harness.errors import ResultsError
 from harness.mission import Verdict
 from tests.missions import PAPERS
+from tests.reported import report
 
 from .ppc_recordings import recording
 

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.claims.report import report
 from harness.cli.app import main
 from harness.mission import Verdict
 from harness.results.files import ResultFile
 from ssp.relay_approach.claims import PAPER as KOZLOVA_FOMICHEV_2023
 from tests.each import each
+from tests.reported import report
 
 from .relay_case import BRAKES, GEO, HOLD, MAIN, NEWTON, PAPER, SMALL, impulse, recording
 

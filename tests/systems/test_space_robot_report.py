@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from harness import run
-from harness.claims.report import report
 from harness.errors import ResultsError
 from harness.mission import Verdict
 from ssp.space_robot import claims as guo_2014
 from ssp.space_robot import evaluations as guo_metrics
 from tests.missions import PAPERS
+from tests.reported import report
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants
 

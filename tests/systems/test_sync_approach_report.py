@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.claims.report import report
 from harness.cli.app import main
 from harness.errors import ResultsError
 from harness.mission import Verdict
@@ -18,6 +17,7 @@ from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
 from tests.each import each
+from tests.reported import report
 
 from .sync_case import PAPER, recording
 

@@ -11,10 +11,11 @@ from functools import cache
 import pytest
 
 from harness import run
-from harness.claims.report import CELLS, WIDTH, lines, report
+from harness.claims.report import CELLS, WIDTH, lines
 from harness.cli.app import main
 from harness.results.files import ResultFile
 from harness.results.verdict import Kind, Verdict
+from tests.reported import report
 
 VERDICTS = {Kind.CLAIM.word(verdict) for verdict in Verdict}
 ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
