@@ -113,6 +113,18 @@ def is_number(text: str) -> bool:
     return True
 
 
+def pieces(text: str) -> list[str]:
+    """Return the parts of a text between commas outside brackets."""
+    found, depth = [""], 0
+    for character in text:
+        depth += (character == "[") - (character == "]")
+        if character == "," and depth == 0:
+            found.append("")
+        else:
+            found[-1] += character
+    return [piece.strip() for piece in found]
+
+
 def columns(rows: Iterable[Sequence[str]]) -> list[str]:
     """Return the lines of a table as text, every column as wide as its longest cell."""
     cells = list(rows)

@@ -6,7 +6,6 @@ validate`.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -33,7 +32,7 @@ from harness.cli.options import (
 from harness.errors import UsageError
 from harness.files import cache, paths
 from harness.files.checksums import sha256
-from harness.spelling import file_stem, printable
+from harness.spelling import file_stem, pieces, printable
 
 
 @command("list")
@@ -249,7 +248,7 @@ def plot_command(
     from harness.report.campaign import pictures
     from harness.results.files import read
 
-    names = [n.strip() for n in re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")]
+    names = list(filter(None, pieces(variables or "")))
     _use(mission)
     ending, style = drawing.how()
     if file.is_dir():

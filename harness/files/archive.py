@@ -29,7 +29,7 @@ XmlElement = Any
 """lxml has no types."""
 
 MAX_UNPACKED = 2 * 1024**3
-"""Largest sum of unpacked sizes of one archive, and of all archives of one run [bytes]."""
+"""Largest sum of unpacked sizes of one archive, and of the FMUs of one run [bytes]."""
 
 MAX_FILES = 100_000
 """Largest number of files in one archive."""
@@ -68,12 +68,12 @@ def unpack(
             raise ArchiveError(f"{path}: {reason}") from error
 
 
-def inspect(path: Path, limit: int = MAX_UNPACKED) -> tuple[str, ...]:
+def inspect(path: Path) -> tuple[str, ...]:
     """Return the names of all files of an archive that unpack() accepts; raise ArchiveError if it
     does not.
     """
     with _opened(path, "unpacked") as archive:
-        _reject_unsafe(path, archive.infolist(), limit)
+        _reject_unsafe(path, archive.infolist(), MAX_UNPACKED)
         return tuple(entry.filename for entry in archive.infolist() if not entry.is_dir())
 
 

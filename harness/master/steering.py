@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.master.executors import library
 from harness.master.fmu import Instance
-from harness.spelling import did_you_mean
 from harness.system.graph import Graph
 from harness.system.model import Port
 from harness.system.schedule import Action, Verb, schedule
-from harness.system.values import Variable, elements_of, grid, index, with_arrays
-from harness.system.wiring import split
+from harness.system.values import grid, index
+from harness.system.wiring import ports
 
 
 def steered(
@@ -66,6 +65,7 @@ class Ports:
         self._bus, self._open = bus, names
         self._instances = {instance.name: instance for instance in instances}
         self._nodes = {node.component.name: node for node in graph.nodes}
+        self._interfaces = {name: node.interface for name, node in self._nodes.items()}
         self._slots = {slot.name: i for i, slot in enumerate(graph.slots)}
 
     def view(self, name: str) -> NDArray[Any]:
@@ -102,34 +102,24 @@ class Ports:
         given = np.asarray(value, dtype=np.float64)
         if given.shape not in ((), shape := _shape(elements)):
             raise UsageError(f"{name}: expected shape {shape}, got {given.shape}")
-        if component in self._open and elements[0] in self._interface(component).outputs():
+        if component in self._open and elements[0] in self._interfaces[component].outputs():
             self.view(name)[...] = given
             return
         wired = {w.variable.name for w in self._nodes[component].inputs}
-        variables = self._interface(component).named("input")
+        variables = self._interfaces[component].named("input")
         if not set(elements) <= variables.keys() - wired:
             hint = f"open=[{component!r}]" if elements[0] not in variables else "its source"
             raise UsageError(f"{name}: is neither open nor an unconnected input; set {hint}")
         chosen = [variables[e] for e in elements]
         self._instances[component].put(chosen, np.broadcast_to(given, shape).ravel(), time)
 
-    def _interface(self, component: str) -> Any:
-        return self._nodes[component].interface
-
     def _elements(self, name: str, *causalities: str) -> tuple[str, list[str]]:
         """Return component and scalar variables of a name; raise UsageError."""
         try:
-            component, variable = split(name, self._nodes)
+            found = ports(self._interfaces, name, *causalities)
         except ValueError as error:
             raise UsageError(str(error)) from None
-        known: dict[str, Variable] = {}
-        for causality in causalities:
-            known |= self._interface(component).named(causality)
-        if not (elements := elements_of(variable, known)):
-            words = " or ".join(causalities)
-            close = did_you_mean(variable, with_arrays(known))
-            raise UsageError(f"{name}: there is no such {words}{close}")
-        return component, elements
+        return found[0].component, [port.variable for port in found]
 
 
 def _shape(elements: Sequence[str]) -> tuple[int, ...]:

@@ -9,18 +9,17 @@ parameters, tables that transform signals.
 from __future__ import annotations
 
 import logging
-from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
 from lxml import etree
 
-from harness.errors import ArchiveError, StructureError
+from harness.errors import StructureError
 from harness.files import cache
-from harness.files.archive import MAX_UNPACKED, XmlElement, unpack, unpacked_size
+from harness.files.archive import XmlElement, unpack
 from harness.files.output import PrivateFolder
 from harness.files.paths import is_file
 from harness.ssp import xml
@@ -84,21 +83,7 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
         for note in notes:
             _log.warning("%s", note)
-        problems = (*problems, *_size_problems(path, system))
         yield system, tuple(f"{path.name}: {problem}" for problem in problems)
-
-
-def _size_problems(path: Path, system: System) -> Iterator[str]:
-    """Yield the problem if the .ssp and the FMUs of all its components together exceed the limit of
-    archive.py.
-    """
-    size = unpacked_size(path)
-    for fmu, count in Counter(c.fmu for c in system.components).items():
-        with suppress(ArchiveError):  # reported where the FMU is read
-            size += count * unpacked_size(fmu)
-    if size > MAX_UNPACKED:
-        limit = f"more than the limit of {MAX_UNPACKED}"
-        yield f"with the FMUs of all components the archive would unpack to {size} bytes, {limit}"
 
 
 def _of_folder(folder: Path) -> Reading:

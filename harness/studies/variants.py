@@ -15,7 +15,7 @@ from pathlib import Path
 
 from harness.errors import UsageError
 from harness.master.changes import Changes, joined, no_port, pairs, unmapped
-from harness.spelling import is_number
+from harness.spelling import is_number, pieces
 from harness.studies.campaign.factors import Factor
 from harness.studies.campaign.plan import changes_of, kind_of, option_of
 
@@ -69,7 +69,7 @@ def _factor(option: str, text: str) -> Factor:
     name, given = next(pairs(shown, [text])) if named else ("", text)
     if option == "set" and kind_of(name):
         raise UsageError(f"{shown} {text}: expected component.parameter")
-    texts = _pieces(given)
+    texts = pieces(given)
     if option == "set":
         texts = [value for each in texts for value in _range(each, f"{shown} {name}={each}")]
     for value, times in Counter(texts).items():
@@ -77,18 +77,6 @@ def _factor(option: str, text: str) -> Factor:
             wrong = f"{value} is given twice" if value else "a value is missing"
             raise UsageError(f"{shown} {text}: {wrong}")
     return Factor(name if option == "set" else ".".join(filter(None, (option, name))), tuple(texts))
-
-
-def _pieces(text: str) -> list[str]:
-    """Return the parts of a text between commas outside brackets."""
-    pieces, depth = [""], 0
-    for character in text:
-        depth += (character == "[") - (character == "]")
-        if character == "," and depth == 0:
-            pieces.append("")
-        else:
-            pieces[-1] += character
-    return [piece.strip() for piece in pieces]
 
 
 def _given(factor: str) -> str:

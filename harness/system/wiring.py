@@ -5,6 +5,7 @@ output of its name.
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
@@ -87,15 +88,16 @@ def ambiguous(sources: Sequence[Port]) -> str:
     return f"ambiguous, {owners} have an output of this name"
 
 
-def ports(interfaces: Interfaces, name: str, causality: str) -> list[Port]:
-    """Return the scalar ports that `component.variable` represents; raise ValueError with close
-    matches if there are none.
+def ports(interfaces: Interfaces, name: str, *causalities: str) -> list[Port]:
+    """Return the scalar ports of these causalities that `component.variable` represents; raise
+    ValueError with close matches if there are none.
     """
     component, variable = split(name, interfaces)
-    known = interfaces[component].named(causality)
+    first, *others = map(interfaces[component].named, causalities)
+    known = ChainMap(dict(first), *map(dict, others)) if others else first  # no copy of one
     if not (elements := elements_of(variable, known)):
         close = did_you_mean(variable, with_arrays(known))
-        raise ValueError(f"{name}: there is no such {causality}{close}")
+        raise ValueError(f"{name}: there is no such {' or '.join(causalities)}{close}")
     return [Port(component, element) for element in elements]
 
 
