@@ -4,12 +4,10 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.errors import ResultsError, UsageError
+from harness.errors import UsageError
 
 J2000 = np.datetime64("2000-01-01T12:00:00", "ns")
 FIRST, LAST = 1678, 2261
@@ -57,26 +55,3 @@ def epoch_of(text: str) -> np.datetime64:
         return moment(text)
     except ValueError as error:
         raise UsageError(f"--epoch {text}: {error}") from error
-
-
-def after(start: np.datetime64, seconds: NDArray[np.float64]) -> NDArray[np.datetime64]:
-    """Return the instants `seconds` after `start`; raise ResultsError outside the range of 64-bit
-    nanoseconds.
-    """
-    begin, end = (np.datetime64(f"{year}-01-01", "s") for year in (FIRST, LAST + 1))
-    here = start.astype("datetime64[s]")
-    least, most = ((limit - here).astype(np.float64) for limit in (begin, end))
-    if not ((seconds >= least) & (seconds < min(most, 9e9))).all():  # 64 bits of nanoseconds
-        raise ResultsError(
-            f"times of the result, from {here} on, leave the range of years {FIRST} to {LAST}"
-        )
-    return np.asarray(start + np.round(seconds * 1e9).astype("timedelta64[ns]"))
-
-
-def days_since_j2000(instants: Any) -> Any:
-    """Return days of 86 400 s since J2000 as arguments of erfa and SGP4. The difference of two
-    instants in nanoseconds may exceed 64 bits.
-    """
-    days = instants.astype("datetime64[D]")
-    part = (instants - days.astype("datetime64[ns]")) / np.timedelta64(1, "D")
-    return (days - J2000.astype("datetime64[D]")) / np.timedelta64(1, "D") + (part - 0.5)

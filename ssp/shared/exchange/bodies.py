@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError, ResultsError, UsageError, library
 from harness.results.result import Array, Result
 from harness.spelling import did_you_mean
-from harness.system.instants import after, days_since_j2000, epoch_of
+from harness.system.instants import FIRST, J2000, LAST, epoch_of
 
 EARTH_RADIUS = 6.3e6
 """Least distance of an orbit about the Earth from N [m]."""
@@ -102,7 +102,24 @@ def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
     """Return the UTC of every row, to the nanosecond; raise UsageError if the epoch is no date,
     ResultsError if a time is outside the range of years.
     """
-    return after(epoch_of(epoch), result.time)
+    start, seconds = epoch_of(epoch), result.time
+    begin, end = (np.datetime64(f"{year}-01-01", "s") for year in (FIRST, LAST + 1))
+    here = start.astype("datetime64[s]")
+    least, most = ((limit - here).astype(np.float64) for limit in (begin, end))
+    if not ((seconds >= least) & (seconds < min(most, 9e9))).all():  # 64 bits of nanoseconds
+        raise ResultsError(
+            f"times of the result, from {here} on, leave the range of years {FIRST} to {LAST}"
+        )
+    return np.asarray(start + np.round(seconds * 1e9).astype("timedelta64[ns]"))
+
+
+def days_since_j2000(instants: Any) -> Any:
+    """Return days of 86 400 s since J2000 as arguments of erfa and SGP4. The difference of two
+    instants in nanoseconds may exceed 64 bits.
+    """
+    days = instants.astype("datetime64[D]")
+    part = (instants - days.astype("datetime64[ns]")) / np.timedelta64(1, "D")
+    return (days - J2000.astype("datetime64[D]")) / np.timedelta64(1, "D") + (part - 0.5)
 
 
 # ---- the Sun and the shadow of the Earth

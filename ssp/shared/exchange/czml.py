@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from harness.errors import library
 from harness.files.output import written
 from harness.results.result import Array, Result
-from harness.system.instants import days_since_j2000
 
-from .bodies import Bodies, Body, bodies, instants
+from .bodies import Bodies, Body, bodies, days_since_j2000, instants
 
 ROWS = 5000
 """Rows that Cesium interpolates between; more are thinned to this number."""

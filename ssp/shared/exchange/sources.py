@@ -25,8 +25,9 @@ from harness.errors import UsageError, library, reason_of
 from harness.files.output import PrivateFolder
 from harness.files.paths import contents
 from harness.results.result import Array
-from harness.system.instants import J2000, days_since_j2000, moment
+from harness.system.instants import J2000, moment
 
+from .bodies import days_since_j2000
 from .czml import earth
 
 SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")

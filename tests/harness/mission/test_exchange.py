@@ -31,9 +31,9 @@ from harness.report.run import notes
 from harness.results.requirements import log_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.system.instants import days_since_j2000, epoch_of
+from harness.system.instants import epoch_of
 from ssp.shared.conventions import BODIES
-from ssp.shared.exchange.bodies import AU, EARTH, SUN, shadow, sun_direction
+from ssp.shared.exchange.bodies import AU, EARTH, SUN, days_since_j2000, shadow, sun_direction
 from ssp.shared.exchange.ccsds import write_oem
 from ssp.shared.exchange.czml import ROWS, earth
 from ssp.shared.exchange.sources import source_of
