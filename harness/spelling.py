@@ -11,6 +11,7 @@ import unicodedata
 from bisect import bisect
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
+from typing import Any
 
 LONGEST = 100
 """Longest name that is compared: the time goes with the square of the length."""
@@ -111,6 +112,13 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def number(value: Any) -> str:
+    """Return a number, vector or matrix of numpy as text with six digits."""
+    if getattr(value, "ndim", 0):
+        return f"[{', '.join(map(number, value))}]"
+    return f"{value:.6g}"
 
 
 def pieces(text: str) -> list[str]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from harness.mission.claim import Row
 from harness.mission.library import everything
 from harness.results.provenance import Provenance, Slot, run_provenance
 from harness.results.result import Result
-from harness.spelling import columns, did_you_mean
+from harness.spelling import columns, did_you_mean, number
 from harness.ssp.library import load
 from harness.system.values import base
 
@@ -102,13 +101,7 @@ def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) 
         value, right = ours[name][0], wanted[name][0]
         if value.shape != right.shape or not np.allclose(value, right, ROUNDING, 0, equal_nan=True):
             unit = wanted.unit(name).removeprefix("1")
-            yield f"{name} {_as_text(value)} instead of {_as_text(right)} {unit}".rstrip()
-
-
-def _as_text(value: Any) -> str:
-    if np.ndim(value):
-        return f"[{', '.join(map(_as_text, value))}]"
-    return f"{value:.6g}"
+            yield f"{name} {number(value)} instead of {number(right)} {unit}".rstrip()
 
 
 def listed(texts: Sequence[str]) -> str:

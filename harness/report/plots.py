@@ -23,6 +23,7 @@ from harness.mission.figure import AXES, Phase, values_of
 from harness.mission.library import of_result
 from harness.report.arrays import Canvas
 from harness.results.result import Array, Result
+from harness.spelling import number
 from harness.system.values import base
 
 Plot = dict[str, Any]
@@ -254,14 +255,6 @@ def spans(values: Array) -> bool:
     if not finite.size or finite.min() <= 0:
         return False
     return bool(np.log10(finite.max()) - np.log10(finite.min()) > DECADES)
-
-
-def number(value: Any) -> str:
-    """Return a number, vector or matrix as text with six digits."""
-    array = np.asarray(value)
-    if array.ndim:
-        return f"[{', '.join(map(number, array))}]"
-    return f"{float(array):.6g}"
 
 
 # ---- a quantity against its rate, for every result that holds both

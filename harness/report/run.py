@@ -19,12 +19,13 @@ from harness.mission.exchange import remarks
 from harness.mission.figure import LARGEST
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.arrays import Arrays, Canvas, points_of
-from harness.report.plots import PAGE, Shown, number, painted, phases, sections, signals
+from harness.report.plots import PAGE, Shown, painted, phases, sections, signals
 from harness.report.template import render
 from harness.report.timeline import drawable_rows, replay
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Kind
+from harness.spelling import number
 from harness.ssp.library import load
 from harness.system.values import base
 

@@ -24,6 +24,7 @@ from harness.files.output import new_beside, written
 from harness.files.signals import held
 from harness.results.formats import comma_separated, matlab, netcdf, parquet, sound
 from harness.results.result import Result
+from harness.spelling import some
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 
@@ -83,8 +84,7 @@ class ResultFile:
             for variable in (*interface.outputs(), *interface.named("parameter"))
         )
         if bad := [name for name in names if not netcdf.fits(name)]:
-            more = f" and {len(bad) - 3} more" if len(bad) > 3 else ""
-            shown = ", ".join(repr(name[:80]) for name in bad[:3]) + more
+            shown = some([repr(name[:80]) for name in bad])
             raise ResultsError(
                 f"{self.path}: a .nc cannot store the names {shown}; choose .csv or .mat"
             )

@@ -244,13 +244,13 @@ def test_a_name_is_found_before_the_run_or_retained(tmp_path, monkeypatch, name,
         assert back[f"a.{name}"].tolist() == [1, 1]
 
 
-@pytest.mark.parametrize(("count", "rest"), [(3, ";"), (4, " and 1 more;"), (9, " and 6 more;")])
-def test_the_first_three_names_that_a_file_cannot_hold_are_shown(monkeypatch, count, rest):
+@pytest.mark.parametrize(("count", "rest"), [(5, ";"), (6, " and 1 more;"), (9, " and 4 more;")])
+def test_the_first_five_names_that_a_file_cannot_hold_are_shown(monkeypatch, count, rest):
     bad = [f"p/{k}" for k in range(count)]
     monkeypatch.setattr(files, "read_interfaces", lambda _: {"a": _Interface(("good", *bad))})
     with pytest.raises(ResultsError) as caught:
         ResultFile(Path("x.nc")).accept(None)
-    shown = "'a.p/0', 'a.p/1', 'a.p/2'"
+    shown = ", ".join(f"'a.p/{k}'" for k in range(5))
     assert str(caught.value).startswith(f"x.nc: a .nc cannot store the names {shown}{rest}")
 
 
