@@ -15,11 +15,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from harness.api import build as build
     from harness.api import compare as compare
     from harness.api import environment as environment
     from harness.api import linearize as linearize
     from harness.api import run as run
+    from harness.authoring.build import build as build
     from harness.authoring.export import export as export
     from harness.errors import HarnessError as HarnessError
     from harness.master.simulation import Simulation as Simulation
@@ -43,7 +43,7 @@ _HOMES = {
     "Result": "harness.results.result",
     "Simulation": "harness.master.simulation",
     "boundary": "harness.studies.analyses.boundary",
-    "build": "harness.api",
+    "build": "harness.authoring.build",
     "campaign": "harness.studies.campaign.campaign",
     "compare": "harness.api",
     "environment": "harness.api",

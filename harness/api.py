@@ -139,21 +139,6 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     )
 
 
-def build(
-    name: str | Path, output: str | Path | None = None, compiler: str = "cc", fmi: int = 2
-) -> Path:
-    """Build an FMU from a C or Python file, or from a policy, and return its path.
-
-    name: the file, or a folder NAME with NAME.c or NAME.py, or a policy .npz or .onnx; output:
-    default NAME.fmu beside the file; compiler: command for C with its arguments, quoted as in a
-    shell; fmi: version of FMI, 2 or 3 (3: not of a Python file). Raises UsageError if the file, the
-    compiler or a package is missing, and FmuError with the message of the compiler.
-    """
-    from harness.authoring import build as authoring
-
-    return authoring.build(name, output, compiler, fmi).path
-
-
 def environment(system: str | Path, **how: Any) -> Environment | Apart:
     """Return a system as an environment of Gymnasium: an agent in the place of components.
 

@@ -13,7 +13,6 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from harness.authoring import policy
@@ -21,7 +20,7 @@ from harness.errors import FmuError, UsageError
 from harness.files import adapter, paths
 from harness.files.archive import pack, parsed, read_all, serialized
 from harness.files.output import written
-from harness.system.interface import Interface, read_interface
+from harness.system.interface import read_interface
 
 ENDINGS = (".c", ".py", ".npz", ".onnx")
 DESCRIPTION = "modelDescription.xml"
@@ -29,8 +28,8 @@ DESCRIPTION = "modelDescription.xml"
 
 def build(
     name: str | Path, output: str | Path | None = None, compiler: str = "cc", fmi: int = 2
-) -> Interface:
-    """Build an FMU from a C or Python file, or from a policy, and return its interface.
+) -> Path:
+    """Build an FMU from a C or Python file, or from a policy, and return its path.
 
     name: the file, or a folder NAME with NAME.c or NAME.py, or a policy .npz or .onnx; output:
     default NAME.fmu beside the file; compiler: command for C with its arguments, quoted as in a
@@ -55,7 +54,8 @@ def build(
             made = _build_python(source, Path(folder))
         with written(target) as file:
             shutil.copyfile(made, file)
-    return replace(read_interface(target), path=target)
+    read_interface(target)  # a source may define an FMU that is not valid
+    return target
 
 
 def _source(path: Path) -> Path:

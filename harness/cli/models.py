@@ -82,6 +82,7 @@ def build_command(  # noqa: PLR0913, PLR0917 - one argument per option
     """Build an FMU from a C or Python file or a learned policy, or the C interface of FMUs."""
     from harness.authoring.build import build
     from harness.authoring.c_api import write_components
+    from harness.system.interface import read_interface
 
     if c_api:
         *fmus, folder = map(str, names)
@@ -91,9 +92,10 @@ def build_command(  # noqa: PLR0913, PLR0917 - one argument per option
         return
     if len(names) > 1 or place is not None:
         raise UsageError("build: expected one NAME_OR_FILE; several FMUs and --as need --c-api")
-    built = build(names[0], output, compiler, fmi)
-    counts = [f"{len(built.named(c))} {c}s" for c in ("input", "output", "parameter")]
-    typer.echo(printable(f"{built.path}: {', '.join(counts)}"))
+    path = build(names[0], output, compiler, fmi)
+    named = read_interface(path).named
+    counts = [f"{len(named(c))} {c}s" for c in ("input", "output", "parameter")]
+    typer.echo(printable(f"{path}: {', '.join(counts)}"))
 
 
 def _report_c_api(names: list[str], folder: Path) -> None:

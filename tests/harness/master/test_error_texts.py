@@ -383,7 +383,7 @@ class Broken(Fmi2Slave):
 
 def test_the_exception_of_an_fmu_in_python_is_reported(reported, tmp_path):
     (tmp_path / "broken.py").write_text(BROKEN)
-    path = build(tmp_path / "broken.py").path
+    path = build(tmp_path / "broken.py")
     text = 'name = "tea"\n[experiment]\nstop = 2.0\nstep = 1.0\n[components]\na = "broken"\n'
     write_ssp(system_of(tomllib.loads(text), {"broken": path}), tmp_path / "tea.ssp")
     status, lines = reported("run", tmp_path / "tea.ssp", "-q", "-o", "x.nc")
