@@ -29,7 +29,6 @@ from harness.system.values import plain
 if TYPE_CHECKING:
     from harness.learning.apart import Apart
     from harness.learning.environment import Environment
-    from harness.mission import Limits
     from harness.studies.compare import Comparison
     from harness.studies.linearize import LinearModel
 
@@ -98,7 +97,6 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     stop: float | None = None,
     require: Sequence[str] | Mapping[str, str] = (),
     open: Sequence[str] = (),
-    limits: Limits | None = None,
     every: int | None = None,
     patience: float = PATIENCE,
     progress: Callable[[int], None] | None = None,
@@ -109,10 +107,9 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     folder: for the results and the table comparison.csv; params: parameter sets or files; swap:
     FMUs by component; latency: macro steps by component; vary: values by `component.parameter`;
     algorithm: names; set, map, on, step, stop, require, open: as for run(), the same for all;
-    limits: bands and keep-out radius; every: record every N-th macro step (default: at most 20 000
-    rows);
-    patience: limit for one call into a third-party FMU [s]; progress: called with the number of
-    completed runs; executor: `c`, `python` or `fused`, as for run().
+    every: record every N-th macro step (default: at most 20 000 rows); patience: limit for one call
+    into a third-party FMU [s]; progress: called with the number of completed runs; executor: `c`,
+    `python` or `fused`, as for run().
 
     Raises UsageError, the exceptions of run() before its first step, and ResultsError. A run that
     fails later ends early and is listed in Comparison.failures; the other runs continue.
@@ -131,7 +128,6 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
         system,
         chosen,
         Path(folder),
-        limits=limits,
         every=every,
         patience=patience,
         progress=progress,

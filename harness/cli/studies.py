@@ -7,7 +7,6 @@ project.
 from __future__ import annotations
 
 import inspect
-import math
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -32,7 +31,7 @@ from harness.cli.options import (
     output,
 )
 from harness.errors import ComparisonError, RequirementError, UsageError
-from harness.spelling import did_you_mean, is_number, printable
+from harness.spelling import did_you_mean, printable
 
 StudyArgument = Annotated[
     Path, argument("CAMPAIGN.toml", "File with system, factors, study; or NAME of the project")
@@ -93,16 +92,12 @@ class Varied:
 
 @dataclass(frozen=True)
 class Compared:
-    """Execution of the variants, and the limits for their errors and distances."""
+    """Execution of the variants, and the columns of their table."""
 
     executor: ExecutorOption = None
     every: Annotated[
         int | None, option("", "Record every N-th macro step (default: 20 000 rows)")
     ] = None
-    band: Annotated[
-        Texts, option("position=M, attitude=DEG", "Set the bands in which an error has settled")
-    ] = None
-    keep_out: Annotated[float, option("", "Set a keep-out radius about the target [m]")] = 0.0
     metrics: Annotated[str | None, option("A,B,..", "Columns of the table (default: all)")] = None
     patience: PatienceOption = None
 
@@ -111,28 +106,10 @@ class Compared:
         from harness.master.isolated import PATIENCE
 
         return {
-            "limits": self._limits(),
             "every": self.every,
             "patience": PATIENCE if self.patience is None else self.patience,
             "executor": self.executor or "c",
         }
-
-    def _limits(self) -> Any:
-        """Return the limits of a comparison; raise UsageError."""
-        from harness.master.changes import pairs
-        from harness.mission import Limits
-
-        given = {}
-        for name, text in pairs("--band", self.band or ()):
-            value = float(text) if is_number(text) else math.nan
-            if name not in ("position", "attitude") or not 0 < value < math.inf:
-                wanted = "expected position=METRES or attitude=DEGREES, above 0"
-                raise UsageError(f"--band {name}={text}: {wanted}")
-            given[name] = value
-        if not 0 <= self.keep_out < math.inf:
-            wanted = "expected a radius in metres, 0 or more"
-            raise UsageError(f"--keep-out {self.keep_out:g}: {wanted}")
-        return Limits(keep_out=self.keep_out, **given)
 
     def columns(self, system: str) -> list[str]:
         """Return the columns of the table, all by default; raise UsageError for an

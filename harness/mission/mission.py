@@ -40,12 +40,11 @@ class Limits:
     """Limits for all runs of a comparison.
 
     position [m], attitude [deg]: an error has settled when it stays within this band (None: chosen
-    by the mission); keep_out: smallest permitted range [m], 0: no such limit.
+    by the mission).
     """
 
     position: float | None = None
     attitude: float = 1.0
-    keep_out: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -223,7 +223,6 @@ def compare(  # noqa: PLR0913 - options of a comparison
     variants: Sequence[Variant],
     directory: Path,
     *,
-    limits: Limits | None = None,
     every: int | None = None,
     patience: float = PATIENCE,
     progress: Callable[[int], None] | None = None,
@@ -232,8 +231,7 @@ def compare(  # noqa: PLR0913 - options of a comparison
     """Run all variants in parallel and compute their metrics; results go to `directory` as
     LABEL.nc, the table to comparison.csv.
 
-    limits: bands and keep-out radius that the runs are held against; every: record every N-th
-    macro step (default: such that a run has at most 20 000 rows);
+    every: record every N-th macro step (default: such that a run has at most 20 000 rows);
     patience: limit for one call into a third-party FMU [s]; progress: called with the number of
     completed runs; executor: as for run(). Raises what run() raises before its first
     step, and ResultsError; a run that fails under way ends early, the others go on.
@@ -259,7 +257,7 @@ def compare(  # noqa: PLR0913 - options of a comparison
     outcomes = {each.label: over[k] for k, each in enumerate(variants)}
     results = {label: read(each.file) for label, each in outcomes.items() if each.file}
     offered = together(map(of_result, results.values()))
-    held = offered.limits(limits or Limits(), results)
+    held = offered.limits(Limits(), results)
     paces = {label: each.pace for label, each in outcomes.items() if not each.failure}
     taken = measured(offered.metrics, results, held) | {("macro step", "us"): paces}
     comparison = Comparison(outcomes, results, held, taken, offered, in_force)

@@ -17,7 +17,6 @@ MEANINGS = {
     "attitude error": "Largest angle from the reference attitude in the last fifth of the run.",
     "minimum range": "Smallest distance between the centres of mass of the two bodies.",
     "inside reference": "Largest shortfall of the range against the range of the reference.",
-    "inside keep-out": "Largest depth of the servicer inside the smallest permitted range.",
     "estimate error": "Largest error of the estimated position of the target in the last fifth.",
     "estimate attitude": "Largest error of the estimated attitude of the target in the last fifth.",
     "estimate NEES": "Squared errors over their variances in the filter; 12 if it is consistent.",

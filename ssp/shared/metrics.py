@@ -2,8 +2,8 @@
 """Metrics by which runs are compared: errors against the reference of the guidance, safety, cost.
 
 A metric is computed if the result contains its variables, so systems without a reference simply
-have fewer of them. Limits (bands, keep-out radius) are common to all runs of a comparison. Most
-metrics are expressions, which a live page evaluates in further runs (ssp/shared/live.py).
+have fewer of them. The bands of errors are common to all runs of a comparison. Most metrics are
+expressions, which a live page evaluates in further runs (ssp/shared/live.py).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from harness.results.result import Array, Result
 
 from . import estimates, live, optima, safety
 from . import relative_motion as derived
-from .relative_motion import DISTANCE, attitude_error, initial_range, range_, release_time
+from .relative_motion import DISTANCE, attitude_error, initial_range, release_time
 
 APART = 10.0
 """Factor between peaks from which on two controllers do not have the same actuators."""
@@ -121,14 +121,6 @@ def _inside_reference(result: Result, _: Limits) -> str:
     """Return the largest amount by which the range falls below the range of the reference [m]."""
     short = f"max({live.reference_range(result)} - {DISTANCE})"
     return f"({short} + abs({short})) / 2"
-
-
-def _inside_keep_out(result: Result, limits: Limits) -> float:
-    """Return the largest amount by which the range falls below the keep-out radius [m]; NaN without
-    one.
-    """
-    depth = limits.keep_out - float(np.min(range_(result)))
-    return max(0.0, depth) if limits.keep_out else float("nan")
 
 
 def _margin(rule: str, result: Result, _: Limits) -> float:
@@ -265,7 +257,6 @@ METRICS = (
     Metric("attitude error", "deg", ATTITUDE, _attitude_steady, live=live.attitude_steady),
     Metric("minimum range", "m", (), f"min({DISTANCE})"),
     Metric("inside reference", "m", POSITION, _inside_reference),
-    Metric("inside keep-out", "m", POSITION[:2], _inside_keep_out),
     Metric("estimate error", "m", estimates.MOTION, lambda r, _: _estimate_error(r, 0)),
     Metric("estimate attitude", "deg", estimates.MOTION, lambda r, _: _estimate_error(r, 2)),
     Metric("estimate NEES", "", estimates.MOTION, _estimate_nees),

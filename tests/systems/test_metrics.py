@@ -26,7 +26,7 @@ from tests.missions import METRICS
 
 METRIC = {metric.name: metric for metric in METRICS}
 TIME = np.linspace(0.0, 100.0, 1001)
-LIMITS = Limits(position=0.06, keep_out=10.2)
+LIMITS = Limits(position=0.06)
 
 
 def table(time, **variables):
@@ -191,17 +191,13 @@ def test_the_attitude_counts_from_the_beginning_of_its_control():
 # ---- safety
 
 
-def test_how_far_a_run_comes_inside_its_reference_and_the_keep_out_radius():
+def test_how_far_a_run_comes_inside_its_reference():
     result, error = decaying()
     values = result.values.copy()
     values[500, result.vectors["servicer.r_SN_N"][0]] -= 30  # at 35 m: now at 5 m
     below = replace(result, values=values)
     assert METRIC["inside reference"](below, LIMITS) == pytest.approx(35 - np.hypot(5, error[500]))
     assert METRIC["inside reference"](result, LIMITS) < 1e-8
-    inside = METRIC["inside keep-out"](below, LIMITS)
-    assert inside == pytest.approx(10.2 - np.hypot(5, error[500]))
-    assert METRIC["inside keep-out"](result, LIMITS) == 0
-    assert np.isnan(METRIC["inside keep-out"](result, Limits()))
 
 
 # ---- cost
