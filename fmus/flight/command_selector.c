@@ -7,8 +7,8 @@
  * With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional torque M_w:
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
  * which is switched on above unload_on and off below unload_off of wheel_speed_max. It is always on
- * with `prepare`, which brings the wheels to wheel_bias instead of wheel_speed_ref, and in law 1
- * without far_wheels, which leaves the wheels alone. The throttles th of the relays command virtual
+ * with `prepare`, which brings the wheels to wheel_bias instead of wheel_speed_ref and begins the
+ * switching anew, and in law 1 without far_wheels, which leaves the wheels alone. The throttles th of the relays command virtual
  * engines, whose force and torque the allocation distributes to the thrusters:
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]

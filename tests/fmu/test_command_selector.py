@@ -169,6 +169,18 @@ def test_a_bias_is_ignored_after_the_preparation(fmu):
     assert added[1] - LAWS["M_sync_S"] == pytest.approx(-0.01 * np.array(FULL) * (12, 15, 10))
 
 
+@pytest.mark.verifies("J.5-4")
+@pytest.mark.parametrize(("speed", "unloads"), [(0.2, 0), (0.22, 1)])
+def test_after_the_preparation_the_upper_level_decides(fmu, speed, unloads):
+    """A bias between the levels remains: 0.03 and 0.21 rad/s."""
+    wheels = {"wheel_speed": (0, speed, 0), "wheel_bias": (0, speed, 0)}
+    unit = fmu("command_selector", {"k_unload": 0.01}, select(0, 3, prepare=1, **wheels))
+    unit.step(P, select(0, 3, prepare=1, **wheels))
+    assert unit.get("wheels_unloading") == 1
+    unit.step(P, select(0, 3, prepare=0, **wheels))
+    assert unit.get("wheels_unloading") == unloads
+
+
 def test_unloading_pulls_no_harder_than_it_may(fmu):
     p = {"k_unload": 1.0, "M_unload_max": 0.04, "wheel_speed_ref": (0, 0, 0.1)}
     added = settled_with(fmu, p, FULL)

@@ -733,7 +733,7 @@ def test_after_turning_closer_than_the_hold_the_laws_before_bring_it_to_the_thir
 
 
 def test_wheels_are_brought_to_half_of_what_the_rotation_takes(fmu):
-    """Parallel to the mean rate: beta w, with w J w/2 in beta; in closing and second hold."""
+    """Parallel to the mean rate: beta w, with w J w/2 in beta; from the closing to the fly-around."""
     for phase in (1, 2, 3, 4):
         recording = Recording(fmu, PLANNED | {"dwell": [0.0] * 15})
         place = AT_HOLD | {"wheel_speed": BIAS}
@@ -741,8 +741,8 @@ def test_wheels_are_brought_to_half_of_what_the_rotation_takes(fmu):
             recording.sample(GOOD[max(recording.model.phase, 0)] | {"wheel_speed": BIAS}) != phase
         ):
             pass
-        assert recording["prepare"] == (phase in (2, 3))
-        expected = BIAS if phase in (2, 3) else np.zeros(3)
+        assert recording["prepare"] == (phase in (2, 3, 4))
+        expected = BIAS if phase in (2, 3, 4) else np.zeros(3)
         assert recording["wheel_bias"] == pytest.approx(expected, abs=1e-15), place
     h, w_S = WHEELS * BIAS, MEAN
     h_T = np.diag((100.0, 150, 90)) @ T["omega_TN_T"]  # in axes of T; twice the energy over it
@@ -750,6 +750,16 @@ def test_wheels_are_brought_to_half_of_what_the_rotation_takes(fmu):
     assert np.linalg.norm(np.cross(h, w_S)) < 1e-12
     assert h @ w_S == pytest.approx(w_S @ J_S @ w_S / 2)
     assert np.abs(h).max() > 0.5
+
+
+@pytest.mark.parametrize("w_S", [(1e-3, 2e-3, -1e-3), (0, 0.01, 0), (0, -0.03, 0.03)])
+def test_wheels_hold_what_the_body_lacks_of_the_momentum(fmu, w_S):
+    """Body and wheels have the momentum of the bias together, wheels up to 0.8 of 0.3 rad/s."""
+    recording = at_hold(fmu, {}, AT_HOLD | {"wheel_speed": BIAS})
+    recording.sample(AT_HOLD | {"wheel_speed": BIAS, "omega_SN_S": w_S})
+    free = BIAS - J_S @ w_S / WHEELS
+    assert recording["wheel_bias"] == pytest.approx(np.clip(free, -0.24, 0.24), abs=1e-12)
+    assert (np.abs(free).max() > 0.24) == (np.abs(w_S).max() > 0.02)
 
 
 def test_bias_has_a_limit_and_its_direction(fmu):
@@ -866,7 +876,7 @@ def test_the_servicer_joins_at_the_range_of_turning_only(fmu):
     assert spins(recording, place, 11) == [0] * 11
     assert spins(recording, place | {"relative_valid": 0}, 2) == [0] * 2
     assert spins(recording, place, 1) == [1]
-    assert recording["prepare"] == 0
+    assert recording["prepare"] == 1
 
 
 def test_an_axis_out_of_the_plane_is_awaited_where_it_comes_nearest(fmu):

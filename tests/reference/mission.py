@@ -218,6 +218,13 @@ def bias_for(p: dict, w: Array) -> Array:
     return bias * min(1.0, most / np.abs(bias).max())
 
 
+def wheels_with(p: dict, bias: Array, w_S: Array) -> Array:
+    """Speeds of the wheels for the same momentum of body and wheels, within the budget."""
+    momentum = p["A_w"] @ bias - p["J_S"] @ w_S
+    most = p["budget"] * p["wheel_speed_max"]
+    return np.clip(np.linalg.inv(p["A_w"]) @ momentum, -most, most)
+
+
 def increment_ahead(p: dict, w: float, R: float, steer: float) -> float:
     """Centripetal acceleration times time: half a turn at R, then inwards, then at L_3."""
     inwards = duration(p, 5, R, p["L_3"])
@@ -524,7 +531,8 @@ class Manager:
             omega = turn @ (omega + rate)
         hidden = k in (12, 13) and p["R_2"] > g.R
         waits = k == 4 and not self.spins
-        prepares = p["budget"] > 0 and (k in (2, 3) or waits)
+        prepares = p["budget"] > 0 and k in (2, 3, 4)
+        w_S = np.array(u.get("omega_SN_S", np.zeros(3)))
         names = ("far", "close", "sync", "stack")
         return {
             "phase": k, "t_phase": self.t_phase, "reason": self.reason, "attempt": self.attempt,
@@ -545,7 +553,7 @@ class Manager:
             "verdict": self.plan.verdict, "dv_ahead": self.plan.dv,
             "steer_max": steering(p, u["mass"], np.linalg.norm(g.w_T), max(g.R, p["L_3"])),
             "prepare": float(prepares), "spin": float(not waits),
-            "wheel_bias": self.plan.bias * prepares, "goal": goal,
+            "wheel_bias": wheels_with(p, self.plan.bias, w_S) * prepares, "goal": goal,
             "L_goal": leg * p["R_1"], "T_goal": leg * p["far_time"],
         }  # fmt: skip
 
@@ -571,17 +579,14 @@ class Selector:
         to = u["wheel_bias"] if u.get("prepare") else self.p["wheel_speed_ref"]
         excess = np.array(u["wheel_speed"]) - to
         full = np.abs(excess).max() / self.p["wheel_speed_max"]
-        if u.get("prepare"):
-            full = inf
         before = self.unloading or (law == 1 and not self.p.get("far_wheels"))
         level = self.p["unload_off"] if before else self.p["unload_on"]
-        self.unloading = bool(
-            law in (1, 2, 3)
-            and self.p["k_unload"] > 0
-            and (full > level or (full == level and not before))
-        )
+        may = law in (1, 2, 3) and self.p["k_unload"] > 0
+        beyond = full > level or (full == level and not before)
+        self.unloading = bool(may and beyond and not u.get("prepare"))
+        on = self.unloading or bool(may and u.get("prepare"))
         A, most = np.reshape(self.p["A_w"], (3, 3)), self.p["M_unload_max"]
-        M = np.clip(-self.p["k_unload"] * A @ excess, -most, most) * self.unloading
+        M = np.clip(-self.p["k_unload"] * A @ excess, -most, most) * on
         return np.concatenate((np.zeros(3), M, np.linalg.solve(A, M)))
 
     def required(self, u: dict) -> Array:
