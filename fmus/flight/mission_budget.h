@@ -8,7 +8,7 @@
  *   beta    = (w_m.J_S w_m)/(2 w_m.w_m),   h = beta w_m, wheels at most bias_max wheel_speed_max
  *   momentum = |J_T w_T| + w (J_S + mass mass_T/(mass + mass_T) L_3^2)   of the pair at L_3
  *   dv      = w^2 (R_f pi/steer + L_3 T_3 + (R_f + L_3)/2 T_5)      against the rotation
- *   wheels  = clip(A_w^-1 (h - J_S w_S), +-budget wheel_speed_max),  w_S: rate of the servicer
+ *   wheels  = clip(A_w^-1 (h - J_S w_S), +-bias_max wheel_speed_max),  w_S: rate of the servicer
  * h is the momentum of body and wheels from the closing to the fly-around: parallel to w_m it stays
  * where it is in the body, and once the servicer turns with w the wheels have h - J_S w, as much as
  * before with the other sign. docs/models.md J.13 */
@@ -58,11 +58,11 @@ static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
     return scale(share, bias);
 }
 
-/* wheel speeds with which the momentum of body and wheels is that of the bias, within the budget */
+/* wheel speeds with which the momentum of body and wheels is that of the bias */
 static inline vec3 wheels_with(const MissionParameters *p, vec3 bias, vec3 w_S)
 {
     vec3 rest = sub(bias, solve(p->A_w, mul(p->J_S, w_S)));
-    double most = p->budget * p->wheel_speed_max;
+    double most = p->bias_max * p->wheel_speed_max;
     return vec(clamp(rest.x, -most, most), clamp(rest.y, -most, most), clamp(rest.z, -most, most));
 }
 

@@ -219,9 +219,9 @@ def bias_for(p: dict, w: Array) -> Array:
 
 
 def wheels_with(p: dict, bias: Array, w_S: Array) -> Array:
-    """Speeds of the wheels for the same momentum of body and wheels, within the budget."""
+    """Speeds of the wheels for the same momentum of body and wheels, up to the largest bias."""
     momentum = p["A_w"] @ bias - p["J_S"] @ w_S
-    most = p["budget"] * p["wheel_speed_max"]
+    most = p["bias_max"] * p["wheel_speed_max"]
     return np.clip(np.linalg.inv(p["A_w"]) @ momentum, -most, most)
 
 
