@@ -106,17 +106,17 @@ def test_dart_collides_on_its_own_estimate_and_aborts_on_the_independent_range()
 
 
 @pytest.mark.long
-def test_elsa_d_without_half_of_its_thrusters_stays_at_the_hold_and_drifts_safely():
+def test_elsa_d_without_half_of_its_thrusters_drifts_safely_away():
     known, unseen = simulate("elsa_d"), simulate("elsa_d_blind")
     stated = (known.time > 2119.5) & (known.time < 2177)
     assert known["allocation.infeasible"][stated].mean() > 0.9
     assert not unseen["allocation.infeasible"][(unseen.time > 2119) & (unseen.time < 2130)].any()
     assert [s.phase for s in stays(known)] == [*NOMINAL[:4], "retreat", "safe"]
     assert drift_of_a_day(known) > 150
-    assert [s.phase for s in stays(unseen)] == NOMINAL[:4]  # nothing prepares the wheels
+    assert [s.phase for s in stays(unseen)] == [*NOMINAL[:5], "retreat", "safe"]
     lost = [np.ptp(increments(r)[r.time > 2119]) for r in (known, unseen)]
     assert lost[0] < 0.3
-    assert lost[1] < 0.1
+    assert lost[1] > 10
     assert range_(unseen).min() > 19
 
 

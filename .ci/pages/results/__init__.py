@@ -80,9 +80,9 @@ def options(command: str) -> dict[str, Any]:
 
 def value(what: str | Callable[[Any], Any], result: Any) -> Any:
     """Return the value of a result: of an expression, a metric or a function."""
-    from harness.studies.campaign.metrics import metric
+    from harness.studies.campaign import metrics
 
-    return what(result) if callable(what) else metric(what, ROOT)(result)
+    return what(result) if callable(what) else metrics.value(metrics.metric(what, ROOT), result)[0]
 
 
 def cell(column: Column, result: Any) -> str:

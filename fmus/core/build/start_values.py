@@ -52,7 +52,7 @@ START_VALUES: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "stack_guidance": (
         "servicing_mission.stack_guidance",
-        ("unload_on", "M_unload_max", "sample_period"),
+        ("torque_share", "unload_on", "k_unload", "M_unload_max", "sample_period"),
     ),
     "switched_controller": (
         "arch_rendezvous.controller",
