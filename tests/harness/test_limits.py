@@ -212,7 +212,7 @@ def test_an_exhausted_limit_is_named_wherever_it_was_met(capsys, monkeypatch):
         def fail(*_, error=error, **__):
             raise error
 
-        monkeypatch.setattr("harness.cli.app._command", lambda fail=fail: fail)
+        monkeypatch.setattr("harness.cli.app.group", lambda fail=fail: fail)
         with warnings.catch_warnings():
             assert main(["list"]) == 1
         (line,) = capsys.readouterr().err.splitlines()

@@ -217,6 +217,7 @@ def test_a_file_without_optima_is_an_error(near, tmp_path, monkeypatch, capsys):
 NEAR = {
     "manager.dwell": [1.0] * 15, "manager.R_1": 25, "servicer.rho_0_H": [0, -25, 0],
     "manager.use_optimal": 1, "close_controller.position": 0, "optimal.duration": [60, 120, 304],
+    "manager.bias_tol": 9.0,
 }  # fmt: skip
 """From 25 to 20 m in a minute."""
 
