@@ -58,7 +58,7 @@ static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
     return scale(share, bias);
 }
 
-/* wheel speeds with which the momentum of body and wheels is that of the bias */
+/* wheel speeds with which body and wheels together have the momentum of the bias */
 static inline vec3 wheels_with(const MissionParameters *p, vec3 bias, vec3 w_S)
 {
     vec3 rest = sub(bias, solve(p->A_w, mul(p->J_S, w_S)));

@@ -165,15 +165,15 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* Q R of the free columns; who: their thrusters, n: the columns that hold for them. Of the rows of
- * damping, Q has those of the free thrusters only, and column k is 0 below row 6 + k. */
+/* Q R of the free columns; who: their thrusters, n: the columns that hold for them. Q has the rows
+ * of damping of the free thrusters only, and column k is 0 below row 6 + k. */
 typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
     int who[THRUSTERS], n;
 } Factors;
 
-/* column n of Q and R from that of thruster i, by modified Gram-Schmidt */
+/* column n of Q and R from the column of thruster i, by modified Gram-Schmidt */
 static void orthogonalize(const Matrix *A, Factors *f, int n, int i)
 {
     Column *q = &f->Q[n];
@@ -191,7 +191,7 @@ static void orthogonalize(const Matrix *A, Factors *f, int n, int i)
 }
 
 /* step of the free x to the minimum with the others fixed: d = R^-1 c, c = Q^T r; the first columns
- * of Q and R are those of the step before while their thrusters are the same */
+ * of Q and R remain from the step before while their thrusters are the same */
 static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, double *d)
 {
     int n = 0;

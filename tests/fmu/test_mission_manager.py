@@ -733,7 +733,7 @@ def test_after_turning_closer_than_the_hold_the_laws_before_bring_it_to_the_thir
 
 
 def test_wheels_are_brought_to_half_of_what_the_rotation_takes(fmu):
-    """Parallel to the mean rate: beta w, with w J w/2 in beta; from the closing to the fly-around."""
+    """Parallel to the mean rate: beta w, w J w/2 in beta; from the closing to the fly-around."""
     for phase in (1, 2, 3, 4):
         recording = Recording(fmu, PLANNED | {"dwell": [0.0] * 15})
         place = AT_HOLD | {"wheel_speed": BIAS}
