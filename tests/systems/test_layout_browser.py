@@ -21,6 +21,9 @@ SIZES = {"phone": (390, 844), "tablet": (800, 1000), "screen": (1440, 900)}
 each_size = pytest.mark.parametrize("size", SIZES)
 pytestmark = pytest.mark.browser
 
+DRAWN = """() => new Promise((done) =>
+    requestAnimationFrame(() => requestAnimationFrame(done)))"""
+"""Wait until the replay has drawn its present instant."""
 COVERED = """() => {
     const stage = document.querySelector(".stage"), frame = stage.getBoundingClientRect();
     const all = [...stage.querySelectorAll(
@@ -110,7 +113,7 @@ def test_labels_of_the_replay_neither_cover_each_other_nor_are_cut(chromium, rep
                 page.click(f"[data-camera={camera}]")
                 for share in (0.0, 0.2, 0.45, 0.7, 1.0):
                     page.evaluate(f"report.replay.seek({share * result.time[-1]})")
-                    page.wait_for_timeout(60)
+                    page.evaluate(DRAWN)
                     found |= {f"{camera} {share}: {each}" for each in page.evaluate(COVERED)}
             assert sorted(found) == [], system
 
