@@ -66,6 +66,7 @@ def test_no_set_contradicts_itself(system):
         ),
         ("servicing_mission", {"servicer.mass_0": 300}, "mass estimate near the mass"),
         ("servicing_mission", {"servicer.rho_0_H": [9, 0, 0]}, "start beyond the first hold"),
+        ("servicing_mission", {"manager.bias_max": 0.8}, "wheels come within the budget"),
         (
             "servicing_mission_navigated",
             {"monitor.keep_out_half": [30.0] * 3},
