@@ -18,6 +18,7 @@ from harness.results.expressions import steady_error
 from harness.results.program import evaluate
 from harness.results.requirements import finding
 from harness.results.result import Result
+from harness.results.verdict import Verdict
 from tests.each import each
 
 TEXTS = (
@@ -63,6 +64,22 @@ def test_one_row_decides_without_the_instructions_of_all_rows():
     result = _result(1)
     with mock.patch.object(requirements, "_evaluated", side_effect=AssertionError):
         assert finding(result, "r", "time < 5 s or norm(a.v) <= 1 m").value > 1
+
+
+@pytest.mark.parametrize("text", [
+    "implies(a.flag >= 1, a.x <= 9 m)", "implies(a.flag >= 1 or a.x < 0, a.v <= 9 m)"
+])  # fmt: skip
+def test_a_premise_that_is_not_a_number_is_not_passed_over(text):
+    """One row violates the conclusion: it does not matter without the premise, and decides where
+    the premise is unknown.
+    """
+    result, found = _result(1), []
+    for flag in (0.0, np.nan):
+        values = result.values.copy()
+        values[7] = (20.0, flag, 20.0, 20.0, 20.0)
+        found.append(finding(replace(result, values=values), "r", text))
+    assert [one.verdict for one in found] == [Verdict.MET, Verdict.NOT_MET]
+    assert found[1].margin == -np.inf
 
 
 @pytest.mark.parametrize("rows", [1, 2, 20])
