@@ -34,7 +34,7 @@ from harness.studies.reuse import compiling
 
 _log = logging.getLogger("harness")
 
-BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 16, 200, 2_000_000
+BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 8, 200, 2_000_000
 """Smallest number of blocks of a campaign; largest numbers of runs and of macro steps of a block:
 some seconds of work, which a kill or Ctrl-C loses.
 """

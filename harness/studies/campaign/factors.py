@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 
 SMALLEST = 2.0**-53
 """Smallest distance of numbers from 0 and 1, where a normal draw is infinite."""
+LEAST_PROBABILITY = 1e-300
+"""Smallest probability of a normal draw that `within` limits to a tail."""
 MAX_VALUES = 1_000_000
 """Largest number of listed values of one factor."""
 
@@ -98,11 +101,9 @@ class Normal(Struct, frozen=True):
         """
         if self.within is None:
             return 0.0, 1.0
-        from scipy.special import ndtr
-
         lowest, highest = self.within
         _demand(lowest < highest, f"the smaller number of within first, not {self.within}")
-        low, high = ndtr((lowest - m) / s), ndtr((highest - m) / s)
+        low, high = _normal_below((lowest - m) / s), _normal_below((highest - m) / s)
         return low, high - low
 
     def _correlated(self) -> Draw:
@@ -258,10 +259,15 @@ def _shaped(values: Array, *given: Any) -> Any:
 
 
 def normal_quantile(p: Array) -> Array:
-    """Return the quantile z of the standard normal distribution: Phi(z) = p."""
-    from scipy.special import ndtri
+    """Return the quantiles z of the standard normal distribution, Phi(z) = p, in the shape of p;
+    p is between 0 and 1.
+    """
+    return np.asarray(_quantiles(np.clip(p, LEAST_PROBABILITY, 1 - SMALLEST)))
 
-    return np.asarray(ndtri(p))
+
+_quantiles = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])
+_normal_below = np.vectorize(lambda z: math.erfc(-z / math.sqrt(2)) / 2, otypes=[np.float64])
+"""Distribution function; erfc() is exact in the lower tail too."""
 
 
 def _exponential(phi: Array) -> Array:
