@@ -7,6 +7,7 @@ A library can be loaded if its type is the type of the Python program that loads
 from __future__ import annotations
 
 import platform
+import re
 import struct
 import sys
 from functools import lru_cache
@@ -108,6 +109,17 @@ def _listed(kinds: frozenset[str]) -> str:
 @lru_cache
 def has_avx2() -> bool:
     """Return whether this processor has the vector instructions AVX2 of x86-64."""
+    return "avx2" in _instructions()
+
+
+def has_avx512() -> bool:
+    """Return whether this processor has AVX-512 F, DQ and VL."""
+    return {"avx512f", "avx512dq", "avx512vl"} <= _instructions()
+
+
+def _instructions() -> set[str]:
+    """Return the flags of this processor, empty for one that is not x86-64."""
     known = Path("/proc/cpuinfo")
     text = known.read_text(encoding="utf-8") if known.is_file() else ""
-    return platform.machine() == "x86_64" and " avx2 " in text
+    flags = re.search(r"^flags\s*:(.*)", text, re.M)
+    return set(flags[1].split()) if flags and platform.machine() == "x86_64" else set()

@@ -26,7 +26,7 @@ from pathlib import Path
 from time import thread_time
 
 from harness.files import cache, paths, signals
-from harness.files.machine import has_avx2
+from harness.files.machine import has_avx2, has_avx512
 from harness.files.output import PrivateFolder
 from harness.master.calls import layout
 from harness.master.fused import LIBRARY, ZIG, NotFusedError, WholeInstance, run_tool
@@ -44,12 +44,15 @@ CHUNK = 1000
 
 @lru_cache
 def width() -> int:
-    """Return the runs at once on this processor: 4 with AVX2, else 2; 1 without the compiler, the C
-    sources or the cache, in which processes find the library.
+    """Return the largest number of runs at once on this processor: 8 with AVX-512, 4 with AVX2,
+    else 2; 1 without the compiler, the C sources or the cache, in which processes find the library.
+    Large systems have at most 4 (core/build/lanes.py).
     """
     there = compiler() and paths.core() and cache.folder() and os.name == "posix"
     if not there:
         return 1
+    if has_avx512():
+        return 8
     return 4 if has_avx2() else 2
 
 

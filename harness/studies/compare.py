@@ -35,7 +35,6 @@ from harness.spelling import one_line
 from harness.ssp.library import load
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.engine import Block, prestart, worker_pool
-from harness.studies.campaign.worker import TOGETHER
 from harness.studies.reuse import (
     ReusedSimulation,
     compiling,
@@ -51,6 +50,8 @@ from harness.system.values import base
 
 ROWS = 20_000
 """Largest number of rows of a run by default."""
+TOGETHER = 4
+"""Fused runs of a task where every worker has several."""
 TABLE = "comparison.csv"
 WIDTH = 120
 Order = tuple[Variant, Path, int]

@@ -19,7 +19,6 @@ from time import process_time
 from typing import Any
 
 import harness
-from harness.files.machine import has_avx2
 from harness.master import fused, lanes
 from harness.master.changes import apply
 from harness.master.lanes import Lanes
@@ -31,7 +30,7 @@ from harness.system.graph import checked
 from harness.system.interface import unpacked_sources
 from harness.system.model import System
 
-ROUNDS, STEPS = 5, 6000
+ROUNDS, STEPS, MOST = 5, 6000, 8
 RUNS = 20, 100
 """Runs of a short and a long campaign; their difference has no start and no end."""
 
@@ -59,14 +58,12 @@ def steps(system: System, file: Path, life: ExitStack) -> Iterator[str]:
     fmu = fused.Whole(system, found.graph).interface.path
     lanes.library(fmu, wait=True)  # for the campaign
     plan = read_plan(random_only(file), file)[0]
-    runs = [apply(system, **plan.changes(plan.values(k))) for k in range(4)]
+    runs = [apply(system, **plan.changes(plan.values(k))) for k in range(MOST)]
     simulations = [life.enter_context(Simulation(run, executor="fused")) for run in runs]
-    alone = least(lambda: [each.advance(to=STEPS) for each in simulations], simulations) / 4
+    alone = least(lambda: [each.advance(to=STEPS) for each in simulations], simulations) / MOST
     yield f"{'alone':12}{1e6 * alone:8.2f} us"
     folder = Path(life.enter_context(TemporaryDirectory()))
-    for width in (2, 4) if lanes.width() > 1 else ():
-        if width == 4 and not has_avx2():
-            continue
+    for width in (n for n in (2, 4, MOST) if n <= lanes.width() > 1):
         made = library(fmu, width, folder)
         together, part = Lanes(made), simulations[:width]
         seconds = least(lambda: together.advance(part, STEPS), part) / width  # noqa: B023

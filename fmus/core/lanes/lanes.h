@@ -88,7 +88,12 @@ INLINE bool agreed(int answer)
     return answer != 0;
 }
 
-#if defined __AVX__ && WIDTH == 4
+#if defined __AVX512DQ__ && WIDTH == 8
+inline int signs(Answers a)
+{
+    return __builtin_ia32_cvtq2mask512((long long __attribute__((vector_size(64))))a);
+}
+#elif defined __AVX__ && WIDTH == 4
 inline int signs(Answers a) { return __builtin_ia32_movmskpd256((Numbers)a); }
 #elif defined __SSE2__ && WIDTH == 2
 inline int signs(Answers a) { return __builtin_ia32_movmskpd((Numbers)a); }
@@ -102,6 +107,8 @@ inline int signs(Answers a)
 #endif
 #ifdef __clang__
 inline Numbers roots(Numbers a) { return __builtin_elementwise_sqrt(a); }
+#elif defined __AVX512F__ && WIDTH == 8
+inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd512_mask(a, a, -1, 4); }
 #elif defined __AVX__ && WIDTH == 4
 inline Numbers roots(Numbers a) { return __builtin_ia32_sqrtpd256(a); }
 #elif defined __SSE2__ && WIDTH == 2
@@ -559,6 +566,36 @@ void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *split
     const Answers first = answers_of(here.answer);
     *x = blend(first, first_states, *x);
     *y = blend(first, first_outputs, *y);
+}
+
+/* ---- checks ---- */
+inline int not_finite; /* bits of the lanes with such a state or output in this macro step */
+
+inline Mask all_of(const Vector *x, size_t count)
+{
+    Mask valid = isfinite(x[0]);
+    for (size_t i = 1; i < count; i++) valid = valid && isfinite(x[i]);
+    return valid;
+}
+
+/* a sum is finite only if every term is finite */
+inline Mask all_finite(const Vector *x, size_t count)
+{
+    Vector sum[4] = {0, 0, 0, 0};
+    size_t i = 0;
+    for (; i + 4 <= count; i += 4)
+        for (size_t k = 0; k < 4; k++) sum[k] += x[i + k];
+    for (; i < count; i++) sum[0] += x[i];
+    const Mask valid = isfinite((sum[0] + sum[1]) + (sum[2] + sum[3]));
+    return valid.bits() == active ? valid : all_of(x, count);
+}
+
+/* Checks a component after its step, while its memory is in the cache. Only a step changes it. */
+template <class X, class Y> void check_finite(const X *x, const Y *y)
+{
+    const Mask valid = all_finite((const Vector *)x, sizeof *x / sizeof(Vector)) &&
+                       all_finite((const Vector *)y, sizeof *y / sizeof(Vector));
+    not_finite |= (!valid).bits();
 }
 } /* namespace lanes */
 

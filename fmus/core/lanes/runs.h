@@ -45,25 +45,6 @@ typedef struct {
 } Runs;
 
 /* ---- checks ---- */
-static Mask all_of(const Vector *x, size_t count)
-{
-    Mask valid = isfinite(x[0]);
-    for (size_t i = 1; i < count; i++) valid = valid && isfinite(x[i]);
-    return valid;
-}
-
-/* a sum is finite only if every term is finite */
-static Mask all_finite(const Vector *x, size_t count)
-{
-    Vector sum[4] = {0, 0, 0, 0};
-    size_t i = 0;
-    for (; i + 4 <= count; i += 4)
-        for (size_t k = 0; k < 4; k++) sum[k] += x[i + k];
-    for (; i < count; i++) sum[0] += x[i];
-    const Mask valid = isfinite((sum[0] + sum[1]) + (sum[2] + sum[3]));
-    return valid.bits() == lanes::active ? valid : all_of(x, count);
-}
-
 static Mask satisfying(const Ruled *r)
 {
     const Vector x = *r->x;
@@ -73,11 +54,10 @@ static Mask satisfying(const Ruled *r)
 /* bits of the runs with a state or output that is rejected */
 static int rejected(const Runs *r)
 {
-    const Vector *m = r->work->memory;
-    Mask valid = all_finite(m + scalar::CLOCK, scalar::SIZE - scalar::CLOCK);
+    Mask valid(true);
     for (size_t i = 0; i < r->work->ruled_count; i++)
         valid = valid && satisfying(&r->work->ruled[i]);
-    return (!valid).bits();
+    return (!valid).bits() | lanes::not_finite;
 }
 
 /* ---- rows ---- */
@@ -161,6 +141,7 @@ static void perform(Runs *r, int64_t last)
 {
     while (r->done < last && lanes::active) {
         const double t = r->start + (double)r->done * r->step;
+        lanes::not_finite = 0;
         step_system(r->work->memory, r->now, r->step);
         r->lost |= rejected(r);
         activate(r);

@@ -43,7 +43,7 @@ PIECE_STEPS = 100_000
 milliseconds for handing them over.
 """
 
-TOGETHER = 4
+TOGETHER = 8
 """Most runs that the lanes of vectors make at once, on any processor."""
 
 
@@ -112,7 +112,8 @@ class Task:
         lanes = wanted and self.table.executor == FUSED and width() > 1
         if lanes:
             notify(
-                f"{width()} runs at once in the lanes of vectors, where their library is compiled"
+                f"up to {width()} runs at once in the lanes of vectors, where their library is "
+                "compiled"
             )
         return replace(self, lanes=lanes)
 
