@@ -529,18 +529,14 @@ template <class T, class F> T performed_apart(const F &function)
     return blend(answers_of(here.answer), first, second);
 }
 
-#ifndef LARGE
-#define LARGE 32768
-#endif
-
 /* A step of a component in all lanes. Where lanes differ in an answer, states and outputs are
- * restored, and the step is made for the lanes of each answer. Saving more than LARGE bytes before
- * every step takes longer than most steps; such a component is saved from its first split on, and
- * the macro steps before that split are repeated. */
+ * restored, and the step is made for the lanes of each answer. Saving them takes longer than many
+ * steps; a component is saved from its first split on, and the macro steps before that split are
+ * repeated. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {
-    if (sizeof(X) + sizeof(Y) > LARGE && *splits == 0) {
+    if (*splits == 0) {
         Split here;
         if (performed(&here, step, given)) return;
         *splits = 1;

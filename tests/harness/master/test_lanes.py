@@ -198,7 +198,6 @@ COMPILERS = [
     with_compiler(8, "g++", long=False),
     with_compiler(4, "g++", long=False),
     with_compiler(2, "g++", long=False),
-    with_compiler(4, "g++", "-DLARGE=0", long=False),  # no step is saved before its first split
     with_compiler(8, "clang++-19"),
     with_compiler(4, "clang++-19"),
     with_compiler(2, "clang++-19"),
