@@ -36,6 +36,8 @@ _log = logging.getLogger("harness")
 
 LONG = 5_000_000
 """Macro steps of many runs from which the library of lanes is compiled for them."""
+ROWS_TOGETHER = 2**30
+"""Bytes of the rows that a process records at once; more than four runs must not exceed them."""
 
 _retained: dict[Any, ReusedSimulation] = {}
 
@@ -233,7 +235,10 @@ class ReusedSimulation:
     def width(self) -> int:
         """Return the runs that together() makes at once at present."""
         compiled = None if self._in_lanes > self._alone else self._lanes()
-        return 1 if compiled is None else compiled.width
+        if compiled is None or self._simulation is None:
+            return 1
+        fitting = ROWS_TOGETHER // self._simulation.recorder.table.nbytes
+        return min(compiled.width, max(4, fitting))
 
     def _lanes(self) -> Lanes | None:
         """Return the library of the present compiled system, if it is in the cache."""

@@ -459,6 +459,20 @@ def test_lanes_that_wait_for_a_processor_remain_in_use() -> None:
         assert reused.width == compiled.width > 1
 
 
+@needs_lanes
+def test_long_runs_do_not_fill_the_memory_with_their_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ExitStack() as life:
+        reused, _ = reused_robot(life, 20.0)
+        compiled, simulation = reused._lanes(), reused._simulation
+        assert compiled is not None and simulation is not None
+        monkeypatch.setattr(reused, "_alone", np.inf)
+        assert reused.width == compiled.width
+        monkeypatch.setattr(reuse, "ROWS_TOGETHER", 5 * simulation.recorder.table.nbytes)
+        assert reused.width == min(compiled.width, 5)
+        monkeypatch.setattr(reuse, "ROWS_TOGETHER", 1)
+        assert reused.width == min(compiled.width, 4)
+
+
 @pytest.fixture
 def groups(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Numbers of the runs that were made together, whose measured times decide nothing."""
