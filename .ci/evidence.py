@@ -210,7 +210,12 @@ def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
         )
         source = sources.get(name)
         proof = source and proofs.prove(source, models[source.stem], PROOFS)
-        print(f"{name}: {sums}, {proof and (proof.error or len(proof.alarms))}", flush=True)
+        alarms = proof.error or len(proof.alarms) if proof else "no proof"
+        print(
+            f"{name}: reached of all statements, branches, conditions: {sums}; "
+            f"alarms of the proof: {alarms}",
+            flush=True,
+        )
         yield Row(
             name, files, sums, absent, proof, hash_of(source) if source else "",
             tuple(i for file in files for i in ids.get(file, ())), complexity(files),

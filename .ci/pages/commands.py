@@ -18,7 +18,7 @@ def commands() -> Mapping[str, Any]:
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """Yield the pages of the site and their text."""
+    """Yield path and text of the pages of the commands."""
     known = commands()
     rows = [(f"[`harness {name}`]({name}.md)", summary(c)) for name, c in known.items()]
     yield "reference/commands/index.md", HEAD + table(("Command", "Purpose"), rows) + TAIL

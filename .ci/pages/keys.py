@@ -163,7 +163,7 @@ CAMPAIGN: Keys = {
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """Yield the pages of the site and their text."""
+    """Yield path and text of the pages on the keys of TOML files."""
     yield "reference/system_toml.md", page("System TOML", SYSTEM, SYSTEM_TEXT)
     yield "reference/campaign_toml.md", page("Campaign TOML", CAMPAIGN, CAMPAIGN_TEXT)
 

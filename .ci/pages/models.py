@@ -42,7 +42,9 @@ def sides() -> dict[str, list[str]]:
 
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
-    """Yield pages and pictures; parts: page of the equations by its letter."""
+    """Yield path and content of the pages and pictures of all FMUs; parts: page of each part of the
+    equations by the letter of the part.
+    """
     chapters, found = writer("package_fmu").chapters, []
     for side, names in sides().items():
         for name in names:

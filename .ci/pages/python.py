@@ -42,7 +42,7 @@ def home(package: str, name: str) -> str:
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """Yield the pages of the site and their text."""
+    """Yield path and text of the pages of the Python reference."""
     for package, (file, title, text) in PACKAGES.items():
         extra = [CHANGES] if package == "harness" else []
         listed = [home(package, name) for name in names(package)] + extra

@@ -128,7 +128,7 @@ def _printed(*arguments: str, cwd: str) -> str:
 
 
 def rows() -> Iterator[dict[str, str]]:
-    """Yield the rows of the table in docs/processor_figures.md, by title."""
+    """Yield the rows of the table in docs/processor_figures.md: cells by title of the column."""
     lines = PROCESSOR_VALUES.read_text(encoding="utf-8").splitlines()
     cells = [[c.strip() for c in line.strip("|").split("|")] for line in lines if line[:1] == "|"]
     titles, _, *found = cells

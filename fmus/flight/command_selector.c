@@ -8,8 +8,9 @@
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
  * which is switched on above unload_on and off below unload_off of wheel_speed_max. It is always on
  * with `prepare`, which brings the wheels to wheel_bias instead of wheel_speed_ref and begins the
- * switching anew, and in law 1 without far_wheels, which leaves the wheels alone. The throttles th of the relays command virtual
- * engines, whose force and torque the allocation distributes to the thrusters:
+ * switching anew, and in law 1 without far_wheels, which leaves the wheels alone. The throttles th
+ * of the relays command virtual engines, whose force and torque the allocation distributes to the
+ * thrusters:
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
  * With far_wheels the wheels give that torque, W_1 = -A_w^-1 M_1, and M_1 = 0.

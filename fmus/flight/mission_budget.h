@@ -83,7 +83,7 @@ static inline double increment_ahead(const MissionParameters *p, double tumble, 
     return tumble * tumble * (R * PI / steer + (R + p->L_3) / 2 * final + p->L_3 * there);
 }
 
-/* a lower bound: log(1 + x) >= x/(1 + x) */
+/* lower bound of the velocity increment left [m/s]: log(1 + x) >= x/(1 + x) */
 static inline double increment_left(const MissionParameters *p, double mass)
 {
     return mass > 0 ? p->Isp * STANDARD_GRAVITY * (1 - (p->mass_dry + p->reserve) / mass) : 0;

@@ -9,7 +9,8 @@
  *   (3) d_hat += k_d (res - d_hat),   res = dv/dt - F/m - tide over the second before
  *
  * Goals: 1 a point on the line of holds, 2 the grasp axis at constant range, 3 along the grasp
- * axis; 0 inactive. Inputs may replace its range and duration. Arrival is fixed in time, afterwards the horizon recedes (T_min).
+ * axis; 0 inactive. Inputs may replace its range and duration. Arrival is fixed in time, afterwards
+ * the horizon recedes (T_min).
  * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 first plan in work, without force.
  * Equations, constants and figures: docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */

@@ -12,11 +12,11 @@
  *           w_j = max(2 (|v| + e_v), 1.25 |c_j+1 - c_j|/D)
  *   margin = min_j (dist(chord c_j c_j+1, 0) - k max(h_j, h_j+1) - s_j) - R_k
  *
- * or, where this is less, of the burn: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| - R_k. Its path
- * lies in the triangle rho, r, r + v T_b/2. h_j is the largest displacement towards the target by an error of the set, s_j the largest
- * distance of a path from its chord, k = sqrt(2/(1 + n_j . n_j+1)) covers the directions between
- * n_j and n_j+1. Equations of Clohessy and Wiltshire, n = sqrt(mu/a^3): no proof on an orbit with
- * e > 0.01. docs/models.md G.10, G.11 */
+ * or, where this is less, of the burn: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| - R_k. Its
+ * path lies in the triangle rho, r, r + v T_b/2. h_j is the largest displacement towards the target
+ * by an error of the set, s_j the largest distance of a path from its chord, k = sqrt(2/(1 + n_j .
+ * n_j+1)) covers the directions between n_j and n_j+1. Equations of Clohessy and Wiltshire, n =
+ * sqrt(mu/a^3): no proof on an orbit with e > 0.01. docs/models.md G.10, G.11 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_ESCAPE_H
 #define SAFETY_ESCAPE_H

@@ -13,12 +13,13 @@
  *
  * Rules 1, 2, 3 and 5 are evaluated in continuous time: between two samples the servicer moves on
  * the cubic arc through both states, and the inputs approaching, F_cmd_S and omega_TN_T (rule 3) of
- * the first sample hold until the second. Published margins are the least since the last sample, never above the
- * true least of the arc and below it by no more than 1e-7; a rule that is off or does not apply has
- * margin 1e9. Rule 4 is evaluated at samples, passive_period apart or more (with passive_opens not
- * while approaching); if it fails, the instant is found by bisection of the arc. Rule 7 is
- * evaluated at samples until the abort, and violated below escape_reserve, while the escape is
- * still certain. The first violation of each rule is stored with its time; `abort` is latched.
+ * the first sample hold until the second. Published margins are the least since the last sample,
+ * never above the true least of the arc and below it by no more than 1e-7; a rule that is off or
+ * does not apply has margin 1e9. Rule 4 is evaluated at samples, passive_period apart or more (with
+ * passive_opens not while approaching); if it fails, the instant is found by bisection of the arc.
+ * Rule 7 is evaluated at samples until the abort, and violated below escape_reserve, while the
+ * escape is still certain. The first violation of each rule is stored with its time; `abort` is
+ * latched.
  *
  * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the
  * abort it is abort_force along a velocity increment, until that is spent. The increment is

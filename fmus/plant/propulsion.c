@@ -149,7 +149,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     Sample s = first_sample(t, h, p->T0);
-    if (s.left <= 0) return; /* the outputs are those of the last call */
+    if (s.left <= 0) return; /* no call: the outputs remain */
     for (; s.left > 0; s = next_sample(s))
         for (int i = 0; i < THRUSTERS; i++) call_thruster(p, &x->engine[i], i, u->throttle[i], s.t);
     publish(p, x, y);

@@ -106,7 +106,9 @@ def _values(system: System) -> Iterator[tuple[str, Mapping[str, float]]]:
 
 
 def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return length and rows of the first steps of components, by name."""
+    """Return step [s], variable names and rows (time, values) of the first steps of components, by
+    the name of the component.
+    """
     simulation.initialize()
     clock, found = simulation.clock, dict[str, dict[str, Any]]()
     readers = {i.name: _Reader(i) for i in simulation.instances if i.name in names}

@@ -129,7 +129,9 @@ def _section(result: Result, paper: PaperJudgements) -> Iterator[Line]:
 
 
 def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
-    """Yield the judgement of a claim. A verdict on another case is not a verdict on the paper."""
+    """Yield the lines of the judgement of a claim; other: whether the run is not a case of the
+    paper, so that the verdict has no colour, and a note unless it is open.
+    """
     cells = {
         "our value": found.value,
         "reproduced": claim.criterion(claim.reproduced),

@@ -44,7 +44,9 @@ def list_command(
 
 
 def _listed(system: str | None) -> str:
-    """Return the text of one system, or of all; computed once for the files that there are."""
+    """Return the text of one system, or of all systems and FMUs; the latter is cached until one of
+    their files changes.
+    """
 
     def compute() -> str:
         from harness.cli import showing

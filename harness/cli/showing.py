@@ -64,7 +64,9 @@ def _system_lines(path: Path) -> list[str]:
 
 
 def _time(experiment: Experiment) -> str:
-    """Return stop time and step of a system, and what the system leaves open."""
+    """Return stop time and macro step of a system as text, with the option that sets a value which
+    the file does not define.
+    """
     stop, step = experiment.stop, experiment.step
     if stop is None and step is None:
         return "with --stop and --step (the file defines neither)"

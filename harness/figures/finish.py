@@ -76,10 +76,11 @@ def plane(canvas: Any) -> list[Any]:
 
 
 def hide_rounding(panels: Sequence[tuple[Any, str]]) -> None:
-    """Set the limits of panels, given with their labels, that would show rounding.
+    """Set the limits of panels whose curves would show nothing but rounding errors.
 
-    Such a panel gets the limits of the largest panel in the same unit, and a note; a constant gets
-    a band of 5 % about it.
+    panels: axes with their labels. A panel with values far below the largest in the same unit gets
+    the limits of the panel with the largest values, and a note; a constant gets a band of 5 %
+    about it. Logarithmic axes begin above rounding.
     """
     for axes, _ in panels:
         _limit_decades(axes)

@@ -138,8 +138,8 @@ def _chosen() -> list[Path]:
 
 
 def _files(kind: str, ending: str) -> dict[str, Path]:
-    """Return files by stem. The folder of the environment has precedence over the package, the
-    package over the build folder.
+    """Return the files of a kind with an ending, by stem. The build folder that the environment
+    names has precedence over the package, and the package over the default build folder.
     """
     folders = (BUILD / kind, PACKAGE / "data" / kind, *(folder / kind for folder in _chosen()))
     return {path.stem: path for folder in folders for path in sorted(folder.glob(f"*.{ending}"))}

@@ -94,7 +94,9 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         return self._observation, info
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Hold an action for `every` macro steps. The end of the child ends the episode."""
+        """Hold an action for `every` macro steps. If the child process ends, the episode is
+        terminated.
+        """
         try:
             found: tuple[Array, float, bool, bool, dict[str, Any]] = self._call("step", action)
         except (FmuError, BrokenPipeError) as error:

@@ -233,7 +233,7 @@ def choose_set(system: System, name: str) -> System:
 
 
 def _with(system: System, parameters: Mapping[str, Parameters]) -> System:
-    """Return the system with other parameters of these components."""
+    """Return the system with the given parameters for the components that `parameters` names."""
     found = ((c, parameters.get(c.name, c.parameters)) for c in system.components)
     new = (c if p is c.parameters else replace(c, parameters=p) for c, p in found)
     return replace(system, components=tuple(new))

@@ -114,7 +114,7 @@ class Instance:
 
     @property
     def latency(self) -> int:
-        """Return the macro steps by which the instance publishes later."""
+        """Return the macro steps by which the outputs are published late."""
         return self.node.component.latency
 
     def _transfers(self) -> dict[Verb, list[Transfer]]:

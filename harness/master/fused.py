@@ -227,7 +227,7 @@ def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
     """
     found = ((n.component.name, n.interface.variables.values()) for n in graph.nodes)
     if others := sorted(n for n, known in found if any(v.type != "Real" for v in known)):
-        raise NotFusedError(f"{', '.join(others)}: has variables that are not Real")
+        raise NotFusedError(f"{', '.join(others)}: not all variables are Real")
     experiment = system.experiment
     driver = {w.slot: (i, w.variable.name) for i, n in enumerate(graph.nodes) for w in n.outputs}
     place = {node.component.name: i for i, node in enumerate(graph.nodes)}

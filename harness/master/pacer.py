@@ -79,7 +79,7 @@ class Pacer:
     def timing(self) -> Timing:
         """Return the timing so far."""
         late, waited = np.array(self._late), np.array(self._waited, dtype=bool)
-        waited[:1] = True  # later steps are counted from the first one
+        waited[:1] = True  # the first step sets the origin: it is no overrun
         jitter = late[waited] if waited.any() else np.zeros(1)
         mean, p99, largest = map(float, (jitter.mean(), np.percentile(jitter, 99), jitter.max()))
         over, drift = late[~waited], float(late[-1]) if len(late) else 0.0

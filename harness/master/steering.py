@@ -109,7 +109,8 @@ class Ports:
         variables = self._interfaces[component].named("input")
         if not set(elements) <= variables.keys() - wired:
             hint = f"open=[{component!r}]" if elements[0] not in variables else "its source"
-            raise UsageError(f"{name}: is neither open nor an unconnected input; set {hint}")
+            text = "is neither an open output nor an unconnected input"
+            raise UsageError(f"{name}: {text}; set {hint}")
         chosen = [variables[e] for e in elements]
         self._instances[component].put(chosen, np.broadcast_to(given, shape).ravel(), time)
 

@@ -173,7 +173,8 @@ def requirement(result: Result, program: Program, name: str, text: str) -> Data:
 def _simulation(result: Result, system: System, found: Checked, module: Module) -> Data:
     if missing := [name for name in result.columns if name not in module.outputs]:
         raise UsageError(
-            f"the result contains {missing[0]}, which the system does not publish; run it again"
+            f"the result contains {missing[0]}, which is not an output of the system as it is now; "
+            "run the system again"
         )
     known, span = result.provenance, system.experiment
     return {

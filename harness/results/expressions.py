@@ -56,8 +56,8 @@ QUANTITY = re.compile(
 
 
 def settling_time(time: Array, error: Array, band: float) -> float:
-    """Return the time [s] after which an error (rows,) stays within a band; NaN if it never does.
-    An error of NaN is outside.
+    """Return the time [s] from the first row until an error (rows,) stays within a band; NaN if it
+    never does. A row whose error is NaN counts as outside.
     """
     if np.shape(error) != np.shape(time):
         raise ValueError("settling_time(time, error, band): error is a vector; write norm(error)")

@@ -40,8 +40,8 @@ class Limits:
         self._sides = list(map(self._program.expression, sides))
 
     def applying(self, result: Result) -> Any:
-        """Return the rows in which none of them holds; None if there are none, if one has elements,
-        or if a number is missing, so that one is undecided.
+        """Return the rows in which no limit holds; None if there is no such row, if a limit has a
+        value per element, or if a number on which a limit depends is NaN.
         """
         if not self._holds:
             return ALL

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arrays of SSP 2.0, element by element: `r` of three elements is `r[1]`, `r[2]`, `r[3]`, as the
-graph has them.
+"""Arrays of SSP 2.0, split into scalar elements: an array `r` of three elements becomes `r[1]`,
+`r[2]`, `r[3]`, the names in the graph of a system.
 """
 
 from __future__ import annotations

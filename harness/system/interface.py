@@ -234,7 +234,7 @@ def _variables(path: Path, description: Description) -> tuple[list[Variable], tu
     optional = set(description.root.xpath(OPTIONAL))
     for v in description.variables:
         if v.type == "Clock":
-            left_out.append(f"{v.name}: clocks are not supported, it is left out")
+            left_out.append(f"{v.name}: clocks are not supported; the variable is omitted")
             continue
         if v.clocks and v.causality in ("input", "output"):
             raise FmuError(f"{path.name}: {_clocked(description, v)}")

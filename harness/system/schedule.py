@@ -53,7 +53,7 @@ class Periodic(Protocol):
 
     @property
     def latency(self) -> int:
-        """Return the macro steps by which the instance publishes later."""
+        """Return the macro steps by which the outputs are published late."""
 
 
 Scheduled = TypeVar("Scheduled", bound=Periodic)

@@ -24,8 +24,8 @@ _log = logging.getLogger("harness")
 
 
 def find_fmu(name: str | Path) -> Path:
-    """Return the path of an FMU by name or path, or in the folder of a built controller; raise
-    UsageError with close matches if there is none.
+    """Return the path of an FMU that is given by name, by path, or by the folder of a built
+    controller; raise UsageError with close matches if there is none.
     """
     known = paths.fmus()
     if str(name) in known:

@@ -34,7 +34,7 @@ def unsafe(result: Result) -> bool:
 
 
 def box(result: Result) -> tuple[float, ...]:
-    """Return the distance to the box, and the abort time [min]."""
+    """Return the least distance to the box [m], negative inside, and the abort time [min]."""
     return _least(result, 0), min(abort_time(result), STOP) / 60
 
 

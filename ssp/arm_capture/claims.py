@@ -135,7 +135,9 @@ APPROACH = Paper(
 
 
 def deploying(result: Result) -> NDArray[np.bool_]:
-    """Return the rows of the deployment, of a base that starts on its reference."""
+    """Return which rows are in the deployment; raise NotExercisedError if the base does not start
+    on its reference.
+    """
     if turned(result)[0] > START:
         raise NotExercisedError("the base does not start on its reference")
     return during(result, DEPLOY)

@@ -50,7 +50,7 @@ def steady(text: str, reproduced: Band, partly: Band) -> Claim:
 
 HOVERS = Claim(
     name="hovering",
-    text="the servicer comes near fast and then hovers 20 m above the feature of the target",
+    text="the servicer approaches quickly and then hovers 20 m above the feature of the target",
     where="section 4.2, figure 2",
     needs=(RANGE, FEATURE),
     compute=metrics.hovering,

@@ -58,7 +58,7 @@ CLAIMS = (
     ),
     Claim(
         name="speed of the target",
-        text="at the speed of the target",
+        text="then it moves at the speed of the target",
         where="figure 6",
         needs=(RANGE, *VELOCITIES),
         compute=metrics.hold_speed,

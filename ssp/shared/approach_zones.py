@@ -114,7 +114,7 @@ def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
 
 
 def _states(result: Result, rows: Rows, arrays: Arrays) -> Scene:
-    """Return the arrays of the states of the rules of the monitor, by name."""
+    """Return the array of the state over the replay for each rule of the monitor, by rule name."""
     known = (rule for rule in RULES if rule.history in result)
     return {rule.name: {"state": _state(result, rule, rows, arrays)} for rule in known}
 

@@ -38,7 +38,9 @@ SETTLED = 100.0
 
 def _late(result: Result, count: int) -> slice:
     if result.time[-1] <= 2 * SETTLED:
-        raise NotExercisedError(f"the run ends at {result.time[-1]:g} s, before {2 * SETTLED:g} s")
+        raise NotExercisedError(
+            f"the run ends at {result.time[-1]:g} s; the claim needs more than {2 * SETTLED:g} s"
+        )
     return slice(int(np.searchsorted(result.time[:count], SETTLED)), None)
 
 

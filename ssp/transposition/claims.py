@@ -51,11 +51,11 @@ CLAIMS = (
     ),
     Claim(
         name="every step helps",
-        text="each correction lets the momentum decrease",
+        text="each correction reduces the momentum",
         where="abstract, step (5)",
         needs=(ITERATIONS, PEAK),
         compute=metrics.descent,
-        value="peak at most {0:.2f} of that before, {1:.0f} steps",
+        value="each peak at most {0:.2f} of the one before, {1:.0f} steps",
         unit="",
         reproduced=at_most(1.0 - 1e-9),
     ),

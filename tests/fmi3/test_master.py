@@ -346,7 +346,7 @@ def test_other_clocks_are_left_out_and_reported(tmp_path):
     )
     interface = read_interface(path)
     assert "tick" not in interface.variables
-    assert "tick: clocks are not supported, it is left out" in interface.warnings
+    assert "tick: clocks are not supported; the variable is omitted" in interface.warnings
     assert simulated(system_of({"a": path}), "c").time[-1] == 1.0
 
 

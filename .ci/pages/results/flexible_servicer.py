@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Panels and slosh: their effect in the systems, pulses of thrusters, notches."""
+"""Tables of the flexible servicer: panels and slosh in the systems, on thrusters, with notches."""
 
 from __future__ import annotations
 

@@ -41,7 +41,9 @@ def planned(result: Any) -> tuple[float, float]:
 
 
 def by_scheme() -> str:
-    """Return a table of the plan by finite differences: ours, the patent's, and a correction."""
+    """Return a table with a row per scheme of finite differences of the plan: as in E.4, as printed
+    in the patent, and as printed with the second difference corrected.
+    """
     return of_runs("differences", SCHEMES, [
         Column("peak as planned [N m s], at a rotation of [deg]", planned, "{:.0f}, {:.1f}"),
         Column("largest momentum [N m s]", MOMENTUM, "{:.0f}"),

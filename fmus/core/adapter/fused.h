@@ -30,7 +30,7 @@ typedef struct {
     const ModelInterface *model;
     size_t head, tail; /* first doubles of head and tail */
     Copies driven;     /* inputs from published outputs */
-    Copies late;       /* outputs to their published places, if these differ */
+    Copies late;       /* outputs published late: to their published places */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)

@@ -264,7 +264,7 @@ def main() -> None:
     parser.add_argument("--binary", action="append", required=True, metavar="PLATFORM=FILE")
     parser.add_argument("--source", type=Path, nargs="+", required=True)
     parser.add_argument("--include", type=Path, nargs="+", required=True)
-    parser.add_argument("--provenance", type=Path, help="JSON: what a system was made of")
+    parser.add_argument("--provenance", type=Path, help="JSON file: provenance of a system")
     parser.add_argument("--trace", type=Path, help="reference.csv of FMI-LS-REF")
     a = parser.parse_args()
     files = Files(a)

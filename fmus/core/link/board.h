@@ -11,7 +11,7 @@
 
 typedef struct {
     const char *name, *guid;
-    uint32_t variables; /* number of scalar variables of its model description */
+    uint32_t variables; /* number of scalar variables in the model description of the FMU */
     fmi2InstantiateTYPE *instantiate;
     fmi2FreeInstanceTYPE *free_instance;
     fmi2ResetTYPE *reset;

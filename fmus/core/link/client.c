@@ -141,8 +141,8 @@ static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
     return read_answer(c, f, status);
 }
 
-/* bytes that have arrived by `until` are read even after that time, but at most one frame of later
- * bytes, so that a board that sends without end is late as well */
+/* bytes that have arrived by `until` are read even after that time; of later bytes at most one
+ * frame is read, so that a board that sends without end is late as well */
 Outcome wait_until(Client *c, double until, unsigned *status)
 {
     size_t size, got, late_bytes = 0;

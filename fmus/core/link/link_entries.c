@@ -39,7 +39,7 @@ bool any_entry(const Link *l, EntryFilter *filter)
     return false;
 }
 
-/* number of entries of the next run, from *at on, in the list that is sent; 0: no further run */
+/* length of the next run of entries with consecutive references, from *at on; 0: there is none */
 static size_t next_run(const Link *l, EntryFilter *filter, size_t *at)
 {
     while (*at < l->entries && !filter(&l->entry[*at])) ++*at;

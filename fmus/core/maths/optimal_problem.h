@@ -44,7 +44,7 @@ typedef struct {
     double has_cone, has_speed_limit;
 } Problem;
 
-/* of one constraint and node: point inside the set, scaled multiplier */
+/* one constraint at one node: z is the point inside the set, y the scaled multiplier */
 typedef struct { vec3 z, y; } Split;
 
 typedef struct {

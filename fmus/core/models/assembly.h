@@ -107,8 +107,8 @@ static inline vec3 gravity_torque(const Assembly *a, const Configuration *c, mat
     return gravity_gradient(a->mu, mul(C_So, vec(0, 0, -a->R_C)), c->J);
 }
 
-/* 1/2 rho V_R^2 C_D sum(A_k C_k) x v; v: direction of the gas relative to the assembly, opposite to
- * the orbital velocity */
+/* 1/2 rho V_R^2 C_D sum(A_k C_k) x v;  V_R^2 = mu/R_C; A_k, C_k: area in the flow and centre of
+ * facet k; v: direction of the gas relative to the assembly, opposite to the orbital velocity */
 static inline vec3 aero_torque(const Assembly *a, const Configuration *c, mat3 C_So)
 {
     vec3 v = mul(C_So, vec(-1, 0, 0)), moment = vec(0, 0, 0);

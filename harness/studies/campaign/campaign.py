@@ -222,7 +222,8 @@ def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Chang
         )
     plan = store.plan()
     for name in differing(plan.sources):
-        _log.warning("%s: differs from the file of run %s of %s", name, number, store.path.name)
+        text = "%s: differs from the one used in run %s of %s"
+        _log.warning(text, name, number, store.path.name)
     if system is not None and plan.system.read_bytes() != find_system(system).read_bytes():
         raise UsageError(
             f"--like {text}: is a run of {name_of(plan.system)}, not of {Path(system).stem}"

@@ -265,7 +265,9 @@ def _blank(system: System, found: Checked, every: int) -> Reading:
 
 
 def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:
-    """Return names, units and texts without values, before the first run."""
+    """Return a result with names, units and texts of the slots, before the first run; values: its
+    rows, None: one row without meaning.
+    """
     names, units, texts, modes = columns(slots)
     values = np.empty((1, len(slots))) if values is None else values
     time = np.arange(len(values), dtype=np.float64)

@@ -145,7 +145,9 @@ class _Spread:
                 yield block.first, [row for place in sorted(rows) for row in rows[place]]
 
     def _rows(self, job: Future[list[Any]], part: Sequence[Any]) -> list[Any]:
-        """Return the rows of a piece. Runs of a killed worker are repeated, each alone."""
+        """Return the rows of a part of a block. If its worker was killed, its runs are repeated one
+        by one.
+        """
         try:
             return job.result()
         except self.pool.ended:

@@ -76,7 +76,7 @@ class Store:
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
-        self._seen: dict[str, Any] = {}  # opening an array costs as much as writing to it
+        self._seen: dict[str, Any] = {}  # opened arrays: opening costs as much as writing
 
     # ---- create and open
 

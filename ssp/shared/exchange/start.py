@@ -114,7 +114,7 @@ def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
         if not orbit[1] < 1:
             raise UsageError(
                 f"--start {target}: its orbit is open (e = {orbit[1]:.6g}), and {component}, which "
-                f"starts beside it, takes a closed one; name a file for {component}"
+                f"starts beside it, needs a closed one; add --start {component}=FILE"
             )
         found |= {f"{component}.{name}": x for name, x in zip(rows, orbit, strict=True)}
     return found

@@ -234,7 +234,8 @@ def test_files_that_differ_in_a_repeated_run_are_named(begun, caplog):
     shutil.copy(begun / "before", begun / "light.toml")
     (begun / "gone").rename(begun / "parts/one.py")
     names = ("light.toml", "one.py")
-    assert caplog.messages == [f"{n}: differs from the file of run 1 of c.zarr" for n in names]
+    text = "differs from the one used in run 1 of c.zarr"
+    assert caplog.messages == [f"{name}: {text}" for name in names]
 
 
 def test_the_dataset_of_an_archive_may_not_change_either(place):
