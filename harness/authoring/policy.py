@@ -16,11 +16,9 @@ from string import Template
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import UsageError
-
-Array = NDArray[np.float64]
+from harness.results.result import Array
 
 ACTIVATIONS: Mapping[str, tuple[Callable[[Array], Array], str]] = {
     "tanh": (np.tanh, "hyperbolic_tangent(x)"),

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.histories import turned
-
-Array = NDArray[np.float64]
+from harness.results.result import Array
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red")

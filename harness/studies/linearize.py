@@ -21,17 +21,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import RunError, UsageError
 from harness.master import messages
 from harness.master.simulation import Simulation
 from harness.mission.library import everything
+from harness.results.result import Array
 from harness.system.interface import Interface
 from harness.system.model import Component, Experiment, Parameter, System
 from harness.system.values import base, index
 
-Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
 """Distances of the differences, relative to the length of the moved vector, but at least to 1."""
 

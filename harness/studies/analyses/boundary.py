@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
+from harness.results.result import Array
 from harness.studies.analyses.study import Boundary, Study, begun, prepared
 from harness.studies.campaign.factors import normal_quantile
-
-Array = NDArray[np.float64]
 
 COARSE, GENERATION = np.array([0.001, 0.3, 0.5, 0.7, 0.999]), 12
 """Rows and columns of the first grid, as probabilities; largest number of runs of a generation."""

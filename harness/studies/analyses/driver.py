@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.files.signals import held
+from harness.results.result import Array
 from harness.spelling import one_line
 from harness.studies.analyses.evaluator import Evaluator, margins_of, unjudged
 from harness.studies.campaign.campaign import Progress
@@ -29,7 +29,6 @@ from harness.studies.campaign.plan import Values
 from harness.studies.campaign.store import Store, reject_existing
 from harness.studies.campaign.worker import FAILED, PENDING, Row
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 LARGEST_BLOCK, BLOCK_STEPS = 200, 500_000

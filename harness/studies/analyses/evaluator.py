@@ -23,6 +23,7 @@ from harness.errors import StructureError, UsageError
 from harness.master.changes import Changes
 from harness.master.messages import logged_once
 from harness.results.requirements import has_slope
+from harness.results.result import Array
 from harness.spelling import did_you_mean
 from harness.studies.campaign import worker
 from harness.studies.campaign.clusters import Workers
@@ -33,8 +34,6 @@ from harness.studies.campaign.plan import Values
 from harness.studies.campaign.sources import named
 from harness.studies.campaign.worker import Row
 from harness.studies.reuse import compiling
-
-Array = NDArray[np.float64]
 
 LARGEST = 50
 """Largest number of runs that a worker receives at once."""

@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
+from harness.results.result import Array
 from harness.studies.analyses.evaluator import exercised
 from harness.studies.analyses.study import Probability, Study, begun, prepared, report_nominal
 from harness.studies.campaign.stopping import clopper_pearson
-
-Array = NDArray[np.float64]
 
 P0 = 0.1
 """Share of the runs of a level that is below the limit of the next one."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
+from harness.results.result import Array
 from harness.studies.analyses.driver import run_method, write_estimate
 from harness.studies.analyses.evaluator import unjudged
 from harness.studies.analyses.study import Sensitivity, Study, begun, prepared, report_nominal
@@ -24,7 +25,6 @@ from harness.studies.campaign.store import Store
 from harness.studies.campaign.summary import mean_ranks, rank_correlation
 from harness.studies.campaign.worker import PENDING
 
-Array = NDArray[np.float64]
 Method = Generator[Array, Array, "Effects"]
 Group = Sequence[int]
 """Coordinates of one factor."""

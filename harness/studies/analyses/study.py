@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
 from harness.studies.analyses.driver import Driver
@@ -25,7 +24,6 @@ from harness.studies.campaign.stopping import clopper_pearson
 from harness.studies.campaign.worker import FAILED
 from harness.system.tables import Count, Positive, Text, problems
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 Names = Annotated[str | list[str], Meta(description="a name or a list of names")]

@@ -11,17 +11,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import UsageError, installed
+from harness.results.result import Array
 from harness.studies.analyses.evaluator import Evaluator
 from harness.studies.analyses.study import Study, Tune, begun, entries, where
 from harness.studies.analyses.worst import generation, search
 from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import PENDING
-
-Array = NDArray[np.float64]
 
 ARCHIVED = 12
 """Number of worst runs of an archive with which every candidate is evaluated."""

@@ -13,17 +13,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import HarnessError, InterruptionError, UsageError, installed
 from harness.results.files import save
 from harness.results.requirements import margin
+from harness.results.result import Array
 from harness.studies.analyses.driver import Driver
 from harness.studies.analyses.evaluator import exercised
 from harness.studies.analyses.study import Study, Worst, begun, prepared, report_nominal
 from harness.studies.reuse import ReusedSimulation
 
-Array = NDArray[np.float64]
 Method = Generator[Array, Array, "Found"]
 
 LEAST_GENERATION = 12

@@ -17,11 +17,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from msgspec import Meta, Struct, convert
 from msgspec.structs import asdict, fields
-from numpy.typing import NDArray
 
+from harness.results.result import Array
 from harness.system.tables import Number
-
-Array = NDArray[np.float64]
 
 SMALLEST = 2.0**-53
 """Smallest distance of numbers from 0 and 1, where a normal draw is infinite."""

@@ -21,7 +21,6 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
 from harness.files.checksums import Taken, locked, on_the_disk
@@ -33,7 +32,6 @@ from harness.studies.campaign.plan import Plan, Source, Table, Values
 from harness.studies.campaign.worker import PENDING, Row
 from harness.system.tables import Count
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, Sequence[Any]]
 PERCENTILES = np.array([5.0, 25.0, 50.0, 75.0, 95.0])
 AXIS = Field("percentile", np.float64, PERCENTILES.shape, ("percentile",), values=PERCENTILES)

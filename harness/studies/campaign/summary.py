@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.results.result import Array
 from harness.results.verdict import OPEN, Kind, Outcome, Verdict
 from harness.spelling import one_line
 from harness.studies.campaign.plan import SUCCESS
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, VERDICTS
 from harness.system.units import with_unit
-
-Array = NDArray[np.float64]
 
 Z95 = 1.959963984540054
 """Quantile of the normal distribution for 95 %, two-sided."""

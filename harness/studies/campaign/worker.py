@@ -24,14 +24,12 @@ from harness.master.executors import FUSED
 from harness.master.lanes import width
 from harness.master.recorder import recorded
 from harness.results.requirements import Finding, finding, findings
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
 from harness.studies.campaign.metrics import is_condition, measured, read
 from harness.studies.campaign.plan import SUCCESS, Table
 from harness.studies.reuse import Reading, ReusedSimulation, kind, quietly, retained
-
-Array = NDArray[np.float64]
 
 PENDING, COMPLETE, FAILED = 0, 1, 2
 """Numbers of the status of a run in a dataset."""
