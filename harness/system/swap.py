@@ -32,7 +32,7 @@ def find_fmu(name: str | Path) -> Path:
         return known[str(name)]
     if paths.is_file(name):
         return Path(name)
-    if str(name) and paths.is_folder(name):
+    if paths.is_folder(name):
         inside = Path(name) / f"{Path(name).resolve().name}.fmu"
         if paths.is_file(inside):
             return inside
