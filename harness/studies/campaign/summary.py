@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from harness.results.result import Array
 from harness.results.verdict import OPEN, Kind, Outcome, Verdict
-from harness.spelling import one_line
+from harness.spelling import columns, one_line
 from harness.studies.campaign.plan import SUCCESS
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, VERDICTS
@@ -278,13 +278,7 @@ def _groups(store: Store) -> Iterator[str]:
         if heads:
             yield ""
             cells = [[name, *(rows[name][head].short() for head in heads)] for name in rows]
-            yield from _aligned([[f"by {factor}", *heads], *cells])
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(map(str.ljust, row, widths)).rstrip()
+            yield from columns([[f"by {factor}", *heads], *cells])
 
 
 def unjudged(store: Store) -> str:
