@@ -187,12 +187,8 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
     variable = interface.variables.get(name)
     if variable is None:
         return f"there is no such parameter{did_you_mean(name, interface.settable())}"
-    if variable.causality == STRUCTURAL:
-        return (
-            None
-            if parameter.value == variable.begin
-            else unsettable(variable, interface.settable())
-        )
+    if variable.causality == STRUCTURAL and parameter.value == variable.begin:
+        return None
     if not variable.settable:
         return unsettable(variable, interface.settable())
     if parameter.value != parameter.value:
