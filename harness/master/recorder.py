@@ -100,11 +100,8 @@ class Recorder:
     @property
     def rows(self) -> NDArray[np.float64]:
         """Return everything recorded so far, shape (rows, slots)."""
-        return self.table[: self._whole if self.done < self.steps else None]
-
-    @property
-    def _whole(self) -> int:
-        return self.done // self.every + 1
+        whole = self.done // self.every + 1
+        return self.table[: whole if self.done < self.steps else None]
 
     @property
     def macro_steps(self) -> NDArray[np.int64]:
