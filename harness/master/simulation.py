@@ -38,9 +38,9 @@ from harness.master.progress import Show, Watch, shown
 from harness.master.recorder import Recorder
 from harness.master.steering import Ports, steered
 from harness.results.provenance import now, run_provenance
-from harness.results.result import Result
+from harness.results.result import Result, parameters_of
 from harness.spelling import some
-from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
+from harness.system.graph import Checked, Node, checked, columns, rechecked
 from harness.system.model import System
 from harness.system.schedule import Verb
 
@@ -488,12 +488,7 @@ class Simulation:
 
     def parameters(self) -> Result:
         """Return all parameters as a table of one row."""
-        found = list(constants(self.graph))
-        slots, values = zip(*found, strict=True) if found else ((), ())
-        names, units, texts, modes = columns(slots)
-        start = np.array([self.clock.start])
-        rows = np.array([values])
-        return Result(self.system.name, start, names, units, rows, texts, modes=modes)
+        return parameters_of(self.system.name, self.graph, self.clock.start)
 
 
 def simulate(

@@ -23,10 +23,10 @@ from harness.results.expressions import Node, parsed
 from harness.results.margins import Requirement, compared, compiled, leaves
 from harness.results.program import of_rows
 from harness.results.provenance import Provenance
-from harness.results.result import Result
+from harness.results.result import Result, parameters_of
 from harness.results.verdict import Kind, Outcome, Verdict
 from harness.spelling import did_you_mean
-from harness.system.graph import Graph, build_graph, columns, constants, read_interfaces, rebuilt
+from harness.system.graph import Graph, build_graph, read_interfaces, rebuilt
 from harness.system.model import Port, System
 from harness.system.units import convert, unit
 from harness.system.values import base
@@ -125,11 +125,7 @@ def _inconsistencies(system: System, graph: Graph) -> Iterator[str]:
     """Yield a line per condition on parameters that does not hold. Conditions on parameters that a
     swapped FMU lacks are ignored.
     """
-    given = list(constants(graph))
-    names, units, texts, modes = columns([slot for slot, _ in given])
-    values = np.array([[value for _, value in given]])
-    table = Result(system.name, np.zeros(1), names, units, values, texts, modes=modes)
-    nothing = np.empty((1, 0))
+    table, nothing = parameters_of(system.name, graph), np.empty((1, 0))
     result = Result(system.name, np.zeros(1), (), (), nothing, parameters=table)
     for name, text in system.consistency.items():
         if finding(result, name, text).verdict is Verdict.NOT_MET:

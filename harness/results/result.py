@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from harness.results.provenance import Provenance, flat
 from harness.spelling import did_you_mean
+from harness.system.graph import Graph, columns, constants
 from harness.system.values import base, expand, grid, index
 
 Array = NDArray[np.float64]
@@ -170,6 +171,14 @@ class Result:
         units = dict(zip(self.columns, self.units, strict=True))
         frame.attrs = {"system": self.system, "units": units}
         return frame
+
+
+def parameters_of(system: str, graph: Graph, start: float = 0.0) -> Result:
+    """Return all parameters of a system as a table of one row, at the time `start` [s]."""
+    given = list(constants(graph))
+    names, units, texts, modes = columns([slot for slot, _ in given])
+    values = np.array([[value for _, value in given]])
+    return Result(system, np.array([start]), names, units, values, texts, modes=modes)
 
 
 @lru_cache(maxsize=16)

@@ -18,7 +18,7 @@ from harness.master.changes import Changes, apply, as_in_a_file, pairs
 from harness.master.recorder import recorded
 from harness.mission.claim import BaseMetric
 from harness.results.provenance import Provenance
-from harness.results.result import Result
+from harness.results.result import Result, parameters_of
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
 from harness.studies.campaign import metrics
@@ -28,7 +28,7 @@ from harness.studies.campaign.plan import MAX_RUNS, SUCCESS, Plan, Table, change
 from harness.studies.campaign.sources import sources
 from harness.studies.campaign.worker import Task
 from harness.studies.reuse import Reading, rejected_before
-from harness.system.graph import Checked, Slot, checked, columns, constants
+from harness.system.graph import Checked, Slot, checked, columns
 from harness.system.model import System
 from harness.system.tables import problems, read_toml
 from harness.system.values import base, plain
@@ -185,7 +185,7 @@ class _Draft:
         if 0 not in structures:
             return None
         first, graph = structures[0][0], structures[0][1].graph
-        kinds = _table(graph.slots, _table([slot for slot, _ in constants(graph)]))
+        kinds = _table(graph.slots, parameters_of("", graph))
         self._names(kinds)
         read = None if self.problems else self._measurable(ready, found)
         if not (table.success or first.requirements):
@@ -252,19 +252,18 @@ def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
 
 def _blank(system: System, found: Checked, every: int) -> Reading:
     """Return a result with as many rows as a run, all values 1, for a first check of metrics."""
-    given = list(constants(found.graph))
-    parameters = _table([slot for slot, _ in given], values=np.array([[x for _, x in given]]))
     steps = recorded(found.steps, every)
     begin, step = system.experiment.start, system.experiment.step or 0.0
     time = begin + step * np.asarray(steps, dtype=np.float64)
     slots = found.graph.slots
     values = np.broadcast_to(1.0, (len(steps), len(slots)))
     made = Provenance(system=system.name, mission=system.mission)
+    parameters = parameters_of(system.name, found.graph)
     whole = replace(_table(slots, parameters, values), time=time, provenance=made)
     return Reading(whole, slots, values[-1])
 
 
-def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:
+def _table(slots: Sequence[Slot], parameters: Result, values: Any = None) -> Result:
     """Return a result with names, units and texts of the slots, before the first run; values: its
     rows, None: one row without meaning.
     """
