@@ -59,10 +59,9 @@ class BaseMetric:
         nor an expression.
         """
         if isinstance(self.compute, str):
-            names = parsed(self.compute).variables
-            needs = [n for n in names if n != "time" and not n.startswith("parameter ")]
-            held = [n.partition(" ")[2] for n in names if n.startswith("parameter ")]
-            object.__setattr__(self, "needs", tuple(dict.fromkeys((*self.needs, *needs))))
+            tree = parsed(self.compute)
+            held = [n.partition(" ")[2] for n in tree.variables if n.startswith("parameter ")]
+            object.__setattr__(self, "needs", tuple(dict.fromkeys((*self.needs, *tree.outputs))))
             object.__setattr__(self, "parameters", (*self.parameters, *held))
         elif not callable(self.compute):
             raise TypeError(

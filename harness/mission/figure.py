@@ -35,10 +35,9 @@ LARGEST = 1e300
 def variables_of(text: str) -> tuple[str, ...]:
     """Return the variables of an expression; the text itself if it is not one."""
     try:
-        names = parsed(text).variables
+        return parsed(text).outputs
     except ValueError:
         return (text,)
-    return tuple(n for n in names if n != "time" and not n.startswith("parameter "))
 
 
 def values_of(result: Result, source: Source) -> Array:

@@ -219,6 +219,11 @@ class Node:
         """Return the names that it contains: variables, `time` and `parameter component.name`."""
         return tuple(dict.fromkeys(n.name for n in self.walk() if n.kind == "name"))
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Return the variables that it contains, without `time` and parameters."""
+        return tuple(n for n in self.variables if n != "time" and not n.startswith("parameter "))
+
     @cached_property
     def is_history(self) -> bool:
         """Return whether the value has rows: it depends on a variable or the time, which no
@@ -257,8 +262,7 @@ class Node:
         """Return whether it determines when other conditions apply: a condition on time and
         parameters alone, or the first argument of implies().
         """
-        others = [name for name in self.variables if not name.startswith("parameter ")]
-        return self.name == IMPLIES or others == ["time"]
+        return self.name == IMPLIES or ("time" in self.variables and not self.outputs)
 
 
 def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -95,12 +95,9 @@ def _expression(text: str) -> Node:
     return parsed(text, [m.name for m in everything().metrics], "metric")
 
 
-def variables(text: str) -> Iterator[str]:
-    """Yield the variables that an expression names; none for a built-in metric or a function."""
-    if offering(text) or file_of(text):
-        return
-    names = _expression(text).variables
-    yield from (name for name in names if name != "time" and not name.startswith("parameter "))
+def variables(text: str) -> tuple[str, ...]:
+    """Return the variables that an expression names; none for a built-in metric or a function."""
+    return () if offering(text) or file_of(text) else _expression(text).outputs
 
 
 def unit(text: str, kinds: Result) -> str:
