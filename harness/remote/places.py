@@ -27,7 +27,7 @@ from lxml import etree
 
 from harness.errors import UsageError
 from harness.files import cache
-from harness.files.archive import pack, parsed, read_entry
+from harness.files.archive import pack, parsed, read_entry, serialized
 from harness.files.paths import built, link_sources
 from harness.remote.firmware import PROCESSORS, Part, Processor, build, find_processor
 from harness.spelling import did_you_mean, is_number
@@ -198,18 +198,20 @@ def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
     return cache.made(fmu.name, key, lambda path: pack(path, content))
 
 
+LACKING = (
+    *("providesDirectionalDerivative", "canInterpolateInputs"),
+    *("needsExecutionTool", "maxOutputDerivativeOrder"),
+)
+"""Capabilities that a link lacks."""
+
+
 def describe(root: etree._Element) -> bytes:
     """Return the description of the representing FMU: the same variables, without sources and
     without capabilities that a link lacks.
     """
     model = root.find("CoSimulation")
-    for files in model.findall("SourceFiles"):
-        model.remove(files)
-    for lacking in ("providesDirectionalDerivative", "canInterpolateInputs", "needsExecutionTool"):
-        model.attrib.pop(lacking, None)
-    model.attrib.pop("maxOutputDerivativeOrder", None)
-    for other in root.findall("ModelExchange"):
-        root.remove(other)
+    etree.strip_elements(root, "SourceFiles", "ModelExchange")
+    etree.strip_attributes(model, *LACKING)
     categories = root.find("LogCategories")
     if categories is None:
         categories = etree.Element("LogCategories")
@@ -218,4 +220,4 @@ def describe(root: etree._Element) -> bytes:
     for name in ("logStatusError", "logStatusWarning", "logStatistics"):
         if name not in known:
             etree.SubElement(categories, "Category", name=name)
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8"))
+    return serialized(root)
