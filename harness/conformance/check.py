@@ -106,16 +106,15 @@ def _violations(root: XmlElement) -> tuple[str, ...]:
 
 
 def _schema_violations(root: XmlElement, name: str, file: str) -> tuple[str, ...]:
-    schema = _schema(name)
+    schema = fmpy_schema("schema", name[:4], f"{name}.xsd")
     schema.validate(root)
     return _lines(f"{file}, line {e.line}: {' '.join(e.message.split())}" for e in schema.error_log)
 
 
 @lru_cache
-def _schema(name: str) -> Any:
-    return etree.XMLSchema(
-        file=str(Path(fmpy.__file__).parent / "schema" / name[:4] / f"{name}.xsd")
-    )
+def fmpy_schema(*place: str) -> Any:
+    """Return a schema of FMI or SSP from its place in FMPy."""
+    return etree.XMLSchema(file=str(Path(fmpy.__file__).parent.joinpath(*place)))
 
 
 def _lines(texts: Iterable[str]) -> tuple[str, ...]:

@@ -237,9 +237,9 @@ def parsed(data: bytes) -> XmlElement:
     return tree.getroot()
 
 
-def serialized(root: XmlElement) -> bytes:
-    """Return an element as a file in UTF-8."""
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8"))
+def serialized(root: XmlElement, pretty: bool = False) -> bytes:
+    """Return an element as a file in UTF-8; pretty: with indentation."""
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=pretty))
 
 
 def _reject_hidden(data: bytes) -> None:

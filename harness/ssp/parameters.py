@@ -11,10 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from harness.errors import StructureError
-from harness.files.archive import XmlElement
+from harness.files.archive import XmlElement, serialized
 from harness.ssp import arrays, xml
 from harness.ssp.arrays import connector_name, shape, type_name
-from harness.ssp.xml import attributes, child, document, literal, serialized
+from harness.ssp.xml import attributes, child, document, literal
 from harness.system.conversion import final
 from harness.system.interface import BASE_UNITS, Interface
 from harness.system.model import Parameter, Parameters
@@ -163,7 +163,7 @@ def ssv(
         for size in sizes:
             child(element, "ssc:Dimension", size=size)
     unit_table(root, "ssv:Units", units, (v.unit for v in variables if v.type == "Real"))
-    return serialized(root)
+    return serialized(root, pretty=True)
 
 
 def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
@@ -175,7 +175,7 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
     for name, given in parameters.items():
         kind = "String" if isinstance(given.value, str) else "Real"
         child(child(table, "ssv:Parameter", name=name), f"ssv:{kind}", value=given.value)
-    return serialized(root)
+    return serialized(root, pretty=True)
 
 
 def _written(variable: Variable, given: Parameter | None, interface: Interface) -> str:

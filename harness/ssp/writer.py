@@ -19,12 +19,12 @@ from urllib.parse import quote
 from lxml import etree
 
 from harness.errors import StructureError
-from harness.files.archive import XmlElement, pack
+from harness.files.archive import XmlElement, pack, serialized
 from harness.ssp import xml
 from harness.ssp.arrays import connector_name, joined, shape, type_name
 from harness.ssp.parameters import BaseUnits, bare_ssv, ssv, unit_table
 from harness.ssp.terminals import DRAFT, add_terminals
-from harness.ssp.xml import NS, attributes, child, document, serialized, tag
+from harness.ssp.xml import NS, attributes, child, document, tag
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interfaces
@@ -117,7 +117,7 @@ class _Writer:
         if self.draft:
             add_terminals(root, {c.name: c.fmu for c in self.system.components})
         self._experiment(root)
-        return serialized(root)
+        return serialized(root, pretty=True)
 
     # ---- elements
 

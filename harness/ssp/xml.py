@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from copy import deepcopy
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-import fmpy
 from lxml import etree
 
+from harness.conformance.check import fmpy_schema
 from harness.errors import StructureError, reason_of
 from harness.files.archive import MAX_ENTRY, UnsafeXmlError, XmlElement, parsed
 from harness.files.paths import contents
@@ -146,7 +144,7 @@ def _made_readable(root: XmlElement) -> None:
 
 
 def _validate(root: XmlElement, schema: str, name: str) -> None:
-    validator = _schema(schema)
+    validator = fmpy_schema("ssp", "schema", schema)
     found = [
         f"line {e.sourceline}: the {kind_of(e)} of {_named(e)} is not supported"
         for e in root.iter(*NOT_SUPPORTED)
@@ -163,11 +161,6 @@ def _named(element: XmlElement) -> str:
     """Return the name of an element, or of the element that contains it."""
     ancestors = (element, *element.iterancestors())
     return next((each.get("name") for each in ancestors if each.get("name")), "")
-
-
-@lru_cache
-def _schema(name: str) -> Any:
-    return etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "ssp" / "schema" / name))
 
 
 # ---- SSP 2.0
@@ -263,8 +256,3 @@ def literal(value: Scalar) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return "NaN" if math.isnan(value) else "INF" if value > 0 else "-INF"
     return repr(value) if isinstance(value, float) else str(value)
-
-
-def serialized(root: XmlElement) -> bytes:
-    """Return the file whose root is an element."""
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
