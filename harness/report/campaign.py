@@ -72,7 +72,7 @@ def _texts(store: Store) -> dict[str, Any]:
         "shares": summary.requirements(store),
         "groups": summary.by_category(store),
         "expected": list(summary.expectations(store)),
-        "metrics": {name: _statistics(values) for name, values in metrics.items()},
+        "metrics": {name: summary.statistics(values) for name, values in metrics.items()},
         "lacking": list(summary.lacking(store)),
         "chance": [summary.left_out(name, factors, x) for name, x in metrics.items()],
         "failures": summary.failures_by_category(store),
@@ -91,13 +91,6 @@ def _worst(store: Store) -> dict[str, Any]:
 def _finite(store: Store) -> dict[str, Array]:
     """Return the metrics that are finite in at least one run."""
     return {n: x for n, x in summary.metric_columns(store).items() if np.isfinite(x).any()}
-
-
-def _statistics(values: Array) -> list[float]:
-    """Return mean, standard deviation, minimum, percentiles and maximum."""
-    finite = values[np.isfinite(values)]
-    middle = np.percentile(finite, summary.PERCENTILES)
-    return [finite.mean(), finite.std(), finite.min(), *middle, finite.max()]
 
 
 def _figures(canvas: Canvas, store: Store) -> Iterator[Shown]:

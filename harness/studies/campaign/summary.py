@@ -365,11 +365,16 @@ def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[s
     heads = ("mean", "std", "least", *(f"{p} %" for p in PERCENTILES), "most")
     yield " " * width + "".join(f"{head:>12}" for head in heads)
     for name, column in metrics.items():
-        values = column[np.isfinite(column)]
-        if len(values):
-            middle = np.percentile(values, PERCENTILES)
-            numbers = (values.mean(), values.std(), values.min(), *middle, values.max())
-            yield f"{shown[name]:{width}}" + "".join(f"{number:12.5g}" for number in numbers)
+        if np.isfinite(column).any():
+            numbers = (f"{number:12.5g}" for number in statistics(column))
+            yield f"{shown[name]:{width}}" + "".join(numbers)
+
+
+def statistics(values: Array) -> list[float]:
+    """Return mean, standard deviation, minimum, percentiles and maximum of finite values."""
+    finite = values[np.isfinite(values)]
+    middle = np.percentile(finite, PERCENTILES)
+    return [finite.mean(), finite.std(), finite.min(), *middle, finite.max()]
 
 
 def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterator[str]:
