@@ -110,7 +110,7 @@ class Driver:
         runs.
         """
         first, last = self.completed, self.completed + len(numbers)
-        if last > self.store.runs and not self.store.decided:
+        if last > self.store.runs and not self.store.about.decided:
             raise UsageError(
                 f"{self.path}: the study needs more runs than the {self.store.runs} reserved in "
                 "the dataset"
@@ -178,7 +178,7 @@ class Driver:
     def finish(self, estimate: dict[str, Any]) -> Store:
         """Write the waiting runs, remove unused rows, and store the estimate."""
         self._write(self.completed)
-        if not self.store.decided:
+        if not self.store.about.decided:
             self.store.shorten(self.completed)
         counts = dict(zip(self.evaluator.names, self.unjudged, strict=True))
         write_estimate(self.store, estimate | {"unjudged": counts})

@@ -138,7 +138,7 @@ class Store:
                 "or write another dataset"
             )
         life.enter_context(store.alone())
-        if not store.decided:
+        if not store.about.decided:
             store.mend(laid)
         return store
 
@@ -223,13 +223,6 @@ class Store:
     def block(self) -> int:
         """Return the runs per block."""
         return self.about.block
-
-    @property
-    def decided(self) -> bool:
-        """Return whether a stopping rule ended the campaign before all planned runs; the runs that
-        it has are complete.
-        """
-        return self.about.decided
 
     @property
     def runs(self) -> int:
