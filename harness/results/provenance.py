@@ -106,9 +106,22 @@ class Provenance:
         """Return the CF units of the time: with the date of t = 0 if there is one."""
         return f"seconds since {self.epoch}" if self.epoch else "s"
 
-    def lines(self) -> list[str]:
-        """Return the settings of the run as text, one fact per line."""
-        return list(_lines(self))
+    def lines(self) -> Iterator[str]:
+        """Yield the settings of the run as text, one fact per line."""
+        source = f" from {self.source}" if self.source not in ("", self.system) else ""
+        digest = f", sha256 {self.sha256[:12]}" if self.sha256 else ", made in Python"
+        yield f"system {self.system}{source}{digest}"
+        yield f"changed: {'; '.join(_changed(self)) or 'nothing'}"
+        thinned = f", every {self.every} steps recorded" if self.every > 1 else ""
+        span = f"stop {_g(self.stop)} s, macro step {_g(self.step)} s"
+        yield f"{span}, {self.algorithm}{thinned}"
+        if self.epoch:
+            yield f"t = 0 is {self.epoch} UTC"
+        if self.timing:
+            yield f"paced: {self.timing}"
+        yield f"harness {self.version}, {self.date}, {self.platform}"
+        if self.command:
+            yield f"command: {self.command}"
 
 
 def run_provenance(system: System, executor: str, every: int, timing: str = "") -> Provenance:
@@ -257,22 +270,6 @@ def _unpacked(name: str, value: Any) -> Any:
 
 
 # ---- as text
-
-
-def _lines(p: Provenance) -> Iterator[str]:
-    source = f" from {p.source}" if p.source and p.source != p.system else ""
-    digest = f", sha256 {p.sha256[:12]}" if p.sha256 else ", made in Python"
-    yield f"system {p.system}{source}{digest}"
-    yield f"changed: {'; '.join(_changed(p)) or 'nothing'}"
-    thinned = f", every {p.every} steps recorded" if p.every > 1 else ""
-    yield f"stop {_g(p.stop)} s, macro step {_g(p.step)} s, {p.algorithm}{thinned}"
-    if p.epoch:
-        yield f"t = 0 is {p.epoch} UTC"
-    if p.timing:
-        yield f"paced: {p.timing}"
-    yield f"harness {p.version}, {p.date}, {p.platform}"
-    if p.command:
-        yield f"command: {p.command}"
 
 
 def _changed(p: Provenance) -> Iterator[str]:
