@@ -97,7 +97,8 @@ class Requirement:
         self._inside: list[int] = []
         if tree.has_window:
             self.margin, self.truth = self._over_windows(tree)
-            self.undecided = self._fold("fmax", [self._any("isnan", x) for x in self._inside])
+            unknown = [self._add("any", self._add("isnan", x)) for x in self._inside]
+            self.undecided = self._fold("fmax", unknown)
             return
         self.truth, self.margin, self.elements = (
             each(tree) for each in (self._truth, self._by_row, self._of)
@@ -129,9 +130,6 @@ class Requirement:
 
     def _table(self, node: Node) -> int:
         return self._add("table", self.program.expression(node))
-
-    def _any(self, operation: str, *parts: int) -> int:
-        return self._add("any", self._add(operation, *parts))
 
     def _fold(self, operation: str, parts: Sequence[int]) -> int:
         return self.program.fold(operation, parts)
