@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.errors import UsageError
+from harness.figures.style import Style
 from harness.files.output import written
 from harness.system.model import System
 
@@ -30,13 +31,7 @@ FORMATS = ("svg", "pdf", "png")
 INK, PAPER, GREY = "#34506b", "#eef3f8", "#5a6b7c"
 PIXELS = 96.0
 """Pixels per inch, as in CSS."""
-FONT: Any = {
-    "font.family": "monospace",
-    "font.monospace": ["DejaVu Sans Mono"],
-    "svg.fonttype": "none",
-    "svg.hashsalt": "servicing-fmus",
-    "pdf.fonttype": 42,
-}
+STYLE = Style("diagram", sheets=("diagram.mplstyle",))
 Place = tuple[int, int]
 
 
@@ -100,12 +95,8 @@ def draw(system: System, path: Path) -> None:
 
 def painted(system: System, ending: str = "svg") -> bytes:
     """Return the diagram of a system in one of FORMATS. The same system gives the same bytes."""
-    import matplotlib as mpl
-
     file, undated = io.BytesIO(), {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(FONT)
+    with STYLE.used():
         canvas = _canvas(system, lay_out(system))
         canvas.savefig(file, format=ending, dpi=2 * PIXELS, metadata=undated.get(ending))
     return file.getvalue()
