@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from harness.errors import FmuError
 from harness.files.archive import XmlElement
-from harness.ssp.xml import NS, NUMBERS, tag
+from harness.ssp.xml import NS, tag
 from harness.system.interface import Interface, Interfaces, read_interface
 from harness.system.model import Connection
 from harness.system.values import Index, Name, Variable, elements_of, grid, index
@@ -114,7 +114,8 @@ def type_name(variable: Variable, version: int) -> str:
     """Return the type of a variable in a version of SSP. From 2.0 on numbers have the types of FMI
     3.0.
     """
-    return variable.access if version > 1 and variable.type in NUMBERS else variable.type
+    is_number = variable.type in ("Real", "Integer")
+    return variable.access if version > 1 and is_number else variable.type
 
 
 def joined(connections: Sequence[Connection], interfaces: Interfaces) -> Iterator[Joined]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from lxml import etree
 
 from harness.conformance.check import fmpy_schema
+from harness.conformance.description import NUMBERS, TYPES
 from harness.errors import StructureError, reason_of
 from harness.files.archive import MAX_ENTRY, UnsafeXmlError, XmlElement, parsed
 from harness.files.paths import contents
@@ -165,17 +166,8 @@ def _named(element: XmlElement) -> str:
 
 # ---- SSP 2.0
 
-NUMBERS = {
-    "Real": ("Float64", "Float32"),
-    "Integer": tuple(f"{u}Int{n}" for u in ("", "U") for n in (8, 16, 32, 64)),
-}
-"""Types that it has added, by what a bus of numbers makes of them."""
-
 _OLD_TAGS = {
-    tag(f"{p}:{new}"): tag(f"{p}:{old}")
-    for p in ("ssc", "ssv")
-    for old in NUMBERS
-    for new in NUMBERS[old]
+    tag(f"{p}:{new}"): tag(f"{p}:{old}") for p in ("ssc", "ssv") for new, old in NUMBERS.items()
 }
 _OLD_KINDS = {
     "structuralParameter": "parameter",
@@ -185,7 +177,7 @@ _OLD_KINDS = {
 }
 _METADATA = (tag("ssc:MetaData"), tag("ssc:Signature"))
 _NEW_PARTS = (tag("ssc:Dimension"), tag("ssv:Value"))
-_VALUES = tuple(tag(f"ssv:{t}") for t in (*NUMBERS, "Boolean", "String", "Enumeration"))
+_VALUES = tuple(tag(f"ssv:{t}") for t in TYPES)
 _NEW_ATTRIBUTES = ("startIndices", "endIndices", "systemInnerX", "systemInnerY")
 
 
