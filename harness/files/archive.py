@@ -90,7 +90,7 @@ def unpacked_size(path: Path) -> int:
         return sum(entry.file_size for entry in archive.infolist())
 
 
-def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
+def read_entry(path: Path, name: str) -> bytes:
     """Return one file of an archive; raise ArchiveError if it is missing, damaged or longer than
     the limit.
     """
@@ -99,8 +99,8 @@ def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
         if len(found) != 1:
             number = f"{len(found)} files" if found else "no file"
             raise ArchiveError(f"{path}: contains {number} {name}, expected one")
-        if found[0].file_size > limit:
-            raise ArchiveError(f"{path}: {name} is longer than the limit of {limit} bytes")
+        if found[0].file_size > MAX_ENTRY:
+            raise ArchiveError(f"{path}: {name} is longer than the limit of {MAX_ENTRY} bytes")
         return archive.read(found[0])
 
 

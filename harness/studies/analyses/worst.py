@@ -50,7 +50,7 @@ def generation(d: int) -> int:
     return max(LEAST_GENERATION, 4 + int(3 * math.log(d)))
 
 
-def search(d: int, seed: int, runs: int, box: float = 3.0, sigma: float = 1.0) -> Method:
+def search(d: int, seed: int, runs: int, box: float = 3.0) -> Method:
     """Return the smallest margin that a number of runs finds within |z| <= box, starting from the
     centre. A search that has converged starts again elsewhere.
     """
@@ -59,7 +59,7 @@ def search(d: int, seed: int, runs: int, box: float = 3.0, sigma: float = 1.0) -
     wide = max(d, 2)  # cma cannot search in one coordinate: a second one without effect is added
     start = np.zeros(wide)
     while runs - len(margins) >= generation(d):
-        engine = _engine(start, sigma, box, rng)
+        engine = _engine(start, box, rng)
         while runs - len(margins) >= generation(d) and not engine.stop():
             z = np.array(engine.ask())
             y = exercised((yield z[:, :d]))
@@ -67,7 +67,7 @@ def search(d: int, seed: int, runs: int, box: float = 3.0, sigma: float = 1.0) -
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
     if runs > len(margins):  # too few for a generation: random runs about the best so far
-        spread = rng.standard_normal((runs - len(margins), d)) * sigma / 2
+        spread = rng.standard_normal((runs - len(margins), d)) / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
         y = exercised((yield z))
@@ -77,7 +77,7 @@ def search(d: int, seed: int, runs: int, box: float = 3.0, sigma: float = 1.0) -
     return Found(rows[place], float(margins[place]), place, int(failed[0]) if len(failed) else -1)
 
 
-def _engine(start: Array, sigma: float, box: float, rng: np.random.Generator) -> Any:
+def _engine(start: Array, box: float, rng: np.random.Generator) -> Any:
     """Return a CMA-ES with a separate random generator, because its own would seed numpy's global
     one.
     """
@@ -95,7 +95,7 @@ def _engine(start: Array, sigma: float, box: float, rng: np.random.Generator) ->
         "verb_log": 0,
         "verb_disp": 0,
     }
-    return cma.CMAEvolutionStrategy(start, sigma, options)
+    return cma.CMAEvolutionStrategy(start, 1.0, options)
 
 
 def _ranked(y: Array) -> list[float]:

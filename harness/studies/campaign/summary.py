@@ -33,7 +33,7 @@ SHOWN = 5
 PERCENTILES = (5, 50, 95)
 
 
-def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
+def wilson(successes: int, n: int) -> tuple[float, float]:
     """Return the interval of a probability estimated by successes of n trials (Wilson 1927).
 
     centre = (p + z^2 / 2n) / (1 + z^2 / n)
@@ -42,9 +42,9 @@ def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
     if n == 0:
         return 0.0, 1.0
     p = successes / n
-    scale = 1 + z * z / n
-    centre = (p + z * z / (2 * n)) / scale
-    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / scale
+    scale = 1 + Z95 * Z95 / n
+    centre = (p + Z95 * Z95 / (2 * n)) / scale
+    half = Z95 * math.sqrt(p * (1 - p) / n + Z95 * Z95 / (4 * n * n)) / scale
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
