@@ -419,7 +419,7 @@ def test_the_last_row_is_retained_though_no_stride_ends_there(system, tmp_path):
 def test_every_row_of_a_block_is_at_its_run(system, tmp_path):
     given = table(system, runs=64, metrics={"seen": "parameter(twice.k)"})
     store = campaign(given, tmp_path / "c.zarr", workers=0).store
-    assert store.block == 4
+    assert store.block == 8
     assert store.array("seen").tolist() == store.array("twice.k").tolist()
     assert len({*store.array("seen")}) == 64
 
@@ -428,8 +428,8 @@ def test_blocks_of_fused_runs_are_multiples_of_the_runs_in_lanes(system):
     """On every machine, so that a dataset does not depend on the width of its vectors."""
     alone, fused = (read_plan(table(system, executor=name))[1] for name in ("c", "fused"))
     assert [alone.block(n) for n in (0, 1, 3, 18, 200)] == [1, 1, 3, 18, 200]
-    assert [fused.block(n) for n in (0, 1, 3, 18, 200)] == [4, 4, 4, 16, 200]
-    assert fused.piece % 4 == 0
+    assert [fused.block(n) for n in (0, 1, 3, 18, 200)] == [8, 8, 8, 16, 200]
+    assert fused.piece % 8 == 0
 
 
 def test_bands_are_the_percentiles_of_all_histories(serial):
