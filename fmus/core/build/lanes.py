@@ -309,13 +309,17 @@ def units(sources: Path) -> dict[str, str]:
     }
 
 
+def fitting(system: str, width: int) -> int:
+    """Return the number of lanes, at most `width`, for the text of a system.c."""
+    doubles = int(system.partition(" SIZE = ")[2].partition(",")[0])
+    return min(width, 4) if doubles > LARGEST else width
+
+
 def build(sources: Path, output: Path, compiler: list[str], width: int, folder: Path) -> None:
     """Write the library of at most `width` lanes; subprocess.CalledProcessError if the compiler
     fails.
     """
-    system = (sources / "system.c").read_text(encoding="utf-8")
-    if width > 4 and int(system.partition(" SIZE = ")[2].partition(",")[0]) > LARGEST:
-        width = 4
+    width = fitting((sources / "system.c").read_text(encoding="utf-8"), width)
     shutil.copytree(sources, folder / "scalar")
     for file in sources.glob("*.[ch]"):
         text = in_lanes(file.read_text(encoding="utf-8"))

@@ -300,6 +300,13 @@ def fused_operations(library: Path) -> list[str]:
     return re.findall(r"\t(vfn?m(?:add|sub)\w*)", code.stdout)
 
 
+def test_a_large_system_has_at_most_four_lanes() -> None:
+    tool = converter()
+    for doubles, widths in ((8192, [2, 4, 8]), (8193, [2, 4, 4])):
+        text = f"enum {{ PARTS = 3, SIZE = {doubles}, CLOCK = 9, WORK = 7 }};"
+        assert [tool.fitting(text, width) for width in (2, 4, 8)] == widths
+
+
 needs_objdump = pytest.mark.skipif(
     not (shutil.which("objdump") and platform.machine() in ("x86_64", "AMD64")),
     reason="no objdump for x86-64",
