@@ -24,7 +24,7 @@ from harness.system.tables import Number
 SMALLEST = 2.0**-53
 """Smallest distance of numbers from 0 and 1, where a normal draw is infinite."""
 LEAST_PROBABILITY = 1e-300
-"""Smallest probability of a normal draw that `within` limits to a tail."""
+"""Smallest probability that `within` may have."""
 MAX_VALUES = 1_000_000
 """Largest number of listed values of one factor."""
 
@@ -86,23 +86,28 @@ class Normal(Struct, frozen=True):
             return self._correlated()
         m, s = _vectors(self.mean, self.sigma)
         _demand(s > 0, f"a positive sigma, not {self.sigma}")
-        low, width = self._probabilities(m, s)
+        side, low, width = self._probabilities(m, s)
 
         def value(u: Array) -> Any:
-            return _shaped(m + s * normal_quantile(low + u * width), self.mean, self.sigma)
+            z = side * normal_quantile(low + u * width)
+            return _shaped(m + s * z, self.mean, self.sigma)
 
         return Draw(m.size, value)
 
-    def _probabilities(self, m: Array, s: Array) -> tuple[Any, Any]:
-        """Return the distribution function at the lower end of `within`, and its increase to the
-        upper end.
+    def _probabilities(self, m: Array, s: Array) -> tuple[Any, Any, Any]:
+        """Return a side, 1 or -1, the distribution function at the lower end of `within`, and its
+        increase to the upper end. An interval above the mean is mirrored (side -1): the function is
+        exact in the lower tail only.
         """
         if self.within is None:
-            return 0.0, 1.0
+            return 1.0, 0.0, 1.0
         lowest, highest = self.within
         _demand(lowest < highest, f"the smaller number of within first, not {self.within}")
-        low, high = _normal_below((lowest - m) / s), _normal_below((highest - m) / s)
-        return low, high - low
+        side = np.where(lowest > m, -1.0, 1.0)
+        ends = _normal_below(side * (lowest - m) / s), _normal_below(side * (highest - m) / s)
+        low, width = np.minimum(*ends), np.abs(ends[1] - ends[0])
+        _demand(width > LEAST_PROBABILITY, f"within nearer to the mean, not {self.within}")
+        return side, low, width
 
     def _correlated(self) -> Draw:
         """Return the draw x = mean + L z, L L^T = covariance."""
@@ -260,7 +265,7 @@ def normal_quantile(p: Array) -> Array:
     """Return the quantiles z of the standard normal distribution, Phi(z) = p, in the shape of p;
     p is between 0 and 1.
     """
-    return np.asarray(_quantiles(np.clip(p, LEAST_PROBABILITY, 1 - SMALLEST)))
+    return np.asarray(_quantiles(np.minimum(p, 1 - SMALLEST)))
 
 
 _quantiles = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])

@@ -115,8 +115,17 @@ def test_normal_log_normal_uniform_and_truncated_draws_have_their_distributions(
     }
     for kind, (given, distribution) in cases.items():
         assert stats.kstest(sample(kind, **given), distribution.cdf).pvalue > 1e-3
-    cut = sample("normal", mean=0.0, sigma=1.0, within=[-0.5, 2.0])
-    assert stats.kstest(cut, stats.truncnorm(-0.5, 2.0).cdf).pvalue > 1e-3
+    for a, b in ((-0.5, 2.0), (2.0, 9.0), (-12.0, -11.0), (11.0, 12.0)):
+        cut = sample("normal", mean=0.0, sigma=1.0, within=[a, b])
+        assert a <= cut.min() < cut.max() <= b
+        assert stats.kstest(cut, stats.truncnorm(a, b).cdf).pvalue > 1e-3
+    with pytest.raises(ValueError, match="within nearer to the mean"):
+        sample("normal", mean=0.0, sigma=1.0, within=[50.0, 60.0])
+
+
+def test_normal_quantiles_are_exact_in_both_tails():
+    p = np.concatenate([10.0 ** -np.arange(1, 300), np.linspace(0.01, 0.99, 99), [1 - 2.0**-53]])
+    assert factors.normal_quantile(p) == pytest.approx(stats.norm.ppf(p), rel=1e-13, abs=1e-15)
 
 
 def test_correlated_draws_have_their_covariance():
