@@ -20,12 +20,14 @@ from harness.system.values import Index, Name, Variable, elements_of, grid, inde
 
 
 def elements(fmu: Path | None, variable: str) -> dict[Index, str]:
-    """Return the variables of an FMU that a name represents, by their indices from 1 in row-major
-    order. A scalar, and a name without a readable FMU, is itself with index ().
+    """Return the scalar variables of an FMU that belong to a name in an SSP file, by their indices,
+    counted from 1, in row-major order: {(1,): "r[1]", (2,): "r[2]"} for an array `r`.
+
+    A scalar gives {(): its name}, and so does every name if the FMU is missing or unreadable.
     """
     try:
         variables = read_interface(fmu).variables if fmu else {}
-    except FmuError:  # reported where the graph is built
+    except FmuError:  # harness.system.graph reports an unreadable FMU
         variables = {}
     names = [] if variable in variables else elements_of(variable, variables)
     found = grid(map(index, names)) if names else None
@@ -44,8 +46,10 @@ def size_text(shape: Index | None) -> str:
 
 
 def indices(connection: XmlElement, side: str) -> Index:
-    """Return the indices to which a connection is restricted at its `start` or `end`, () without a
-    restriction; raise ValueError.
+    """Return the indices of the array element that a connection selects at one end, () if it
+    selects none; raise ValueError for indices that are not numbers from 1 on.
+
+    side: "start" or "end".
     """
     texts = connection.get(f"{side}Indices", "").split()
     if not all(map(_count, texts)):
@@ -54,7 +58,7 @@ def indices(connection: XmlElement, side: str) -> Index:
 
 
 def _count(text: str) -> int:
-    """Return a number from 1 on, 0 for anything else."""
+    """Return the positive whole number in a text of at most 9 digits, 0 for any other text."""
     return int(text) if text.isdecimal() and len(text) < 10 else 0
 
 
@@ -70,18 +74,22 @@ def parameter_names(parameter: XmlElement, count: int) -> list[str]:
 
 
 def values(element: XmlElement) -> list[str]:
-    """Return the values of ssv:Real, ssv:String, ... as text; an array has several."""
+    """Return the values of an element ssv:Real, ssv:String, ... as texts: one of a scalar, all of
+    an array.
+    """
     if several := element.findall("ssv:Value", NS):
         return [value.get("value", "") for value in several]
     text: str = element.get("value", "")
     return [text] if element.tag in (tag("ssv:String"), tag("ssv:Enumeration")) else text.split()
 
 
-# ---- what is written to one
+# ---- names and connections that are written to a file
 
 
 class JoinedEnd(NamedTuple):
-    """Connector at an end of a connection, its element, () for all elements, and its shape."""
+    """End of a connection as SSP states it: the connector, the indices of the selected array
+    element (() for all elements), and the shape of the array (() for a scalar).
+    """
 
     connector: str
     indices: Index
@@ -92,8 +100,8 @@ Joined = tuple[Connection, JoinedEnd, JoinedEnd]
 
 
 def connector_name(interface: Interface, variable: Variable) -> str:
-    """Return the name of a variable in SSP. An element of an array of FMI 3.0 has the name of the
-    array.
+    """Return the name of the SSP connector of a variable: the variable's own name, or the name of
+    the whole array for an element of an array of FMI 3.0.
     """
     return Name.read(variable.name).variable if shape(interface, variable) else variable.name
 
@@ -111,16 +119,16 @@ def shape(interface: Interface, variable: Variable) -> Index:
 
 
 def type_name(variable: Variable, version: int) -> str:
-    """Return the type of a variable in a version of SSP. From 2.0 on numbers have the types of FMI
-    3.0.
+    """Return the name of a variable's type in SSP 1 or 2. In SSP 2, numbers have the type names of
+    FMI 3.0, such as Float64.
     """
     is_number = variable.type in ("Real", "Integer")
     return variable.access if version > 1 and is_number else variable.type
 
 
 def joined(connections: Sequence[Connection], interfaces: Interfaces) -> Iterator[Joined]:
-    """Yield connections with both ends in SSP form: one connection for all elements of two arrays
-    of equal shape that are connected element by element.
+    """Yield every connection with its two ends as SSP states them. Two arrays of equal shape whose
+    elements are all connected one to one yield a single connection without indices.
     """
     bundles: dict[tuple[str, ...], list[Joined]] = {}
     rows = []
@@ -138,8 +146,8 @@ def joined(connections: Sequence[Connection], interfaces: Interfaces) -> Iterato
 
 
 def _is_whole(bundle: Sequence[Joined]) -> bool:
-    """Return whether connections join all elements of two arrays of equal shape element
-    by element.
+    """Return whether the connections between two arrays connect every element with the element of
+    the same indices, all with the same conversions.
     """
     (first, source, _), *_ = bundle
     alike = all(c.hops == first.hops and a[1:] == b[1:] for c, a, b in bundle)

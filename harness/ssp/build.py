@@ -45,11 +45,13 @@ from harness.system.tables import Assignments, Count, Number, Text, Whole
 from harness.system.tables import problems as table_problems
 from harness.system.wiring import split, wire
 
-# ---- what a file may hold
+# ---- tables and entries of a TOML file
 
 
 class Time(Struct, frozen=True):
-    """Time of a run, `[experiment]`; epoch: a date or its text."""
+    """Time span and macro step of a run [s], `[experiment]`. every: each N-th macro step is
+    recorded by default; epoch: UTC at t = 0, a TOML date or its text.
+    """
 
     start: Number = 0.0
     stop: Number | None = None
@@ -60,28 +62,30 @@ class Time(Struct, frozen=True):
 
 
 class Timing(Struct, frozen=True):
-    """Step period of a component, `[schedule.COMPONENT]`."""
+    """Step period and latency of a component in macro steps, `[schedule.COMPONENT]`."""
 
     every: Count = 1
     latency: Whole = 0
 
 
 class SetTime(Struct, frozen=True):
-    """Time of a set, `[sets.NAME.experiment]`."""
+    """Stop time and macro step [s] of a parameter set, `[sets.NAME.experiment]`."""
 
     stop: Number | None = None
     step: Number | None = None
 
 
 class Set(Struct, frozen=True):
-    """A set beside its tables of parameters, `[sets.NAME]`."""
+    """Entries of a parameter set `[sets.NAME]` that are not parameters of components."""
 
     description: Text = ""
     experiment: SetTime = SetTime()
 
 
 class Replacement(Struct, frozen=True):
-    """Another FMU beside its tables of parameters, `[alternatives.FMU]`."""
+    """Entries of `[alternatives.FMU]` that are not parameters; replaces: the component whose place
+    the FMU may take.
+    """
 
     replaces: Text
 
@@ -101,13 +105,15 @@ class Live(Struct, frozen=True):
 
 
 class Scene(Struct, frozen=True):
-    """Contents of a replay, `[scene]`; models: glTF files by body."""
+    """Settings of the 3D animation in a report, `[scene]`; models: path of a glTF file for each
+    body.
+    """
 
     models: dict[str, Text] = {}
 
 
 class Source(Struct, frozen=True):
-    """A system."""
+    """All tables and entries of the TOML file of a system."""
 
     name: Annotated[str, Meta(min_length=1, description="a name")]
     experiment: Time
@@ -131,14 +137,17 @@ class Source(Struct, frozen=True):
 
 
 def _parted(table: Mapping[str, Any], kind: type[Struct]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the entries of a kind in a table, and the parameters beside them."""
+    """Split a table into the entries that `kind` defines, and all other entries, which are
+    parameters.
+    """
     head = {key: value for key, value in table.items() if key in kind.__struct_fields__}
     return head, {key: value for key, value in table.items() if key not in head}
 
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
-    """Return the system that a TOML describes; fmus: paths by name. Raises FmuError or
-    StructureError with all problems.
+    """Return the system that the content of a TOML file describes; fmus: paths of FMUs by name.
+
+    Raises FmuError, or StructureError with all problems.
     """
     if found := list(table_problems(source, Source)) or list(_ill_formed(source, fmus)):
         raise StructureError(found)
@@ -148,7 +157,7 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
 
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator[str]:
-    """Yield the problems that make further checks pointless."""
+    """Yield the problems of names, FMUs and parameter sets without which no system can be built."""
     for name in source["components"]:
         if not (name.isidentifier() and name.isascii()):
             yield f"{name}: the name of a component must be a C identifier"
@@ -162,8 +171,8 @@ def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator
 
 
 def _begun(tables: Source, system: System) -> Source:
-    """Return the tables of a system with the values of its `starts` among the parameters, and with
-    its epoch; raise HarnessError.
+    """Return the tables of a system, completed by the parameters and the epoch that the files of
+    its table `[start]` state; raise HarnessError.
     """
     values, _, epoch = of_system(system)
     parameters = {c: dict(own) for c, own in tables.parameters.items()}
@@ -175,9 +184,7 @@ def _begun(tables: Source, system: System) -> Source:
 
 
 class _Builder:
-    """One pass over the tables of a system that collects problems instead of stopping at the
-    first.
-    """
+    """Builder of a system from its tables, which collects all problems and raises them together."""
 
     def __init__(self, source: Source, fmus: Mapping[str, Path]) -> None:
         self.source = source
@@ -246,7 +253,9 @@ class _Builder:
         self.problems += [f"{place}.{problem}" for problem in problems]
 
     def _epoch(self) -> str:
-        """Return UTC of t = 0 from a text or a TOML date, which may have an offset."""
+        """Return UTC at t = 0 as text, from a text or a TOML date, which may have an offset from
+        UTC.
+        """
         given = self.source.experiment.epoch
         if isinstance(given, datetime):
             given = (given.astimezone(UTC) if given.tzinfo else given).isoformat().partition("+")[0]
@@ -271,7 +280,7 @@ class _Builder:
     # ---- checks
 
     def _check(self, system: System, wiring: Sequence[str]) -> None:
-        """Raise everything that was found."""
+        """Check the finished system, and raise StructureError with all problems found so far."""
         self._note("schedule", _unknown(self.source.schedule, self.interfaces))
         self._note("without", _unknown(system.without, self.interfaces))
         self._note("compare", _unknown(filter(None, [system.compared]), self.source.sets))
@@ -285,8 +294,8 @@ class _Builder:
         macro_steps(system.experiment, [c.every for c in system.components])
 
     def _odd_models(self) -> Iterator[str]:
-        """Yield the problems of models of bodies: files beside the TOML, which only a
-        report reads.
+        """Yield the problems of the glTF files that `[scene]` names: unknown bodies, missing files,
+        other endings.
         """
         models = self.source.scene.models
         yield from _unknown(models, self.interfaces)
@@ -295,8 +304,8 @@ class _Builder:
                 yield f"{name}: {given}: there is no such file .glb or .gltf"
 
     def _alternatives(self, system: System) -> Iterator[Alternative]:
-        """Yield the parameters for other FMUs, each tried in its place; raise StructureError with
-        the mismatches.
+        """Yield the entries of `[alternatives]`, after a check that each FMU fits into the place of
+        the component it replaces; raise StructureError with all mismatches.
         """
         problems = []
         for fmu, table in self.source.alternatives.items():
@@ -308,8 +317,9 @@ class _Builder:
             raise StructureError(problems)
 
     def _alternative(self, system: System, fmu: str, table: Mapping[str, Any]) -> Alternative:
-        """Return the parameters for another FMU in the place of the component that the table
-        `replaces`.
+        """Return the parameters that apply when the FMU named `fmu` takes the place of a component.
+
+        table: the entry of `[alternatives]`, which names the component under `replaces`.
         """
         head, tables = _parted(table, Replacement)
         place, path = head["replaces"], self.fmus[fmu]
@@ -325,7 +335,7 @@ class _Builder:
 
 
 def _unknown(names: Iterable[str], known: Collection[str]) -> Iterator[str]:
-    """Yield a line for every name that is not among the known names."""
+    """Yield an error line for every name that is not among the known names."""
     for name in names:
         if name not in known:
             yield f"{name}: there is none of this name{did_you_mean(name, known)}"
@@ -347,12 +357,14 @@ def read(source: Path, fmus: Mapping[str, Path]) -> System:
 
 
 def build(source: Path, fmus: Path, output: Path) -> None:
-    """Write the .ssp of a TOML with the FMUs of a folder. Raises HarnessError."""
+    """Write the system of a TOML file as an .ssp, with the FMUs of the folder `fmus`; raise
+    HarnessError.
+    """
     known = {path.stem: path for path in sorted(fmus.glob("*.fmu"))}
     system = read(source, known)
     if system.without:
         left_out = ", ".join(system.without)
-        line = f"{source.name}: without {left_out}, it is written by `harness export` only"
+        line = f"{source.name}: without {left_out}, only `harness export` can write this system"
         raise StructureError([line])
     write_ssp(system, output)
 
@@ -365,11 +377,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("toml", type=Path, nargs="+", help="descriptions of systems")
     parser.add_argument("--fmus", type=Path, required=True, help="folder with the FMUs")
     parser.add_argument(
-        "-o", "--output", type=Path, nargs="+", required=True, help="the .ssp of each"
+        "-o", "--output", type=Path, nargs="+", required=True, help="one .ssp path for each TOML"
     )
     options = parser.parse_args(arguments)
     if len(options.toml) != len(options.output):
-        parser.error("expected an -o for each system")
+        parser.error("-o: expected as many .ssp paths as TOML files")
     status = 0
     for source, output in zip(options.toml, options.output, strict=True):
         try:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reading of ssd:System and ssd:Component elements, with everything bound to them, into tables of
-plain data by place.
+"""Reading of the ssd:System and ssd:Component elements of an .ssp, with their connectors,
+connections and parameters, into tables of plain data.
+
+The place of an element in nested systems is the tuple of names on the way to this element.
 """
 
 from __future__ import annotations
@@ -24,17 +26,19 @@ from harness.system.units import Hop, Unit
 from harness.system.values import Index, base
 
 Place = tuple[str, ...]
-"""Names of the elements from the top system down to one; the top system itself is ()."""
+"""Names of the elements on the way from the top system to an element, this element's own name last;
+() for the top system.
+"""
 
 INWARD = ("input", "parameter", "structuralParameter")
-"""Kinds of connectors that a value goes into, seen from outside of their element."""
+"""Kinds of connectors that receive a value from outside of their element."""
 
 EITHER = ("inout", "unspecified")
 """Kinds of connectors for which the other end determines the direction of a value."""
 
 
 class Connector(NamedTuple):
-    """A connector as the file declares it."""
+    """Kind and unit of a connector as the file declares them; unit: None if none is defined."""
 
     kind: str
     unit: Unit | None
@@ -53,14 +57,14 @@ class Point(NamedTuple):
 
 
 class End(NamedTuple):
-    """End of a connection; element: the selected element of an array, () for all."""
+    """End of a connection; element: indices of the selected array element, () for the whole."""
 
     point: Point
     element: Index = ()
 
 
 class Edge(NamedTuple):
-    """A connection in the direction of the signal."""
+    """Connection in the direction of the signal; hop: conversion of the value on the way."""
 
     source: End
     target: End
@@ -68,15 +72,15 @@ class Edge(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """A component: its FMU, and the step that the file wishes for it [s]."""
+    """Component: the path of its FMU, and the step size [s] that the file suggests (None: none)."""
 
     fmu: Path
     hint: float | None
 
 
 class Given(NamedTuple):
-    """Parameter for a connector, and its place in the order of all parameters: the last parameter
-    for a connector applies.
+    """Parameter for a connector, and its number `order` in the sequence of all parameters: of
+    several parameters for one connector the last applies.
     """
 
     order: int
@@ -84,8 +88,8 @@ class Given(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Kind of content that is in a file or inside the element itself: MIME type, schema, and path
-    of the content inside the element.
+    """Kind of content that an element either names as a file or contains: MIME type, schema, and
+    XML path of the content inside the element.
     """
 
     mime: str
@@ -98,12 +102,12 @@ MAPPING = Part("application/x-ssp-parameter-mapping", xml.SSM_SCHEMA, "*")
 
 
 class Tree:
-    """All elements of a file: components, names of the elements in every system, connectors,
-    connections, and parameters by their destination.
+    """All elements of an .ssp: components, connectors, connections (`edges`) and parameters
+    (`given`); inside: names of the elements in every system.
 
     own: whether the file was written by this project, so that a parameter without a variable is an
-    error; problems: everything that cannot be read; notes: everything that is ignored or read
-    differently.
+    error; problems: lines about content that cannot be read; notes: lines about content that is
+    ignored or changed.
     """
 
     def __init__(self, folder: Path, root: XmlElement, own: bool) -> None:
@@ -165,19 +169,23 @@ class Tree:
     # ---- connections
 
     def _edge(self, element: XmlElement, place: Place) -> Edge:
-        """Return a connection of the system at a place; raise ValueError."""
+        """Return the connection that an element inside the system at `place` describes; raise
+        ValueError if it connects two outputs, two inputs or a missing connector.
+        """
         (start, gives), (end, takes) = (self._end(element, side, place) for side in SIDES)
         if gives is not None and gives == takes:
             both = "outputs" if gives else "inputs"
             raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
-        is_last = target.point.place in self.components  # then the FMU gives the unit
+        is_last = target.point.place in self.components  # the FMU defines the unit of its input
         unit = None if is_last else self.connectors[target.point].unit
         return Edge(source, target, hop_of(element, unit))
 
     def _end(self, element: XmlElement, side: str, place: Place) -> tuple[End, bool | None]:
-        """Return one end of a connection, and whether it is the source (None: undetermined)."""
+        """Return the `start` or `end` of a connection, and whether it is the source of the signal
+        (None if the kind of the connector leaves this open); raise ValueError.
+        """
         name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
         if name is not None and name not in self.inside[place]:
             close = did_you_mean(name, self.inside[place])
@@ -193,8 +201,8 @@ class Tree:
     # ---- parameters
 
     def _bindings(self, element: XmlElement, place: Place) -> None:
-        """Bind all parameter sets of an element, later ones first, over the sets of the elements
-        inside it.
+        """Record the parameters of all parameter sets of an element. They override the parameters
+        of the elements inside it, and a later set overrides an earlier one.
         """
         label = _label(place)
         for binding in xml.every(element, "ssd:ParameterBindings/ssd:ParameterBinding"):
@@ -206,8 +214,8 @@ class Tree:
                 self.problems += [f"{label}: {problem}" for problem in error.problems]
 
     def _give(self, place: Place, name: str, given: Given) -> None:
-        """Note a parameter of an element by the connector, or the element with the longest name,
-        that its own name begins with.
+        """Record a parameter under the connector to which its dotted name leads from `place`: in a
+        system, the first part of the name is a connector or an element inside it.
         """
         while place in self.inside and self.declared(Point(place, name)) is None:
             children = [child for child in self.inside[place] if name.startswith(f"{child}.")]
@@ -231,15 +239,15 @@ class Tree:
     def _bound(self, binding: XmlElement, label: str) -> Mapping[str, Parameter]:
         if (root := self._part(binding, VALUES, label)) is None:
             return {}
-        prefix = binding.get("prefix", "")  # is added before the mapping applies
+        prefix = binding.get("prefix", "")  # the mapping refers to names with the prefix
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
         root = None if found is None else self._part(found, MAPPING, label)
         return parameters if root is None else mapped(parameters, root, self.notes)
 
     def _part(self, element: XmlElement, part: Part, label: str) -> XmlElement | None:
-        """Return the root of a parameter set or mapping, inside the element or in a file of the
-        archive; None if it binds nothing.
+        """Return the root of a parameter set or mapping, which is inside the element or in a file
+        of the archive; None if there is no such content.
         """
         inline, source = xml.first(element, part.inline), element.get("source")
         if source is None and inline is None:
@@ -272,7 +280,7 @@ SIDES = ("start", "end")
 
 
 def is_fmu(path: Path) -> bool:
-    """Return whether a file is an FMU, regardless of its name."""
+    """Return whether a file is an FMU by its content: an archive with a modelDescription.xml."""
     try:
         return "modelDescription.xml" in inspect(path)
     except ArchiveError:

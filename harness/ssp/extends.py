@@ -14,10 +14,10 @@ from harness.system.tables import read_toml
 
 
 def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Return the content of a TOML, merged over the system that it `extends`. The mission of a
-    system is the mission of its folder, or of the extended system if its own folder has no Python.
+    """Return the content of the TOML file of a system, merged over the system that it `extends`.
 
-    above: the files that extend this one.
+    Its entry `mission` is the folder's name, or the mission of the extended system if the folder
+    has no Python file of a mission. above: the files that extend this file, to find circles.
     """
     table = _read(source)
     mission = folder = source.resolve().parent.name
@@ -34,15 +34,15 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 
 
 def chain(source: Path) -> Iterator[Path]:
-    """Yield a TOML and those that it extends."""
+    """Yield the path of a TOML file, of the file that it extends, and so on."""
     yield source
     if (base := read_toml(source).get("extends")) is not None:
         yield from chain(_base(source, str(base)))
 
 
 def _read(source: Path) -> dict[str, Any]:
-    """Return the content of a TOML with absolute paths of files. A text of several lines is the
-    content of a file.
+    """Return the content of a TOML file, with the paths in `[start]` and `[scene.models]` made
+    absolute. A text of several lines there is not a path but the content of a file.
     """
     table = read_toml(source)
     scene = table.get("scene")
@@ -55,23 +55,23 @@ def _read(source: Path) -> dict[str, Any]:
 
 
 def _without(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table with the components of its base that it sets to false in the entry `without`,
-    where another FMU in a file that extends removes them.
+    """Return the table `own` with its list `without`: the components of the base that it sets to
+    false, and those that the base leaves out, except the ones to which `own` gives an FMU again.
     """
     given = own.get("components")
     given = given if isinstance(given, dict) else {}
     out = [name for name, fmu in given.items() if fmu is False]
     if unknown := [name for name in out if name not in base["components"]]:
         close = did_you_mean(unknown[0], base["components"])
-        raise StructureError([f"components.{unknown[0]}: there is none to leave out{close}"])
+        raise StructureError([f"components.{unknown[0]}: no component to leave out{close}"])
     before = [name for name in base.get("without", ()) if name not in given]
     fmus = {name: base["components"][name] if name in out else fmu for name, fmu in given.items()}
     return {**own, **({"components": fmus} if fmus else {}), "without": [*before, *out]}
 
 
 def _undriven(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a base without its name, and without the open inputs that a file which extends it
-    connects.
+    """Return the tables `base` of the extended system without its name, and without its
+    open inputs to which the extending file, with the tables `own`, connects an output.
     """
     opened, driven = base.get("open"), own.get("connections")
     rest = {k: v for k, v in base.items() if k != "name"}
@@ -81,8 +81,8 @@ def _undriven(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _base(source: Path, name: str) -> Path:
-    """Return the TOML of the extended system: in the same folder, in a mission beside it, or in any
-    available mission.
+    """Return the TOML file of the system `name` that `source` extends. It is looked up in the same
+    folder, then in the missions beside this folder, then in all available missions.
     """
     folder = source.resolve().parent
     known = {**systems(), **{path.stem: path for path in sorted(folder.glob("*.toml"))}}
@@ -94,8 +94,9 @@ def _base(source: Path, name: str) -> Path:
 
 
 def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return one table merged over another. The order is the order of the upper table if it names
-    all entries, so that a component can be inserted between others (components run in their order).
+    """Return the table `own` merged over the table `base`, including nested tables. If `own` names
+    all entries of `base`, its order applies: so a file can insert a component between others, since
+    components run in the order of their table.
     """
     merged = dict.fromkeys(own) | dict(base) if set(base) <= set(own) else dict(base)
     for key, value in own.items():

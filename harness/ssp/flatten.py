@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Flattening of nested systems: unique names of components, signals followed through the connectors
-of systems.
+"""Flattening of nested systems into components with unique names and direct connections.
 
-Each connected variable of a component is followed back, scalar by scalar, to the output that drives
-it or to an open connector. A parameter for a connector on the way is a parameter of the variable.
-Every connection on the way is a hop. Sizes of arrays are taken from the FMUs.
+Each connected input of a component is followed back through the connectors of systems, scalar by
+scalar, to the output that drives it or to an unconnected connector. A parameter for a connector on
+the way sets the input. Every connection on the way is a hop, which may convert the value. The FMUs
+state the sizes of arrays.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ MAX_CHAIN = 200
 
 
 class Flat:
-    """Tree of systems as components, connections and parameters. Parts that cannot be flattened are
-    added to the problems of the tree, one line each.
+    """Components, connections and parameters of a tree of nested systems, after flattening. Every
+    part that cannot be flattened adds a line to the problems of the tree.
     """
 
     def __init__(self, tree: Tree) -> None:
@@ -53,14 +53,14 @@ class Flat:
     def _notes(self) -> Iterator[str]:
         for point in self._unused:
             connector = self.tree.declared(point)
-            if connector and connector.kind != "structuralParameter":  # else a size
+            if connector and connector.kind != "structuralParameter":  # which is an array size
                 yield f"{point}: the connector is not connected, its value is ignored"
         names = self.names.items()
         if other := [f"{'.'.join(place)} as {name}" for place, name in names if place != (name,)]:
             yield f"components with other names than in the file: {', '.join(other)}"
 
     def declared(self) -> dict[Port, Unit]:
-        """Return the units that the file claims for variables of components."""
+        """Return the units that the file declares for connectors of components."""
         return {
             self._port(point.place, name): connector.unit
             for point, connector in self.tree.connectors.items()
@@ -71,7 +71,9 @@ class Flat:
     # ---- signals
 
     def _drive(self, edge: Edge) -> None:
-        """Find what all scalars of a connection to a component come from."""
+        """Find the source of every scalar that a connection to a component carries, and record a
+        problem if there is no unique one.
+        """
         target = edge.target.point
         scalars = self._scalars(target)
         shape = next(reversed(scalars))
@@ -82,10 +84,11 @@ class Flat:
             self.tree.problems.append(f"{edge.source.point} to {target}: {error}")
 
     def _follow(self, edge: Edge, shape: Index | None, index: Index, variable: Point) -> None:
-        """Follow a variable back to the output that drives it, if there is one; raise ValueError.
+        """Follow an input of a component back from its last connection `edge`, and connect it with
+        the output that drives it, if there is one; raise ValueError.
 
-        shape: shape of the array that is followed as a whole, None for an element; index: indices
-        of the scalar in it.
+        shape: shape of the array to which the scalar belongs, None if a connection has selected a
+        single element; index: indices of the scalar in the array.
         """
         hops: Hops = ()
         for _ in range(MAX_CHAIN):
@@ -120,8 +123,8 @@ class Flat:
         self.connections.append(Connection(*ends, () if hops == (PLAIN,) else hops))
 
     def _scalars(self, point: Point) -> dict[Index, str]:
-        """Return the variables that a connector of a component represents, by their indices from 1.
-        The last indices are the shape.
+        """Return the scalar variables of a connector of a component by their indices, counted from
+        1. The last key is the shape of the array, () for a scalar.
         """
         if point not in self._known:
             fmu = self.tree.components[point.place].fmu if self.tree.has_arrays else None
@@ -134,14 +137,15 @@ class Flat:
     # ---- parameters
 
     def _set(self, variable: Point, given: Given) -> None:
-        """Give a variable a value, unless it has one from a later binding."""
+        """Give a variable a value, unless a later parameter of the file has set it already."""
         if given.order >= self._orders.get(variable, 0):
             self._orders[variable] = given.order
             self.parameters[variable.place][variable.connector] = given.parameter
 
     def _take(self, point: Point, variable: Point, hops: Hops) -> None:
-        """Give a variable the value of a connector of a system, if that has one, in the unit of the
-        connector and through all hops from there.
+        """Give a variable the parameter of the system connector `point`, if the file states one.
+
+        The value is in the unit of the connector, and `hops` convert it on the way to the variable.
         """
         if (given := self.tree.given.get(point)) is None:
             return
@@ -159,7 +163,7 @@ class Flat:
 
 
 def _one(scalars: dict[Index, str], array: Point, index: Index) -> str:
-    """Return the name of one element; raise ValueError if there is none."""
+    """Return the variable with these indices in an array; raise ValueError if there is none."""
     if index not in scalars:
         shape = size_text(next(reversed(scalars)))
         raise ValueError(f"there is no element {Name(array.connector, index)}, it is {shape}")
@@ -172,8 +176,8 @@ def _unequal(a: Index, b: Index | None) -> str:
 
 
 def _names(places: list[Place]) -> dict[Place, str]:
-    """Return a unique C identifier for every component: its own name, or all names on the way to it
-    joined.
+    """Return a unique C identifier for every component: all names of its place joined by `_`, with
+    a number at the end if several components would have the same one.
     """
     names: dict[Place, str] = {}
     taken: set[str] = set()

@@ -24,8 +24,9 @@ def load(system: str | Path | System) -> Iterator[System]:
     """Yield the system with that name or path. Its FMUs stay unpacked until the end of the `with`
     block.
 
-    A System is returned unchanged. A TOML and the folder of a mission are built first, and the
-    Python of the folder is used from then on. Raises UsageError, ArchiveError or StructureError.
+    A System is yielded unchanged. For a TOML file and for the folder of a mission, the system is
+    built first, and the Python files of the folder are loaded as a mission. Raises UsageError,
+    ArchiveError or StructureError.
     """
     if isinstance(system, System):
         yield system
@@ -52,20 +53,22 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
 
 
 def name_of(path: Path) -> str:
-    """Return the name of a system from its file."""
+    """Return the name of a system from its path: the folder's name for the main TOML file of a
+    mission, else the file name without its ending.
+    """
     return path.resolve().parent.name if path.name == SYSTEM else path.stem
 
 
 def _built(path: Path) -> System:
-    """Return the system of a TOML, with the mission of its folder."""
-    from harness.ssp import build  # with msgspec, which an .ssp does not need
+    """Return the system of a TOML file, after loading the mission of its folder."""
+    from harness.ssp import build  # imports msgspec, which reading an .ssp does not need
 
     take_mission(path)
     return build.read(path, paths.fmus())
 
 
 _without_python: set[Path] = set()
-"""Folders that a file has named, not the user."""
+"""Folders whose Python is not run, because a results file named them and not the user."""
 
 
 def leave_python(system: str | Path) -> None:
@@ -76,7 +79,9 @@ def leave_python(system: str | Path) -> None:
 
 
 def take_mission(system: Path) -> None:
-    """Use the mission in the folder of a TOML from here on, if leave_python() permits that."""
+    """Load the mission in the folder of a system's TOML file, unless leave_python() has disabled
+    the Python of this folder.
+    """
     if system.resolve().parent in _without_python:
         return
     if system.suffix == ".toml" and any((system.parent / n).is_file() for n in (FILE, SYSTEM)):
@@ -102,8 +107,8 @@ def find_system(name: str | Path) -> Path:
 
 
 def of_component(name: str | Path) -> tuple[Path, str] | None:
-    """Return system and component that `SYSTEM` (component "") or `SYSTEM.component` names; None if
-    the text begins with no system, by name or path.
+    """Split `SYSTEM.component` into the path of the system and the name of the component, which is
+    "" for `SYSTEM` alone; return None if the text does not begin with the name or path of a system.
     """
     text, known = str(name), paths.systems()
     ends = [i for i, character in enumerate(text) if character == "."]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameter sets (.ssv) and parameter mappings (.ssm) of SSP, read and written: names, values,
-units, and what a mapping does to them.
+"""Reading and writing of parameter sets (.ssv) of SSP, with their units, and reading of parameter
+mappings (.ssm), which rename and transform parameters.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ def read_ssv(path: Path) -> dict[str, Parameter]:
 
 
 def parameter_set(root: XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
-    """Return the parameters of an ssv:ParameterSet element by name, arrays element by element;
-    further: known units beside its own.
+    """Return the parameters of an ssv:ParameterSet element by name, arrays element by element.
 
-    Raises StructureError if a value is NaN or binary, or a parameter is given twice.
+    further: units by name that apply besides the element's own ones. Raises StructureError if a
+    value is NaN or does not fit its type, or if a parameter is given twice.
     """
     units = {**(further or {}), **units_of(root, "ssv:Units")}
     parameters, problems = dict[str, Parameter](), list[str]()
@@ -58,7 +58,7 @@ def parameter_set(root: XmlElement, further: UnitsByName | None = None) -> dict[
 
 
 def units_of(root: XmlElement, table: str) -> dict[str, Unit]:
-    """Return the units that a file defines, by name."""
+    """Return the units that a file defines, by name; table: path of the element with the units."""
     units = {}
     for e in xml.every(root, f"{table}/ssc:Unit"):
         base = {n: float(e[0].get(n, "1" if n == "factor" else "0")) for n in BASE_UNITS}
@@ -67,14 +67,16 @@ def units_of(root: XmlElement, table: str) -> dict[str, Unit]:
 
 
 def _scalar(element: XmlElement, text: str) -> Scalar:
-    """Return a value of ssv:Real, ssv:Integer, ... in Python; raise ValueError."""
+    """Return the text of an ssv:Real, ssv:Integer, ... as a Python value of that type; raise
+    ValueError if the text does not fit, or for NaN.
+    """
     kind = xml.kind_of(element)
     if kind not in ("Real", "Integer", "Boolean"):
         return text
     try:
         value = BOOLEANS[text] if kind == "Boolean" else (int if kind == "Integer" else float)(text)
     except (KeyError, ValueError):
-        raise ValueError(f"'{text}' is no {kind}") from None
+        raise ValueError(f"'{text}' is not a value of type {kind}") from None
     if math.isnan(value):
         raise ValueError("must not be NaN")
     return value
@@ -87,8 +89,9 @@ BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 
 def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
-    """Return the conversion of a connection or mapping entry to a number in `unit`; raise
-    ValueError if it is not finite.
+    """Return the conversion that a connection or mapping entry states: its linear transformation,
+    and whether units are converted, into `unit`; raise ValueError if factor or offset is not
+    finite.
     """
     linear = xml.first(element, "ssc:LinearTransformation")
     change = Affine()
@@ -103,10 +106,11 @@ def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
 def mapped(
     parameters: Mapping[str, Parameter], root: XmlElement, notes: list[str]
 ) -> dict[str, Parameter]:
-    """Return parameters under the names of the targets in an ssm:ParameterMapping element, arrays
-    element by element; raise StructureError for a missing parameter or an invalid transformation.
+    """Return the parameters of a set after an ssm:ParameterMapping element has renamed and
+    transformed them, arrays element by element; raise StructureError for a missing parameter or an
+    invalid transformation.
 
-    A parameter that a mapping does not mention is not set, with a note.
+    A parameter that the mapping does not mention is left out, and a line in `notes` reports it.
     """
     problems, result, mentioned = [], {}, set[str]()
     for entry in xml.every(root, "ssm:MappingEntry"):
@@ -129,7 +133,7 @@ def mapped(
     return result
 
 
-# ---- to be written, one set per component
+# ---- writing: one parameter set per component
 
 BaseUnits = Mapping[str, Mapping[str, float]]
 """Base units (exponents, factor, offset) by name."""
@@ -138,13 +142,15 @@ BaseUnits = Mapping[str, Mapping[str, float]]
 def ssv(
     set_name: str, parameters: Parameters, interface: Interface, units: BaseUnits, version: int
 ) -> bytes:
-    """Return the parameter set of one component. Names are relative to the component. An array of
-    FMI 3.0 has all elements, from SSP 2.0 on. Values are the values that reach the FMU, in its
-    unit; an enumeration is the name of the item.
+    """Return the .ssv file with the parameters of one component, for version 1 or 2 of SSP.
+
+    Values are in the units of the FMU, after all conversions; an enumeration is written as the name
+    of its item. An array of FMI 3.0 (SSP 2 only) is written with all its elements: one without a
+    parameter has the start value of the FMU.
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
-    # files of other tools may have parameters without a variable, which are ignored
+    # a file of another tool may have parameters for variables that the FMU lacks: left out
     variables = [interface.variables[name] for name in parameters if name in interface.variables]
     rows = {connector_name(interface, v): v for v in variables}
     for name, variable in rows.items():
@@ -156,7 +162,7 @@ def ssv(
         listed = bool(sizes) and variable.type in ("String", "Enumeration")
         for text in values if listed else [" ".join(values)]:
             place = child(value, "ssv:Value") if listed else value
-            place.set("value", "")  # attributes() leaves out an empty value
+            place.set("value", "")  # attributes() would not write an empty value
             attributes(place, value=text)
         if variable.type == "Real" and variable.unit in interface.units:
             attributes(value, unit=variable.unit)
@@ -167,8 +173,8 @@ def ssv(
 
 
 def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
-    """Return the parameters for an FMU outside the archive: numbers in the units of its own
-    variables.
+    """Return the .ssv file with parameters for an FMU that is not in the archive. Since its units
+    are unknown, every number is written without a unit and means the unit of the FMU's variable.
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
@@ -179,13 +185,17 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
 
 
 def _written(variable: Variable, given: Parameter | None, interface: Interface) -> str:
-    """Return the text of a value in an .ssv, by default the value of the FMU."""
+    """Return the value of a variable as text for an .ssv: the given parameter, converted to the
+    FMU's unit, or else the FMU's start value.
+    """
     number = resting(variable) if given is None else final(given, variable, interface)
     return literal(next((item for item, i in variable.items.items() if i == number), number))
 
 
 def unit_table(root: XmlElement, name: str, units: BaseUnits, used: Iterable[str | None]) -> None:
-    """Write the definitions of the used units, if any, as element ssd:Units or ssv:Units."""
+    """Write the definitions of the used units as a child element `name` (ssd:Units or ssv:Units) of
+    the root, or nothing if no unit is used.
+    """
     names = sorted({unit for unit in used if unit in units and unit is not None})
     table = child(root, name) if names else None
     for unit in names:

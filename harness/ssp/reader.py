@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reader of .ssp files: safe unpacking, schema validation, and no FMI call.
+"""Reader of .ssp files, which unpacks safely, validates by the schemas and makes no FMI call.
 
-Names are read by namespace, regardless of the prefixes. Nested systems are flattened. Contents that
-cannot be run are rejected, not ignored: model exchange, signal dictionaries, connections between
-parameters, tables that transform signals.
+XML prefixes may be of any name, only the namespaces count. Nested systems are flattened. A file
+with content that cannot be run is rejected: model exchange, signal dictionaries, connections
+between parameters, tables that transform signals.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ MAX_COMPONENTS = 10_000
 """Largest number of components of a system."""
 
 MOST_KNOWN = 32
-"""Number of systems that a process caches."""
+"""Largest number of systems that a process retains in memory after reading."""
 
 _log = logging.getLogger("harness")
 
 
 class Reading(NamedTuple):
-    """System in an unpacked .ssp, its problems, and notes about it."""
+    """System of an unpacked .ssp, with the problems that prevent a run, and notes, which do not."""
 
     system: System
     problems: tuple[str, ...]
@@ -77,7 +77,7 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
     with PrivateFolder() if cached is None else nullcontext(cached) as folder:
         if cached is None:
             unpack(path, folder)
-        try:  # folders of the cache are named by their content: read once
+        try:  # a folder of the cache is named by its content: a second reading is not needed
             system, problems, notes = _of_folder(folder) if cached is None else _known(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
@@ -89,11 +89,11 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
 def _of_folder(folder: Path) -> Reading:
     """Return the system in an unpacked .ssp; raise StructureError if it cannot be read."""
     if not (folder / xml.SSD_FILE).is_file():
-        raise StructureError([f"it holds no {xml.SSD_FILE}"])
+        raise StructureError([f"the archive contains no {xml.SSD_FILE}"])
     root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
     if (count := sum(1 for _ in root.iter(xml.tag("ssd:Component")))) > MAX_COMPONENTS:
         limit = f"more than the limit of {MAX_COMPONENTS}"
-        raise StructureError([f"it has {count} components, {limit}"])
+        raise StructureError([f"the system has {count} components, {limit}"])
     reader = _Reader(folder, root)
     system = reader.system()
     return Reading(system, tuple(reader.problems), tuple(reader.tree.notes))
@@ -101,13 +101,13 @@ def _of_folder(folder: Path) -> Reading:
 
 @lru_cache(maxsize=MOST_KNOWN)
 def _known(folder: Path) -> Reading:
-    """Return the system in a folder of the cache, which is named by its content."""
+    """Return the system in a folder of the cache, read again only if the cache has no reading."""
     return cache.computed("system", str(folder).encode(), lambda: _of_folder(folder))
 
 
 class _Reader:
-    """Reader of the root of SystemStructure.ssd: time, order, parameter sets. The elements are read
-    elsewhere.
+    """Reader of SystemStructure.ssd: experiment and our own annotation here, the elements of the
+    system by Tree and Flat.
     """
 
     def __init__(self, folder: Path, root: XmlElement) -> None:
@@ -116,7 +116,8 @@ class _Reader:
         ours = f"ssd:System/ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run"
         found = xml.first(root, ours)
         self.run = etree.Element("none") if found is None else found
-        """Our own annotation, empty in a file of another tool."""
+        """Annotation of this project with run settings, an empty element in a file of another tool.
+        """
         self.schedule = {e.get("name"): e for e in self._own("Component")}
         self.tree = Tree(folder, root, own=found is not None)
         self.problems = self.tree.problems
@@ -150,20 +151,20 @@ class _Reader:
                 e.get("name", ""): (self._number(e, "low"), self._number(e, "high"))
                 for e in self._own("Slider")
             },
-            mission=mission if mission.isidentifier() else "",  # other texts are ignored
+            mission=mission if mission.isidentifier() else "",  # ignores texts that are no names
             declared=flat.declared(),
         )
 
     def _own(self, kind: str) -> Iterator[XmlElement]:
-        """Yield the elements of our own annotation."""
+        """Yield the elements of one kind in our own annotation."""
         return xml.every(self.run, f"run:{kind}")
 
     def _texts(self, kind: str) -> dict[str, str]:
         return {e.get("name", ""): e.get("text", "") for e in self._own(kind)}
 
     def _compared(self) -> str:
-        """Return the name of the parameter set that a comparison uses; a missing set is
-        a problem.
+        """Return the name of the parameter set that `harness compare` uses by default, "" for none;
+        record a problem if the file has no such set.
         """
         name: str = self.run.get("compare", "")
         if name and name not in {e.get("name") for e in self._own("ParameterSet")}:
@@ -172,8 +173,9 @@ class _Reader:
         return name
 
     def _experiment(self) -> Experiment:
-        """Return the time span of the file. The step is in the OSP annotation, the algorithm in
-        ours; without ours it is Jacobi, which needs no order.
+        """Return the time span of the file, with the step from the OSP annotation and the algorithm
+        from our annotation. A file without ours runs by Jacobi, for which the order of components
+        does not matter.
         """
         default = xml.first(self.root, "ssd:DefaultExperiment")
         step = xml.first(self.root, "ssd:DefaultExperiment//osp:FixedStepAlgorithm")
@@ -187,7 +189,9 @@ class _Reader:
         )
 
     def _epoch(self) -> str:
-        """Return UTC of t = 0; a text that is not a date is a problem and is ignored."""
+        """Return UTC at t = 0 as text, "" without one; record a problem for a text that is no
+        date.
+        """
         text = self.run.get("epoch", "")
         try:
             return date(text)
@@ -196,8 +200,8 @@ class _Reader:
             return ""
 
     def _schedule(self, name: str, hint: float | None, experiment: Experiment) -> tuple[int, int]:
-        """Return period and latency from our annotation, or else the period from the OSP hint of a
-        longer step.
+        """Return period and latency of a component in macro steps: from our annotation, or else the
+        period from the step size `hint` [s] of the OSP annotation.
         """
         own = self.schedule.get(name)
         if own is not None:
@@ -208,8 +212,8 @@ class _Reader:
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 
     def _set(self, element: XmlElement, components: tuple[Component, ...]) -> ParameterSet:
-        """Return a parameter set that our annotation lists but no element binds: one .ssv per
-        component that has parameters.
+        """Return a parameter set that an element of our annotation describes. Its values are in the
+        archive, in one .ssv for every component that has some.
         """
         name = element.get("name", "")
         parameters = self._files(f"resources/sets/{name}", components)
@@ -225,7 +229,9 @@ class _Reader:
         return Alternative(element.get("component", ""), fmu, parameters)
 
     def _files(self, place: str, components: tuple[Component, ...]) -> dict[str, Parameters]:
-        """Return parameters by component from the .ssv files of a folder of the archive."""
+        """Return the parameters by component from the files COMPONENT.ssv in a folder of the
+        archive; record the problems of unreadable files.
+        """
         found: dict[str, Parameters] = {}
         for c in components:
             path = self.folder / place / f"{c.name}.ssv"

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Terminals of FMI 3.0 in a system that is written, as proposed for SSP 2.1 (pull request 120 of
-modelica/ssp-standard).
+"""Writing of terminals of FMI 3.0 (named groups of variables) into a system description, as
+proposed for SSP 2.1 (pull request 120 of modelica/ssp-standard).
 
-A terminal of an FMU is a connector of kind `terminal` with the name that it has in the FMU, which
-states the variables of its members. Two terminals of which two or more members are connected, and
-no member differently, have one connection in place of one per member.
+A terminal of an FMU is written as a connector of kind `terminal` with its name in the FMU. If at
+least two members of equal name of two terminals are connected, and no member in another way, one
+connection of the terminals replaces the connections of their members.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from harness.files.archive import XmlElement, inspect, parsed, read_entry
 from harness.ssp.xml import child, every, first
 
 Key = tuple[str, str]
-"""Component and terminal."""
+"""Name of a component and of one of its terminals."""
 DRAFT = 2.1
-"""Version of SSP that is to have terminals."""
+"""Version of SSP whose draft has terminals."""
 FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 MEMBER = "TerminalMemberVariable"
 ENDS = ("startElement", "startConnector", "endElement", "endConnector")
 
 
 def add_terminals(root: XmlElement, fmus: Mapping[str, Path]) -> None:
-    """Connect the terminals of components in a system description that has everything up to its
-    units; raise UsageError if none has two connected members.
+    """Add the connected terminals of the FMUs to a system description, which must be complete up to
+    and including its units; raise UsageError if no terminal has two connected members.
     """
     terminals = {
         (component, each.get("name")): each
@@ -41,8 +41,8 @@ def add_terminals(root: XmlElement, fmus: Mapping[str, Path]) -> None:
     }
     used = _join(root, members)
     if not used:
-        reason = "no two members of a terminal are connected; FMUs of FMI 3.0 have terminals"
-        raise UsageError(f"SSP {DRAFT}: {reason}")
+        reason = "no terminal of an FMU has two connected members (only FMI 3.0 has terminals)"
+        raise UsageError(f"SSP {DRAFT}: {reason}; write SSP 1 or 2")
     root.set("version", str(DRAFT))
     table = child(root, "ssd:Terminals")
     listed = {c.get("name"): first(c, "ssd:Connectors") for c in every(root, ".//ssd:Component")}
@@ -57,7 +57,9 @@ def add_terminals(root: XmlElement, fmus: Mapping[str, Path]) -> None:
 
 
 def _join(root: XmlElement, members: Mapping[Key, Mapping[str, str]]) -> set[Key]:
-    """Replace connections by connections of terminals; return the keys of these."""
+    """Replace the connections of members by connections of their terminals where that is possible;
+    return the keys of the connected terminals.
+    """
     plain = (c for c in every(root, ".//ssd:Connection") if len(c.attrib) == len(ENDS))
     wires = {tuple(c.get(end) for end in ENDS): c for c in plain}
     owner = {(key[0], v): key for key, variables in members.items() for v in variables.values()}

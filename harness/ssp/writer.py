@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Writer of .ssp files in the dialect that FMPy, libcosim, ecos and OMSimulator all accept.
 
-Prefixes are literal, the OSP namespace is on the root, every connector has its type, each component
-has one .ssv with the same name of the parameter set everywhere, and nothing is nested. Annotations
-are in the root system and the experiment alone, and the system has no geometry: OMSimulator rejects
-a file that has them elsewhere. The same
-system always gives the same bytes. The version is SSP 1.0 if all FMUs are of FMI 2.0, else SSP 2.0,
-which has the types and arrays of FMI 3.0.
+XML prefixes are those that these tools expect, the root declares the OSP namespace, every connector
+has its type, and no system is nested. Each component has its own .ssv, and the parameter sets in
+all these files have the same name. OMSimulator rejects a file with annotations outside of the root
+system and the experiment, or with a geometry of the system, so neither is written. The same system
+always gives the same bytes. The version is SSP 1.0 if all FMUs are of FMI 2.0, else SSP 2.0, which
+has the types and arrays of FMI 3.0.
 """
 
 from __future__ import annotations
@@ -33,15 +33,19 @@ from harness.system.units import IDENTITY
 from harness.system.values import Variable
 
 WIDTH, GAP, PITCH = 80, 60, 5
-"""Block diagram: width of a component, distance between components, distance between connectors."""
+"""Lengths in the block diagram, in the units of SSP geometry: width of a component, distance
+between components, distance between connectors.
+"""
 
 
 def write_ssp(
     system: System, path: Path, version: float | None = None, *, hints: bool = False
 ) -> None:
-    """Write a system with its FMUs; version: of SSP, 1, 2 (default: the first that can hold it), or
-    2.1, the draft with terminals; hints: write the periods of slow components for libcosim and
-    ecos too.
+    """Write a system with its FMUs into an .ssp.
+
+    version: 1, 2 or 2.1 (the draft of SSP with terminals); default: 1 if all FMUs are of FMI 2.0,
+    else 2. hints: add an OSP annotation with the step size of each component that is slower than
+    the macro step, for libcosim and ecos; OMSimulator rejects such a file.
 
     Raises FmuError, StructureError, or ResultsError if the file cannot be written.
     """
@@ -49,8 +53,8 @@ def write_ssp(
 
 
 class _Writer:
-    """Writer of the files of an archive; SystemStructure.ssd element by element in the order of the
-    schema.
+    """Writer of the files of an .ssp. The elements of SystemStructure.ssd are written in the order
+    that the schema requires.
     """
 
     def __init__(self, system: System, version: float | None, hints: bool) -> None:
@@ -122,8 +126,8 @@ class _Writer:
     # ---- elements
 
     def _component(self, elements: XmlElement, component: Component, left: int) -> None:
-        """Write a component with the given left edge in the block diagram. Without hints it has no
-        annotation, which OMSimulator would reject.
+        """Write a component whose left edge in the block diagram is at x = `left`. Its annotation
+        with a step size is written only with `hints`, since OMSimulator rejects it.
         """
         name, source = component.name, quote(self.sources[component.name])
         element = child(elements, "ssd:Component", name=name, type=xml.FMU_TYPE, source=source)
@@ -141,9 +145,11 @@ class _Writer:
             child(hint, "osp:StepSizeHint", value=component.every * step)
 
     def _connectors(self, element: XmlElement, component: str) -> int:
-        """Write inputs down the left edge and outputs down the right edge, and return the larger
-        number of both; (0, 0) is the lower left corner. An array of FMI 3.0 has one connector for
-        all elements.
+        """Write the connected inputs along the left edge of a component and the outputs along its
+        right edge, from top to bottom; return the larger number of both.
+
+        Positions are relative to the component: (0, 0) is its lower left corner, (1, 1) its upper
+        right one. An array of FMI 3.0 has one connector for all elements.
         """
         interface = self.interfaces[component]
         sides: dict[str, dict[str, Variable]] = {"input": {}, "output": {}}
@@ -167,7 +173,9 @@ class _Writer:
             child(connector, "ssc:Dimension", size=size)
 
     def _enumerations(self, root: XmlElement, used: Sequence[Variable]) -> None:
-        """Write the types of enumerations. The last variable with a type of a name defines it."""
+        """Write the enumeration types of the used variables. If several types have one name, the
+        type of the last variable is written.
+        """
         types = {v.type_name: v.items for v in used if v.type == "Enumeration"}
         table = child(root, "ssd:Enumerations") if types else None
         for name, items in sorted(types.items()):
@@ -176,9 +184,8 @@ class _Writer:
                 child(enumeration, "ssc:Item", name=item, value=value)
 
     def _fixed_step(self, annotations: XmlElement) -> None:
-        """Write the simulation settings for OMSimulator, which would otherwise take a step of a
-        millisecond or reject the system. The tolerances equal the values in OMSimulator's own
-        files.
+        """Write the macro step for OMSimulator, which would otherwise take a step of a millisecond
+        or reject the system. The tolerances equal the values in OMSimulator's own files.
         """
         annotation = child(annotations, "ssc:Annotation", type=xml.OMS_ANNOTATION)
         settings = etree.SubElement(annotation, tag("oms:Annotations"), nsmap={"oms": NS["oms"]})
@@ -195,7 +202,7 @@ class _Writer:
                 attributes(connection, **{f"{side}Element": port.component})
                 attributes(connection, **{f"{side}Connector": end.connector})
                 attributes(connection, **{f"{side}Indices": " ".join(map(str, end.indices))})
-            if each.hops:  # all on the way as one step, the conversion of units included
+            if each.hops:  # one transformation for all conversions on the way, units included
                 change = way(each, self.interfaces)
                 attributes(connection, suppressUnitConversion=True)
                 if change != IDENTITY:
@@ -213,7 +220,7 @@ class _Writer:
             child(algorithm, "osp:FixedStepAlgorithm", **fixed)
 
     def _run(self, annotations: XmlElement) -> None:
-        """Write our annotation: run settings for which SSP has no place."""
+        """Write our annotation, with the run settings that SSP has no element for."""
         annotation = child(annotations, "ssc:Annotation", type=xml.RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
         system, experiment = self.system, self.system.experiment
@@ -244,21 +251,21 @@ class _Writer:
 
 
 def _units(interfaces: Interfaces) -> BaseUnits:
-    """Return all units of all FMUs; raise StructureError if two FMUs define one name
-    differently.
+    """Return the units of all FMUs by name; raise StructureError if two FMUs define a unit of one
+    name differently.
     """
     units: dict[str, Mapping[str, float]] = {}
     for component, interface in interfaces.items():
         for name, base in interface.units.items():
             if units.setdefault(name, base) != base:
-                problem = f"its unit {name} is not the {name} of the components before it"
+                problem = f"defines the unit {name} differently from another component"
                 raise StructureError([f"{component}: {problem}"])
     return units
 
 
 def _sources(components: Sequence[Component]) -> dict[str, str]:
-    """Return the path of every FMU in the archive. Different FMUs with one file name are
-    distinguished by the component.
+    """Return the path in the archive of every component's FMU: `resources/FILE`, or
+    `resources/COMPONENT-FILE` if a different FMU has this file name.
     """
     owner: dict[str, Path] = {}
     sources = {}

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""XML of SSP: its names, files as roots that are valid by its schemas, and elements to be written.
+"""XML of SSP: namespaces, reading of files that are valid by the schemas, writing of elements.
 
-A file of SSP 2.0 has the namespaces of SSP 1.0. It is valid if it is valid by the schema of 1.0
-without what 2.0 has added, arrays, types and kinds of FMI 3.0, metadata, and that is well-formed.
+SSP 2.0 has the namespaces of SSP 1.0, so the schemas of 1.0 check a file of 2.0 after all additions
+of 2.0 are removed from it: arrays, types and kinds of connectors of FMI 3.0, metadata.
 """
 
 from __future__ import annotations
@@ -66,13 +66,13 @@ NOT_SUPPORTED = tuple(
         ),
     )
 )  # fmt: skip
-"""Elements that a run cannot take into account; a file with one of them is rejected."""
+"""Elements whose effect a run could not reproduce; a file with one of them is rejected."""
 
 OPTIONAL = (
     *("startElement", "endElement", "source", "sourceBase"),
     *("type", "implementation", "unit", "prefix"),
 )
-"""Attributes that are ignored when they are empty."""
+"""Attributes that count as missing when they are empty, as OMSimulator writes them."""
 
 
 def first(element: XmlElement, path: str) -> XmlElement | None:
@@ -92,7 +92,9 @@ def kind_of(element: XmlElement) -> str:
 
 
 def number(element: XmlElement, attribute: str, problems: list[str]) -> float | None:
-    """Return a finite number in an attribute, None without it; record a problem for other texts."""
+    """Return the number in an attribute, None if the element or attribute is missing; add a line to
+    `problems` for a text that is not a finite number.
+    """
     text = None if element is None else element.get(attribute)
     try:
         value = None if text is None else float(text)
@@ -108,8 +110,8 @@ def parse(source: Path, schema: str) -> XmlElement:
     """Return the root element of an XML file that is valid against one of the SSP schemas, without
     using entities or the network.
 
-    In a file of SSP 2.0, types of numbers get their names of SSP 1.0, and metadata is removed.
-    Raises StructureError with every violation of the schema.
+    In a file of SSP 2.0, types of numbers are renamed to the types of SSP 1.0, and metadata is
+    removed. Raises StructureError with every violation of the schema.
     """
     name = source.name
     try:
@@ -124,8 +126,8 @@ def parse(source: Path, schema: str) -> XmlElement:
 
 
 def embedded(element: XmlElement, schema: str) -> XmlElement:
-    """Return an element inside another file as a root of its own, valid against one of the SSP
-    schemas.
+    """Return a copy of an element inside another file as a root element of its own, valid against
+    one of the SSP schemas; raise StructureError if it is not.
     """
     root = deepcopy(element)
     _made_readable(root)
@@ -134,10 +136,10 @@ def embedded(element: XmlElement, schema: str) -> XmlElement:
 
 
 def _made_readable(root: XmlElement) -> None:
-    """Rewrite equivalent spellings of SSP 2.0 and of other tools."""
+    """Rewrite names of SSP 2.0 as names of SSP 1.0, and remove empty optional attributes."""
     if is_version_2(root):
         simplify(root)
-    for element in root.iter():  # spellings of OMSimulator
+    for element in root.iter():  # OMSimulator writes optional attributes as empty texts
         needed = ("source",) if element.tag == tag("ssd:Component") else ()
         for name in OPTIONAL:
             if element.get(name) == "" and name not in needed:
@@ -159,7 +161,7 @@ def _validate(root: XmlElement, schema: str, name: str) -> None:
 
 
 def _named(element: XmlElement) -> str:
-    """Return the name of an element, or of the element that contains it."""
+    """Return the name of an element, or of the nearest element around it that has a name."""
     ancestors = (element, *element.iterancestors())
     return next((each.get("name") for each in ancestors if each.get("name")), "")
 
@@ -187,8 +189,8 @@ def is_version_2(root: XmlElement) -> bool:
 
 
 def simplify(root: XmlElement) -> None:
-    """Give the new types of numbers the names of the old ones and drop metadata, which is not used
-    here.
+    """Rename the number types of SSP 2.0 (Float64, ...) to the types of SSP 1.0 (Real, ...), and
+    remove metadata, which a run does not use.
     """
     for element in list(root.iter(*_OLD_TAGS)):
         element.tag = _OLD_TAGS[element.tag]
@@ -196,14 +198,14 @@ def simplify(root: XmlElement) -> None:
 
 
 def as_version_1(root: XmlElement) -> XmlElement:
-    """Return a copy of a simplified root without everything that SSP 1.0 lacks, for a check by its
-    schema.
+    """Return a copy of a root from simplify() without all other additions of SSP 2.0, so that the
+    schema of SSP 1.0 can check it.
     """
     copy = deepcopy(root)
     copy.set("version", "1.0")
     etree.strip_elements(copy, *_NEW_PARTS)
     for element in copy.iter(*_VALUES):
-        element.set("value", "0")  # one or several, of any size: the reader checks them
+        element.set("value", "0")  # parameter_set() checks the values, which 2.0 may give as lists
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
     for element in copy.iter(tag("ssd:Component")):
@@ -217,14 +219,16 @@ def as_version_1(root: XmlElement) -> XmlElement:
 
 
 def document(kind: str, prefixes: tuple[str, ...], version: int, **values: str) -> XmlElement:
-    """Return the root of a new file of a version of SSP."""
+    """Return the root element of a new SSP file; prefixes: namespaces to declare; version: 1 or 2;
+    values: attributes.
+    """
     root = etree.Element(tag(kind), nsmap={prefix: NS[prefix] for prefix in prefixes})
     attributes(root, version=f"{version}.0", **values, generationTool=TOOL)
     return root
 
 
 def child(parent: XmlElement, kind: str, /, **values: Scalar | None) -> XmlElement:
-    """Return a new element at the end of its parent."""
+    """Add an element with these attributes at the end of its parent, and return it."""
     element = etree.SubElement(parent, tag(kind))
     attributes(element, **values)
     return element
@@ -237,7 +241,7 @@ def attributes(element: XmlElement, /, **values: Scalar | None) -> None:
             try:
                 element.set(name, literal(value))
             except ValueError:  # lxml: a control character
-                fault = "holds a character that XML cannot hold"
+                fault = "contains a character that is not permitted in XML"
                 raise StructureError([f"{name} {value!r}: {fault}"]) from None
 
 

@@ -316,7 +316,7 @@ def test_arrays_are_mapped_and_fill_the_schema_of_2_0(simulate, tmp_path, violat
         (pair('source.y sink.u startIndices="0"'), "source.y to sink.u: startIndices='0'"),
         (
             pair("source.y sink.u", parameters=(("gain", "Float64", "1 a", GAIN[3]),)),
-            "component sink: parameter gain: 'a' is no Real",
+            "component sink: parameter gain: 'a' is not a value of type Real",
         ),
     ],
 )  # fmt: skip

@@ -146,9 +146,9 @@ def test_the_harness_runs_no_draft(tmp_path):
 
 def test_systems_without_terminals_cannot_be_a_draft(tmp_path):
     for name in SINGLE:
-        with pytest.raises(UsageError, match="no two members of a terminal are connected"):
+        with pytest.raises(UsageError, match="no terminal of an FMU has two connected members"):
             written(name, tmp_path / "draft.ssp")
-    with pytest.raises(UsageError, match="no two members of a terminal are connected"):
+    with pytest.raises(UsageError, match="no terminal of an FMU has two connected members"):
         export("sync_approach", tmp_path / "draft.ssp", ssp=2.1)
     with pytest.raises(UsageError, match=r"expected 1, 2 or 2\.1, got 1\.5"):
         export("sync_approach", tmp_path / "draft.ssp", ssp=1.5)

@@ -330,6 +330,6 @@ def test_a_text_that_xml_cannot_hold_is_rejected_by_export(fmus, tmp_path, capsy
     arguments = ["--set", "m.label=a\x1bb"]
     assert main(["export", str(path), str(tmp_path / "out"), *arguments]) == 1
     reported = capsys.readouterr().err
-    assert "holds a character that XML cannot hold" in reported
+    assert "contains a character that is not permitted in XML" in reported
     assert "internal error" not in reported
     assert "\x1b" not in reported

@@ -388,7 +388,7 @@ def test_one_unit_name_with_two_meanings_is_rejected(fmus, tmp_path):
     text = 'name = "x"\n[experiment]\nstop = 1\nstep = 1\n[components]\na = "source"\nb = "odd"\n'
     system = system_of(tomllib.loads(text), {**fmus, "odd": path})
     with pytest.raises(
-        StructureError, match="b: its unit m is not the m of the components before it"
+        StructureError, match="b: defines the unit m differently from another component"
     ):
         write_ssp(system, tmp_path / "x.ssp")
 

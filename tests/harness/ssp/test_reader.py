@@ -129,7 +129,7 @@ def test_missing_files_are_named_all_at_once(write):
         "third_party.ssp: component twice: resources/gain.fmu is not in the archive",
     ]
     assert complaints(write(leave_out="SystemStructure.ssd")) == [
-        "third_party.ssp: it holds no SystemStructure.ssd"
+        "third_party.ssp: the archive contains no SystemStructure.ssd"
     ]
 
 

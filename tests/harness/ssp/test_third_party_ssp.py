@@ -272,7 +272,7 @@ def test_as_many_components_as_allowed_are_read(fmus, tmp_path, monkeypatch):
     inner = system("inner", [component("c", "gain")], [])
     path = write(tmp_path / "x.ssp", system("top", [inner, component("d", "gain")], []), fmus)
     monkeypatch.setattr(ssp, "MAX_COMPONENTS", 1)
-    stated = "it has 2 components, more than the limit of 1"
+    stated = "the system has 2 components, more than the limit of 1"
     with pytest.raises(StructureError, match=stated), ssp.opened(path):
         pass
     monkeypatch.setattr(ssp, "MAX_COMPONENTS", 2)
