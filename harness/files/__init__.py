@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files and folders that may come from anywhere or be lost at any time: archives, XML, the cache,
-temporary folders, files that appear whole or not at all, and where the built parts are.
+"""Safe handling of files: untrusted archives and XML, the cache, temporary folders, output files
+that appear completely or not at all, and the locations of the built FMUs and libraries.
 """

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Adapter of FMI, compiled once per compiler: every FMU that is built here links the same files."""
+"""FMI adapter, the C code between the FMI functions and a model, compiled once per compiler: every
+FMU that is built here links the same object files.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,11 @@ from harness.files import cache, paths
 
 
 def options(compiler: Sequence[str], fmi: int) -> list[str]:
-    """Return the options with which build_fmu.py and fuse.py link the compiled adapter of a version
-    of FMI instead of compiling it; none if that is impossible, if nothing is cached, or if the
-    compiler has arguments other than for a processor, which may name files.
+    """Return the options with which build_fmu.py and fuse.py link an adapter from the cache instead
+    of compiling it again; fmi: 2 or 3. The adapter is compiled first if the cache has none.
+
+    Returns [] if the cache is off, the compiler or the C sources are missing, the adapter does not
+    compile, or the compiler has arguments that do not begin with -m and so may name files.
     """
     core, program = paths.core(), shutil.which(compiler[0])
     may_name_files = any(not argument.startswith("-m") for argument in compiler[1:])
@@ -34,5 +38,5 @@ def options(compiler: Sequence[str], fmi: int) -> list[str]:
 
     try:
         return ["--adapter", str(cache.made("adapter", key, make))]
-    except subprocess.CalledProcessError:  # the build itself prints why
+    except subprocess.CalledProcessError:  # the build of the FMU will fail too, and print why
         return []

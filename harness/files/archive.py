@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Archives and XML that may come from anywhere, and packing of our own.
+"""Reading of untrusted archives and XML, and writing of archives.
 
-Of an .ssp or .fmu every name is checked before anything is written: no absolute path, no `..`, no
-link, no name twice, no more than MAX_UNPACKED bytes. XML has no document type, hence no entity, no
-network, and no encoding in which a document type could hide.
+Every name in an .ssp or .fmu is checked before a file is unpacked: no absolute path, no `..`, no
+link, no name twice, at most MAX_UNPACKED bytes. XML with a document type is rejected, so no entity
+is expanded and no network is used, and so is an encoding in which a document type could hide.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from harness.files.output import written
 from harness.files.paths import is_file
 
 XmlElement = Any
-"""lxml has no types."""
+"""Element of lxml, which provides no types."""
 
 MAX_UNPACKED = 2 * 1024**3
 """Largest sum of unpacked sizes of one archive, and of the FMUs of one run [bytes]."""
@@ -35,17 +35,19 @@ MAX_FILES = 100_000
 """Largest number of files in one archive."""
 
 DATE = (1980, 1, 1, 0, 0, 0)
-"""Date of every file in an archive that is written."""
+"""Date of every file in a written archive, constant so that equal contents give equal bytes."""
 
 MAX_ENTRY = 64 * 1024**2
 """Largest single file that is read into memory [bytes]."""
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, OSError)
-"""Exceptions of zipfile for damaged, encrypted or exotically compressed archives."""
+"""Exceptions of zipfile for archives that are damaged, encrypted or compressed by a method that
+Python does not support.
+"""
 
 
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFILE, errno.EFBIG)
-"""Faults of the temporary folder, not of the archive."""
+"""Error numbers that show a fault of the folder to unpack into, not of the archive."""
 
 
 def unpack(
@@ -54,7 +56,8 @@ def unpack(
     """Unpack a zip archive into a folder, which is created if missing; raise ArchiveError if the
     archive is missing, damaged or unsafe, or if the disk is full.
 
-    content: the bytes of the archive, if they have been read already.
+    limit: largest sum of unpacked sizes [bytes]; content: the bytes of the archive, if they have
+    been read already.
     """
     with _opened(path, "unpacked", content) as archive:
         _reject_unsafe(path, archive.infolist(), limit)
@@ -69,8 +72,8 @@ def unpack(
 
 
 def inspect(path: Path) -> tuple[str, ...]:
-    """Return the names of all files of an archive that unpack() accepts; raise ArchiveError if it
-    does not.
+    """Return the names of all files of an archive; raise ArchiveError if unpack() would reject the
+    archive.
     """
     with _opened(path, "unpacked") as archive:
         _reject_unsafe(path, archive.infolist(), MAX_UNPACKED)
@@ -78,21 +81,25 @@ def inspect(path: Path) -> tuple[str, ...]:
 
 
 def read_all(path: Path) -> dict[str, bytes]:
-    """Return all files of an archive by name; ArchiveError where unpack() raises it."""
+    """Return the bytes of all files of an archive by name; raise ArchiveError if unpack() would
+    reject the archive.
+    """
     with _opened(path, "read") as archive:
         _reject_unsafe(path, archive.infolist(), MAX_UNPACKED)
         return {e.filename: archive.read(e) for e in archive.infolist() if not e.is_dir()}
 
 
 def unpacked_size(path: Path) -> int:
-    """Return the bytes that an unpacked archive takes; raise ArchiveError if it cannot be read."""
+    """Return the size of all unpacked files of an archive [bytes]; raise ArchiveError if it cannot
+    be read.
+    """
     with _opened(path, "read") as archive:
         return sum(entry.file_size for entry in archive.infolist())
 
 
 def read_entry(path: Path, name: str) -> bytes:
-    """Return one file of an archive; raise ArchiveError if it is missing, damaged or longer than
-    the limit.
+    """Return the bytes of one file of an archive; raise ArchiveError if the file is missing,
+    damaged or longer than MAX_ENTRY.
     """
     with _opened(path, "read") as archive:
         found = [entry for entry in archive.infolist() if entry.filename == name]
@@ -105,8 +112,8 @@ def read_entry(path: Path, name: str) -> bytes:
 
 
 def head(path: Path, name: str, count: int) -> bytes:
-    """Return the first bytes of one file of an archive, at most `count`; raise ArchiveError like
-    read_entry().
+    """Return the first `count` bytes of one file of an archive, or all of a shorter file; raise
+    ArchiveError if the archive is damaged.
     """
     with _opened(path, "read") as archive, archive.open(name) as file:
         return file.read(count)
@@ -114,14 +121,16 @@ def head(path: Path, name: str, count: int) -> bytes:
 
 @contextmanager
 def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zipfile.ZipFile]:
-    """Yield an archive opened for reading, with every failure as an ArchiveError."""
+    """Yield an archive opened for reading, and raise every failure in the `with` block as an
+    ArchiveError; done: past participle for its message, "read" or "unpacked".
+    """
     if not is_file(path):
         raise ArchiveError(f"{path}: no such file")
     try:
         with zipfile.ZipFile(path if content is None else io.BytesIO(content)) as archive:
             yield archive
     except _DAMAGE as error:
-        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):  # a full disk
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):  # such as ENOSPC
             raise ArchiveError(f"{path}: cannot be {done} ({error.strerror})") from None
         raise ArchiveError(
             f"{path}: cannot be {done}, the file is damaged or not a zip archive ({error})"
@@ -129,15 +138,16 @@ def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zip
 
 
 def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZIP_STORED) -> None:
-    """Write files by name as a zip archive, always with the same bytes; raise ResultsError if it
-    cannot be written.
+    """Write files, given as bytes by name, into a zip archive. Equal contents give equal archives.
+
+    Raises ArchiveError for an unsafe name, ResultsError if the archive cannot be written.
     """
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", compression) as archive:
         for name, file in sorted(content.items()):
             entry = _entry(name)
             if reason := _unsafe(entry):
-                raise ArchiveError(f"{path}: cannot be written, it would hold {reason}: {name!r}")
+                raise ArchiveError(f"{path}: cannot be written with {reason}: {name!r}")
             archive.writestr(entry, file, compression)
     with written(path) as target:
         target.write_bytes(data.getvalue())
@@ -151,8 +161,8 @@ def _entry(name: str) -> zipfile.ZipInfo:
 
 
 def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> None:
-    """Reject unsafe entries. An archive whose first entry is not at the start of the file is the
-    inner archive of a truncated one.
+    """Raise ArchiveError for an archive that must not be unpacked, and BadZipFile for a truncated
+    one: zipfile then finds an archive nested inside, whose first entry is not at offset 0.
     """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")
@@ -161,7 +171,7 @@ def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> No
 
 
 def _faults(entries: list[zipfile.ZipInfo], limit: int) -> Iterator[str]:
-    """Yield the reasons why an archive must not be unpacked."""
+    """Yield the reasons why an archive must not be unpacked; limit: largest sum of sizes, bytes."""
     for entry in entries:
         if reason := _unsafe(entry):
             yield f"holds {reason}: {entry.orig_filename!r}"
@@ -175,7 +185,7 @@ def _faults(entries: list[zipfile.ZipInfo], limit: int) -> Iterator[str]:
 
 
 def _double(entries: list[zipfile.ZipInfo]) -> str | None:
-    """Return a name that occurs twice after unpacking (`a//b` is `a/b`), or None."""
+    """Return a name that would occur twice after unpacking, where `a//b` is `a/b`, or None."""
     seen: set[PurePosixPath] = set()
     for entry in entries:
         place = PurePosixPath(entry.filename)
@@ -205,7 +215,7 @@ def _unsafe(entry: zipfile.ZipInfo) -> str | None:
 _BOMS = (b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")
 _DECLARED = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)["']""")
 _PLAIN = re.compile(rb"(utf-?8|utf-?16([bl]e)?|us-ascii|ascii|iso-?8859-?\d+|(windows|cp)-?125\d)")
-"""Encodings that write ASCII as itself, but for zeros."""
+"""Encodings in which ASCII characters have their ASCII bytes, apart from zero bytes (UTF-16)."""
 
 
 _SAFELY = {
@@ -218,7 +228,7 @@ _SAFELY = {
 
 
 class UnsafeXmlError(ValueError):
-    """Text that is not parsed because it could be unsafe. str() gives the reason."""
+    """Rejection of an XML text that is unreadable or could be unsafe; str() gives the reason."""
 
 
 def parsed(data: bytes) -> XmlElement:
@@ -238,12 +248,14 @@ def parsed(data: bytes) -> XmlElement:
 
 
 def serialized(root: XmlElement, pretty: bool = False) -> bytes:
-    """Return an element as a file in UTF-8; pretty: with indentation."""
+    """Return an element as the bytes of an XML file in UTF-8; pretty: with indentation."""
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=pretty))
 
 
 def _reject_hidden(data: bytes) -> None:
-    """Raise UnsafeXmlError for bytes that must not reach the parser."""
+    """Raise UnsafeXmlError for bytes that must not reach the parser: no XML, a document type, or an
+    encoding that could hide one.
+    """
     text = data.replace(b"\0", b"")
     for mark in _BOMS:
         text = text.removeprefix(mark)
@@ -252,6 +264,6 @@ def _reject_hidden(data: bytes) -> None:
     declared = _DECLARED.match(text.lstrip())
     if declared and not _PLAIN.fullmatch(declared[1].lower()):
         encoding = declared[1].decode("ascii", "replace")
-        raise UnsafeXmlError(f"its encoding {encoding} is not read, only UTF-8 and its like")
+        raise UnsafeXmlError(f"its encoding {encoding} is not supported; save it as UTF-8")
     if b"<!DOCTYPE" in text:
         raise UnsafeXmlError("a document type declaration is not allowed")

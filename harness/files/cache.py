@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Cache of unpacked and built files of earlier runs, and of what was read from them, stored under
-the hash of their content.
+"""Cache of files that earlier runs have unpacked or built, and of values computed from such files.
+The name of an entry is a hash of everything on which its content depends.
 
-An entry appears completely or not at all. It is compared with its hash at every use and made again
-if it is damaged. Every process that uses the folder holds a lock on it until it ends. Entries above
-the size limit are removed when a process starts while no other process uses the folder, at most
-once an hour. HARNESS_CACHE names another folder; if it is empty or `off`, nothing is stored.
+An entry appears completely or not at all. It is compared with its checksum at every use and made
+again if it is damaged. Every process that uses the folder holds a lock on it until it ends. When a
+process starts while no other one uses the folder, it removes the entries above the size limit, at
+most once an hour. HARNESS_CACHE names another folder; if it is empty or `off`, nothing is stored.
 
-The folder is used only if programs can be run in it, it belongs to the user, no other user may
-enter it, and no folder above it lets others replace it. Otherwise it is not used, with one note.
+The folder is used only if libraries can be loaded from it, it belongs to the user, no other user
+may enter it, and no folder above it lets others replace it. Otherwise a note states the reason and
+this process runs without a cache.
 """
 
 from __future__ import annotations
@@ -46,14 +47,14 @@ T = TypeVar("T")
 _BEGAN = time.time()
 
 _left_out: set[Path] = set()
-"""Folders that have failed this process."""
+"""Cache folders that this process does not use, because they are unsafe or have failed."""
 
 _used: dict[Path, int] = {}
-"""When each entry that this process has used was made [ns]."""
+"""Time at which each entry that this process has used was made [ns since the epoch]."""
 
 
 def folder() -> Path | None:
-    """Return the folder; None if the cache is off or no safe folder exists."""
+    """Return the cache folder; None if the cache is off or the folder cannot be used safely."""
     configured = os.environ.get("HARNESS_CACHE")
     if fcntl is None or (configured is not None and configured.strip().lower() in OFF):
         return None
@@ -62,7 +63,7 @@ def folder() -> Path | None:
 
 
 def leave_out(path: Path, reason: str) -> None:
-    """Stop using this folder, and log the reason once."""
+    """Stop using this folder as a cache for the rest of the process, and log the reason once."""
     if path not in _left_out:
         _left_out.add(path)
         _log.warning("%s: not used as a cache, %s (see HARNESS_CACHE)", path, reason)
@@ -70,7 +71,10 @@ def leave_out(path: Path, reason: str) -> None:
 
 @lru_cache
 def _usable(configured: str | None, caches: str | None) -> Path | None:
-    """Return the folder, created if missing, if it can be used; log a warning otherwise."""
+    """Return the cache folder, created if missing; log a warning and return None if it is unsafe.
+
+    configured: value of HARNESS_CACHE; caches: value of XDG_CACHE_HOME, which applies without it.
+    """
     path = Path(configured or Path(caches or "~/.cache") / "servicing-fmus")
     try:
         path = path.expanduser() if not (configured or caches) else path
@@ -79,7 +83,7 @@ def _usable(configured: str | None, caches: str | None) -> Path | None:
             path = path.absolute()
             path.mkdir(mode=0o700, parents=True, exist_ok=True)
             reason = _unusable(path)
-    except (OSError, RuntimeError) as error:  # no home, or one that cannot be written
+    except (OSError, RuntimeError) as error:  # no home folder, or a folder without write access
         reason = getattr(error, "strerror", None) or str(error)
     if reason:
         leave_out(path, reason)
@@ -88,8 +92,8 @@ def _usable(configured: str | None, caches: str | None) -> Path | None:
 
 
 def _unusable(path: Path) -> str:
-    """Return why a folder is unsuitable for libraries: others could read or replace its content, it
-    cannot be written, or libraries could not be loaded from it; "" if it is suitable.
+    """Return the reason why a folder must not be the cache: others could read or replace its
+    content, it cannot be written, or no library can be loaded from it; "" if it may.
     """
     about = path.lstat()
     reasons = {
@@ -112,31 +116,31 @@ LIMIT = 512 * 1024**2
 """Size limit of the cache [bytes]; the least recently used entries are removed first."""
 
 TIDY_SECONDS = 3600.0
-"""Least time between two looks at the size of all entries, which takes a second for thousands of
-files.
-"""
+"""Least time between two clean-ups [s]: summing the sizes of thousands of files takes a second."""
 
 MAX_ARCHIVE = 128 * 1024**2
-"""Larger archives are not stored [bytes]."""
+"""Size of the largest archive whose content is stored [bytes]."""
 
 
 def unpacked(archive: Path) -> Path | None:
-    """Return a read-only folder with the content of an archive, or None if the cache is off."""
+    """Return a folder of the cache with the unpacked content of an archive, not to be changed; None
+    if there is no cache, or if the archive is damaged or larger than MAX_ARCHIVE.
+    """
     root = folder()
     content = None if root is None else _content(archive)
     if root is None or content is None:
         return None
     try:
         return _entry(root / _word(content), lambda into: unpack(archive, into, content=content))
-    except (OSError, ArchiveError) as error:  # a damaged archive is for the caller
+    except (OSError, ArchiveError) as error:  # the caller unpacks and reports a damaged archive
         if reason := _fault(error):
             leave_out(root, reason)
         return None
 
 
 def _content(archive: Path) -> bytes | None:
-    """Return all bytes of an archive, read once, so that the unpacked bytes are the
-    hashed bytes.
+    """Return all bytes of an archive, None if it is unreadable or too large. The archive is read
+    only once, so that the unpacked bytes are the hashed bytes.
     """
     try:
         return archive.read_bytes() if archive.stat().st_size <= MAX_ARCHIVE else None
@@ -145,7 +149,9 @@ def _content(archive: Path) -> bytes | None:
 
 
 def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
-    """Return the file `name` that make(path) writes, made once for every key."""
+    """Return the file `name` that make(path) writes. It is made once for every key and then taken
+    from the cache, or without a cache from a temporary folder of this process.
+    """
     word = _word(name.encode() + b"\0", key)
     if root := folder():
         try:
@@ -162,14 +168,15 @@ def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
 
 
 def has(name: str, key: bytes) -> bool:
-    """Return whether the file `name` of made() is there for a key."""
+    """Return whether the cache has the file `name` that made() would return for a key."""
     root = folder()
     return root is not None and (root / _word(name.encode() + b"\0", key)).is_dir()
 
 
 def computed(kind: str, key: bytes, compute: Callable[[], T]) -> T:
-    """Return compute(), which depends on the kind and the key only: once for every key, as long as
-    the code of the harness is the same. Its value is stored as a pickle.
+    """Return compute(), or its value from an earlier call with the same kind and key, on which
+    alone it may depend. The cache stores the value as a pickle until the code of the harness
+    changes.
     """
 
     def write(file: Path) -> None:
@@ -187,7 +194,7 @@ def computed(kind: str, key: bytes, compute: Callable[[], T]) -> T:
 
 @lru_cache
 def _code() -> bytes:
-    """Return a hash over the version of Python and the source files of the harness."""
+    """Return a hash of the Python version and of all source files of the harness."""
     total = hashlib.sha256(sys.version.encode())
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         total.update(path.read_bytes())
@@ -195,8 +202,8 @@ def _code() -> bytes:
 
 
 def with_second_try(work: Callable[[], T], before: Callable[[], object] = bool) -> T:
-    """Return work(). If it fails and an entry was damaged after this process had checked it, leave
-    out the cache, call before(), and return work() once more.
+    """Return work(). If it fails because a file of the cache was damaged during the process, stop
+    using the cache, call before(), and return work() once more.
     """
     try:
         return work()
@@ -210,8 +217,8 @@ def with_second_try(work: Callable[[], T], before: Callable[[], object] = bool) 
 
 
 def _is_damaged(root: Path) -> bool:
-    """Return whether any entry used since this process began, by it or a child, is damaged, or was
-    damaged and another process has made it anew. An unfinished folder is no entry.
+    """Return whether an entry is damaged that this process or a child process has used, or was
+    damaged and has been made again by another process since then.
     """
     used = (place for place in _used if place.parent == root)
     if any(_time_made(place) != _used[place] for place in used):
@@ -220,7 +227,7 @@ def _is_damaged(root: Path) -> bool:
 
 
 def _time_made(place: Path) -> int:
-    """Return when an entry was made [ns], 0 if it is gone."""
+    """Return the time at which an entry was made [ns since the epoch], 0 if it does not exist."""
     try:
         return (place / checksums.DIGEST).stat().st_mtime_ns
     except FileNotFoundError:
@@ -228,14 +235,16 @@ def _time_made(place: Path) -> int:
 
 
 def _fault(error: Exception) -> str:
-    """Return the reason of a failure of the cache or its disk; "" for other failures."""
+    """Return the reason if an error comes from the operating system, such as a full disk under the
+    cache; "" for other errors.
+    """
     cause = error if isinstance(error, OSError) else error.__cause__
     return str(cause.strerror or cause) if isinstance(cause, OSError) and cause.errno else ""
 
 
 @lru_cache
 def _own_folder() -> PrivateFolder:
-    """Return a folder of this process, for use without a cache."""
+    """Return the temporary folder of this process that takes the place of a missing cache."""
     return PrivateFolder()
 
 
@@ -243,7 +252,9 @@ def _own_folder() -> PrivateFolder:
 
 
 def _word(*parts: bytes) -> str:
-    """Return the name of an entry. Versions of the harness with another layout use other names."""
+    """Return the name of an entry: a hash of the given parts and of the layout of entries, so that
+    versions of the harness with another layout use other names.
+    """
     total = hashlib.sha256(checksums.LAYOUT)
     for part in parts:
         total.update(part)
@@ -251,14 +262,14 @@ def _word(*parts: bytes) -> str:
 
 
 def _entry(place: Path, make: Callable[[Path], None]) -> Path:
-    """Return the complete content of an entry; make(folder) writes it if it is missing or damaged.
-    The time of its folder is the time of the last use.
+    """Return the content folder of the entry at `place`; make(folder) writes its content if the
+    entry is missing or damaged. The modification time of `place` becomes the time of this use.
     """
     _hold(place.parent)
     if not checksums.is_whole(place):
         with checksums.beside(place, make) as new, (place.parent / "exchange").open("ab") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
-            if not checksums.is_whole(place):  # else somebody was quicker
+            if not checksums.is_whole(place):  # else another process has made the entry meanwhile
                 checksums.exchange(place, new)
     os.utime(place)
     _used[place] = _time_made(place)
@@ -267,8 +278,8 @@ def _entry(place: Path, make: Callable[[Path], None]) -> Path:
 
 @lru_cache
 def _hold(root: Path) -> int:
-    """Lock the cache against removal until this process ends; the first process removes old
-    entries.
+    """Lock the cache until this process ends, so that no other process removes entries, and return
+    the descriptor of the lock file. A process that is alone removes old entries first.
     """
     descriptor = os.open(root / "used", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     with suppress(BlockingIOError):
@@ -281,8 +292,8 @@ def _hold(root: Path) -> int:
 
 
 def _tidy(root: Path) -> None:
-    """Remove what is left of interrupted work, and what was used least recently until the rest is
-    small enough.
+    """Remove the unfinished entries of interrupted processes, and then the least recently used
+    entries until all others together are within LIMIT.
     """
     for unfinished in root.glob(f"{checksums.UNFINISHED}*"):
         shutil.rmtree(unfinished, ignore_errors=True)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Folders with a checksum, which reveals damage, and locks on files.
+"""Folders with a checksum that reveals damage (entries of the cache), locks on files, and hashes of
+files.
 
     entry/content/...   the content
-    entry/sha256        hash over the names and bytes of all its files
+    entry/sha256        hash over the names and bytes of all files of the content
 
-An entry gets its name when it is on the disk, so after a power failure it is complete or absent.
+An entry is renamed to its final name only after all its bytes are on the disk, so after a power
+failure it is complete or absent.
 """
 
 from __future__ import annotations
@@ -23,11 +25,11 @@ LAYOUT = b"content, sha256"
 CONTENT, DIGEST = "content", "sha256"
 
 UNFINISHED = "new-"
-"""Beginning of the names of folders that are no entries yet, or no longer."""
+"""Beginning of the names of folders that are not complete entries: being written or removed."""
 
 
 def is_whole(place: Path) -> bool:
-    """Return whether an entry exists with its original bytes."""
+    """Return whether an entry exists and its content still has the checksum stored with it."""
     try:
         return (place / DIGEST).read_text(encoding="ascii") == _digest(place / CONTENT)
     except (OSError, UnicodeDecodeError):
@@ -36,8 +38,9 @@ def is_whole(place: Path) -> bool:
 
 @contextmanager
 def beside(place: Path, make: Callable[[Path], None]) -> Iterator[Path]:
-    """Yield a new entry beside the one at `place`, written by make(folder) and on the disk. It is
-    removed at the end of the `with` block unless it was moved.
+    """Yield the path of a new entry in the folder of `place`, whose content make(folder) has
+    written and whose bytes are on the disk. It is removed at the end of the `with` block unless
+    exchange() has moved it.
     """
     new = Path(mkdtemp(prefix=UNFINISHED, dir=place.parent))
     try:
@@ -51,14 +54,16 @@ def beside(place: Path, make: Callable[[Path], None]) -> Iterator[Path]:
 
 
 def on_the_disk(root: Path) -> None:
-    """Wait until a folder with its content would survive a loss of power; raise OSError."""
+    """Write a folder and all its files to the disk (fsync), so that they survive a loss of power;
+    raise OSError.
+    """
     for folder, _, files in os.walk(root):
         for path in (*(f"{folder}/{name}" for name in files), folder):
             _sync(path)
 
 
 def exchange(place: Path, new: Path) -> None:
-    """Put a new entry in the place of what is there, if anything is."""
+    """Rename the new entry `new` to `place`, and remove the file or folder that `place` was."""
     old = new.with_name(f"{new.name}-old")
     with suppress(FileNotFoundError):
         place.rename(old)
@@ -98,13 +103,14 @@ except ImportError:  # Windows has no such lock
     fcntl = None  # type: ignore[assignment]
 
 
-class Taken(Exception):  # noqa: N818 - what has happened, not a mistake
-    """File that another process has locked."""
+class Taken(Exception):  # noqa: N818 - an event, not an error
+    """Lock of a file that another process holds."""
 
 
 @contextmanager
 def locked(file: Path) -> Iterator[None]:
-    """Lock an existing file; raise Taken if another process holds the lock. Raises OSError.
+    """Lock an existing file during the `with` block; raise Taken if another process holds the lock,
+    OSError if the file cannot be opened. On a disk without locks nothing is locked.
 
     The file is opened for writing, because network file systems lock nothing otherwise.
     """
@@ -124,8 +130,8 @@ def locked(file: Path) -> Iterator[None]:
 
 
 def sha256(path: str | Path) -> str:
-    """Return the SHA-256 of a file, or of all files of a folder with their names, 64 hexadecimal
-    digits; raise OSError if it cannot be read.
+    """Return the SHA-256 (64 hexadecimal digits) of a file, or of the names and bytes of all files
+    of a folder; raise OSError if it cannot be read.
     """
     if Path(path).is_dir():
         return _digest(Path(path))

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Machine type of a shared library from its first bytes: ELF, PE, Mach-O; vectors of this machine.
+"""Processor and file format of a shared library, read from its first bytes (ELF, PE, Mach-O), and
+vector instructions of this processor.
 
-A library can be loaded if its type is the type of the Python program that loads it.
+A library can be loaded if its processor and format are the same as of the running Python program.
 """
 
 from __future__ import annotations
@@ -14,31 +15,31 @@ from functools import lru_cache
 from pathlib import Path
 
 HEAD = 4096
-"""Bytes of a library that are enough [bytes]."""
+"""Number of bytes at the begin of a library in which its type can be found."""
 
 ELF = {
     3: "x86", 8: "MIPS", 20: "PowerPC", 21: "PowerPC64", 22: "S/390", 40: "Arm", 62: "x86-64",
     183: "AArch64", 243: "RISC-V", 258: "LoongArch",
 }  # fmt: skip
-"""Machines by e_machine."""
+"""Names of processors by the field e_machine of an ELF header."""
 
 PE = {0x14C: "x86", 0x1C0: "Arm", 0x1C4: "Arm", 0x8664: "x86-64", 0xAA64: "AArch64"}
-"""Machines by Machine of the COFF header."""
+"""Names of processors by the field Machine of a COFF header."""
 
 MACH_O = {7: "x86", 12: "Arm", 0x1000007: "x86-64", 0x100000C: "AArch64"}
-"""Machines by cputype."""
+"""Names of processors by the field cputype of a Mach-O header."""
 
 FAT = 0xCAFEBABE
-"""Magic number of a Mach-O file for several machines, big-endian; Java's classes have it too, with
-a version of at least 45 in place of the number of machines.
+"""Magic number of a Mach-O file for several processors, big-endian. Java class files begin with it
+too; there the number of processors is replaced by a version of at least 45.
 """
 
 
 def kinds(head: bytes) -> frozenset[str]:
-    """Return machine and format of a library ("x86-64 (64-bit ELF)"), several for a fat Mach-O,
-    empty for other files.
+    """Return processor and format of a library, such as "x86-64 (64-bit ELF)": several for a Mach-O
+    file for several processors, none for a file that is not a library.
 
-    head: its first bytes, at most HEAD are needed.
+    head: the first bytes of the file, of which HEAD are enough.
     """
     try:
         return frozenset(_elf(head) or _pe(head) or _mach_o(head))
@@ -82,7 +83,7 @@ def _of_mach_o(cpu: int) -> str:
 
 @lru_cache
 def own() -> frozenset[str]:
-    """Return the machine type of the program of this process; empty if it is unknown."""
+    """Return processor and format of the running Python program; empty if they are unknown."""
     for path in (Path("/proc/self/exe"), Path(sys.executable or "")):
         try:
             with path.open("rb") as file:
@@ -93,7 +94,7 @@ def own() -> frozenset[str]:
 
 
 def other_platform(head: bytes) -> str | None:
-    """Return why a library cannot be loaded in this process, or None."""
+    """Return the reason why this process cannot load a library with these first bytes, or None."""
     found = kinds(head)
     if not found:
         return "is not a shared library (neither ELF, PE nor Mach-O)"
@@ -118,7 +119,7 @@ def has_avx512() -> bool:
 
 
 def _instructions() -> set[str]:
-    """Return the flags of this processor, empty for one that is not x86-64."""
+    """Return the flags in /proc/cpuinfo of this processor; empty if it is not an x86-64."""
     known = Path("/proc/cpuinfo")
     text = known.read_text(encoding="utf-8") if known.is_file() else ""
     flags = re.search(r"^flags\s*:(.*)", text, re.M)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Output files that appear completely or not at all, even if the program is terminated, the
-command line that wrote them, and private temporary folders that do not outlive the process, even if
-it is killed.
+"""Output files that appear completely or not at all, the command line that writes them, and private
+temporary folders that are removed even if the process is killed.
 
-Python removes a temporary folder after an error or Ctrl-C. If the code of an FMU crashes or the
-process is killed, Python cannot do this. Then a guard removes the folder: a shell that waits at a
-pipe which closes with the process. (Windows and machines without a shell have no guard.)
+Python removes a temporary folder after an error or Ctrl-C, but not if the code of an FMU crashes
+the process or the process is killed. Then a guard removes the folder: a shell process that waits
+for the end of a pipe, which the system closes with the process. (Windows and machines without a
+shell have no guard.)
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ from harness.files.signals import held
 
 @contextmanager
 def written(path: Path) -> Iterator[Path]:
-    """Yield a new empty file for writing, which becomes `path` at the end of the `with` block.
+    """Yield the path of a new empty file for writing, which is renamed to `path` at the end of the
+    `with` block.
 
-    It lies beside `path`, in a folder that is created if missing. After a failure an earlier file
-    stays unchanged. A link is followed, and the permissions of an earlier file are preserved.
-    Ctrl-C waits until the file is complete. Raises ResultsError if the file cannot be written.
+    The new file is in the folder of `path`, which is created if missing. After a failure an earlier
+    file at `path` is unchanged. If `path` is a link, the file to which it points is replaced. The
+    permissions of an earlier file are preserved. Ctrl-C takes effect when the file is complete.
+    Raises ResultsError if the file cannot be written.
     """
     with held(), naming(path):
         target = path.resolve()
@@ -50,10 +52,10 @@ def written(path: Path) -> Iterator[Path]:
 
 
 def new_beside(target: Path, folder: bool = False) -> Path:
-    """Return a new empty file, or folder, beside `target` under an unpredictable name; raise
-    OSError.
+    """Create an empty file or folder with an unpredictable name in the folder of `target`, and
+    return its path; raise OSError.
 
-    Remains of an earlier one from a killed process are removed.
+    Such files and folders that killed processes have left there for the same target are removed.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     _sweep(target)
@@ -70,7 +72,7 @@ def _sweep(target: Path) -> None:
     left = re.compile(
         rf"\.{re.escape(target.stem[:100])}-(\d+)-[0-9a-f]{{12}}{re.escape(target.suffix)}"
     )
-    for name in os.listdir(target.parent):  # noqa: PTH208 - without a Path for each of many files
+    for name in os.listdir(target.parent):  # noqa: PTH208 - a Path for each of many files is slow
         if (match := left.fullmatch(name)) and not _is_running(int(match[1])):
             file = target.with_name(name)
             if file.is_dir() and not file.is_symlink():
@@ -80,7 +82,7 @@ def _sweep(target: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
-    if os.name != "posix":  # the query would kill the process there
+    if os.name != "posix":  # on Windows os.kill(process, 0) would end the process
         return True
     try:
         os.kill(process, 0)
@@ -93,26 +95,26 @@ def _is_running(process: int) -> bool:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Raise an OSError inside the block as a ResultsError that names the file."""
+    """Replace an OSError in the `with` block by a ResultsError that names the file `path`."""
     try:
         yield
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
-# ---- the command line that is at work
+# ---- the command line that output files name
 
 _command: str | None = None
 
 
 def work_for(text: str | None) -> None:
-    """Set the command line that later output files of this process name."""
+    """Set the command line that output files of this process name from then on."""
     global _command  # noqa: PLW0603 - a process has one
     _command = text
 
 
 def command_line() -> str | None:
-    """Return the command line; None in a Python program of the user."""
+    """Return the command line that output files name; None in a Python program of the user."""
     return _command
 
 
@@ -134,9 +136,10 @@ _GUARD = 'IFS= read -r word; [ "$word" = done ] || rm -rf -- "$1"'
 
 
 class PrivateFolder:
-    """New folder that only this user can read; a context manager that gives its path.
+    """New temporary folder that only this user can read; a context manager that yields its path and
+    then removes it.
 
-    where: an existing folder (None: the folder of temporary files).
+    where: existing folder in which to create it (None: the system's folder for temporary files).
     """
 
     def __init__(self, where: Path | None = None) -> None:
@@ -154,8 +157,8 @@ class PrivateFolder:
         self._remove = weakref.finalize(self, _remove, self.path, guard)
 
     def close(self) -> None:
-        """Remove the folder with all that is in it. A folder that is not closed is removed once
-        nothing refers to it, or at the end of the process.
+        """Remove the folder with its content. Without this call it is removed once no variable
+        refers to this object, or at the end of the process.
         """
         self._remove()
 
@@ -177,8 +180,8 @@ def _dismiss(guard: subprocess.Popen[bytes] | None) -> None:
 
 
 def _guard(folder: Path) -> subprocess.Popen[bytes] | None:
-    """Return the process that removes the folder after a crash. It has a session of its own, so
-    that Ctrl-C does not reach it.
+    """Start and return the shell process that removes the folder if this process crashes; None if
+    there is no shell. It has its own session, so that Ctrl-C in the terminal does not end it.
     """
     if os.name != "posix":
         return None

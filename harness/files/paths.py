@@ -25,14 +25,12 @@ def fmus() -> dict[str, Path]:
 
 
 def is_file(path: str | Path) -> bool:
-    """Return whether a file with this name exists, also for names too long or not valid for the
-    system.
-    """
+    """Return whether a file with this name exists; False for a name that is too long or invalid."""
     return os.path.isfile(path)  # noqa: PTH113 - a Path raises an error for such names
 
 
 def contents(path: Path, most: int) -> bytes:
-    """Return the bytes of a file; raise OSError for more than `most` bytes, such as an endless
+    """Return the bytes of a file; raise OSError if there are more than `most`, as in an endless
     device.
     """
     with path.open("rb") as file:
@@ -43,13 +41,13 @@ def contents(path: Path, most: int) -> bytes:
 
 
 def is_folder(path: str | Path) -> bool:
-    """Return whether a folder with this name exists, like is_file()."""
+    """Return whether a folder with this name exists; False for a too long or invalid name."""
     return os.path.isdir(path)  # noqa: PTH112
 
 
 class Stamp(NamedTuple):
-    """Identity of a file, which differs from every other file and from the same file before a
-    change.
+    """Identity of the present content of a file: another file, and the same file after a change,
+    has another stamp.
     """
 
     device: int
@@ -65,10 +63,10 @@ def stamp(path: Path) -> Stamp:
 
 
 def is_ours(fmu: Path) -> bool:
-    """Return whether a file is an FMU of the project, in any folder: the same bytes.
+    """Return whether a file has the same bytes as an FMU of the project, in any folder.
 
-    Such an FMU cannot crash, has no globals, and its tests prove its reset. The name of the
-    generation tool alone proves nothing.
+    Such an FMU may run inside this process: it cannot crash, has no global variables, and tests
+    show that its reset works. The name of the generation tool in an FMU would prove nothing.
     """
     return is_file(fmu) and _is_ours(fmu, stamp(fmu), tuple(_chosen()))
 
@@ -82,7 +80,7 @@ def _is_ours(fmu: Path, found: Stamp, _chosen: tuple[Path, ...]) -> bool:
 def _are_same(ours: Path, fmu: Path, size: int) -> bool:
     try:
         return ours.stat().st_size == size and filecmp.cmp(ours, fmu, shallow=False)
-    except FileNotFoundError:  # one of them has been removed since it was listed
+    except FileNotFoundError:  # a file has been removed since the folder was listed
         return False
 
 
@@ -112,28 +110,31 @@ def _first(*folders: Path) -> Path | None:
 
 
 def link_sources() -> Path:
-    """Return the folder of the C files from which firmware is built."""
+    """Return the folder of the C files from which the firmware of flight processors is built."""
     installed = PACKAGE / "data" / "link"
     return installed if installed.is_dir() else PACKAGE.parent / "fmus" / "core" / "link"
 
 
 def built(name: str) -> Path | None:
-    """Return a library of the project, or None if it is missing: loop (the C executor), link (of an
-    FMU that represents a remote component), board (its other end), monolith (the models without FMI
-    in one program).
+    """Return the path of a compiled library of the project, or None if it is missing.
+
+    name: "loop" (the C executor), "link" (library of an FMU that represents a remote component),
+    "board" (the remote end of this link) or "monolith" (all models in one library, without FMI).
     """
     candidates = (folder / f"{name}.so" for folder in (*_chosen(), PACKAGE / "data", BUILD))
     return next((path for path in candidates if path.is_file()), None)
 
 
 def _chosen() -> list[Path]:
-    """Return the build folder that the environment names, if any."""
+    """Return a list of the build folder that SERVICING_FMUS_BUILD names, or an empty list."""
     return [Path(folder).resolve()] if (folder := os.environ.get("SERVICING_FMUS_BUILD")) else []
 
 
 def _files(kind: str, ending: str) -> dict[str, Path]:
-    """Return the files of a kind with an ending, by stem. The build folder that the environment
-    names has precedence over the package, and the package over the default build folder.
+    """Return the files with an ending in the subfolder `kind` of the build folders, by stem.
+
+    The build folder that SERVICING_FMUS_BUILD names has precedence over the package, and the
+    package over the default build folder.
     """
     folders = (BUILD / kind, PACKAGE / "data" / kind, *(folder / kind for folder in _chosen()))
     return {path.stem: path for folder in folders for path in sorted(folder.glob(f"*.{ending}"))}

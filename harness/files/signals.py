@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Signals that end the program: when they may, and what they must wait for.
+"""Handling of the signals that end the program (Ctrl-C, SIGTERM, SIGHUP) without loss of results.
 
-Ctrl-C, SIGTERM and SIGHUP all arrive as KeyboardInterrupt. Inside a `held()` block they are
-only recorded. Code that can stop without losing anything calls check() there, which raises
-KeyboardInterrupt. Other code in the block is completed first.
+All of them raise KeyboardInterrupt. Inside a `held()` block a signal is only recorded: code there
+that can stop without losing results calls check(), which raises KeyboardInterrupt; all other code
+runs to the end of the block first.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _depth = 0
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Delay signals until the end of the block; nested blocks are one block. Threads other than the
-    main thread receive no signals.
+    """Delay signals until the end of the `with` block, or of the outermost one if such blocks are
+    nested. In a thread other than the main thread this has no effect, since it receives no signals.
     """
     global _depth  # noqa: PLW0603 - there is one set of signal handlers
     if _depth or threading.current_thread() is not threading.main_thread():
@@ -36,7 +36,7 @@ def held() -> Iterator[None]:
     try:
         yield
     except BaseException:
-        _pending.clear()  # the block has ended early anyway
+        _pending.clear()  # the exception ends the program already
         raise
     finally:
         _depth = 0
@@ -48,8 +48,8 @@ def held() -> Iterator[None]:
 
 
 def _exchange_handlers() -> dict[int, signal._HANDLER]:
-    """Record arriving signals and return the earlier handlers. Ignored signals stay ignored
-    (nohup).
+    """Install handlers that only record arriving signals, and return the earlier handlers by signal
+    number. A signal that is ignored, as under nohup, stays ignored.
     """
     earlier = {n: signal.getsignal(n) for n in NUMBERS}
     earlier = {n: h for n, h in earlier.items() if h not in (signal.SIG_IGN, None)}
@@ -59,7 +59,9 @@ def _exchange_handlers() -> dict[int, signal._HANDLER]:
 
 
 def _restore(handlers: list[tuple[int, signal._HANDLER]]) -> None:
-    """Restore all handlers, even if a signal arrives as soon as the first one is active again."""
+    """Restore the handlers of all signals, even if a signal arrives in between and its restored
+    handler raises an exception.
+    """
     if handlers:
         try:
             signal.signal(*handlers.pop())
@@ -72,7 +74,7 @@ def _mark(number: int, _: FrameType | None) -> None:
 
 
 def check() -> None:
-    """Raise KeyboardInterrupt if a signal is pending in a held() block, and clear it."""
+    """Raise KeyboardInterrupt if a held() block has recorded a signal, and forget this signal."""
     if _pending:
         _pending.clear()
         raise KeyboardInterrupt
@@ -80,8 +82,8 @@ def check() -> None:
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Turn SIGTERM and SIGHUP into KeyboardInterrupt inside the block, unless they have
-    a handler.
+    """Raise KeyboardInterrupt for SIGTERM and SIGHUP inside the `with` block, unless the program
+    has its own handler for them.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

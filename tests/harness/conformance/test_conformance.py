@@ -105,7 +105,7 @@ FATAL = {
                      "</ScalarVariable>\n    <ScalarVariable name=\"k\"", "ScalarVariable"),
     "broken XML": Fault("</ModelStructure>", "", "not a readable XML file"),
     "a document type": Fault("<fmiModel", "<!DOCTYPE x><fmiModel", "document type"),
-    "an odd encoding": Fault("UTF-8", "UTF-7", "its encoding UTF-7 is not read"),
+    "an odd encoding": Fault("UTF-8", "UTF-7", "its encoding UTF-7 is not supported"),
     "no version": Fault('fmiVersion="2.0" ', "", "fmiVersion is missing"),
     "FMI 1.0": Fault('fmiVersion="2.0"', 'fmiVersion="1.0"', "FMI 1.0 is not supported"),
     "FMI 4.0": Fault('fmiVersion="2.0"', 'fmiVersion="4.0"', "FMI 4.0 is not supported"),
