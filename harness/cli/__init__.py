@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Command line: options, calls and printing, nothing else."""
+"""Command line `harness`: parses options, calls the other packages and prints their results."""
 
 import gc
 import sys
@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return the exit status. From here on Ctrl-C prints one line, even
-    during the remaining imports.
+    """Run the command line and return the exit status. Ctrl-C prints one line instead of a
+    traceback, even while modules are still being imported.
     """
-    gc.set_threshold(50_000)  # imports leave no garbage: 150 collections take a tenth of the start
+    gc.set_threshold(50_000)  # 150 collections during imports would free nothing and cost time
     try:
         from harness.cli import app
     except KeyboardInterrupt:

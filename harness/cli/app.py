@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Entry point of `harness`: groups of commands, exit status, and printing of errors.
+"""Entry point of `harness`: list of commands, exit status, and printing of errors.
 
-Exit status 0: fine, 1: the run or check failed, 2: wrong use. Errors are one line each on stderr.
-A command imports its modules when it runs, so that the command line starts quickly.
+Exit status 0: success, 1: the run or check failed, 2: wrong command line. Every error is one line
+on stderr. A command imports its modules when it runs, so that the command line starts quickly.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ MODULES = {
     "models": "new build export linearize processor serve",
 }
 HOMES = {name: module for module, names in MODULES.items() for name in names.split()}
-"""Modules of the commands, in the order of --help."""
+"""Name of the module of every command, by command, in the order in which --help lists them."""
 
 INTERRUPTED = 130
 """Exit status of newer versions of typer after Ctrl-C."""
 
 
 class _Printable(logging.Formatter):
-    """Formatter of log notes without characters that control a terminal."""
+    """Formatter of log messages that escapes characters which control a terminal."""
 
     def format(self, record: logging.LogRecord) -> str:
         return printable(super().format(record))
@@ -55,7 +55,7 @@ def _show_version(wanted: bool) -> None:
 
 
 class _Commands(Mapping[str, Any]):
-    """Commands by name. The module of a command is imported when the command is requested."""
+    """Mapping of all commands by name, which imports the module of a command on access."""
 
     def __getitem__(self, name: str) -> Any:
         return _commands_with(HOMES[name])[name]
@@ -85,7 +85,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _open_streams() -> None:
-    """Make any text printable: closed streams are discarded, unencodable characters escaped."""
+    """Prepare stdout and stderr for any text: a closed stream discards it, and characters that the
+    encoding of the stream lacks are escaped.
+    """
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115, PTH123
@@ -95,7 +97,7 @@ def _open_streams() -> None:
 
 
 def _flushed(status: int) -> int:
-    """Return the exit status, or an error if the output cannot be written completely."""
+    """Flush stdout and return the given exit status, or 1 if the output cannot be written."""
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -105,7 +107,7 @@ def _flushed(status: int) -> int:
 
 def _output_lost(error: OSError) -> int:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    if isinstance(error, BrokenPipeError):  # the reader of our output has gone
+    if isinstance(error, BrokenPipeError):  # the program that reads our output has ended
         return 1
     return _complain(f"standard output cannot be written ({error.strerror})", 1)
 
@@ -131,7 +133,7 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 @cache
 def group() -> Any:
-    """Return the group of all commands, which typer would otherwise build again for every call."""
+    """Return the group of all commands, cached because typer would build it for every call."""
     found: Any = typer.main.get_command(app)
     found.commands = _Commands()
     return found
@@ -139,16 +141,19 @@ def group() -> Any:
 
 @cache
 def _commands_with(module: str) -> Any:
-    """Import a module of commands and return all commands that are known then."""
+    """Import the module harness.cli.MODULE, which registers its commands, and return all commands
+    that are registered so far.
+    """
     import_module(f"harness.cli.{module}")
     found: Any = typer.main.get_command(app)
     return found.commands
 
 
 def _unexpected(error: Exception | SystemExit) -> int:
-    """Report an unexpected error and return its exit status: a wrong command line (typer's own
-    errors, whose classes depend on its version), an error of the operating system, a mistake in
-    a mission of the user, or a bug of the harness.
+    """Report an error that is not a HarnessError, and return the exit status.
+
+    Such an error is a wrong command line (errors of typer, whose classes depend on its version), an
+    error of the operating system, a mistake in a mission of the user, or a bug of the harness.
     """
     if line := exhausted(error):
         warnings.simplefilter("ignore")  # libraries repeat the same message at exit
@@ -157,7 +162,7 @@ def _unexpected(error: Exception | SystemExit) -> int:
         return _complain(line, 1)
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):
         return _complain(error.format_message(), error.exit_code)
-    if isinstance(error, ValueError) and "null byte" in str(error):  # raised for such a path
+    if isinstance(error, ValueError) and "null byte" in str(error):  # raised when opening a path
         return _complain("a file name contains a NUL character; remove it", 2)
     library = missing(error) if isinstance(error, ModuleNotFoundError) else ""
     if os.environ.get("HARNESS_TRACEBACK") and not library:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Commands that read and show:
+"""Commands that show and check systems, FMUs and results:
 `harness list | docs | show | requirements | check | draw | plan | plot | report | convert |
 validate`.
 """
@@ -44,8 +44,8 @@ def list_command(
 
 
 def _listed(system: str | None) -> str:
-    """Return the text of one system, or of all systems and FMUs; the latter is cached until one of
-    their files changes.
+    """Return the text of `harness list` for one system, or for all systems and FMUs (None). The
+    text for all is cached until one of their files changes.
     """
 
     def compute() -> str:
@@ -63,7 +63,7 @@ def _listed(system: str | None) -> str:
 @command("docs")
 def docs_command(
     where: Annotated[
-        bool, option("--where", "Print the path of the first page, open nothing")
+        bool, option("--where", "Print the path of the first page instead of opening it")
     ] = False,
 ) -> None:
     """Open the documentation of this version in a browser.
@@ -97,8 +97,8 @@ def show_command(
 ) -> None:
     """Show ports and parameters.
 
-    SYSTEM lists its components. SYSTEM.component lists inputs, outputs and parameters with their
-    values in the system. An FMU is listed with its own values.
+    SYSTEM: list the components. SYSTEM.component: list inputs, outputs and parameters with their
+    values in the system. FMU: list inputs, outputs and parameters with their default values.
     """
     from harness.cli import showing
     from harness.studies.show import differences, show
@@ -136,15 +136,15 @@ def check_command(
 ) -> None:
     """Report every mistake of a system or an FMU.
 
-    An error prevents a run (exit status 1). A warning is a deviation from the standard. With
-    changes the changed system is checked. Without a name the command lists what this machine lacks
-    for the flight processors of --on.
+    An error prevents a run (exit status 1). A warning is a deviation from the standard. Options
+    such as --set change the system before the check. Without a name the command lists the tools
+    that this machine lacks for the flight processors of --on.
     """
     from harness.studies import check as study
 
     if system is None:
         if changes or strict:
-            raise UsageError("check: the options need the name or path of a system or FMU")
+            raise UsageError("check: give the name or path of a system or FMU before the options")
         typer.echo("\n".join(study.machine()))
         return
     verdict = study.check(system, strict, **changes)
@@ -156,13 +156,13 @@ def check_command(
 @command("requirements", "params", "set", "swap", "map", "require")
 def requirements_command(
     *,
-    system: Annotated[str, argument("SYSTEM_OR_FILE", "System, or file .stl of one formula")],
+    system: Annotated[str, argument("SYSTEM_OR_FILE", "System, or file .stl with one formula")],
     stl: Annotated[bool, option("--stl", "Write signal temporal logic as rtamt reads it")] = False,
     changes: Any,
 ) -> None:
-    """List the requirements of a system, or read one in the notation of rtamt.
+    """List the requirements of a system, or read one from a file in the notation of rtamt.
 
-    Requirements that rtamt cannot express are comments that state why.
+    With --stl, a requirement that rtamt cannot express is written as a comment with the reason.
     """
     from harness.master.simulation import Simulation
     from harness.results import stl as notation
@@ -244,7 +244,7 @@ def plot_command(
 ) -> None:
     """Draw the figures of a run or a campaign.
 
-    Of a run: the figures of its system, or one figure of any variables.
+    For a run: the figures of its mission, or with --var one figure of any variables.
     """
     from harness.figures.plots import plot as draw
     from harness.report.campaign import pictures
@@ -258,7 +258,7 @@ def plot_command(
             raise UsageError(f"--var: {file} is a dataset; give the results file of a run")
         drawn = pictures(file, output or figures_of(file), ending, style)
     else:
-        result = read(file)  # before figures_of(): an unreadable file names no folder
+        result = read(file)  # first, so that an unreadable file is reported as such
         drawn = draw(result, output or figures_of(file), ending, style, names)
     for path in drawn:
         typer.echo(path)
@@ -269,7 +269,7 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
     file: ReportArgument,
     output: Annotated[Path | None, output("Write an HTML page with plots and a replay")] = None,
     live: Annotated[
-        bool, option("--live", "Put the system into the page: sliders run it in the browser")
+        bool, option("--live", "Include the system: sliders change it and run it in the browser")
     ] = False,
     lesson: Annotated[
         Path | None, option("FILE.toml", "Put exercises beside the sliders of a live page")
@@ -280,7 +280,7 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
 ) -> None:
     """Evaluate a run by its requirements and the claims of its paper.
 
-    With -o: one page that opens in any browser, of any run, comparison or campaign.
+    With -o: write one page for any browser about a run, a comparison or a campaign.
     """
     from harness.cli.verdicts import insist, show
     from harness.results.files import read
@@ -293,7 +293,7 @@ def report_command(  # noqa: PLR0913, PLR0917 - options
     if file.is_dir():
         if output is None:
             raise UsageError(
-                f"{file}: a campaign or comparison becomes a page: harness report {file} -o "
+                f"{file}: a campaign or comparison needs -o: harness report {file} -o "
                 f"{file.stem}.html"
             )
         _page(file, output)
@@ -315,7 +315,7 @@ def _page(source: Any, output: Path, live: bool = False, lesson: Path | None = N
 
 
 ConvertedOption = Annotated[
-    Path, output("File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml")
+    Path, output("File to write: .nc, .csv, .mat, .parquet; for one body .oem, .aem, .czml")
 ]
 
 
@@ -324,7 +324,7 @@ def convert_command(
     file: FileArgument,
     output: ConvertedOption,
     body: Annotated[
-        str | None, option("COMPONENT", "Take this component (default: the first body)")
+        str | None, option("COMPONENT", "Write this body (default: the first one)")
     ] = None,
     epoch: Annotated[
         str | None, option("DATE", "Set the UTC of t = 0 (default: from the run, or J2000)")
@@ -332,7 +332,7 @@ def convert_command(
 ) -> None:
     """Write a result into a file of another kind.
 
-    CCSDS ephemerides and CZML take N as EME2000 about the Earth.
+    In CCSDS ephemerides (.oem, .aem) and CZML, the inertial frame N is EME2000 about the Earth.
     """
     from harness.mission.exchange import convert
 

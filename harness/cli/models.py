@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Commands for components of your own, and for systems and FMUs elsewhere:
-`harness new | build | export | linearize | processor | serve`.
+"""Commands that create components and missions of the user, and that take systems and FMUs to other
+tools and processors: `harness new | build | export | linearize | processor | serve`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def new_command(
 ) -> None:
     """Create a controller, a sensor, a plant or a mission of your own.
 
-    Write a folder NAME that works as it is, and print the commands for it.
+    Write a folder NAME whose content runs unchanged, and print the commands that use it.
     """
     from harness.authoring.new import KINDS, new_component, new_mission
 
@@ -105,13 +105,13 @@ def _report_c_api(names: list[str], folder: Path) -> None:
 
 SspOption = Annotated[
     float | None,
-    option("--ssp", "Version of SSP of NAME.ssp: 1 (default if it can), 2, or the draft 2.1"),
+    option("--ssp", "Version of SSP: 1 (default for FMUs of FMI 2.0), 2, or the draft 2.1"),
 ]
 
 
 HintsOption = Annotated[
     bool,
-    option("--hints", "Write periods of slow components for libcosim and ecos, not OMSimulator"),
+    option("--hints", "Write step sizes of slow components for libcosim, ecos (not OMSimulator)"),
 ]
 
 
@@ -149,7 +149,7 @@ def export_command(  # noqa: PLR0913 - one argument per option
 ) -> None:
     """Write a system as one .ssp or one .fmu, or its flight software as C.
 
-    The file holds all changes, FMUs and parameters.
+    The file contains the FMUs and the parameters after all changes by options.
     """
     from harness.authoring.c_api import write_system
     from harness.authoring.export import export
@@ -197,7 +197,8 @@ def processor_command(
 ) -> None:
     """Compute the cost of FMUs on a flight processor.
 
-    Print code, constants, data, stack, instructions of a step, and whether the bits are equal.
+    Print sizes of code, constants, data and stack, instructions per step, and whether the outputs
+    equal the outputs on this machine bit by bit.
     """
     from harness.remote.firmware import PROCESSORS
     from harness.studies import processor
@@ -225,8 +226,8 @@ def serve_command(
 ) -> None:
     """Serve an FMU as a board, for `--on COMPONENT=unix:///PATH`.
 
-    The command runs until it is interrupted and answers its own user only. Protocol:
-    docs/protocol.md.
+    The command runs until it is interrupted and accepts connections of the same user only.
+    Protocol: docs/protocol.md.
     """
     from harness.master.serve import Board, listening, serve
     from harness.system.swap import find_fmu

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Options that several commands share, with the completion of names of systems."""
+"""Options that several commands share, the decorator `command` that adds a command, and the shell
+completion of names of systems.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ Command = TypeVar("Command", bound=Callable[..., None])
 
 
 def figures_of(results: Path) -> Path:
-    """Return the folder for the figures of a results file or dataset, beside it."""
+    """Return the default folder for the figures of a results file or dataset: NAME_figures beside
+    it.
+    """
     return results.parent / f"{results.stem}_figures"
 
 
@@ -31,18 +35,22 @@ Completion = Callable[[str], list[str]]
 
 
 def systems(incomplete: str) -> list[str]:
-    """Return the names of systems with a beginning, for the completion of the shell."""
+    """Return the names of systems that begin with a text, for the completion of the shell."""
     return [name for name in paths.systems() if name.startswith(incomplete)]
 
 
 def argument(metavar: str, text: str, completed: Completion | None = None) -> Any:
-    """Return an argument of a command with its help text."""
+    """Return the typer declaration of an argument with its help text; completed: function that
+    completes a beginning in the shell.
+    """
     return typer.Argument(metavar=metavar, help=text, autocompletion=completed)
 
 
 def option(usage: str, text: str, **more: Any) -> Any:
-    """Return an option from its form on a command line, `--output -o FILE`, with its help text.
-    Without a name it has the name of its parameter. more: further settings of typer.
+    """Return the typer declaration of an option with its help text.
+
+    usage: names and placeholder as on a command line, `--output -o FILE`; without a name the option
+    has the name of the function's parameter. more: further settings of typer.
     """
     words = usage.split(" ")
     names = [word for word in words if word.startswith("-")]
@@ -56,7 +64,7 @@ def output(text: str) -> Any:
 
 
 def seconds(text: str) -> float:
-    """Return a time from the text of the user."""
+    """Return the number of seconds in a text of the user; raise BadParameter for other texts."""
     try:
         return float(text)
     except ValueError:
@@ -64,7 +72,7 @@ def seconds(text: str) -> float:
 
 
 def positive(text: str) -> float:
-    """Return a time that must be above 0."""
+    """Return the number of seconds in a text of the user; raise BadParameter if not above 0."""
     if not (time := seconds(text)) > 0:
         raise typer.BadParameter(f"{text}: expected a number of seconds above 0, as in 60")
     return time
@@ -80,26 +88,26 @@ FmuArgument = Annotated[str, argument("FMU", "FMU: name, or path of a .fmu")]
 FileArgument = Annotated[Path, argument("FILE", "Results of `harness run`")]
 DrawnArgument = Annotated[Path, argument("FILE", "Results of `harness run` or `harness campaign`")]
 ReportArgument = Annotated[
-    Path, argument("FILE", "Results; with -o also a folder of compare or a .zarr")
+    Path, argument("FILE", "Results of a run; with -o also a folder of compare or a .zarr")
 ]
 MissionOption = Annotated[
     Path | None, option("--mission FOLDER", "Use figures and claims of the mission in this folder")
 ]
 PlaceOption = Annotated[
-    Text, option("--for SYSTEM.COMPONENT", "Replace this component, with its ports")
+    Text, option("--for SYSTEM.COMPONENT", "Give the new component the ports of this one")
 ]
 RequireOption = Annotated[
     Texts, option("--require 'C.NAME >= 4 m'", "Require this in every row, else exit status 1")
 ]
 StrictOption = Annotated[
-    bool, option("--strict", "Let all requirements and rules decide on the status")
+    bool, option("--strict", "Exit with status 1 if any requirement or safety rule fails")
 ]
 PatienceOption = Annotated[
     float | None,
     option("SECONDS", "Limit one call into a third-party FMU to this time [s]", parser=positive),
 ]
 ExecutorOption = Annotated[
-    Text, option("", "Step with c, python (to debug) or fused (compiled): equal bits")
+    Text, option("", "Run by c, python (for debugging) or fused (compiled): equal results")
 ]
 QuietOption = Annotated[bool, option("--quiet -q", "Print no progress bar and no summary")]
 
@@ -108,7 +116,7 @@ CHANGES: dict[str, Any] = {
     "set": Annotated[Texts, option("C.NAME=VALUE", "Set one parameter")],
     "swap": Annotated[Texts, option("C=FMU", "Use another FMU (name or path) for component C")],
     "map": Annotated[
-        Texts, option("THEIRS=OURS", "Connect a port (or vector) of that FMU by our name")
+        Texts, option("THEIRS=OURS", "Connect port THEIRS of a swapped FMU as our port OURS")
     ],
     "on": Annotated[
         Texts, option("C=PLACE", "Run component C on a processor: cortex-m7, tcp://..")
@@ -119,7 +127,7 @@ CHANGES: dict[str, Any] = {
     "algorithm": Annotated[Text, option("", "Set the order of execution: gauss-seidel or jacobi")],
     "require": RequireOption,
 }
-"""The options of harness.master.changes.Changes by name."""
+"""Options that change a system before the run, by the names of harness.master.changes.Changes."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +143,7 @@ class Drawing:
     ] = "screen"
 
     def how(self) -> tuple[str, Any]:
-        """Return ending and style as arguments of the drawing functions."""
+        """Return file ending and Style, the arguments of the drawing functions."""
         from harness.figures.style import style_of
 
         return self.ending, style_of(self.style)
@@ -143,7 +151,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Pictures(Drawing):
-    """Settings of the figures of many runs."""
+    """Format and style of figures, and whether to draw any."""
 
     figures: Annotated[bool, option("--figures/--no-figures", "Draw figures, or none")] = True
 
@@ -165,9 +173,11 @@ app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args
 
 
 def command(name: str, *changes: str, text: str | None = None) -> Callable[[Command], Command]:
-    """Add a command with an option for every field of a data class among its parameters, and the
-    options of CHANGES with these names, which the command receives as `changes` if given. text: its
-    help (None: its docstring).
+    """Return a decorator that adds a function as a command to `app`.
+
+    A parameter whose type is a data class becomes one option per field. changes: names of options
+    of CHANGES, whose given values the function receives as the mapping `changes`. text: help of the
+    command (None: the docstring).
     """
 
     def decorate(work: Command) -> Command:
@@ -191,12 +201,14 @@ def _parameters(command: Any) -> list[Parameter]:
 
 
 def _group(parameter: Parameter) -> list[Parameter]:
-    """Return the fields of a data class as parameters, nothing for any other parameter."""
+    """Return the fields of the data class that is the type of a parameter; [] for other types."""
     return _parameters(parameter.annotation) if is_dataclass(parameter.annotation) else []
 
 
 def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter]:
-    """Yield the options on the command line for a parameter of a command."""
+    """Yield the command-line options for one parameter of a command's function: several for
+    `changes` and for a data class, else the parameter itself.
+    """
     if parameter.name == "changes":
         for name in changes:
             yield Parameter(name, KEYWORD_ONLY, default=None, annotation=CHANGES[name])
@@ -208,7 +220,7 @@ def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter
 
 
 def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any]) -> Any:
-    """Return the value of a parameter from the values of all options."""
+    """Return the value for one parameter of a command's function; given: values of all options."""
     if parameter.name == "changes":
         return {name: given[name] for name in changes if given[name] is not None}
     if group := _group(parameter):
@@ -217,7 +229,7 @@ def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any
 
 
 def size_of(path: Path) -> str:
-    """Return the size of a file as the end of a line, nothing for a pipe or device."""
+    """Return the size of a file as text, " (1.2 MB)", to end a line; "" for a pipe or device."""
     if not path.is_file():
         return ""
     size = path.stat().st_size

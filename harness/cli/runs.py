@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`harness run`."""
+"""Command `harness run`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ OutputOption = Annotated[Path | None, output("File to write: .nc, .csv, .mat or 
 
 @dataclass(frozen=True)
 class Requested:
-    """System of a run and settings of its execution."""
+    """Options of `harness run` that select the run and how it is executed."""
 
     executor: ExecutorOption = None
     every: Annotated[int | None, option("", "Record every N-th macro step")] = None
@@ -61,7 +61,9 @@ class Requested:
     ] = None
 
     def run(self, system: str | None, changes: dict[str, Any]) -> Any:
-        """Return the requested run."""
+        """Return the run to execute: of `system` with changes, or the repeated one of --like;
+        raise UsageError if neither is given.
+        """
         from harness.studies.rerun import Rerun, again
 
         changes = self._started(system, changes)
@@ -75,8 +77,8 @@ class Requested:
         return Rerun(system, changes)  # type: ignore[arg-type]
 
     def _started(self, system: str | None, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return the changes with the epoch, and with start values from files unless --set
-        overrides them.
+        """Return the changes completed by --epoch and by the start values from the files of
+        --start, which --set overrides.
         """
         if not self.start and self.epoch is None:
             return changes
@@ -97,7 +99,9 @@ class Requested:
         return {**changes, "set": given, "epoch": begun.epoch}
 
     def how(self, wanted: Any) -> dict[str, Any]:
-        """Return the arguments of simulate() for the run."""
+        """Return the arguments of simulate(); wanted: the run, whose own settings apply without an
+        option.
+        """
         return {
             "executor": self.executor or wanted.executor,
             "every": wanted.every if self.every is None else self.every,
@@ -108,7 +112,7 @@ class Requested:
 
 @dataclass(frozen=True)
 class Live:
-    """Display of a run in progress, and its pace."""
+    """Options of `harness run` for the display during the run and for its pace."""
 
     watch: Annotated[
         bool, option("--watch", "Show range, errors, speed and phase during the run")
@@ -119,7 +123,7 @@ class Live:
     ] = None
 
     def how(self, quiet: bool) -> dict[str, Any]:
-        """Return the arguments of simulate() for display and pace."""
+        """Return the arguments of simulate() for display and pace; quiet: without progress bar."""
         from harness.master.pacer import Pacer
 
         how: dict[str, Any] = {"progress": not quiet and sys.stderr.isatty()}
@@ -145,7 +149,8 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
 ) -> None:
     """Run a system and write the results.
 
-    Default: results/SYSTEM.nc. With --like RESULT the exit status is 1 if the bits differ.
+    Without -o the results are in results/SYSTEM.nc. With --like RESULT the exit status is 1 if the
+    bits differ from that result.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has no work for further threads
     from harness.files.cache import with_second_try
@@ -172,7 +177,9 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
 
 
 def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None) -> Any:
-    """Run, write the result and print the notes; no recorded row is lost."""
+    """Run the system, write the result to `file` and print its notes. After a failure the rows
+    recorded so far are written.
+    """
     from harness.files.signals import held
     from harness.master.changes import timely
     from harness.master.isolated import simulate
@@ -189,7 +196,7 @@ def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | N
         log_warnings(changed)
         log_inconsistencies(changed)
         file.accept(changed)
-        with held():  # an interruption waits until rows are written
+        with held():  # Ctrl-C takes effect after the rows are written
             try:
                 result = simulate(changed, **how)
             except RunError as error:
@@ -204,8 +211,8 @@ def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | N
 
 
 def _write_partial(file: Any, partial: Any) -> str:
-    """Write the rows of a run that ended early. An interruption
-    after the last step loses no row.
+    """Write the rows of a run that ended early and return a text that names the file. If the run
+    was interrupted after its last step, the result is complete and written as such.
     """
     if partial.complete:
         file.write(partial)

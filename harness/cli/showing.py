@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Text of `harness list` about systems and FMUs, and tables of `harness show`: at most WIDEST
-characters wide, plain in a pipe.
+"""Texts and tables that `harness list` and `harness show` print, at most WIDEST characters wide and
+without colours.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ GAP = 2
 
 
 def listed(name: str | None = None) -> str:
-    """Return all systems with components and parameter sets, and all FMUs, as text; with a name or
-    path one system.
+    """Return a text about the system with this name or path, or about all systems and FMUs (None):
+    components, parameter sets and alternatives.
     """
     if name is not None:
         return "\n".join(_system_lines(find_system(name)))
@@ -64,8 +64,8 @@ def _system_lines(path: Path) -> list[str]:
 
 
 def _time(experiment: Experiment) -> str:
-    """Return stop time and macro step of a system as text, with the option that sets a value which
-    the file does not define.
+    """Return stop time and macro step of a system as text. For a value that the file lacks, the
+    text names the option that sets it.
     """
     stop, step = experiment.stop, experiment.step
     if stop is None and step is None:
@@ -78,8 +78,8 @@ def _time(experiment: Experiment) -> str:
 
 
 def text(shown: Shown, heads: tuple[str, str] = ("before", "after")) -> str:
-    """Return the title, and a table of components, of differences (heads: of their two columns) or
-    one table per causality.
+    """Return the text of `harness show`: the title, then a table of components, of differences, or
+    of inputs, outputs and parameters. heads: titles of the two columns of differing values.
     """
     parts = [row for row in shown.rows if isinstance(row, Part)]
     signals = [row for row in shown.rows if isinstance(row, Signal)]
@@ -120,23 +120,23 @@ def _signal(s: Signal) -> tuple[str, ...]:
 
 
 def _end(s: Signal, wire: str) -> str:
-    """Return the other end of a connection. For an input with the same name as the output this is
-    the component alone.
+    """Return the other end of a connection of a signal, COMPONENT.VARIABLE. For an output it is
+    only the component if the connected input has the same name.
     """
     component, _, variable = wire.rpartition(".")
     return component if s.causality == "output" and variable == s.name else wire
 
 
 TIED = "\ue000"
-"""Placeholder of a blank at which no line is broken."""
+"""Placeholder for a blank at which a line must not be broken."""
 
 
 def value_text(value: Nested) -> str:
-    """Return a value in the form of --set, to seven digits."""
+    """Return a value as text in the notation of --set, with seven digits."""
     if not isinstance(value, list):
         return "" if value is None else _number(value)
     inner = [value_text(each) for each in value]
-    if isinstance(value[0], list):  # a line ends between two rows of a matrix
+    if isinstance(value[0], list):  # a line may be broken only between two rows of a matrix
         inner = [row.replace(" ", TIED) for row in inner]
     return f"[{', '.join(inner)}]"
 
@@ -154,8 +154,8 @@ def _limits(s: Signal) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table whose columns wrap at blanks where a line would be too long, the widest first.
-    The column of names never wraps.
+    """Return a table as text. If its lines would be too long, the cells of the widest columns are
+    wrapped at blanks, but never those in the first column.
     """
     from rich.console import Console
     from rich.table import Table
@@ -174,5 +174,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _width() -> int:
-    """Return the width of the terminal within limits; in a pipe the largest width."""
+    """Return the number of characters per line: the width of the terminal within NARROWEST and
+    WIDEST, or WIDEST in a pipe.
+    """
     return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)

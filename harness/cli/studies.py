@@ -34,21 +34,21 @@ from harness.errors import ComparisonError, RequirementError, UsageError
 from harness.spelling import did_you_mean, printable
 
 StudyArgument = Annotated[
-    Path, argument("CAMPAIGN.toml", "File with system, factors, study; or NAME of the project")
+    Path, argument("CAMPAIGN.toml", "Campaign file, or NAME of a campaign of the project")
 ]
 DatasetOption = Annotated[Path | None, output("Dataset to write (default: results/NAME.zarr)")]
 WorkersOption = Annotated[
-    int | None, option("", "Use N processes or jobs (default: processors; 0: this one)")
+    int | None, option("", "Use N workers (default: one per processor; 0: this process)")
 ]
 LanesOption = Annotated[
-    bool, option("--lanes/--no-lanes", "Make several fused runs of a worker at once")
+    bool, option("--lanes/--no-lanes", "Run several fused runs at once in each worker")
 ]
 ResumeOption = Annotated[bool, option("--resume", "Continue after an interruption")]
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """Workers of a campaign and the connection to them."""
+    """Options for the worker processes of a campaign and the connection to them."""
 
     workers: WorkersOption = None
     scheduler: Annotated[str | None, option("ADDRESS", "Use the Dask cluster at this address")] = (
@@ -57,10 +57,10 @@ class Cluster:
     slurm: Annotated[bool, option("--slurm", "Submit the workers as SLURM jobs")] = False
     lanes: LanesOption = True
     tls_ca: Annotated[
-        Path | None, option("FILE", "Certificate of the authority that signs all others")
+        Path | None, option("FILE", "Certificate of the authority that signed the others")
     ] = None
     tls_cert: Annotated[
-        Path | None, option("FILE", "Own certificate, for --scheduler and --slurm")
+        Path | None, option("FILE", "Certificate of this user, for --scheduler and --slurm")
     ] = None
     tls_key: Annotated[Path | None, option("FILE", "Key of the certificate")] = None
     insecure: Annotated[
@@ -70,7 +70,7 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Varied:
-    """Factors of a comparison."""
+    """Options of `harness compare` that state the values to combine."""
 
     params: Annotated[str | None, option("A,B,..", "Compare these parameter sets")] = None
     swap: Annotated[Texts, option("C=A,B,..", "Compare these FMUs as component C")] = None
@@ -83,7 +83,7 @@ class Varied:
     algorithm: Annotated[str | None, option("A,B", "Compare gauss-seidel,jacobi")] = None
 
     def options(self) -> list[tuple[str, str]]:
-        """Return the options with their values as arguments of combinations()."""
+        """Return pairs of option and comma-separated values, the arguments of combinations()."""
         several = {"swap": self.swap, "latency": self.latency, "set": self.vary}
         varied = [("params", self.params), ("algorithm", self.algorithm)]
         varied += [(option, text) for option, texts in several.items() for text in texts or ()]
@@ -92,17 +92,17 @@ class Varied:
 
 @dataclass(frozen=True)
 class Compared:
-    """Execution of the variants, and the columns of their table."""
+    """Options of `harness compare` for the execution of the runs and the columns of the table."""
 
     executor: ExecutorOption = None
     every: Annotated[
-        int | None, option("", "Record every N-th macro step (default: 20 000 rows)")
+        int | None, option("", "Record every N-th macro step (default: at most 20 000 rows)")
     ] = None
     metrics: Annotated[str | None, option("A,B,..", "Columns of the table (default: all)")] = None
     patience: PatienceOption = None
 
     def how(self) -> dict[str, Any]:
-        """Return the arguments of compare()."""
+        """Return the arguments of compare() for recording, patience and executor."""
         from harness.master.isolated import PATIENCE
 
         return {
@@ -112,8 +112,8 @@ class Compared:
         }
 
     def columns(self, system: str) -> list[str]:
-        """Return the columns of the table, all by default; raise UsageError for an
-        unknown metric.
+        """Return the names in --metrics, [] without this option (all metrics); raise UsageError for
+        an unknown metric.
         """
         if not self.metrics:
             return []
@@ -143,11 +143,11 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
     quiet: QuietOption = False,
     changes: Any,
 ) -> None:
-    """Run variants side by side: one table and figures.
+    """Run variants of a system and compare them in one table and in figures.
 
-    Every combination of the given values runs, in parallel, in the parameter set that the system
-    defines for comparisons, unless --params names others. Results, table and figures go to one
-    folder.
+    All combinations of the given values are run in parallel, with the parameter set that the system
+    defines for comparisons unless --params names others. Results, table and figures are written to
+    one folder.
     """
     from harness.cli.verdicts import insist
     from harness.master.progress import progress_bar
@@ -179,14 +179,14 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     cost: Annotated[str, option("--cost sum|norm", "Count force per axis, or its length")] = "sum",
     grid: Annotated[float | None, option("", "Solve on a grid of this step [s]")] = None,
     without: Annotated[Texts, option("--without NAME", "Leave this constraint out")] = None,
-    store: Annotated[bool, option("", "Let reports and comparisons here show the optimum")] = False,
+    store: Annotated[bool, option("", "Store the optimum for reports and comparisons")] = False,
     changes: Any,
 ) -> None:
-    """Show what a run, or each phase of a mission, would have cost at least.
+    """Show the least impulse for a run, or for each phase of a mission.
 
-    The least impulse is the optimum of a convex problem with the constraints of the mission. Its
-    force is simulated open loop: with the requirements of the system, or phase by phase with the
-    plants of both bodies.
+    The least impulse is the optimum of a convex problem with the constraints of the mission. The
+    optimal force is verified by an open-loop simulation: of the system with its requirements, or
+    of each phase with the plants of both bodies.
     """
     from harness.studies import optimum
 
@@ -207,7 +207,9 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
 
 
 def _written(results: Any, folder: Path, pictures: Pictures) -> str:
-    """Draw the figures of a comparison, and return the contents of its folder as text."""
+    """Draw the figures of a comparison if requested, and return a text about what its folder
+    contains.
+    """
     if not pictures.figures:
         return "results and comparison.csv"
     from harness.figures.plots import overlay
@@ -218,7 +220,7 @@ def _written(results: Any, folder: Path, pictures: Pictures) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """Settings of a campaign: execution, gates, output."""
+    """Options of `harness campaign`: execution, conditions on the exit status, output."""
 
     output: DatasetOption = None
     cluster: Cluster
@@ -226,11 +228,11 @@ class Campaign:
     require: Annotated[
         Texts,
         option(
-            "--require 'success >= 99 %'", "Require this of shares or metrics, else exit status 1"
+            "--require 'success >= 99 %'", "Require this of a share or metric, else exit status 1"
         ),
     ] = None
     strict: Annotated[
-        bool, option("--strict", "Let [expected], or success of every run, decide on the status")
+        bool, option("--strict", "Exit with 1 unless [expected] (default: success of all) holds")
     ] = False
     figures: Annotated[
         bool, option("--figures/--no-figures", "Draw figures, as `harness plot OUT.zarr` does")
@@ -239,7 +241,7 @@ class Campaign:
     quiet: QuietOption = False
 
     def run(self, definition: Path) -> None:
-        """Run a campaign, print its summary and draw its figures if wanted."""
+        """Run the campaign of a TOML file, print its summary, and draw its figures if requested."""
         from harness.cli.watch import counting
         from harness.studies.campaign.campaign import campaign
 
@@ -267,21 +269,23 @@ class Campaign:
 
 
 def _next(dataset: Path) -> str:
-    """Return the line with the command that shows a dataset."""
+    """Return a line for the user with the command that writes a report of a dataset."""
     return f"next: harness report {dataset} -o {dataset.stem}.html"
 
 
 @command("campaign")
 def campaign_command(definition: StudyArgument, campaign: Campaign) -> None:
-    """Run a system thousands of times.
+    """Run a system thousands of times with drawn or listed factors.
 
-    The file defines the factors. Metrics, failures and histories go to one Zarr dataset.
+    The file defines the factors. Metrics, failures and time series go to one Zarr dataset.
     """
     campaign.run(_file(definition))
 
 
 def _file(given: Path) -> Path:
-    """Return the file of a campaign; an available mission provides it by its name."""
+    """Return the TOML file of a campaign from its path, or from its name in an available mission;
+    raise UsageError for an unknown name.
+    """
     from harness.mission.library import campaigns
 
     if given.suffix or given.exists():
@@ -298,27 +302,27 @@ def _file(given: Path) -> Path:
 STUDIES = {
     "sensitivity": """Find out which factors matter.
 
-    By Morris or Sobol; for the dataset of a complete campaign, OUT.zarr, by dependence (HSIC),
-    without further runs.
+    The method is Morris or Sobol. For the dataset OUT.zarr of a complete campaign it is the
+    statistical dependence HSIC, which needs no further runs.
     """,
     "worst": """Search for the worst run of each requirement.
 
-    Status 1 if a requirement fails in a run of the search.
+    The exit status is 1 if a requirement fails in a run of the search.
     """,
     "probability": """Estimate how probable a failure is.
 
-    By subset simulation or random runs. Status 1 unless the probability is below the entry
-    `below`.
+    The method is subset simulation or random runs. The exit status is 1 unless the probability is
+    below the entry `below` of the file.
     """,
     "boundary": "Map where a requirement fails, over two factors.",
-    "tune": "Tune gains for the best worst margin over draws and an archive of worst runs.",
+    "tune": "Tune gains: maximize the least margin over random draws and stored worst runs.",
 }
-"""Commands and their help, by the name of their table in the file."""
+"""Help texts of the analysis commands, by the name of the command and of its table in the file."""
 
 
 @dataclass(frozen=True)
 class How:
-    """Output and workers of a study."""
+    """Options of the analysis commands: output and workers."""
 
     output: DatasetOption = None
     workers: WorkersOption = None
@@ -327,7 +331,9 @@ class How:
     quiet: QuietOption = False
 
     def run(self, kind: str, definition: Path) -> bool:
-        """Run a study, print its summary and return whether its verdict is positive."""
+        """Run a study, print its summary and return whether its verdict is positive; kind: a key of
+        STUDIES; definition: the campaign file.
+        """
         from harness.cli.watch import counting
         from harness.studies.analyses import STUDIES
 
@@ -350,7 +356,7 @@ class How:
 
 
 def _add(kind: str, text: str) -> None:
-    """Add the command of a study."""
+    """Add the command `harness KIND` of an analysis with its help text."""
 
     @command(kind, text=inspect.cleandoc(text))
     def study(definition: StudyArgument, how: How) -> None:
@@ -370,10 +376,11 @@ def study_command(
     *,
     how: How,
 ) -> None:
-    """Run a campaign or the studies of a file of the project.
+    """Run all studies of a campaign file of the project, or the campaign itself.
 
-    Each table such as [worst] is one study, whose dataset is results/NAME_KIND.zarr. `harness worst
-    NAME` runs one of them, `harness campaign NAME` runs the plain campaign.
+    Each table such as [worst] is one study, whose dataset is results/NAME_KIND.zarr. A file without
+    such a table is run as a campaign. `harness worst NAME` runs a single study, `harness campaign
+    NAME` only the campaign.
     """
     from harness.mission.library import campaigns
     from harness.studies.campaign.draft import table_of

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Report of `harness report` on standard output, as wide as the terminal and with coloured verdicts
-there (unless NO_COLOR is set), and the verdicts that determine the exit status.
+"""Printing of the report of a run, on a terminal with coloured verdicts (unless NO_COLOR is set),
+and the exit status that follows from requirements, safety rules and claims.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ COLOURS = {
 
 
 def show(result: Result) -> None:
-    """Print the report."""
+    """Print the report of a result, as wide as the terminal."""
     from rich.console import Console
     from rich.text import Text
 
@@ -54,8 +54,11 @@ def insist(
     strict: bool = False,
     claims: bool = False,
 ) -> None:
-    """Raise RequirementError with a line for every outcome that gives the exit status 1, see
-    missed(); results: by the label of the run; claims: include the claims of papers.
+    """Raise RequirementError with a line for every requirement, safety rule or claim that makes the
+    exit status 1.
+
+    results: by the label of the run; required: requirements of --require; strict: all requirements
+    and safety rules count; claims: claims of papers count too.
     """
     lines = [
         f"{label}: {line}" if label else line

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Displays of progress: of one run for `harness run --watch`, on a terminal a table that is updated
-during the run, elsewhere a line per tenth of the run; and of many runs.
+"""Displays of progress: of one run (`harness run --watch`), and of the many runs of a campaign.
 
-The display of a run reads recorded rows between stretches of macro steps, so the bits are the same
-without a display.
+The display of one run is a table on a terminal, which is updated during the run; elsewhere a line
+is printed after each tenth of the run. It reads recorded rows while no component steps, so the
+results have the same bits with and without a display.
 """
 
 from __future__ import annotations
@@ -29,15 +29,17 @@ if TYPE_CHECKING:
     from harness.studies.campaign.campaign import Progress
 
 SECONDS = 0.25
-"""Wall-clock time between two updates of a terminal."""
+"""Least wall-clock time between two updates on a terminal [s]."""
 PARTS = 10
-"""Number of lines per run without a terminal."""
+"""Number of lines that are printed during a run without a terminal."""
 OTHERS = 6
-"""Variables shown for a system without a watched metric."""
+"""Number of variables that are shown for a system without watched metrics."""
 
 
 def watched_metrics(result: Result) -> list[WatchedMetric]:
-    """Return the watched metrics that fit the result, or else the first variables."""
+    """Return the watched metrics of the mission whose variables the result has, or if there are
+    none, the first OTHERS variables as metrics.
+    """
     fitting = [metric for metric in of_result(result).watched if not metric.lacks(result)]
     return fitting or [
         WatchedMetric(name, unit if unit != "1" else "", (name,), itemgetter(name))
@@ -46,7 +48,7 @@ def watched_metrics(result: Result) -> list[WatchedMetric]:
 
 
 class Watcher:
-    """Reader of a run in progress."""
+    """Reader of the time, the pace and the watched metrics of a run in progress."""
 
     def __init__(self, run: Running) -> None:
         self.run = run
@@ -54,11 +56,13 @@ class Watcher:
         self.began = perf_counter()
 
     def part(self, done: int) -> float:
-        """Return the completed share of the run."""
+        """Return the completed share of the run, 0 to 1; done: number of completed macro steps."""
         return done / max(self.run.steps, 1)
 
     def lines(self, done: int) -> list[tuple[str, str]]:
-        """Return names and values of the last recorded row."""
+        """Return pairs of name and value as text: time, pace, and the watched metrics in the last
+        recorded row. done: number of completed macro steps.
+        """
         now, experiment = _ends(self.run.result()), self.run.system.experiment
         start, step = experiment.start, experiment.step or 0.0
         factor = done * step / max(perf_counter() - self.began, 1e-9)
@@ -71,8 +75,8 @@ class Watcher:
 
 
 def _ends(result: Result) -> Result:
-    """Return the first two rows, from which missions may derive the alignment of rows, and the last
-    two.
+    """Return a result with only its first two and last two rows. From the first two, metrics find
+    whether the outputs for a row are in the next row.
     """
     rows = len(result.time)
     chosen = [0, 1, rows - 2, rows - 1] if rows > 3 else list(range(rows))
@@ -81,7 +85,7 @@ def _ends(result: Result) -> Result:
 
 @contextmanager
 def watched(run: Running) -> Iterator[Show]:
-    """Watch a run on standard output."""
+    """Yield a function that shows the state of a run on stdout after `done` macro steps."""
     if sys.stdout.isatty():
         with _on_terminal(Watcher(run)) as show:
             yield show
@@ -90,7 +94,7 @@ def watched(run: Running) -> Iterator[Show]:
 
 
 def _in_lines(watcher: Watcher) -> Show:
-    """Return a display that prints a line whenever another part of the run is complete."""
+    """Return a function that prints a line each time another of PARTS parts of the run is done."""
     due = 0
 
     def show(done: int) -> None:
@@ -141,8 +145,10 @@ MINUTE = 60.0
 
 @contextmanager
 def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """Yield a display of progress: a bar on stderr with rate, remaining time and failures, or a
-    line a minute without a terminal; None if not requested.
+    """Yield a function that shows the progress of many runs on stderr, or None if not `wanted`.
+
+    On a terminal it updates a bar with rate, remaining time and number of failed runs, elsewhere it
+    prints a line at most once a minute.
     """
     if not wanted:
         yield None
@@ -173,7 +179,7 @@ def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | 
 
 
 def _minutely(title: str) -> Callable[[Progress], None]:
-    """Return a display that writes a line after a block of runs, at most once a minute."""
+    """Return a function that prints the progress of many runs, at most one line a minute."""
     begin = last = time.monotonic()
     first: int | None = None  # completed runs at the first call
 
