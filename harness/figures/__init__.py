@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pictures from the figures that a mission lists: of one run, of several runs in one, of a
-campaign; and the N2 diagram of a system.
+"""Drawing of the figures that a mission defines, for one run, several runs or a campaign, and of
+the N2 diagram of a system.
 
-A figure is drawn if the result has the variables it needs. A result without any gets a general
-figure of every component.
+A figure is drawn if the result has the variables that it needs. If no figure of the mission can be
+drawn, general figures show all variables, component by component.
 """

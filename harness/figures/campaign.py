@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of a campaign: histograms of the metrics, the most important factors, bands over time.
+"""Figures of a campaign: histograms of metrics, metrics over factors, percentile bands over time.
+
 Names of metrics and factors include their units.
 """
 
@@ -16,7 +17,7 @@ from harness.results.result import Array
 Canvas = Any
 """Figure of matplotlib."""
 COLUMNS, TICKS = 3, 8
-"""Panels side by side; largest number of values of a factor with a tick for each."""
+"""Number of panels side by side; largest number of grid values of a factor that all get a tick."""
 
 
 def histograms(metrics: Mapping[str, Array], style: Style) -> Canvas:
@@ -32,7 +33,10 @@ def histograms(metrics: Mapping[str, Array], style: Style) -> Canvas:
 def scatter(
     metric: str, values: Array, factors: Mapping[str, tuple[Array, float]], style: Style
 ) -> Canvas:
-    """Draw one metric against factors with their rank correlations, the most important first."""
+    """Draw one metric, an array (runs,), over each factor in a panel of its own.
+
+    factors: values (runs,) and rank correlation with the metric by name, in the order of panels.
+    """
     canvas, panels = _grid(metric, len(factors), style)
     for axes, (name, (x, correlation)) in zip(panels, factors.items(), strict=True):
         axes.plot(x, values, ".", markersize=3, alpha=0.5)
@@ -44,8 +48,8 @@ def scatter(
 
 
 def groups(metric: str, values: Array, factor: str, texts: Any, style: Style) -> Canvas:
-    """Draw one metric by the values of a factor of texts: a row of dots per value, with a line at
-    the median.
+    """Draw one metric (runs,) for each text that a factor takes: a row of dots, one dot per run,
+    and a line at their median. texts: the text of the factor in every run.
     """
     canvas, (axes,) = _grid("", 1, style)
     names = [str(name) for name in np.unique(texts)]
@@ -60,7 +64,9 @@ def groups(metric: str, values: Array, factor: str, texts: Any, style: Style) ->
 
 
 def chart(metric: str, values: Array, factors: Mapping[str, Array], style: Style) -> Canvas:
-    """Draw one metric as colours over a grid of two factors; cells without a run are white."""
+    """Draw one metric (runs,) as colours over a grid of two factors, given as values (runs,) by
+    name; cells without a run are white.
+    """
     x, y = factors.values()
     columns, rows = np.unique(x), np.unique(y)
     found = np.full((len(rows), len(columns)), np.nan)
@@ -79,8 +85,10 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], style: Style
 def bands(
     labels: Sequence[str], time: Array, percentiles: Sequence[float], band: Array, style: Style
 ) -> Canvas:
-    """Draw percentiles (percentile, time, element) over time, the outermost pairs filled; labels:
-    of the elements.
+    """Draw percentiles of a time series over all runs, one panel per element: filled between each
+    lower percentile and its counterpart from the top, a line at the middle one.
+
+    labels: label per element; band: values (percentile, time, element).
     """
     canvas, panels = _grid(labels[0].partition("[")[0].strip(), len(labels), style)
     unit, words = time_axis(time).seconds, time_axis(time).label

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Choice of the figures of a result: figures of its mission that fit, otherwise general ones; and a
-figure of given variables, with one panel per variable.
+"""Choice of the figures of a result: the figures of its mission whose variables it has, otherwise
+general figures; and a figure of given variables with one panel each.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _log = logging.getLogger("harness")
 
 
 def figures_of(result: Result) -> list[Figure | Drawing]:
-    """Return the figures that fit, the first of each name; general ones if none of the mission
-    fits.
+    """Return the figures of the mission that a result has the variables for; if two have one name,
+    the first. Without such a figure, return general ones.
     """
     if note := missing(result):
         _log.warning("%s", note)
@@ -35,7 +35,9 @@ def figures_of(result: Result) -> list[Figure | Drawing]:
 
 
 def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
-    """Return the figures of several runs that fit at least one of them."""
+    """Return the figures of the missions for which at least one of several runs, given by label,
+    has the variables. Without such a figure, return general ones of the first run.
+    """
     offered = together(of_result(result) for result in results.values()).overlays
     fitting = [f for f in offered if any(f.fits(r) for r in results.values())]
     return fitting or list(general(next(iter(results.values()))))
@@ -44,9 +46,11 @@ def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
 def compared(
     results: Mapping[str, Result],
 ) -> tuple[list[tuple[Figure | Overlay, dict[str, Result]]], list[str]]:
-    """Return the figures of several runs that show something, each with the runs that it fits (its
-    title names the others); and the figures of one run alone, which compare nothing, by name and
-    run.
+    """Return the figures that compare several runs, given by label, each with the runs that have
+    its variables; its title names the runs that it leaves out. Figures in which nothing changes are
+    left out.
+
+    Return also the texts `FIGURE (RUN)` of figures for which only one run has the variables.
     """
     found, alone = [], []
     for figure in overlays_of(results):
@@ -63,7 +67,7 @@ def compared(
 def named(
     figure: Figure | Overlay, runs: Mapping[str, Result], results: Mapping[str, Result]
 ) -> Figure | Overlay:
-    """Return a figure of several runs whose title names the results that it leaves out."""
+    """Return a figure whose title names the runs that are in `results` but not in `runs`."""
     absent = ", ".join(label for label in results if label not in runs)
     return replace(figure, title=f"{figure.title}; without {absent}") if absent else figure
 
@@ -82,9 +86,10 @@ def general(result: Result) -> Iterator[Figure]:
 
 
 def figure_of(result: Result, names: Sequence[str]) -> Figure:
-    """Return one figure of these variables: `component.variable`, one element, or the part of a
-    name in front of a point for all variables that begin with it. Raises UsageError with close
-    matches.
+    """Return one figure of the named variables with one panel each. A name is a variable, one
+    element, or a part before a point, such as a component, for all variables that begin with it.
+
+    Raises UsageError with close matches for an unknown name.
     """
     found = list(dict.fromkeys(v for name in names for v in _expanded(result, name)))
     about = result.description(found[0]) if len(found) == 1 else ""
@@ -94,7 +99,9 @@ def figure_of(result: Result, names: Sequence[str]) -> Figure:
 
 
 def _expanded(result: Result, name: str) -> Iterator[str]:
-    """Yield the variable of a name, or all variables that begin with it and a point."""
+    """Yield the variable with this name, or all variables `NAME.*`; raise UsageError if there is
+    none.
+    """
     below = [v for v in result.vectors if v.startswith(f"{name}.")]
     if name in result:
         yield name

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """N2 diagram of a system as .svg, .pdf or .png by matplotlib.
 
-Components are on the diagonal in execution order. An output leaves its block along its row and
-enters another block along the column of that block. The field at the crossing names the signals.
-Signals above the diagonal go forward, signals below it go back. Vectors are one signal.
+The blocks of the components are on the diagonal in execution order. Signals leave a block along its
+row and enter another block along the column of that block; the field where both cross names the
+signals. Fields above the diagonal hold signals to later components, fields below it signals to
+earlier ones. A vector is one signal.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from harness.system.model import System
 CHARACTER, LINE = 7.3, 15
 """Width of a character and distance of two lines of text [px]."""
 PAD, GAP, MARGIN = 7, 18, 20
-"""Between text and edge of a field, between fields, around the picture [px]."""
+"""Distances between text and edge of a field, between fields, and around the diagram [px]."""
 LEAST = 60
-"""Characters of the shortest line of a title."""
+"""Number of characters to which a line of the title may always extend, in a narrow diagram too."""
 FORMATS = ("svg", "pdf", "png")
 INK, PAPER, GREY = "#34506b", "#eef3f8", "#5a6b7c"
 PIXELS = 96.0
@@ -46,13 +47,15 @@ class Field(NamedTuple):
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Return the point at which the lines of row and column cross."""
+        """Return the middle of the field, where the wires of its row and column cross [px]."""
         return self.x + self.width / 2, self.y + self.height / 2
 
 
 def texts(system: System) -> dict[Place, list[str]]:
-    """Return lines by row and column: on the diagonal the component, its FMU and its own feedback,
-    elsewhere the signals from the component of the row to the component of the column.
+    """Return the lines of text of every field by row and column.
+
+    On the diagonal: the component, its FMU, and signals from the component to itself. Elsewhere:
+    the signals from the component of the row to the component of the column.
     """
     index = {c.name: k for k, c in enumerate(system.components)}
     found: dict[Place, list[str]] = defaultdict(list)
@@ -67,7 +70,9 @@ def texts(system: System) -> dict[Place, list[str]]:
 
 
 def lay_out(system: System) -> dict[Place, Field]:
-    """Return all fields by row and column, with columns and rows as large as their texts need."""
+    """Return all fields by row and column. A column is as wide, and a row as high, as the largest
+    text in it needs.
+    """
     found, count = texts(system), len(system.components)
     widths, heights = np.zeros(count), np.zeros(count)
     for (row, column), lines in found.items():
@@ -103,7 +108,9 @@ def painted(system: System, ending: str = "svg") -> bytes:
 
 
 def _canvas(system: System, fields: dict[Place, Field]) -> Any:
-    """Return a matplotlib figure whose unit is the pixel of the layout, from the top left."""
+    """Return the diagram as a matplotlib figure whose coordinates are the pixels of the layout: x
+    to the right, y down.
+    """
     from matplotlib.figure import Figure
 
     words = f"{system.name}: {system.description}".rstrip(": ")
@@ -121,7 +128,7 @@ def _canvas(system: System, fields: dict[Place, Field]) -> Any:
 
 
 def _paint_all(axes: Any, fields: dict[Place, Field]) -> None:
-    """Draw fields and wires, without axes."""
+    """Draw all fields and wires, and hide the axes of matplotlib."""
     axes.set_axis_off()
     for (row, column), field in fields.items():
         _paint(axes, field, row == column)
@@ -130,7 +137,7 @@ def _paint_all(axes: Any, fields: dict[Place, Field]) -> None:
 
 
 def _paint(axes: Any, field: Field, block: bool) -> None:
-    """Draw a field with its lines; block: the field is a component."""
+    """Draw a field with its lines of text; block: whether the field is a component."""
     from matplotlib.patches import FancyBboxPatch
 
     look: Any = (
@@ -146,8 +153,8 @@ def _paint(axes: Any, field: Field, block: bool) -> None:
 
 
 def _wire(axes: Any, start: Field, field: Field, end: Field) -> None:
-    """Draw a wire from the middle of a block along its row, then at the field down or up to the
-    edge of another block.
+    """Draw a wire from the middle of the block `start` along its row to the middle of `field`, and
+    from there down or up to the edge of the block `end`.
     """
     x, y = field.middle
     edge = end.y if end.y > y else end.y + end.height

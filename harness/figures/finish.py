@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Finish of every figure: limits that show signals instead of rounding, time axes that end with the
-run, at least three ticks on logarithmic axes, aligned labels; in print also curves that differ
-without colour, and symbols as in formulas.
+"""Last changes to every figure: axis limits that hide rounding errors, time axes that end with the
+run, at least three ticks on logarithmic axes, aligned labels. In figures for print, curves also
+differ without colour, and symbols look as in formulas.
 """
 
 from __future__ import annotations
@@ -22,17 +22,21 @@ DASHES = (
     (0, (9, 2)), (0, (2, 2)), (0, (1, 3)), (0, (9, 1.5, 3, 1.5)), (0, (5, 4)),
     (0, (3, 1.5, 3, 1.5, 1, 1.5)), (0, (12, 2, 1, 2)),
 )  # fmt: skip
-"""Line styles that differ in print, in the order of use."""
+"""Dash patterns that can be distinguished in print, in the order of use: offset and lengths of
+dashes and gaps, in line widths.
+"""
 WIDTHS = (1.0, 1.9, 0.5, 2.8)
-"""Factors on the width of further curves when all dashes are in use."""
+"""Factors on the line width: when all dash patterns are in use, they are used again with the next
+width.
+"""
 CROWD = 0.06
-"""A tick closer to the end of the axis than this part of its length is dropped."""
+"""Share of the length of a time axis within which the tick at its end replaces other ticks."""
 LEAST_TICKS = 3
 STEPS = (1, 2, 5)
-"""Ticks of a decade where whole decades are too few."""
+"""Multiples of powers of ten at which a logarithmic axis has ticks if it spans too few decades."""
 ROUNDING = 1e-10
-"""Ratio below which a curve is rounding: its size to the curves in the same unit beside it, or its
-variation to its own mean.
+"""Ratio below which a curve shows only rounding errors: of its largest value to the largest value
+in the same unit in another panel, or of its variation to its own largest value.
 """
 DECADES = 1e-9
 """Smallest ratio of the lower to the upper end of a logarithmic axis."""
@@ -49,8 +53,10 @@ POWERS = str.maketrans(
 
 
 def finish(canvas: Any, end: float | None, distinct: bool) -> Any:
-    """Finish a figure of matplotlib and return it; end: of the runs in the unit of the time axes,
-    None without time axes; distinct: for print.
+    """Apply the last changes to a figure of matplotlib and return it.
+
+    end: end of the longest run in the unit of the time axes, None without time axes; distinct:
+    whether the figure is for print, so that curves must differ without colour.
     """
     flat = plane(canvas)
     for axes in flat:
@@ -76,11 +82,11 @@ def plane(canvas: Any) -> list[Any]:
 
 
 def hide_rounding(panels: Sequence[tuple[Any, str]]) -> None:
-    """Set the limits of panels whose curves would show nothing but rounding errors.
+    """Set the limits of panels whose curves would otherwise show rounding errors at full height.
 
-    panels: axes with their labels. A panel with values far below the largest in the same unit gets
-    the limits of the panel with the largest values, and a note; a constant gets a band of 5 %
-    about it. Logarithmic axes begin above rounding.
+    panels: axes with their labels. A panel whose values are far below the largest ones in the same
+    unit gets the limits of the panel with these, and a note. A constant gets limits 5 % below and
+    above it. The lower end of a logarithmic axis is raised above rounding errors.
     """
     for axes, _ in panels:
         _limit_decades(axes)
@@ -100,7 +106,7 @@ def hide_rounding(panels: Sequence[tuple[Any, str]]) -> None:
 
 
 def _limit_decades(axes: Any) -> None:
-    """Raise the lower end of a logarithmic axis above rounding."""
+    """Raise the lower end of a logarithmic y axis to at least DECADES times its upper end."""
     if axes.get_yscale() == "log":
         low, high = axes.get_ylim()
         if low < DECADES * high:
@@ -115,7 +121,7 @@ def _note(axes: Any, text: str) -> None:
 
 
 def _values(axes: Any) -> Array:
-    """Return all finite values of the curves of a panel."""
+    """Return all finite values of the curves of a panel, or [0] if there are none."""
     curves = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()]
     values = np.concatenate(curves) if curves else np.zeros(1)
     finite = values[np.isfinite(values)]
@@ -126,14 +132,14 @@ def _values(axes: Any) -> Array:
 
 
 def label_of(axes: Any, which: str) -> str:
-    """Return the label of the axis x or y, or of the axes that share it."""
+    """Return the label of the x or y axis, which may be set at other axes that share it."""
     shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
     labels = (getattr(each, f"get_{which}label")() for each in (axes, *shared))
     return next(filter(None, labels), "")
 
 
 def _end_with_run(panels: Iterable[Any], end: float) -> None:
-    """End time axes with the run, and set a tick there."""
+    """Let the time axes of panels end at `end`, the end of the longest run, with a tick there."""
     for axes in panels:
         begin, last = axes.get_xlim()
         if not begin < end <= last:
@@ -172,14 +178,14 @@ def _set_ticks(axis: Any) -> None:
 
 
 def look_of(line: Any) -> tuple[Any, ...]:
-    """Return what is visible of a curve in a grey print: dashes, marker, width."""
+    """Return the features that distinguish a curve in a grey print: dashes, marker, line width."""
     dashes = _dashes(line) if line.get_linestyle() != "None" else None
     return str(dashes), str(line.get_marker()), round(float(line.get_linewidth()), 2)
 
 
 def distinguish(axes: Any) -> None:
-    """Give curves of different colours different dashes; curves of one colour, as the edges of a
-    band, have the same dashes.
+    """Give curves of different colours different dashes. Curves that look the same, such as the two
+    edges of a band, get the same dashes.
     """
     taken: set[Any] = set()
     for lines in _groups(axes):
@@ -194,7 +200,7 @@ def distinguish(axes: Any) -> None:
 
 
 def _groups(axes: Any) -> Iterable[list[Any]]:
-    """Return groups of curves that look the same, colour included."""
+    """Return the curves in groups with the same colour, dashes, marker and width."""
     groups: dict[Any, list[Any]] = {}
     for line in axes.get_lines():
         if line.get_linestyle() != "None" and np.size(line.get_xdata()) > 1:
@@ -203,7 +209,7 @@ def _groups(axes: Any) -> Iterable[list[Any]]:
 
 
 def _update_legend(legend: Any, shown: Iterable[Any]) -> None:
-    """Show dashes and widths of curves in their legend."""
+    """Give the entries of a legend the dashes and widths of their curves, `shown`."""
     from matplotlib.lines import Line2D
 
     for handle, line in zip(legend.legend_handles, shown, strict=False):
@@ -229,7 +235,9 @@ def _set_symbols(canvas: Any) -> None:
 
 
 def mathematical(text: str) -> str:
-    """Return a label as `rho_ref [m]` with symbols as in formulas and powers of units raised."""
+    """Return a label such as `rho_ref [m]` in the notation of formulas of matplotlib: Greek
+    letters, subscripts, and raised powers in units.
+    """
     if "$" in text:
         return text
     parts = re.split(r"(\[[^\]]*\])", text)
@@ -237,7 +245,7 @@ def mathematical(text: str) -> str:
 
 
 def _unit(text: str) -> str:
-    """Return a unit in brackets with raised powers."""
+    """Return a unit in brackets with raised powers and products with a dot."""
     raised = re.sub(r"(?<=[a-z])(-?\d)", lambda m: m[1].translate(POWERS), text)
     return raised.replace(".", "\u00b7")
 
@@ -251,7 +259,7 @@ def _formula(found: re.Match[str]) -> str:
 
 
 def plain_number(value: float) -> str:
-    """Return the number of a tick without the mark-up of formulas."""
+    """Return the number at a tick as plain text, `2×10⁷` instead of a formula of matplotlib."""
     if 1e-4 < abs(value) < 1e5:
         return f"{value:.4g}"
     power = int(np.floor(np.log10(abs(value))))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Picture of the bodies of a replay at its last instant, for environments."""
+"""Image of the bodies of a scene at its last instant, which environments render."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from harness.results.result import Array
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red")
 SIZE = 4.8
-"""Edge of the picture [inch], of 100 pixels each."""
+"""Edge length of the image [inch], at 100 pixels per inch."""
 
 
 def picture(scene: Mapping[str, Any], take: Callable[[str], Any], title: str) -> NDArray[np.uint8]:
-    """Return the pixels (height, width, 3) of the bodies of a scene with their paths, relative to
-    its origin; take: array of the scene by name.
+    """Return an image (height, width, 3) of the bodies of a scene and their paths, relative to the
+    origin of the scene; take: function that returns an array of the scene by its name.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -45,7 +45,9 @@ def picture(scene: Mapping[str, Any], take: Callable[[str], Any], title: str) ->
 
 
 def _faces(parts: list[dict[str, Any]]) -> Iterator[Array]:
-    """Yield the corners (4, 3) of the faces of boxes, and of squares for other shapes [m]."""
+    """Yield the corners (4, 3) of the faces of all parts of a body [m]. A part that is not a box is
+    drawn as the box around it.
+    """
     for part in parts:
         begin, end = (np.asarray(part.get(n, part.get("at", (0, 0, 0)))) for n in ("from", "to"))
         half = np.asarray(part.get("size", 2 * [part.get("radius", 0.1)] * 3)[:3]) / 2

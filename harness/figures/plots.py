@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pictures of results: the figures of a mission drawn by matplotlib, for one run or several runs in
-one figure.
-"""
+"""Drawing of the figures of a mission by matplotlib, each for one run or several runs together."""
 
 from __future__ import annotations
 
@@ -57,8 +55,8 @@ def plot(
 
 
 def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Drawing]:
-    """Return figures by name, without figures in which nothing changes; a figure of named variables
-    is always drawn.
+    """Return the figures of a result by name, without those in which nothing changes. For named
+    variables, return one figure of them in any case. Raises ResultsError if there is none.
     """
     if variables:
         figure = figure_of(result, variables)
@@ -73,10 +71,11 @@ def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Draw
 
 
 def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
-    """Return a figure for a notebook: the figure of a name, a figure of variables, or without names
-    the first figure of the result.
+    """Return a matplotlib figure for a notebook.
 
-    Raises ResultsError if there is none, UsageError for a name that is neither.
+    names: name of a figure of the mission, or names of variables; without names the first figure of
+    the result is drawn. Raises ResultsError if all variables are constant, UsageError for a name
+    that is neither a figure nor a variable.
     """
     known = {f.name: f for f in figures_of(result) if not f.is_empty(result)}
     if not names and not known:
@@ -85,7 +84,7 @@ def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
     figure = known[name] if name in known else figure_of(result, names)
     with SCREEN.used():
         canvas = paint(figure, result)
-    canvas._repr_png_ = partial(_png, canvas)  # whether or not pyplot was ever imported
+    canvas._repr_png_ = partial(_png, canvas)  # shows the figure in a notebook without pyplot
     return canvas
 
 
@@ -102,9 +101,9 @@ def overlay(
     figure fits.
 
     A figure leaves out the runs that lack one of its variables, and its title names them. A figure
-    of one run alone compares nothing and is left out with a note. Ten or more runs have the colours
-    of a scale and the band of the middle nine tenths instead of a legend. Raises ResultsError if
-    the directory cannot be written.
+    for which only one run has the variables is not drawn, and a note names it. Ten or more runs are
+    coloured by a scale and have a band from the 5th to the 95th percentile instead of a legend.
+    Raises ResultsError if the directory cannot be written.
     """
     found, alone = compared(results) if results else ([], [])
     if alone:
@@ -136,7 +135,9 @@ def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Ca
 
 
 def _histories(figure: Figure, result: Result, style: Style, seconds: float) -> Canvas:
-    """Draw the panels of one run; a legend equal to the legend of the panel above is left out."""
+    """Return the panels of a figure of one run. A legend equal to the one of the panel above is
+    left out. seconds: length of the unit of the time axis [s].
+    """
     canvas, panels = _panels(figure, [result], style)
     labelled = [""]
     for axes, panel in panels:
@@ -150,7 +151,7 @@ def _histories(figure: Figure, result: Result, style: Style, seconds: float) -> 
 
 
 def _end(seconds: float, *results: Result) -> float | None:
-    """Return the end of the time axis of several runs, None without rows."""
+    """Return the end of the longest run in units of `seconds`; None if no run has rows."""
     return max((float(r.time[-1]) for r in results if len(r.time)), default=0.0) / seconds or None
 
 
@@ -166,8 +167,8 @@ def _draw_panel(axes: Any, panel: Panel, result: Result, seconds: float) -> None
 def _panels(
     figure: Figure, results: Sequence[Result], style: Style
 ) -> tuple[Canvas, list[tuple[Any, Panel]]]:
-    """Return the axes of the panels that show something, one below the other; the title names the
-    other panels.
+    """Return a figure and its panels with axes, one below the other. Panels that are zero in all
+    rows are left out, and the title names them.
     """
     shown = [p for p in figure.panels if not p.is_silent(*results)] or list(figure.panels)
     left = ", ".join(panel.ylabel for panel in figure.panels if panel not in shown)
@@ -183,7 +184,7 @@ def _panels(
 
 
 def _prepare(axes: Any, panel: Panel, result: Result) -> None:
-    """Set the scale of axes with the names of a mode, and draw the level of the panel."""
+    """Set the scale of a panel (logarithmic, or the names of a mode), and draw its level line."""
     if panel.log:
         axes.set_yscale("log")
     if names := _modes(panel, result):
@@ -195,15 +196,17 @@ def _prepare(axes: Any, panel: Panel, result: Result) -> None:
 
 
 def _modes(panel: Panel, result: Result) -> tuple[str, ...]:
-    """Return the names of the values of a panel that shows one mode."""
+    """Return the names of the values 0, 1, .. if a panel shows one variable that is a mode, else
+    ().
+    """
     held = list(panel.held(result))
     source = held[0].source if len(held) == 1 else None
     return result.mode_names(source) if isinstance(source, str) and source in result else ()
 
 
 def _shade(axes: Any, panel: Panel, results: Iterable[Result], seconds: float) -> None:
-    """Shade the time in which no drawn quantity acts in any run, such as torques on a frozen
-    attitude.
+    """Shade the time in which the drawn quantities have no effect in any run, such as torques while
+    the attitude is frozen. seconds: length of the unit of the time axis [s].
     """
     if idle := panel.idle(results):
         begin, end = idle
@@ -220,18 +223,18 @@ def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve, seconds: 
     for k, (values, name) in enumerate(curve.lines(history)):
         (line,) = axes.plot(time, values, *given, label=name or None)
         if isinstance(curve.source, str) and curve.convert is None and time is before:
-            line.source = curve.source, None if history.ndim == 1 else k  # for a live page
+            line.source = curve.source, None if history.ndim == 1 else k  # to redraw in a live page
 
 
 # ---- several runs
 
 BAND = (5.0, 50.0, 95.0)
-"""Percentiles of the runs at every time: edges and middle of the band."""
+"""Percentiles over all runs at every time: lower edge, middle line and upper edge of the band."""
 
 
 def _scale(labels: Sequence[str]) -> tuple[str, list[float]]:
-    """Return name and values by which many runs are coloured: the only parameter that varies,
-    otherwise the number of the run.
+    """Return the quantity by which many runs are coloured, and its value for every run: the
+    parameter in labels `NAME=VALUE` if all have the same name, otherwise the number of the run.
     """
     names, _, values = zip(*(label.partition("=") for label in labels), strict=True)
     if len(set(names)) == 1 and all(map(is_number, values)):
@@ -255,7 +258,7 @@ def _colours(labels: Sequence[str]) -> dict[str, Colour]:
 
 
 class _Runs(NamedTuple):
-    """Several runs and their colours by label, and the seconds of the unit of their time."""
+    """Several runs and their colours by label, and the length of the unit of the time axis [s]."""
 
     results: Mapping[str, Result]
     colours: Mapping[str, Colour]
@@ -263,8 +266,8 @@ class _Runs(NamedTuple):
 
     @property
     def looks(self) -> dict[str, dict[str, Any]]:
-        """Return the look of every run by its label: many runs thin, few in the line styles of the
-        style sheet.
+        """Return the line properties of every run by its label: thin lines for many runs, the line
+        styles of the style sheet for few.
         """
         from matplotlib import rcParams
 
@@ -287,8 +290,8 @@ def paint_overlay(
     colours: Mapping[str, Colour] | None = None,
     style: Style = SCREEN,
 ) -> Canvas:
-    """Return the figure of several runs as a figure of matplotlib: one colour per label, one legend
-    or colour scale for all panels.
+    """Return a figure of several runs, given by label, as a figure of matplotlib, with one legend
+    or colour scale for all panels. colours: by label (None: chosen here).
     """
     colours = _colours(list(results)) if colours is None else colours
     runs = _Runs(results, colours, time_axis(*(r.time for r in results.values())).seconds)
@@ -304,7 +307,7 @@ def paint_overlay(
 
 
 def _together(figure: Figure, runs: _Runs, style: Style) -> Canvas:
-    """Draw panels with a curve of every run."""
+    """Return a figure whose panels contain the curves of every run."""
     canvas, panels = _panels(figure, list(runs.results.values()), style)
     for axes, panel in panels:
         for curve in panel.curves:
@@ -318,7 +321,7 @@ def _together(figure: Figure, runs: _Runs, style: Style) -> Canvas:
 
 
 def _name_runs(canvas: Canvas, runs: _Runs) -> None:
-    """Add one legend for all panels, as wide as the names allow."""
+    """Add one legend of all runs below the panels, with as many columns as fit side by side."""
     from matplotlib.lines import Line2D
 
     names, looks = list(runs.results), runs.looks
@@ -343,7 +346,7 @@ def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> None:
 
 
 def _draw_band(axes: Any, histories: Sequence[Array], runs: _Runs) -> None:
-    """Draw the band between percentiles of the runs, if all have the same times."""
+    """Draw the percentiles BAND of one curve over all runs, if all runs have the same times."""
     times = [result.time for result in runs.results.values()]
     if all(np.array_equal(times[0], time) for time in times):
         drawn, time = np.stack(histories), times[0] / runs.seconds

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Appearance of figures on a screen or in a paper: style sheets of matplotlib and what these cannot
-state (widths, titles), the axis of time, legends.
+"""Appearance of figures on a screen or in a paper: style sheets of matplotlib, the widths and
+titles that a style sheet cannot state, the unit of the time axis, legends.
 """
 
 from __future__ import annotations
@@ -21,23 +21,25 @@ from harness.results.result import Array
 
 SHEETS = Path(__file__).parent / "styles"
 NARROW, HOURS = 8.0, 7200.0
-"""Size [in] up to which a figure on the screen goes into one column of a paper; span of time [s]
-from which on it is shown in hours.
+"""Largest width on the screen [in] of a figure that fits into one column of a paper; shortest time
+span [s] that is shown in hours.
 """
 TITLE = 0.75
-"""Width of a title as part of the width of its figure, in characters of the text."""
+"""Largest length of a title line in characters of ordinary text, as a share of the figure width: a
+title has larger characters.
+"""
 MANY = 10
-"""Number of runs from which on their names do not fit into a legend."""
+"""Smallest number of runs that are drawn with a colour scale, since a legend would be too long."""
 
 
 @dataclass(frozen=True)
 class Style:
     """Look of figures for the screen or a paper.
 
-    sheets: style sheets, the later ones override the earlier; column, page: width of a figure in
-    one column and across the page [in], None: the size of the screen; stretch: height of a figure
-    in a column relative to the same figure on the screen; titled: whether figures have titles
-    (in a paper the caption states them).
+    sheets: style sheets, a later one overrides an earlier one; column, page: width [in] of a figure
+    in one column and of a figure across the page (None: the size on the screen); stretch: factor on
+    the height of a figure in a column, besides the factor on its width; titled: whether figures
+    have titles (in a paper the caption states them).
     """
 
     name: str
@@ -53,7 +55,7 @@ class Style:
         return self.column is not None
 
     def size(self, size: tuple[float, float]) -> tuple[float, float]:
-        """Return width and height of a figure [in] by its size on the screen [in]."""
+        """Return width and height of a figure in this style [in]; size: on the screen [in]."""
         if self.column is None or self.page is None:
             return size
         if size[0] > NARROW:
@@ -80,14 +82,16 @@ STYLES = {style.name: style for style in (SCREEN, PAPER, SERIF)}
 
 
 def style_of(name: str) -> Style:
-    """Return the style of a name; raise UsageError if there is no such style."""
+    """Return the style with this name; raise UsageError if there is no such style."""
     if name not in STYLES:
         raise UsageError(f"there is no style {name}, only {', '.join(STYLES)}")
     return STYLES[name]
 
 
 def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
-    """Return a figure of matplotlib without a window and without pyplot's global state."""
+    """Return an empty figure of matplotlib, which opens no window and does not use pyplot; size: on
+    the screen [in].
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -100,7 +104,9 @@ def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> 
 
 
 def save(canvas: Any, path: Path) -> Path:
-    """Write a canvas of new_canvas() to a file; ResultsError if that fails."""
+    """Write a figure from new_canvas() to a file and return its path; raise ResultsError if that
+    fails.
+    """
     undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with written(path) as target:
         canvas.savefig(target, metadata=undated.get(path.suffix))
@@ -108,8 +114,8 @@ def save(canvas: Any, path: Path) -> Path:
 
 
 def place_of(colour: Any) -> Any:
-    """Return the number of a colour in the palette: 3 for `C3`, otherwise the number of the most
-    similar colour of the style sheet; "ink" for black.
+    """Return the index of a colour in the colour cycle of the style sheet: 3 for `C3`, "ink" for
+    black, otherwise the index of the most similar colour.
     """
     from matplotlib import rcParams
     from matplotlib.colors import to_rgb
@@ -125,7 +131,7 @@ def place_of(colour: Any) -> Any:
 
 
 class TimeAxis(NamedTuple):
-    """Unit of a time axis and its seconds."""
+    """Unit of a time axis ("s" or "h") and the length of this unit in seconds."""
 
     unit: str
     seconds: float
@@ -137,7 +143,9 @@ class TimeAxis(NamedTuple):
 
 
 def time_axis(*times: Array) -> TimeAxis:
-    """Return hours if all these histories together span HOURS or more, otherwise seconds."""
+    """Return the unit for the time axis of several runs, given by their times [s]: hours if the
+    longest run lasts HOURS or more, otherwise seconds.
+    """
     span = max((t[-1] - t[0] for t in times if len(t)), default=0.0)
     return TimeAxis("h", 3600.0) if span >= HOURS else TimeAxis("s", 1.0)
 
@@ -146,26 +154,26 @@ def time_axis(*times: Array) -> TimeAxis:
 
 
 def wrapped(label: str, length: float) -> str:
-    """Return a label of an axis in lines of at most `length` inches, without breaking units."""
+    """Return an axis label in lines of at most `length` inches, without a line break in a unit."""
     whole = re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), label)
     return textwrap.fill(whole, max(int(length / _character()), 8), break_long_words=False)
 
 
 def fitting(names: Sequence[str], width: float) -> int:
-    """Return how many entries of a legend fit side by side into `width` inches."""
+    """Return how many legend entries with these names fit side by side into `width` inches."""
     entry = _character() * (5 + max(map(len, names)))
     return min(max(int(width / entry), 1), len(names))
 
 
 def _character() -> float:
-    """Return the mean width of a character [in]."""
+    """Return the mean width of a character of ordinary text [in]."""
     from matplotlib import rcParams
 
     return 0.55 / 72 * float(rcParams["font.size"])
 
 
 def legend_above(axes: Any, handles: Sequence[Any] | None = None) -> None:
-    """Add a legend between a panel and the panel above, where it hides no curve."""
+    """Add a legend above a panel, where it hides no curve; handles: curves (None: all labelled)."""
     shown = handles or axes.get_legend_handles_labels()[0]
     if shown:
         width = axes.figure.get_figwidth() / axes.get_subplotspec().get_geometry()[1]
