@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Conformance checks of FMI 2.0 and FMI 3.0: a path enters, findings leave, without any FMI call.
+"""Checks whether an FMU conforms to FMI 2.0 or FMI 3.0: from its path to errors and warnings,
+without an FMI call.
 
-An error means that an FMU cannot be run. A warning is a deviation from the standard.
+An error means that the FMU cannot be run. A warning is a deviation from the standard.
 """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Check of a .fmu: its archive, the schemas of its XML files, the rules of the standard that an FMU
-must follow to be run (FMI 2.0, 2.2; FMI 3.0, 2.4).
+"""Check of a .fmu: its archive, its XML files against their schemas, and the rules of the standard
+that an FMU must follow to be run (FMI 2.0, section 2.2; FMI 3.0, section 2.4).
 
-An FMU that breaks one of these rules is ambiguous: nothing defines what would be run. Other
+The description of an FMU that breaks one of these rules is ambiguous, so the FMU is rejected. Other
 deviations from the standard are warnings (harness.conformance.deviations).
 """
 
@@ -36,7 +36,7 @@ FURTHER = {
 
 @dataclass(frozen=True)
 class Findings:
-    """Errors and warnings, one line each, and the description, None if it cannot be read."""
+    """Errors and warnings of an FMU, one line each, and its description (None: unreadable)."""
 
     errors: tuple[str, ...]
     warnings: tuple[str, ...] = ()
@@ -65,7 +65,9 @@ def examine(path: Path) -> Findings:
 
 
 def _further(path: Path, name: str, schema: str) -> tuple[XmlElement, tuple[str, ...]]:
-    """Return the root of another XML file, None if it cannot be read, and its violations."""
+    """Return the root of a further XML file of an FMU (None: unreadable), and its violations of the
+    schema, one line each.
+    """
     try:
         root = parsed(read_entry(path, name))
     except (ArchiveError, UnsafeXmlError) as error:
@@ -95,7 +97,9 @@ def _other_kind(root: XmlElement) -> str | None:
 
 
 def _violations(root: XmlElement) -> tuple[str, ...]:
-    """Return violations of the schema of the version; in FMI 2.0 also variables without a type."""
+    """Return the violations of the schema for the FMI version of a description, one line each; in
+    FMI 2.0 also variables without a type, which the schema permits.
+    """
     if root.get("fmiVersion").startswith("3."):
         return _schema_violations(root, "fmi3ModelDescription", FILE)
     return _schema_violations(root, "fmi2ModelDescription", FILE) or tuple(
@@ -113,7 +117,7 @@ def _schema_violations(root: XmlElement, name: str, file: str) -> tuple[str, ...
 
 @lru_cache
 def fmpy_schema(*place: str) -> Any:
-    """Return a schema of FMI or SSP from its place in FMPy."""
+    """Return a schema of FMI or SSP from FMPy; place: its path inside the package, part by part."""
     return etree.XMLSchema(file=str(Path(fmpy.__file__).parent.joinpath(*place)))
 
 
@@ -125,16 +129,18 @@ def _lines(texts: Iterable[str]) -> tuple[str, ...]:
 
 
 MOST = 10**6
-"""Elements of one array; a larger size is treated as a mistake."""
+"""Largest number of elements of one array; a larger one is rejected as a mistake."""
 
 
 def errors(d: Description) -> Iterator[str]:
-    """Yield a line per broken rule."""
+    """Yield a line for every rule that a description breaks and without which it cannot be run."""
     return chain(_interfaces(d), _names(d), _definitions(d), _arrays(d), _identities(d))
 
 
 def _interfaces(d: Description) -> Iterator[str]:
-    """Check that the library has a name, not a path, and each interface one description."""
+    """Check that the library of each interface has a name that is no path, and that each kind of
+    interface (such as CoSimulation) occurs once.
+    """
     for name in d.identifiers:
         if not name or set(name) & set("/\\:\0") or name in (".", ".."):
             yield f"modelIdentifier '{name}' is not the name of a library"
@@ -154,7 +160,7 @@ def _names(d: Description) -> Iterator[str]:
 
 
 def _definitions(d: Description) -> Iterator[str]:
-    """Check that types and variables that are referenced exist."""
+    """Check that the types and variables exist to which others refer."""
     for v in d.variables:
         if v.type_name and v.type_name not in d.types:
             yield f"{v}: its type {v.type_name} is not defined"
@@ -169,8 +175,8 @@ def _definitions(d: Description) -> Iterator[str]:
 
 
 def _arrays(d: Description) -> Iterator[str]:
-    """Check that the size of an array is a number or a structural parameter, and that it has one
-    start value per element or one for all.
+    """Check that the size of every array is a number or a structural parameter, and that the array
+    has one start value per element or one for all.
     """
     for v in d.variables:
         yield from (f"{v}: {text}" for text in _array(d, v))
@@ -190,7 +196,7 @@ def _array(d: Description, v: Declared) -> Iterator[str]:
 
 
 def _identities(d: Description) -> Iterator[str]:
-    """Check that in FMI 3.0 one variable is independent and value references are unique."""
+    """Check that an FMU of FMI 3.0 has one independent variable and unique value references."""
     if d.fmi != 3:
         return
     times = [v.name for v in d.variables if v.causality == "independent"]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Model description of an FMU for the conformance checks: XML elements of FMI 2.0 and FMI 3.0 in
-the terms of FMI 2.0, with the defaults of the standard.
+"""Model description of an FMU for the conformance checks: XML elements of FMI 2.0 and FMI 3.0 with
+the types and terms of FMI 2.0, and with the default values that the standard defines.
 """
 
 from __future__ import annotations
@@ -25,10 +25,13 @@ NUMBERS = {
     "Boolean": "Boolean",
     "Enumeration": "Enumeration",
 }
-"""Types of FMI 3.0 that fit on the bus, and the corresponding type of FMI 2.0."""
+"""Types of FMI 3.0 whose values are numbers, so that components can exchange them, with the
+corresponding type of FMI 2.0.
+"""
 
 KINDS = {**NUMBERS, "String": "String", "Binary": "Binary", "Clock": "Clock"}
-"""All types of FMI 3.0, and the corresponding type of FMI 2.0 where it has one."""
+"""All types of FMI 3.0, with the corresponding type of FMI 2.0, or their own name if there is none.
+"""
 
 _ANY, _FIXED = ("discrete", "continuous"), ("fixed", "tunable")
 _COMPUTED, _FREE = ("calculated", "approx"), ("calculated", "exact", "approx")
@@ -44,23 +47,25 @@ INITIAL: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("local", "constant"): ("exact",),
     ("independent", "continuous"): ("",),
 }
-"""Permitted values of `initial` by causality and variability, the default first, "" if it is not
-given (FMI 2.0, 2.2.7). No other pairs are permitted.
+"""Permitted values of the attribute `initial` by causality and variability, the default first; "":
+the attribute must be missing (FMI 2.0, 2.2.7). Other pairs of causality and variability are not
+permitted.
 """
 INITIAL_3 = {
     **INITIAL,
     **{("structuralParameter", v): ("exact",) for v in _FIXED},
     **{("input", v): ("", "exact") for v in _ANY},
 }
-"""The same in FMI 3.0 (2.4.7.5)."""
+"""Permitted values of `initial` in FMI 3.0 (2.4.7.5), like INITIAL."""
 
 
 @dataclass(frozen=True, eq=False)
 class Declared:
     """Variable of a model description.
 
-    type: Real, Integer, Boolean, String, Enumeration, Binary or Clock. written: its name in the
-    file. own: attributes of the variable. all: attributes of the variable and of its declared type.
+    type: Real, Integer, Boolean, String, Enumeration, Binary or Clock; written: the type as the
+    file names it, such as Float64; own: attributes of the variable; all: attributes of the variable
+    and of its declared type.
     """
 
     element: XmlElement
@@ -85,7 +90,7 @@ class Declared:
 
     @property
     def access(self) -> str:
-        """Return the type of the FMI functions that read and set the variable."""
+        """Return the type in the names of the FMI functions that read and set the variable."""
         if self.type == "Enumeration":
             return "Int64" if self.fmi == 3 else "Integer"
         return self.written
@@ -97,8 +102,8 @@ class Declared:
 
     @property
     def variability(self) -> str:
-        """Return the variability. The default is continuous; in FMI 3.0 it depends on causality and
-        type.
+        """Return the variability. Without the attribute it is continuous; in FMI 3.0 it is fixed
+        for a parameter and discrete for another variable that is not Real.
         """
         default = "continuous"
         if self.fmi == 3 and self.causality.lower().endswith("parameter"):
@@ -117,7 +122,7 @@ class Declared:
 
     @property
     def initial(self) -> str:
-        """Return `initial`, by default from causality and variability."""
+        """Return the attribute `initial`, or else its default for causality and variability."""
         return self.own.get("initial", (*self.initials, "")[0])
 
     @property
@@ -140,7 +145,9 @@ class Declared:
 
     @property
     def derivative(self) -> int | None:
-        """Return the number of the state of which this variable is the derivative."""
+        """Return the number of the state whose derivative this variable is, None if it is none; see
+        Description.numbered().
+        """
         return int(self.own["derivative"]) if "derivative" in self.own else None
 
     def attribute(self, name: str) -> str | None:
@@ -148,14 +155,15 @@ class Declared:
         return self.all.get(name)
 
     def number(self, name: str) -> float | None:
-        """Return such an attribute as a number."""
+        """Return an attribute of the variable or its declared type as a number, None if missing."""
         return float(self.all[name]) if name in self.all else None
 
 
 @dataclass(frozen=True)
 class Description:
-    """Root element of a model description and names of all files of the archive; in FMI 3.0 also
-    the roots of sources/buildDescription.xml and terminalsAndIcons.xml, None if they are missing.
+    """Model description of an FMU: its root element, the names of all files of the archive, and in
+    FMI 3.0 the roots of sources/buildDescription.xml (`build`) and terminalsAndIcons.xml
+    (`terminals`), None if they are missing.
     """
 
     root: XmlElement
@@ -179,21 +187,21 @@ class Description:
 
     @cached_property
     def types(self) -> dict[str, XmlElement]:
-        """Return the definitions of types by name, elements Real, Float64Type, ...; the last one
-        counts if two have the same name.
+        """Return the elements that define types (Real, Float64Type, ...) by the name of the type.
+        Of two with the same name the last is returned.
         """
         found = {e.get("name"): e for e in self.every("TypeDefinitions/*")}
         return found if self.fmi == 3 else {name: e[0] for name, e in found.items()}
 
     @cached_property
     def enumerations(self) -> dict[str, list[XmlElement]]:
-        """Return the items of the enumerations by name."""
+        """Return the items of every enumeration by the name of its type."""
         found = {name: e.findall("Item") for name, e in self.types.items()}
         return {name: items for name, items in found.items() if items}
 
     @cached_property
     def units(self) -> dict[str, set[str]]:
-        """Return the names of the display units by unit."""
+        """Return the names of the display units of every unit by the name of the unit."""
         return {
             e.get("name"): {d.get("name") for d in e.iterfind("DisplayUnit")}
             for e in self.every("UnitDefinitions/Unit")
@@ -227,11 +235,15 @@ class Description:
         return dict(enumerate(self.variables, 1))
 
     def numbered(self, number: int) -> Declared | None:
-        """Return the variable with a number: its index from 1, in FMI 3.0 its value reference."""
+        """Return the variable with a number, which is its index from 1 in FMI 2.0 and its value
+        reference in FMI 3.0; None if there is none.
+        """
         return self._by_number.get(number)
 
     def aliases(self) -> list[list[Declared]]:
-        """Return groups of variables that share a value reference, in FMI 2.0 also the type."""
+        """Return groups of variables with equal value references. In FMI 2.0 each type has its own
+        value references, so that the types are equal too.
+        """
         found: dict[tuple[str, int], list[Declared]] = {}
         for v in self.variables:
             access = "" if self.fmi == 3 else v.access
@@ -266,8 +278,8 @@ class Description:
 
     @property
     def lists(self) -> dict[str, str]:
-        """Return the paths of the entries of the model structure by their list: outputs,
-        derivatives, initial unknowns.
+        """Return the XML paths of the entries of the model structure, by the name of their list:
+        outputs, derivatives, initial unknowns, and in FMI 3.0 clocked states.
         """
         if self.fmi == 3:
             kinds = ("Output", "ContinuousStateDerivative", "InitialUnknown", "ClockedState")
@@ -276,13 +288,15 @@ class Description:
         return {kind: f"ModelStructure/{kind}/Unknown" for kind in lists}
 
     def entries(self) -> Iterator[tuple[str, XmlElement, int]]:
-        """Yield list, element and number of the variable of all entries of the model structure."""
+        """Yield all entries of the model structure: name of the list, element, and number of the
+        variable.
+        """
         name = "valueReference" if self.fmi == 3 else "index"
         for kind, path in self.lists.items():
             yield from ((kind, e, int(e.get(name))) for e in self.every(path))
 
     def listed(self, name: str) -> list[Declared]:
-        """Return the existing variables of a list of the model structure."""
+        """Return the variables in a list of the model structure, without missing ones."""
         found = (self.numbered(number) for kind, _, number in self.entries() if kind == name)
         return [v for v in found if v is not None]
 
@@ -296,7 +310,10 @@ def twice(values: Iterable[Hashable]) -> list[Any]:
 
 
 def repeated(root: XmlElement, attributes: Mapping[str, str]) -> Iterator[str]:
-    """Yield a line per element that shares the value of an attribute with a sibling."""
+    """Yield a line for every element that has the same value of an attribute as a sibling.
+
+    attributes: name of the attribute by the XML path of the elements; root: None for no elements.
+    """
     for path, name in attributes.items():
         seen = set()
         for e in () if root is None else root.iterfind(path):
@@ -307,8 +324,8 @@ def repeated(root: XmlElement, attributes: Mapping[str, str]) -> Iterator[str]:
 
 
 def without_variables(description: Description) -> bytes:
-    """Return the description without variables and structure in UTF-8, which FMPy can always
-    read.
+    """Return a model description without variables and model structure as XML in UTF-8, which FMPy
+    can read regardless of faults in these parts.
     """
     copy = deepcopy(description.root)
     for name in ("ModelVariables", "ModelStructure"):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rules that an FMU may break and still be run, although another tool may reject it (FMI 2.0, 2.2
-and 2.3; FMI 3.0, 2.4 and 2.5).
+"""Rules of the standard that an FMU may break and still be run here, although another tool may
+reject it (FMI 2.0, sections 2.2 and 2.3; FMI 3.0, sections 2.4 and 2.5).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ UNIQUE = {
     "Annotations/Annotation": "type",
     "ModelVariables/*/Annotations/Annotation": "type",
 }
-"""Attribute that must differ between sibling elements, by the path of the elements."""
+"""Attribute that must differ between sibling elements, by the XML path of the elements."""
 
 TOP = (
     *("modelDescription.xml", "documentation", "sources", "binaries", "resources", "extra"),
@@ -51,8 +51,8 @@ def deviations(d: Description) -> Iterator[str]:
 
 
 def _identity(d: Description) -> Iterator[str]:
-    """Check that model identifiers are C identifiers, that names and guid are given, and that
-    sibling elements have unique names.
+    """Check that model identifiers are C identifiers, that modelName and guid are not empty, that
+    at most one variable is independent, and that sibling elements have unique names.
     """
     for name in d.identifiers:
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
@@ -108,8 +108,8 @@ def _units(d: Description) -> Iterator[str]:
 
 
 def _dependencies(d: Description) -> Iterator[str]:
-    """Check that every dependency has a kind, and that initial unknowns use only the kinds
-    dependent and constant.
+    """Check that every dependency has a kind if any has, that initial unknowns of FMI 2.0 use only
+    the kinds dependent and constant, and that no initial unknown is a clock.
     """
     for kind, e, number in d.entries():
         place = f"ModelStructure/{kind} (line {e.sourceline})"
@@ -125,8 +125,8 @@ def _dependencies(d: Description) -> Iterator[str]:
 
 
 def _structure(d: Description) -> Iterator[str]:
-    """Check that the model structure lists all outputs, derivatives with their state, and as
-    initial unknowns all calculated outputs, parameters, states and derivatives.
+    """Check that the model structure lists all outputs, that every listed derivative has a state,
+    and that the initial unknowns are all calculated outputs, parameters, states and derivatives.
     """
     outputs, derivatives, unknowns, *_ = d.lists
     expected = {v for v in d.variables if v.causality == "output"}
@@ -156,8 +156,8 @@ def _difference(kind: str, expected: set[Declared], listed: set[Declared]) -> It
 
 
 def _aliases(d: Description) -> Iterator[str]:
-    """Check variables that share a value reference: at most one can be set, all or none are
-    constants, and they have the same unit.
+    """Check variables with equal value references: at most one of them can be set, all or none are
+    constants, and all have the same unit.
     """
     for group in d.aliases():
         free = [v for v in group if _settable(v)]
@@ -241,7 +241,9 @@ def _starts(d: Description, v: Declared) -> Iterator[str]:
 
 
 def _limits(d: Description, v: Declared) -> Iterator[str]:
-    """Check start values against the limits, that nominal is not zero and that units exist."""
+    """Check that start values are within the limits, that nominal is not zero and that units are
+    defined.
+    """
     low, high = (float(v.attribute(name) or end) for name, end in (("min", "-inf"), ("max", "inf")))
     if low > high:
         yield f"min {low:g} exceeds max {high:g}"
@@ -266,7 +268,9 @@ OF_VARIABLES: tuple[Callable[[Description, Declared], Iterator[str]], ...] = (
 
 
 def _build(d: Description) -> Iterator[str]:
-    """Check that source files have a build description that belongs to an interface."""
+    """Check that an FMU with C files has a build description, and that this names existing
+    interfaces, the compiler of any options, and no file twice.
+    """
     if d.build is None:
         if any(name.startswith("sources/") and name.endswith(".c") for name in d.files):
             yield "sources/buildDescription.xml is missing; source files need it"
@@ -282,7 +286,9 @@ def _build(d: Description) -> Iterator[str]:
 
 
 def _terminals(d: Description) -> Iterator[str]:
-    """Check that terminals exist, have unique names, and that their members are variables."""
+    """Check that the list of terminals is not empty, that terminals have unique names, and that
+    their members are existing variables.
+    """
     if d.terminals is None:
         return
     file = "terminalsAndIcons.xml"
