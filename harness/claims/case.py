@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Cases of a paper as data: a system of the project with one of its parameter sets, and how a
-result deviates from it.
+"""Comparison of a result with the cases of a paper (system and parameter set for which the paper
+states its claims), and of the FMUs with published reference values.
 
-The settings of a run are compared with the present system: FMUs, parameters, time span, macro step,
-order of execution. A verdict on a paper requires that nothing deviates.
+The settings of the run are compared with the present system of the case: FMUs, parameters, time
+span, macro step, order of execution. Only a result without deviations gives a verdict on a paper.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from harness.ssp.library import load
 from harness.system.values import base
 
 SHOWN = 4
-"""Number of deviations in a list."""
+"""Largest number of deviations that a line lists."""
 ROUNDING = 1e-12
-"""Largest relative difference of equal parameters."""
+"""Largest relative difference at which two values of a parameter count as equal."""
 
 
 def unlike(paper: Paper, result: Result) -> list[str]:
-    """Return how a result differs from the nearest case of a paper, one text each."""
+    """Return the deviations of a result from the case of a paper with the fewest, a text each."""
     if paper.cases and result.parameters is None:
         return ["the file does not contain the parameters of the run"]
     known = (_deviations(result, case) for case in paper.cases)
@@ -42,7 +42,9 @@ def unlike(paper: Paper, result: Result) -> list[str]:
 
 
 def _deviations(result: Result, case: Case) -> list[str] | None:
-    """Return how a result differs from a case; None if the case is not available."""
+    """Return the deviations of a result from a case, a text each; None if the system of the case is
+    not available.
+    """
     path = paths.systems().get(case.system)
     if path is None:
         return None
@@ -58,14 +60,19 @@ def _deviations(result: Result, case: Case) -> list[str] | None:
 
 @lru_cache(maxsize=64)
 def _settings(case: Case, path: Path, _modified: int) -> tuple[Provenance, Result]:
-    """Return provenance and parameters of the run of a case, without running it."""
+    """Return provenance and parameters that a run of a case has, without running it; path: its
+    system.
+    """
     with load(path) as system:
         simulation = Simulation(system, params=case.params, swap=dict(case.swap))
         return run_provenance(simulation.system, "c", 1), simulation.parameters()
 
 
 def _schedule_differences(result: Result, wanted: Provenance, free: Sequence[str]) -> Iterator[str]:
-    """Yield differences in time span, order of execution and FMUs."""
+    """Yield differences in time span, macro step, order of execution and FMUs, a text each.
+
+    free: names that may differ, such as "stop".
+    """
     ours = result.provenance
     end = float(result.time[-1]) if len(result.time) else np.nan
     if "stop" not in free and not np.isclose(end, wanted.stop or 0.0, rtol=1e-9):
@@ -92,7 +99,9 @@ def _component_differences(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iter
 
 
 def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) -> Iterator[str]:
-    """Yield parameters with other values, among the FMUs that both runs have."""
+    """Yield a text for every parameter that exists in both runs with different values, except those
+    in `free`.
+    """
     ours = result.parameters
     assert ours is not None
     for name in dict.fromkeys(map(base, wanted.columns)):
@@ -105,7 +114,7 @@ def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) 
 
 
 def listed(texts: Sequence[str]) -> str:
-    """Return the first deviations in one line, and how many more there are."""
+    """Return the first SHOWN deviations in one line, and the number of further ones."""
     unlike = list(dict.fromkeys(texts))
     more = f"; and {len(unlike) - SHOWN} more" if len(unlike) > SHOWN else ""
     return "; ".join(unlike[:SHOWN]) + more
@@ -115,8 +124,8 @@ def listed(texts: Sequence[str]) -> str:
 
 
 def validate(names: Sequence[str] | None = None) -> list[Row]:
-    """Return one row per quantity of the cases with these names, or of all cases; raise UsageError
-    for an unknown name.
+    """Return the comparison with published reference values, one row per quantity, for the cases
+    with these names (None: all cases); raise UsageError for an unknown name.
     """
     offered = everything().validations
     known = {name: each for each in offered for name in each.names()}
@@ -128,7 +137,9 @@ def validate(names: Sequence[str] | None = None) -> list[Row]:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the rows as plain text, one line per quantity, and the number of cases that agree."""
+    """Return the rows as plain text, one line per quantity, with the number of cases that agree at
+    the end.
+    """
     head = ("case", "quantity", "difference", "tolerance", "unit", "verdict")
     cells = [
         (r.case, r.quantity, f"{r.difference:.2g}", f"{r.tolerance:.2g}", r.unit, r.verdict)
@@ -138,7 +149,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def agreement(rows: Sequence[Row]) -> str:
-    """Return the number of cases that agree, as text."""
+    """Return a text with the number of cases in which all quantities are within tolerance."""
     cases = {row.case for row in rows}
     agree = cases - {row.case for row in rows if not row.within}
     return f"{len(agree)} of {len(cases)} cases agree"

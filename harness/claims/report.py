@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Report of the claims of a paper, the values of a result and the verdicts as plain text, claim by
-claim.
+"""Report of a result as plain text: its requirements, and for every claim of a paper the text, the
+value of the result and the verdict; then the findings of the safety monitor.
 
-The mission of a result lists the papers. The variables of the result determine which paper it
-belongs to. The findings of the safety monitor of the run follow.
+The mission of a result lists the papers. The variables of the result determine to which of them it
+belongs.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from harness.spelling import columns
 WIDTH = 120
 OTHER = "not the case of the paper"
 CELL = "    {:12}"
-"""Start of a line about a claim, with the name of its value."""
+"""Format of the beginning of a line about a claim: "our value", "reproduced", "partly", "verdict".
+"""
 CELLS = len(CELL.format(""))
 
 
 class Line(NamedTuple):
-    """Line or paragraph of a report with its indentation `start`; verdict: on the paper, if it is
-    one.
+    """Line or paragraph of a report. verdict: the verdict that the line states, to be coloured, or
+    None; start: text in front of its first line, as wide as the indentation of further lines.
     """
 
     text: str
@@ -71,15 +72,15 @@ def _paragraphs(result: Result) -> Iterator[Line]:
 
 
 def _without_claims(result: Result) -> str:
-    """Return the statement that no paper belongs to a result, with a possible reason."""
+    """Return a text which states that no paper belongs to a result, with a possible reason."""
     text = f"{result.system}: no claims of a paper apply to this result"
     hint = " (the file lacks the parameters by which some papers are recognised)"
     return text if result.parameters else text + hint
 
 
 def outcomes(result: Result) -> list[Outcome]:
-    """Return all claims about a result; "not reproduced" only if the result is the case of the
-    paper.
+    """Return the outcomes of all claims about a result. The verdict "not reproduced" is left out if
+    the result deviates from the cases of the paper.
     """
     return [
         Outcome(Kind.CLAIM, claim.name, found.verdict, f"{claim.name}: {_outcome(found)}")
@@ -94,7 +95,7 @@ def _outcome(found: Judgement) -> str:
 
 
 class PaperJudgements(NamedTuple):
-    """The claims of a paper with their judgements, and how the run differs from its cases."""
+    """Claims of a paper with their judgements, and deviations of the run from the paper's cases."""
 
     paper: Paper
     claims: list[tuple[Claim, Judgement]]
@@ -102,7 +103,7 @@ class PaperJudgements(NamedTuple):
 
 
 def judgements(result: Result) -> list[PaperJudgements]:
-    """Return all papers that apply to a result, with their judgements."""
+    """Return all papers to which a result belongs, with the judgements of their claims."""
     return [
         PaperJudgements(
             paper,
@@ -115,7 +116,7 @@ def judgements(result: Result) -> list[PaperJudgements]:
 
 
 def _section(result: Result, paper: PaperJudgements) -> Iterator[Line]:
-    """Yield the claims of a paper."""
+    """Yield the lines about a paper: title, deviations of the run, claims, counts of verdicts."""
     yield from (Line(""), Line(paper.paper.title), Line(""), Line(f"Run {result.summary}"))
     if paper.deviations:
         yield Line(f"Not the case of the paper: {listed(paper.deviations)}")
@@ -129,8 +130,10 @@ def _section(result: Result, paper: PaperJudgements) -> Iterator[Line]:
 
 
 def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
-    """Yield the lines of the judgement of a claim; other: whether the run is not a case of the
-    paper, so that the verdict has no colour, and a note unless it is open.
+    """Yield the lines with value, criteria and verdict of a claim.
+
+    other: whether the run is not a case of the paper. The verdict then has no colour, and a note
+    states this unless the verdict is open.
     """
     cells = {
         "our value": found.value,
@@ -152,8 +155,8 @@ def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:
 
 
 def safety(mission: Mission, result: Result) -> str:
-    """Return one line per rule in force; "" if no monitor observed the run, or no rule was in
-    force.
+    """Return a table with one line per safety rule in force during the run; "" if there is none, or
+    no monitor in the system.
     """
     rows = [
         (each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit)
