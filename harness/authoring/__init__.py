@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Controllers and missions of the user: folders with a source that runs unchanged, and FMUs built
-from such sources. Files of a system for other tools: one .ssp, one FMU, or C.
+"""Creation of components and missions of the user (folders whose content runs unchanged), builds of
+FMUs from source files, and export of a system for other tools as one .ssp, one FMU, or C.
 """

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Build of an FMU from one C or Python file, in the source tree and from an installed package."""
+"""Build of an FMU from one C or Python file or a learned policy, in the source tree and from an
+installed package.
+"""
 
 from __future__ import annotations
 
@@ -31,10 +33,10 @@ def build(
 ) -> Path:
     """Build an FMU from a C or Python file, or from a policy, and return its path.
 
-    name: the file, or a folder NAME with NAME.c or NAME.py, or a policy .npz or .onnx; output:
-    default NAME.fmu beside the file; compiler: command for C with its arguments, quoted as in a
-    shell; fmi: version of FMI, 2 or 3 (3: not of a Python file). Raises UsageError if the file, the
-    compiler or a package is missing, and FmuError with the message of the compiler.
+    name: the file, a folder NAME with NAME.c or NAME.py, or a policy .npz or .onnx; output: path of
+    the FMU (default: NAME.fmu beside the file); compiler: command for C with its arguments, quoted
+    as in a shell; fmi: version of FMI, 2 or 3 (a Python file: 2 only). Raises UsageError if the
+    file, the compiler or a package is missing, and FmuError with the message of the compiler.
     """
     source = _source(Path(name))
     target = Path(output) if output is not None else source.with_suffix(".fmu")
@@ -54,12 +56,14 @@ def build(
             made = _build_python(source, Path(folder))
         with written(target) as file:
             shutil.copyfile(made, file)
-    read_interface(target)  # a source may define an FMU that is not valid
+    read_interface(target)  # raises FmuError if the source defines an invalid FMU
     return target
 
 
 def _source(path: Path) -> Path:
-    """Return the source file at a path, which may be a folder NAME with NAME.c or NAME.py."""
+    """Return the source file at a path, which may be a folder NAME with one file NAME.c, NAME.py,
+    NAME.npz or NAME.onnx; raise UsageError if there is none or more than one.
+    """
     inside = [path / f"{path.resolve().name}{ending}" for ending in ENDINGS]
     there = [file for file in (path, *inside) if file.suffix in ENDINGS and paths.is_file(file)]
     if len(there) == 1:
@@ -73,8 +77,8 @@ def _source(path: Path) -> Path:
 
 
 def compiler_command(compiler: str) -> tuple[Path, list[str]]:
-    """Return the folder of the C code that FMUs share, and the command of a compiler; raise
-    UsageError if one of them is missing.
+    """Return the folder of the C code that FMUs share, and a compiler command split into words;
+    raise UsageError if the folder or the compiler is missing.
     """
     if (core := paths.core()) is None:
         raise UsageError("the C sources of the project are missing: reinstall servicing-fmus")
@@ -112,8 +116,8 @@ def _build_python(source: Path, folder: Path) -> Path:
 
 
 def _complete(path: Path) -> None:
-    """Write what FMI 2.0 demands of a description and PythonFMU leaves out: outputs among the
-    InitialUnknowns (2.2.8), a guid in braces (2.2.1).
+    """Add to an FMU of PythonFMU two parts of its model description that FMI 2.0 requires and
+    PythonFMU omits: outputs among the InitialUnknowns (2.2.8), braces around the guid (2.2.1).
     """
     content = read_all(path)
     root = parsed(content[DESCRIPTION])
@@ -129,7 +133,9 @@ def _complete(path: Path) -> None:
 
 
 def _run(command: Sequence[str], source: Path) -> None:
-    """Run a builder; raise FmuError with its complete output if it fails."""
+    """Run the command that builds an FMU from `source`; raise FmuError with all of its output if it
+    fails.
+    """
     done = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
         check=False, stdin=subprocess.DEVNULL,

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""C interface of components without FMI: sources, parameter tables, and reference vectors from a
-run. core/build/c_api.py writes the files.
+"""Export of components as C functions without FMI: their sources, tables of parameters, and
+reference vectors (inputs and outputs of a run, to compare with). core/build/c_api.py writes the
+files.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ from harness.system.interface import unpacked_sources
 from harness.system.model import DEFAULT_SET, System
 
 STEPS = 100
-"""Steps of the reference vectors, after the first outputs."""
+"""Largest number of component steps in the reference vectors, after the first outputs."""
 
 
 def write_components(
     fmus: Sequence[str], folder: Path, place: str | None = None, compiler: str = "cc"
 ) -> list[str]:
-    """Write the C interface of FMUs, given by name or path, and return their names.
+    """Write the C interface of FMUs, given by name or path, into a folder, and return their names.
 
-    place: `SYSTEM.COMPONENT` for the parameter sets and the run (default: found by the name of the
-    FMU). Raises UsageError, FmuError, RunError.
+    place: `SYSTEM.COMPONENT` in which the FMU runs for the reference vectors and whose parameter
+    sets are written (default: a system that has the FMU). Raises UsageError, FmuError, RunError.
     """
     parts: list[_Part] = []
     for group in groups(fmus, place):
@@ -62,7 +63,9 @@ def write_system(
 
 
 class _Part(NamedTuple):
-    """Component with its parameter tables and its rows of a run."""
+    """Component with its description `text`, one table of parameters per parameter set, and its
+    reference vectors `run`.
+    """
 
     fmu: Path
     text: str
@@ -71,7 +74,9 @@ class _Part(NamedTuple):
 
 
 def _parts(system: System, names: Sequence[str], sets: Sequence[System]) -> list[_Part]:
-    """Return the parts of a system; sets: the system with each of its parameter sets."""
+    """Return the named components of a system with tables and reference vectors; sets: the system
+    once with each of its parameter sets.
+    """
     nodes = {node.component.name: node for node in build_graph(system).nodes}
     several = [nodes[name].interface.path for name in names]
     values = {label: dict(_values(each)) for each in sets for label in [_label(each)]}
@@ -98,7 +103,7 @@ def _label(system: System) -> str:
 
 
 def _values(system: System) -> Iterator[tuple[str, Mapping[str, float]]]:
-    """Yield the values of all parameters by component."""
+    """Yield pairs of the name of a component and the values of all its parameters by name."""
     for node in build_graph(system).nodes:
         own: dict[str, Any] = {n: v.start for n, v in node.interface.named("parameter").items()}
         given = {s.variable.name: s.value for s in node.settings if s.variable.name in own}
@@ -106,8 +111,8 @@ def _values(system: System) -> Iterator[tuple[str, Mapping[str, float]]]:
 
 
 def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return step [s], variable names and rows (time, values) of the first steps of components, by
-    the name of the component.
+    """Run a system for up to STEPS steps of each named component, and return for every component:
+    step [s], names of inputs and outputs, and rows of time and values.
     """
     simulation.initialize()
     clock, found = simulation.clock, dict[str, dict[str, Any]]()
@@ -128,7 +133,7 @@ def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, A
 
 
 class _Reader:
-    """Values of all inputs and outputs of an instance; time: the end of its last step."""
+    """Reader of all inputs and outputs of an instance; time: end of its last recorded step [s]."""
 
     def __init__(self, instance: Instance) -> None:
         interface = instance.node.interface
@@ -145,7 +150,9 @@ class _Reader:
 
 
 def _write(parts: Sequence[_Part], folder: Path, compiler: str, *options: str) -> list[str]:
-    """Run the writer; parts with the same FMU are one component of the interface."""
+    """Write the C interface of all parts into a folder by core/build/c_api.py, and return the names
+    of its components; raise FmuError. Parts with the same FMU become one component.
+    """
     found: dict[Path, dict[str, Any]] = {}
     core, command = compiler_command(compiler)
     with PrivateFolder() as place:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Export of a run as one file: an .ssp with all its parts, or the whole system as one FMU, compiled
-from its models if all are C sources of this project.
+"""Export of a changed system as one file: an .ssp with all FMUs and parameters, or one FMU compiled
+from the models of all components, if these are C sources of this project.
 """
 
 from __future__ import annotations
@@ -37,16 +37,20 @@ def export(  # noqa: PLR0913 - one argument per option
 ) -> Path:
     """Write a system with all changes to a file and return its path.
 
-    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi: version
-    of FMI of an .fmu, 2 (default) or 3; ssp: version of SSP of an .ssp, 1 or 2 (default 1, with
-    FMUs of FMI 3.0 2), or 2.1, the draft with terminals, which no tool reads yet; hints: write the
-    periods of slow components for libcosim and ecos, which otherwise step every component at every
-    macro step, into a file that OMSimulator rejects;
-    scalars: an .fmu of FMI 3.0 has no arrays, for tools that cannot read them;
-    without: components that another tool is to run: what they drive are inputs of the rest;
-    changes: as for run(). Running the .ssp gives the bits of running the system
-    with the same changes; the same changes give the same bytes. Raises the exceptions of run()
-    before its first step, or ResultsError.
+    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp;
+    fmi: version of FMI of an .fmu, 2 (default) or 3;
+    ssp: version of an .ssp: 1 (default if all FMUs are of FMI 2.0), 2 (default otherwise), or 2.1,
+    the draft with terminals, which no tool reads yet;
+    hints: write the step sizes of slow components into an .ssp for libcosim and ecos, which
+    otherwise step every component at every macro step; OMSimulator rejects such a file;
+    scalars: write an .fmu of FMI 3.0 without arrays, for tools that cannot read arrays;
+    without: components to leave out, since another tool runs them; the inputs that their outputs
+    drive become inputs of the exported system;
+    changes: as for run().
+
+    A run of the .ssp has the same bits as a run of the system with these changes. Equal changes
+    give equal bytes of the file. Raises the exceptions of run() before its first step, or
+    ResultsError.
     """
     with load(system) as found:
         changed = rest(apply(found, **changes))
@@ -69,13 +73,15 @@ def export(  # noqa: PLR0913 - one argument per option
                 _write_fmu(changed, graph, file, fmi or 2, scalars)
             else:
                 write_ssp(changed, file, ssp, hints=hints)
-        except ValueError as error:  # lxml: control characters, which XML has no way to write
+        except ValueError as error:  # from lxml, for control characters, which XML cannot contain
             raise ResultsError(f"{file}: cannot be written ({error})") from error
     return file
 
 
 def _write_fmu(system: System, graph: Graph, file: Path, fmi: int, scalars: bool) -> None:
-    """Write one model of all models; raise UsageError with the reason if they cannot be joined."""
+    """Write a system as one FMU; raise UsageError with the reason if its models cannot be compiled
+    into one.
+    """
     with PrivateFolder() as folder:
         made = folder / file.name
         try:
@@ -90,7 +96,9 @@ def _write_fmu(system: System, graph: Graph, file: Path, fmi: int, scalars: bool
 
 
 def _file(target: Path, name: str) -> Path:
-    """Return the file itself, or NAME.ssp in a folder that is created if needed."""
+    """Return the path of the file to write: `target`, or NAME.ssp if `target` is a folder. Missing
+    folders are created. Raises UsageError for another ending.
+    """
     is_file = target.suffix in (".ssp", ".fmu") and not target.is_dir()
     if target.suffix in (".zip", ".ssd", ".ssv", ".xml", ".toml"):
         raise UsageError(f"{target}: a system is written to NAME.ssp, NAME.fmu, or into a folder")

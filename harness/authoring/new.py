@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""New components and missions: folders that run unchanged, filled from `templates/`.
+"""New components and missions: folders whose content runs unchanged, filled from `templates/`.
 
-In the place of a controller that commands a wrench, a new controller is the example of the project
-under another name. A new sensor or plant is the example of its kind, with a system that adds it to
-another one. In any other place a new component has all ports of the component that it replaces, and
-its outputs remain at the start values of the inputs that read them until its law is written. A new
-mission extends a system and has a figure, a metric and a claim of its own.
+A new controller is a copy of the example of the project if it replaces a controller that commands
+force and torque. A new sensor or plant is a copy of the example of its kind, with a system that
+adds it to another one. In any other place a new component has all ports of the component that it
+replaces; its outputs have the start values of the inputs that they drive until the user writes its
+law. A new mission extends a system and has its own figure, metric and claim.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ NAME = re.compile(r"[\w.]+(\[\d+\])?", re.ASCII)
 
 
 def _new_folder(kind: str, name: str, folder: str | Path, taken: Collection[str]) -> Path:
-    """Return the folder of a new item; raise UsageError if the name is not permitted or exists."""
+    """Return the path of a new folder for a component or mission; raise UsageError if the name is
+    not permitted, is among the `taken` names, or is a file or folder already.
+    """
     if not re.fullmatch(r"[A-Za-z]\w{0,59}", name, re.ASCII) or keyword.iskeyword(name):
         raise UsageError(
             f"{name}: a {kind} is named by a letter, then letters, digits and _, as in my_{kind}"
@@ -61,7 +63,7 @@ def _write(path: Path, text: str) -> None:
 
 
 class Created(NamedTuple):
-    """New component: its folder and source, and the commands that build and run it."""
+    """New component: its folder and source file, and the commands that build and run it."""
 
     folder: Path
     source: Path
@@ -77,10 +79,10 @@ def new_component(
 ) -> Created:
     """Create `folder`/NAME with a controller, a sensor or a plant.
 
-    kind: of KINDS; language: c or python; place: SYSTEM.component that it replaces (None: the place
-    of the first example, for a sensor or plant a place of its own in a system that the folder
-    extends). Existing files are never overwritten. Raises UsageError, and the errors of show() for
-    the place.
+    kind: one of KINDS; language: "c" or "python"; place: SYSTEM.component that it replaces. Without
+    a place, a controller replaces the component of the first example, and a sensor or plant is
+    added to a system in the new folder. Existing files are never overwritten. Raises UsageError,
+    and the errors of show() for the place.
     """
     target = _new_folder(kind, name, folder, paths.fmus())
     if language not in LANGUAGES:
@@ -93,7 +95,7 @@ def new_component(
 
 
 def _added(name: str, language: str, target: Path, example: Example) -> Created:
-    """Create the example of a kind with the system that adds it."""
+    """Create a sensor or plant from the example of its kind, with a system that adds it."""
     if language != "c":
         raise UsageError(f"new {example.kind} --language {language}: needs --for SYSTEM.component")
     source = target / f"{name}.c"
@@ -107,7 +109,9 @@ def _added(name: str, language: str, target: Path, example: Example) -> Created:
 
 
 def _replacing(name: str, ending: str, place: str, target: Path) -> Created:
-    """Create a component in a place: the first example that fits there, or an empty one."""
+    """Create a component for the place SYSTEM.component: a copy of the first example that has
+    fitting ports, or else a component with the ports of that place and an empty law.
+    """
     system, component = _split(place)
     ports = _ports(place)
     examples = (e for e in everything().examples if e.kind == "controller")
@@ -128,7 +132,7 @@ def _replacing(name: str, ending: str, place: str, target: Path) -> Created:
 
 
 def _split(place: str) -> tuple[str, str]:
-    """Return system and component of a place as the user wrote them."""
+    """Split a place SYSTEM.component into both, as the user wrote them; raise UsageError."""
     found = of_component(place)
     if found is None or not found[1]:
         raise UsageError(f"--for {place}: expected SYSTEM.component")
@@ -136,11 +140,13 @@ def _split(place: str) -> tuple[str, str]:
 
 
 def _ports(place: str) -> list[Signal]:
-    """Return the connected inputs and the outputs that others read of a component."""
+    """Return the connected inputs and outputs of the component at a place, SYSTEM.component; raise
+    UsageError if a new component cannot have these ports.
+    """
     ports = [s for s in show(place).rows if isinstance(s, Signal) and s.wires]
     if odd := [s.name for s in ports if s.type != "Real" or not re.fullmatch(NAME, s.name)]:
         raise UsageError(
-            f"--for {place}: {', '.join(odd)}: only ports of type Real with plain names can be made"
+            f"--for {place}: {', '.join(odd)}: all ports must be of type Real and have plain names"
         )
     if not any(s.causality == "output" for s in ports):
         raise UsageError(f"--for {place}: no input is connected to its outputs")
@@ -149,8 +155,8 @@ def _ports(place: str) -> list[Signal]:
 
 
 def _with_start(port: Signal, system: str) -> Signal:
-    """Return an output with the start value of the first input that reads it, which that input
-    accepts.
+    """Return an output with the start value of the first input that it drives, which is a value
+    that this input accepts.
     """
     component, _, variable = port.wires[0].rpartition(".")
     readers = [s for s in show(f"{system}.{component}").rows if isinstance(s, Signal)]
@@ -159,7 +165,9 @@ def _with_start(port: Signal, system: str) -> Signal:
 
 
 def _fits(example: Example, ports: Sequence[Signal]) -> bool:
-    """Return whether a component offers the inputs of an example and reads no other outputs."""
+    """Return whether the ports of a component include all inputs of an example, and its connected
+    outputs are all among the outputs of the example.
+    """
     inputs = {s.name for s in ports if s.causality == "input"}
     return inputs >= example.inputs and {s.name for s in ports} - inputs <= example.outputs
 
@@ -193,8 +201,8 @@ def new_mission(name: str, base: str | None = None, folder: str | Path = ".") ->
 
 
 def _words(system: System) -> dict[str, str]:
-    """Return the words of the templates for a base: its mission, and a variable of its last
-    component.
+    """Return the words that the templates of a mission need from the extended system, such as its
+    mission and the first output of its last component.
     """
     component = system.components[-1].name
     interface = read_interfaces(system)[component]
@@ -215,7 +223,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 def filled(template: str, **words: object) -> str:
-    """Return a template with its words filled in."""
+    """Return the text of a template, with $NAME replaced by the word of that name."""
     text = (TEMPLATES / f"{template}.template").read_text(encoding="utf-8")
     return Template(text).substitute(words)
 
@@ -226,7 +234,9 @@ def class_name(name: str) -> str:
 
 
 def _made(name: str, ending: str, place: str, ports: Sequence[Signal]) -> str:
-    """Return a source in C (.c), or in Python for PythonFMU (.py), with these ports."""
+    """Return the source of a component with these ports and an empty law, in C (ending .c) or in
+    Python for PythonFMU (.py).
+    """
     outputs = [s for s in ports if s.causality == "output"]
     inputs = [s for s in ports if s not in outputs]
     words = {"name": name, "class_name": class_name(name), "place": _plain(place)}
@@ -243,14 +253,14 @@ def _made(name: str, ending: str, place: str, ports: Sequence[Signal]) -> str:
 
 
 def _start(s: Signal) -> NDArray[np.float64]:
-    """Return the finite start values of a signal in its shape, 0 for elements without one."""
+    """Return the start values of a signal in its shape, 0 for elements without a finite one."""
     values = np.array(s.default, dtype=np.float64)
     fits = values.shape == s.shape
     return np.nan_to_num(values, posinf=0, neginf=0) if fits else np.zeros(s.shape)
 
 
 def _plain(text: str) -> str:
-    """Return a text that ends no string and no comment of C or Python."""
+    """Return a text without characters that could end a string or a comment of C or Python."""
     return re.sub(r"[^\w .,;:()/+-]", "_", text.replace("*/", "*_"), flags=re.ASCII)
 
 
@@ -262,7 +272,9 @@ def _listed(group: Sequence[Signal]) -> str:
 
 
 def _vectors(s: Signal) -> Iterator[tuple[str, object]]:
-    """Yield a signal with its start value as scalars and vectors, a matrix element by element."""
+    """Yield pairs of name and start value for the Python source: one for a scalar or vector, one
+    per element for a matrix.
+    """
     if len(s.shape) < 2:
         yield s.name, _start(s).tolist()
     else:
@@ -285,7 +297,7 @@ def _declaration(s: Signal) -> str:
 
 
 def _starts(inputs: Sequence[Signal], outputs: Sequence[Signal]) -> str:
-    """Return the initializer of the model: its ports that do not start at zero."""
+    """Return the lines of the C initializer of the model: start values that are not all zero."""
     parts = [".p = {.sample_period = 0}"]
     for part, group in (("u", inputs), ("y", outputs)):
         starts = ((_member(s.name), _start(s).ravel()) for s in group)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Learned policy as flight software: a network of layers with the ports of a component, in C99 with
-its weights as constants.
+"""Learned policy as flight software: a neural network with the ports of a component, written as C99
+with its weights as constants.
 
-A policy is a file .npz that environments write, or .onnx of another tool with the same description
-of its ports in the metadata entry `ports`. `harness build` makes an FMU of either.
+A policy is an .npz file of Policy.save(), or an .onnx file of another tool that describes its ports
+in the metadata entry `ports` in the same form. `harness build` builds an FMU from either.
 """
 
 from __future__ import annotations
@@ -24,18 +24,21 @@ ACTIVATIONS: Mapping[str, tuple[Callable[[Array], Array], str]] = {
     "tanh": (np.tanh, "hyperbolic_tangent(x)"),
     "relu": (lambda x: np.maximum(x, 0.0), "larger(x, 0)"),
 }
-"""Activations in Python and in C."""
+"""Activation functions by name: in Python, and as an expression of x in C."""
 
 NAMES = {"Tanh": "tanh", "Relu": "relu"}
-"""Activations by their names in ONNX."""
+"""Names of activation functions here, by their names in ONNX."""
 
 
 @dataclass(frozen=True)
 class Ports:
-    """Ports of a policy. inputs, outputs: name, unit and number of elements of each; sizes: numbers
-    by which the observed elements are divided; low, high: bounds of the commanded elements; scaled:
-    -1 and 1 of the network are these bounds; starts: values of all outputs by name until the first
-    sample; outputs that are not commanded hold them; period: between two samples [s].
+    """Ports of a policy.
+
+    inputs, outputs: name, unit and number of elements of each port; sizes: divisor of each observed
+    element; low, high: bounds of each commanded element; scaled: whether the network gives -1 to 1,
+    which are scaled to these bounds; starts: name, unit and values of each output until the first
+    sample (an output that the network does not command always has them); period: time between two
+    samples [s].
     """
 
     inputs: Sequence[tuple[str, str, int]]
@@ -50,7 +53,9 @@ class Ports:
 
 @dataclass(frozen=True)
 class Policy:
-    """Network x -> W x + b in layers, with an activation between two layers."""
+    """Neural network of layers x -> W x + b, given as pairs (W, b), with an activation function
+    between two layers.
+    """
 
     ports: Ports
     layers: Sequence[tuple[Array, Array]]
@@ -69,7 +74,9 @@ class Policy:
             raise UsageError(f"activation {self.activation}: expected {' or '.join(ACTIVATIONS)}")
 
     def __call__(self, observation: Array) -> Array:
-        """Return the action for an observation, within the bounds of the environment."""
+        """Return the action for an observation (already divided by `sizes`), clipped to its bounds:
+        -1 to 1 if `scaled`, else low to high.
+        """
         x = np.asarray(observation, dtype=np.float64)
         function, _ = ACTIVATIONS[self.activation]
         for i, (w, b) in enumerate(self.layers):
@@ -89,7 +96,7 @@ class Policy:
     # ---- C
 
     def source(self, name: str) -> str:
-        """Return the policy as the C file of an FMU."""
+        """Return the C source of an FMU with this name that evaluates the policy."""
         p = self.ports
         text = Template(Path(__file__).with_name("templates").joinpath("policy.c.template")
                         .read_text(encoding="utf-8"))  # fmt: skip
@@ -129,7 +136,7 @@ class Policy:
 
 
 def _c(values: Any) -> str:
-    """Return numbers as an initializer in C, in lines."""
+    """Return numbers as an initializer of a C array, eight per line."""
     numbers = [repr(float(x)) for x in values]
     lines = (", ".join(numbers[i : i + 8]) for i in range(0, len(numbers), 8))
     return "{" + ",\n    ".join(lines) + "}"
@@ -155,7 +162,7 @@ def _copies(head: str, ports: Sequence[tuple[str, str, int]], line: str) -> str:
 
 
 def read(path: Path) -> Policy:
-    """Return the policy of a file .npz or .onnx; raise UsageError."""
+    """Return the policy in an .npz or .onnx file; raise UsageError if the file is no policy."""
     try:
         return _onnx(path) if path.suffix == ".onnx" else _npz(path)
     except (KeyError, ValueError, TypeError, OSError) as error:
@@ -170,7 +177,9 @@ def _npz(path: Path) -> Policy:
 
 
 def _onnx(path: Path) -> Policy:
-    """Return the policy of a chain of Gemm, MatMul, Add and one kind of activation."""
+    """Return the policy in an .onnx file, whose graph must be a chain of Gemm, MatMul, Add and one
+    kind of activation; raise ValueError for other operators.
+    """
     try:
         import onnx
         from onnx import numpy_helper
@@ -197,5 +206,5 @@ def _onnx(path: Path) -> Policy:
             case op if op not in ("Identity", "Flatten", "Cast"):
                 raise ValueError(f"operator {op}; expected Gemm, MatMul, Add, Tanh, Relu")
     if len(used) > 1 or "ports" not in about:
-        raise ValueError("it needs one kind of activation, and the metadata entry `ports`")
+        raise ValueError("expected one kind of activation, and the metadata entry `ports`")
     return Policy(Ports(**json.loads(about["ports"])), layers, *used)
