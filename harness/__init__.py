@@ -6,7 +6,7 @@
 >>> result["servicer.r_SN_N"].shape
 (18001, 3)
 
-The names below are imported when they are first used, so that `import harness` is quick.
+The public names (`harness.run`, ...) are imported on first use, so that `import harness` is quick.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _HOMES = {
     "tune": "harness.studies.analyses.tuning",
     "worst": "harness.studies.analyses.worst",
 }
-"""Modules of the public names."""
+"""Module in which each public name is defined."""
 
 __all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
 
@@ -67,5 +67,5 @@ def __getattr__(name: str) -> Any:
     """Return a public name, imported on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import_module("harness.api")  # adds the methods of results that draw and save
+    import_module("harness.api")  # adds the methods plot, save and report to Result
     return getattr(import_module(_HOMES[name]), name)

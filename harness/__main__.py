@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`python -m harness` is the command `harness`."""
+"""Entry point of `python -m harness`, which is the command `harness`."""
 
 import sys
 

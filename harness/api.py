@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Public functions that join several packages, and the drawing methods of a result."""
+"""Public functions that need several packages, and the methods plot, save and report of Result."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from harness.studies.linearize import LinearModel
 
 Several = Sequence[str] | Mapping[str, Sequence[Any]]
-"""Values side by side: texts `name=value,value,...`, or a mapping of names to values."""
+"""Values to compare: texts `name=value,value,...`, or a mapping from a name to its values."""
 
 
 def run(  # noqa: PLR0913 - every one is an option of the command line
@@ -102,7 +102,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     progress: Callable[[int], None] | None = None,
     executor: str = "c",
 ) -> Comparison:
-    """Run every combination of the given values in parallel, and measure the runs.
+    """Run every combination of the given values in parallel, and compute the metrics of all runs.
 
     folder: for the results and the table comparison.csv; params: parameter sets or files; swap:
     FMUs by component; latency: macro steps by component; vary: values by `component.parameter`;
@@ -163,7 +163,7 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
 
 
 def _texts(given: Several) -> list[str]:
-    """Return values side by side as the command line writes them."""
+    """Return values to compare as texts `name=value,value,...`."""
     if not isinstance(given, Mapping):
         return list(given)
     return [f"{name}={','.join(map(str, map(plain, values)))}" for name, values in given.items()]
@@ -174,8 +174,9 @@ def linearize(
 ) -> LinearModel:
     """Return the linear model of one FMU after it has run alone for `at` seconds.
 
-    fmu: name or path; at: operating point [s], a multiple of step; step: h [s]; set: parameters and
-    held inputs, as texts `name=value` or a mapping. Raises UsageError, FmuError, RunError.
+    fmu: name or path; at: time of the operating point [s], a multiple of step; step: time step of
+    the linear model [s]; set: values of parameters and constant inputs, as texts `name=value` or a
+    mapping. Raises UsageError, FmuError, RunError.
     """
     from harness.studies import linearize as linear
 
@@ -194,8 +195,8 @@ def write_page(
     """Write the HTML report of a result, a results file, the folder of a comparison or the dataset
     of a campaign, and return its path.
 
-    live: include the system of the run; the reader can change its parameters and run it again
-    (extra `live`); lesson: TOML with exercises for a live page.
+    live: include the system of the run, so that the reader can change its parameters and run it
+    again in the browser (extra `live`); lesson: TOML file with exercises for a live page.
 
     Raises UsageError or ResultsError if the source cannot be read, HarnessError if a library of the
     extra `report` is missing, ResultsError if the page cannot be written.
@@ -239,7 +240,7 @@ def _report(self: Result, path: str | Path) -> Path:
     return write_page(self, path)
 
 
-# attached here, so that results know nothing of those who draw them
+# attached here, so that harness.results need not import the packages that draw and report
 Result.plot = _plot
 Result.save = save
 Result.report = _report

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Errors of the harness. Every failure raises one of these classes, and its text is for the user.
+"""Errors of the harness. Every failure raises one of these classes with a message for the user.
 
     HarnessError             one line for the user, or a line per problem; status 1
     ├── UsageError           wrong use of the command line or of run(); exit status 2
@@ -13,7 +13,8 @@
     ├── RequirementError     requirements are not met, a line each; the results are complete
     └── ResultsError         a results file cannot be written or read
 
-Several problems are several lines of one text. A missing library is one line as well.
+If an error reports several problems, its message has one line per problem. A missing library raises
+HarnessError itself.
 """
 
 from __future__ import annotations
@@ -33,12 +34,14 @@ def reason_of(error: BaseException) -> str:
 
 
 class HarnessError(Exception):
-    """Root of the tree. str() gives the message for the user."""
+    """Base class of all errors of the harness. str() gives the message for the user."""
 
     exit_status = 1
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return the parts from which another process rebuilds the error, without results."""
+        """Return the parts from which pickle rebuilds the error in another process, without the
+        partial result.
+        """
         return _rebuilt, (type(self), self.args, {**self.__dict__, "partial": None})
 
 
@@ -52,7 +55,7 @@ def _rebuilt(
 
 
 class UsageError(HarnessError):
-    """Request that is not valid."""
+    """Wrong use of the command line or of a function."""
 
     exit_status = 2
 
@@ -62,7 +65,7 @@ class ArchiveError(HarnessError):
 
 
 class StructureError(HarnessError):
-    """Contradiction inside a system; `problems` holds all of them, one line each."""
+    """Contradictions inside a system; `problems`: all of them, one line each."""
 
     def __init__(self, problems: Iterable[str]) -> None:
         self.problems = tuple(dict.fromkeys(problems))
@@ -76,9 +79,9 @@ class FmuError(HarnessError):
 class RunError(HarnessError):
     """Failure of an FMU in initialization or in a step.
 
-    component, variable: where (variable is None if the FMU did not name it); time: communication
-    point [s]; partial: the Result with everything recorded before the failure, or None if there is
-    nothing.
+    component, variable: place of the failure (variable is None if the FMU did not name one); time:
+    communication point [s]; partial: the Result with the rows recorded before the failure, or None
+    if there are none.
     """
 
     def __init__(
@@ -93,7 +96,7 @@ class RunError(HarnessError):
         super().__init__(f"{place}: {self.message} (at t = {time:.12g} s)")
 
     def append(self, text: str) -> None:
-        """Add something to the end of the line."""
+        """Add a text to the end of the message, after a semicolon."""
         self.args = (f"{self}; {text}",)
 
 
@@ -105,7 +108,7 @@ class InterruptionError(RunError):
 
 
 class RejectedValueError(RunError):
-    """Rejection of parameter values by an FMU; `rejections` holds the broken rules, see
+    """Rejection of parameter values by an FMU; `rejections`: the violated rules, as read by
     harness.master.messages.
     """
 
@@ -131,7 +134,7 @@ class ResultsError(HarnessError):
     """Results file that cannot be written or read."""
 
 
-# ---- libraries that only some need
+# ---- libraries that only some commands need
 
 EXTRAS = {
     "plot": ("matplotlib", "scipy"),
@@ -145,9 +148,9 @@ EXTRAS = {
     "live": ("ziglang",),
     "verify": ("cma", "threadpoolctl"),
 }
-"""Extras of this package and the libraries that each brings."""
+"""Extras of this package (`pip install servicing-fmus[NAME]`) and the libraries each installs."""
 HOMES = {"erfa": "pyerfa"}
-"""Distribution of a module where it has another name."""
+"""Name of the package to install, by module, where both names differ."""
 
 
 def library(name: str, extra: str) -> Any:
@@ -159,8 +162,8 @@ def library(name: str, extra: str) -> Any:
 
 
 def installed(name: str, extra: str) -> ModuleSpec:
-    """Return where a module of an extra is, without importing it; raise HarnessError if it is not
-    installed.
+    """Return the specification (with the location) of a module of an extra, without importing it;
+    raise HarnessError if it is not installed.
     """
     if (found := find_spec(name)) is None:
         raise HarnessError(_needed(name, extra))
@@ -174,15 +177,15 @@ _LIMITS: dict[Any, tuple[str, str, str, int]] = {
     **dict.fromkeys(("new thread", "map segment", "allocate memory"), _MEMORY),
     **dict.fromkeys((errno.EMFILE, errno.ENFILE), _FILES),
 }
-"""Limits of the machine, by the number, the class or a part of the text of the error that exceeds
-them: the exhausted resource, its limit in the module `resource`, the command that shows the limit,
-and the unit of that command.
+"""Limits of the machine, by the errno, the class or a part of the message of the error that shows
+that one is reached: the exhausted resource, the name of its limit in the module `resource`, the
+command that shows the limit, and the unit of that command in units of `resource`.
 """
 
 
 def exhausted(error: BaseException | None) -> str | None:
-    """Return a line about the limit that an error or one of its causes has met; None if it met
-    none.
+    """Return a line about the limit of the machine that an error or one of its causes shows to be
+    reached; None if there is none.
     """
     while error is not None:
         signs = getattr(error, "errno", None), type(error)
@@ -205,7 +208,7 @@ def _limit(name: str, kind: str, command: str, unit: int) -> str:
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
-    """Return a line that states how to install a missing module; None if no extra provides it."""
+    """Return a line with the command that installs a missing module; None if no extra has it."""
     name = (error.name or "").partition(".")[0]
     extra = next((extra for extra, names in EXTRAS.items() if name in names), None)
     return None if extra is None else _needed(name, extra)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Close matches of misspelt names, for the end of an error message, and names made fit to be shown
-and to be files.
+"""Texts for messages and tables: close matches of misspelt names, texts without control characters,
+names of files, numbers, columns.
 """
 
 from __future__ import annotations
@@ -14,15 +14,17 @@ from functools import lru_cache
 from typing import Any
 
 LONGEST = 100
-"""Longest name that is compared: the time goes with the square of the length."""
+"""Length of the longest name that is compared, since the time grows with its square."""
 
 CANDIDATES = 20
-"""Number of names that are compared letter by letter, on each side of each order."""
+"""Number of names before and after the misspelt name, in each of two sorted lists, that are
+compared letter by letter.
+"""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Close matches of a misspelt or shortened name as the end of a line, e.g. " (close: J_T,
-    J_S)", or nothing.
+    """Return close matches of a misspelt or shortened name as the end of a message, such as
+    " (close: J_T, J_S)"; "" if there are none.
     """
     if len(name) > LONGEST:
         return ""
@@ -36,8 +38,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def _neighbours(name: str, known: tuple[str, ...]) -> Iterator[str]:
-    """Yield the names near a name in the order of their beginnings and of their ends. A few out of
-    many thousands suffice: with one wrong letter one of the two orders finds the right name.
+    """Yield the known names that are near a name in alphabetical order, or in the order of the
+    reversed names. A name with one wrong letter is near the right one in at least one of both, so
+    few of many thousands of names need to be compared.
     """
     beginnings, ends = _ordered(known)
     at, end = bisect(beginnings, name), bisect(ends, name[::-1])
@@ -47,24 +50,25 @@ def _neighbours(name: str, known: tuple[str, ...]) -> Iterator[str]:
 
 @lru_cache(maxsize=8)
 def _ordered(known: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Return names in order, and in order with their letters reversed."""
+    """Return the names in alphabetical order, and the reversed names in alphabetical order."""
     names = [each for each in known if len(each) <= LONGEST]
     return sorted(names), sorted(each[::-1] for each in names)
 
 
 SHOWN = 5
-"""Largest number of things that a line names."""
+"""Largest number of things that a message lists."""
 
 
 def some(things: Sequence[object]) -> str:
-    """Return the first of several things, and how many more there are."""
+    """Return a text that lists the first SHOWN of several things and the number of all others."""
     more = f" and {len(things) - SHOWN} more" if len(things) > SHOWN else ""
     return f"{', '.join(map(str, things[:SHOWN]))}{more}"
 
 
 def first_error(text: str) -> str:
     """Return the first error line in the output of a compiler, without names of folders, or the
-    last line of a Python program that fails. `collect2: error: ld returned 1` is no reason.
+    last line of the traceback of a Python program. Lines of collect2, which only report that the
+    linker failed, are skipped.
     """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     lines = lines or ["the compiler gives no reason"]
@@ -76,8 +80,8 @@ def first_error(text: str) -> str:
 
 
 def printable(text: str) -> str:
-    """Return a text without characters that control a terminal or reverse the writing direction.
-    Line breaks and tabs remain.
+    """Return a text in which characters that control a terminal or reverse the writing direction
+    are replaced by their codes. Line breaks and tabs remain.
     """
     if text.isascii() and text.isprintable():
         return text
@@ -90,7 +94,7 @@ def one_line(text: str) -> str:
 
 
 def _harmless(character: str) -> str:
-    """Return the character, or its code if it is a control character."""
+    """Return a character, or its hexadecimal escape code if it is a control character."""
     is_control = unicodedata.category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp")
     if character in "\n\t" or not is_control:
         return character
@@ -99,8 +103,8 @@ def _harmless(character: str) -> str:
 
 
 def file_stem(name: str) -> str:
-    """Return a name that is safe as a file name in the current folder: no path, not hidden, no
-    special characters.
+    """Return a name changed into a safe file name: no path, not hidden, no special characters, at
+    most 100 characters.
     """
     return re.sub(r"[^\w.-]+", "_", name).lstrip(".-")[:100] or "system"
 
