@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Missions of the project: a folder each, with systems, parameter sets, campaigns, equations, and
-the Python of the mission (`mission.py`). `shared/` contains parts of several missions. Installed as
-the package `ssp`.
+"""Missions of the project, installed as the package `ssp`. Each folder is a mission with systems,
+parameter sets, campaigns, equations, and its Python code (`mission.py`); `shared/` contains code
+for several missions.
 """

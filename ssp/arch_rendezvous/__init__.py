@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Chan & Mitra 2017: rendezvous in geostationary orbit with proved safety."""
+"""Mission of Chan & Mitra 2017: rendezvous in geostationary orbit with proved safety."""

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problem of the rendezvous benchmark without an abort: from where the attempt of the run
-began on, within the line of sight and the largest speed, both in the Hill frame; at the end as near
-and as slow as the run.
+"""Convex problem of the rendezvous benchmark without an abort, whose optimum is the least impulse.
+
+From the instant at which the run began its rendezvous attempt, the servicer must stay within the
+line-of-sight cone and below the speed limit, both in the Hill frame. At the end it must be at least
+as near and as slow as in the run.
 """
 
 from __future__ import annotations
@@ -46,7 +48,11 @@ def problem(result: Result, grid: float) -> Problem:
 
 
 def speed(name: str, nodes: Rows, rate: Array, most: float) -> Cone:
-    """Return |v - rate x rho| <= most, with the rate of the frame (n + 1, 3)."""
+    """Return the constraint |v - rate x rho| <= most on the speed seen in a rotating frame.
+
+    nodes: indices of the grid points to which it applies; rate: of the frame in N, (n + 1, 3)
+    [rad/s]; most: largest speed [m/s].
+    """
     turning = np.cross(np.eye(3), rate[nodes][:, None, :]).swapaxes(1, 2)  # -(rate x e)
     still = np.broadcast_to(np.eye(3), turning.shape)
     zero = np.zeros((len(nodes), 3))

@@ -2,8 +2,9 @@
 """Rendezvous benchmark SPRE of ARCH-COMP (Chan & Mitra 2017): results proved by other tools, and
 evidence from one run.
 
-A proof covers every start and every abort time of an instance, a run one of them. "Reproduced"
-means that this run agrees with the published verdict, not that it is proved again.
+A proof covers all start positions and abort times of an instance of the benchmark, a run only one
+of them. "Reproduced" means that this run agrees with the published verdict, not that the verdict is
+proved again.
 """
 
 from __future__ import annotations
@@ -18,17 +19,17 @@ from harness.results.result import Result
 LEAST, PHASE = "monitor.least_margin", "controller.phase"
 ABORT = "controller.t_abort"
 UNSAFE_ABORT = (240 * 60.0, 300 * 60.0)
-"""Aborts in between are in no safe instance [s]."""
+"""Range of abort times that no safe instance of the benchmark contains [s]."""
 STOP = 300 * 60.0
 
 
 def abort_time(result: Result) -> float:
-    """Return when thrust ends [s]."""
+    """Return the time of the abort, after which there is no thrust [s]."""
     return scalar(result, ABORT)
 
 
 def unsafe(result: Result) -> bool:
-    """Return whether the published verdict for this abort time is "unsafe"."""
+    """Return whether the published verdict for the abort time of a run is "unsafe"."""
     low, high = UNSAFE_ABORT
     return low < abort_time(result) <= high
 
@@ -39,12 +40,16 @@ def box(result: Result) -> tuple[float, ...]:
 
 
 def corridor(result: Result) -> tuple[float, ...]:
-    """Return the distance to the edge of the cone, and the duration of the attempt [min]."""
+    """Return the least distance to the edge of the line-of-sight cone [m], and the duration of the
+    rendezvous attempt [min].
+    """
     return _least(result, 1), _attempt(result)
 
 
 def speed(result: Result) -> tuple[float, ...]:
-    """Return the margin to the speed limit and the duration of the attempt [min]."""
+    """Return the least margin to the speed limit [m/min], and the duration of the rendezvous
+    attempt [min].
+    """
     return _least(result, 2) * 60, _attempt(result)
 
 
@@ -113,14 +118,18 @@ TITLE = (
 
 
 def outside_start_box(result: Result) -> Iterator[str]:
-    """Yield the distance of the start from x in [-925, -875] m, y in [-425, -375] m."""
+    """Yield a text if a run starts outside the box of the benchmark: x from -925 to -875 m, y from
+    -425 to -375 m, in Hill axes.
+    """
     off = np.abs(parameter(result, "servicer.rho_0_H") - (-900, -400, 0)) - (25, 25, 0)
     if (distance := float(np.max(off))) > 0:
         yield f"start outside the box by {distance:.6g} m instead of 0 m"
 
 
 CASES = (Case("arch_rendezvous", free=("servicer.rho_0_H", ABORT)),)
-"""Start within a box and abort time, by which the instances differ, are a part of the benchmark."""
+"""Start position and abort time may differ from the system, since they distinguish the instances of
+the benchmark.
+"""
 
 PAPERS = (
     Paper(

@@ -17,7 +17,9 @@ POSITION = "controller.rho_H"
 
 
 def _trajectory(canvas: Axes, result: Result) -> None:
-    """Draw the path about the target in Hill axes: in space, and seen along the orbit normal."""
+    """Draw the path about the target in Hill axes, in space and in the orbital plane, in one colour
+    per phase of the controller.
+    """
     path, phase = result[POSITION], result[PHASE]
     paths = {
         f"phase {number:g}": (np.where((phase == number)[:, None], path, np.nan), "-")

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Capture of a tumbling target by an arm: station-keeping, deployment, tracking, grip."""
+"""Mission: capture of a tumbling target by an arm (station-keeping, deployment, tracking, grip)."""

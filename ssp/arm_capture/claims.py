@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims about the arm: from the paper of the synchronised approach, which ends where the arm
-begins to work, and from an independent simulation of the laws of arm_capture.
+"""Claims about the arm: of the paper about the synchronised approach, which states what the arm can
+do after it, and of an independent simulation of the laws of arm_capture.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ FIXTURE, SPEED, T_CLOSE = "arm_guidance.p_QT_T", "arm_guidance.grip_speed", "arm
 BODIES = (SERVICER, TARGET, "servicer.q_SN", "target.q_TN")
 RATES = ("servicer.omega_SN_S", "target.omega_TN_T")
 START = 1e-6
-"""Attitude error of a base that starts on its reference [rad]."""
+"""Largest attitude error at which the base counts as starting at its reference attitude [rad]."""
 
 
 def _once(result: Result, name: str, what: str) -> float:
@@ -67,17 +67,20 @@ def fixture(result: Result) -> Array:
 
 
 def reaching(result: Result) -> Array:
-    """Return the rows from the first motion of the arm to the grip, or to the end."""
+    """Return a mask of the rows from the first motion of the arm to the grip, or to the end; raise
+    NotExercisedError if the arm does not move.
+    """
     out = result[MODE] >= DEPLOY
     if not out.any():
-        raise NotExercisedError("the arm never leaves its seat")
+        raise NotExercisedError("the arm never leaves its stowed position")
     free = result[GRIP] < 1
     return np.asarray(np.maximum.accumulate(out) & np.minimum.accumulate(free))
 
 
 def within_reach(result: Result) -> tuple[float, ...]:
-    """Return the largest distance of the fixture from the second joint while the arm works, over
-    the length of the arm from there; both [m].
+    """Return three values: the largest distance of the fixture from the second joint of the arm
+    before the grip, divided by the length of the arm from that joint; this distance and this length
+    [m].
     """
     arm, rows = arm_of(result), reaching(result)
     length = float(np.linalg.norm([*arm.offset[2:], arm.tip], axis=1).sum())
@@ -86,12 +89,13 @@ def within_reach(result: Result) -> tuple[float, ...]:
 
 
 def at_any_time(result: Result) -> tuple[float, ...]:
-    """Return the share of the time in which an arm at rest could grip, because the fixture moves
-    relative to the base no faster than the gripper allows; and its largest speed [m/s].
+    """Return the share of the rows in which an arm at rest could grip, because the fixture moves
+    relative to the base no faster than the gripper permits; and the largest speed of the fixture
+    [m/s].
     """
     rows = reaching(result)
     if rows.sum() < 3:
-        raise NotExercisedError("the arm is not out long enough")
+        raise NotExercisedError("the arm is deployed for fewer than 3 rows")
     v = np.gradient(fixture(result)[rows], result.time[rows], axis=0)
     speed = np.linalg.norm(v, axis=1)
     return float(np.mean(speed <= float(result.parameter(SPEED)))), float(speed.max())
@@ -135,26 +139,26 @@ APPROACH = Paper(
 
 
 def deploying(result: Result) -> NDArray[np.bool_]:
-    """Return which rows are in the deployment; raise NotExercisedError if the base does not start
-    on its reference.
+    """Return a mask of the rows in which the arm deploys; raise NotExercisedError if the base does
+    not start at its reference attitude.
     """
     if turned(result)[0] > START:
-        raise NotExercisedError("the base does not start on its reference")
+        raise NotExercisedError("the base does not start at its reference attitude")
     return during(result, DEPLOY)
 
 
 def base_turned(result: Result) -> tuple[float, ...]:
-    """Return the attitude error of the base in deployment, from its reference on [deg]."""
+    """Return the largest attitude error of the base while the arm deploys [deg]."""
     return (float(np.degrees(largest(turned(result)[deploying(result)]))),)
 
 
 def base_shifted(result: Result) -> tuple[float, ...]:
-    """Return the position error of the base in deployment [mm]."""
+    """Return the largest position error of the base while the arm deploys [mm]."""
     return (1e3 * largest(off(result)[deploying(result)]),)
 
 
 def tip_largest(result: Result) -> tuple[float, ...]:
-    """Return the largest error of E from its reference while aligning and closing [mm]."""
+    """Return the largest position error of the end effector E in the modes ALIGN and CLOSE [mm]."""
     rows = during(result, ALIGN, CLOSE)
     if not rows.any():
         raise NotExercisedError("the arm never follows the fixture")
@@ -162,7 +166,9 @@ def tip_largest(result: Result) -> tuple[float, ...]:
 
 
 def tip_late(result: Result) -> tuple[float, ...]:
-    """Return the tip error in the second half of CLOSE, rms [mm]."""
+    """Return the root mean square of the position error of the end effector in the second half of
+    the mode CLOSE [mm].
+    """
     rows = late(result)
     if not rows.any():
         raise NotExercisedError("the arm never closes")
@@ -176,7 +182,7 @@ def grip(result: Result) -> tuple[float, ...]:
 
 
 def locked_after(result: Result) -> tuple[float, ...]:
-    """Return the time from the grip to the closed brakes [s]."""
+    """Return the time from the grip to the closing of the joint brakes [s]."""
     time = _once(result, GRIP, "grip")
     braked = (result[LOCK][:, 0] == 1) & during(result, REST) & (result.time >= time)
     if not braked.any():
@@ -190,7 +196,7 @@ def hard_after(result: Result) -> tuple[float, ...]:
 
 
 def stack_rate(result: Result) -> tuple[float, ...]:
-    """Return the rate of the servicer and of the target at hard capture [rad/s]."""
+    """Return the magnitudes of the angular rates of servicer and target at hard capture [rad/s]."""
     row = np.searchsorted(result.time, _once(result, HARD, "hard capture"))
     rates = (float(np.linalg.norm(result[name][row])) for name in RATES)
     return tuple(rates)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of the capture by arm: joints, tip, base, singular poses, momentum, gripper."""
+"""Figures of the capture by arm: joints, end effector, manipulability, base, momentum, gripper."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ ARM = (
         ),
     ),
 )
-"""Variables of every system with an arm."""
+"""Figures of every system with an arm."""
 FIGURES = (
     *ARM,
     Figure(

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Kinematics of an arm: positions at given joint angles and the Jacobian of its end effector, base
-axes.
+"""Kinematics of an arm in base axes: pose at given joint angles, and the Jacobian J_m of the end
+effector E.
 
     R_0 = I, o_0 = 0;   a_i = R_(i-1) joint_axis_i,   o_i = o_(i-1) + R_(i-1) joint_offset_i
     R_i = R_(i-1) Rot(joint_axis_i, q_i);   p_E = o_n + R_n p_EA_A;   J_m = [a_j x (p_E - o_j); a_j]
@@ -20,9 +20,11 @@ ARM = tuple(f"servicer.{name}" for name in NAMES)
 
 
 class Arm(NamedTuple):
-    """Geometry of an arm. axis, offset: (n, 3), zero pose; tip: of E from the last joint (3,);
-    frame: columns are the axes of E in the axes of the last link (3, 3); radius: of the links (n,)
-    [m].
+    """Geometry of an arm with n joints, lengths in m.
+
+    axis: axis of each joint at zero angles (n, 3); offset: position of each joint from the joint
+    before, the first one from S (n, 3); tip: position of the end effector E from the last joint
+    (3,); frame: axes of E as columns, in axes of the last link (3, 3); radius: of each link (n,).
     """
 
     axis: Array
@@ -33,8 +35,11 @@ class Arm(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Joints (rows, n, 3), their axes (rows, n, 3), frames of the links (rows, n, 3, 3), E: its
-    origin (rows, 3) and its frame (rows, 3, 3); columns of frames are axes, all in base axes.
+    """Pose of an arm with n joints in base axes, one row per set of joint angles.
+
+    joint: positions of the joints (rows, n, 3) [m]; axis: axes of the joints (rows, n, 3); link:
+    axes of each link as columns (rows, n, 3, 3); tip: origin of the end effector E (rows, 3) [m];
+    frame: axes of E as columns (rows, 3, 3).
     """
 
     joint: Array
@@ -45,8 +50,8 @@ class Pose(NamedTuple):
 
 
 def arm_of(result: Result) -> Arm:
-    """Return the arm from the parameters of the servicer. A link is as thick as the cylinder of
-    uniform density with its mass and its least moment of inertia, m r^2/2.
+    """Return the arm that the parameters of the servicer describe. The radius r of a link is the
+    radius of the uniform cylinder with its mass m and its least moment of inertia m r^2/2.
     """
     count, axis, offset, tip, q, mass, inertia = (result.parameter(name) for name in ARM)
     n = int(count)
@@ -55,8 +60,8 @@ def arm_of(result: Result) -> Arm:
 
 
 def rotations(axis: Array, angle: Array) -> Array:
-    """Return the matrices (rows, 3, 3) that turn vectors about an axis (3,) by angles (rows,),
-    Rodrigues.
+    """Return the matrices (rows, 3, 3) that turn vectors about a unit axis (3,) by angles (rows,)
+    [rad], by the formula of Rodrigues.
     """
     x, y, z = axis
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -84,8 +89,8 @@ def pose(arm: Arm, q: Array) -> Pose:
 
 
 def jacobian(at: Pose) -> Array:
-    """Return J_m, (rows, 6, n): velocity and angular velocity of E by the joint rates, base at
-    rest.
+    """Return the Jacobian J_m (rows, 6, n): the velocity and angular velocity of the end effector E
+    relative to the base are J_m times the joint rates.
     """
     lever = at.tip[:, None] - at.joint
     return np.concatenate([np.cross(at.axis, lever), at.axis], axis=2).transpose(0, 2, 1)

@@ -17,45 +17,49 @@ DEPLOY, ALIGN, CLOSE, REST = 1, 2, 3, 4
 
 
 def during(result: Result, *modes: int) -> NDArray[np.bool_]:
-    """Return the rows in these modes of the arm."""
+    """Return a mask of the rows in which the arm is in one of these modes."""
     return np.isin(result[MODE], modes)
 
 
 def late(result: Result) -> NDArray[np.bool_]:
-    """Return the rows in the second half of the motion of CLOSE."""
+    """Return a mask of the rows in the second half of the closing motion of the arm, from T_close/2
+    to T_close after the start of the mode CLOSE.
+    """
     closing, half = during(result, CLOSE), result.parameter("arm_guidance.T_close") / 2
     since = result.time - (result.time[closing][0] if closing.any() else np.inf)
     return closing & (since >= half) & (since <= 2 * half)
 
 
 def largest(values: NDArray[np.float64]) -> float:
-    """Return the mean of rows, NaN if there are none."""
+    """Return the largest value (rows,), NaN if there are no rows."""
     return float(values.max()) if len(values) else float("nan")
 
 
 def rms(values: NDArray[np.float64]) -> float:
-    """Return the root mean square of rows, NaN if there are none."""
+    """Return the root mean square of values (rows,), NaN if there are no rows."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def turned(result: Result) -> NDArray[np.float64]:
-    """Return the attitude error of the base [rad]."""
+    """Return the attitude error of the base in every row (rows,) [rad]."""
     return np.asarray(4 * np.arctan(np.linalg.norm(result[ATTITUDE], axis=1)))
 
 
 def off(result: Result) -> NDArray[np.float64]:
-    """Return the position error of the base [m]."""
+    """Return the position error of the base in every row (rows,) [m]."""
     return np.asarray(np.linalg.norm(result[PLACE], axis=1))
 
 
 def first(result: Result, name: str, value: float) -> float:
-    """Return when a variable first has a value or more [s]."""
+    """Return the time of the first row in which a variable is at least `value` [s], else NaN."""
     rows = np.flatnonzero(result[name] >= value)
     return float(result.time[rows[0]]) if len(rows) else float("nan")
 
 
 def missed(result: Result) -> float:
-    """Return the distance of E from its seat at the grip, in truth [m]."""
+    """Return the true distance of the end effector E from its seat in the fixture when the gripper
+    closes [m]; NaN without a grip.
+    """
     rows = np.flatnonzero(result["arm_guidance.grip"] >= 1)
     seat = (-float(result.parameter("arm_guidance.seat_depth")), 0, 0)
     return float(np.linalg.norm(result["mechanism.tip_Q"][rows[0]] - seat)) if len(rows) else np.nan
@@ -65,15 +69,15 @@ TURNED = f"angle(mrp({ATTITUDE}), mrp(0 * {ATTITUDE}))"
 
 
 def _largest(text: str, *modes: int) -> str:
-    """Return the expression of a largest value in modes of the arm, {0} in the text; 0 / 0 if there
-    are none.
+    """Return the expression of a largest value over the rows in these modes of the arm, which gives
+    NaN (0 / 0) without such rows. text: expression in which {0} represents the modes.
     """
     inside = f"({' or '.join(f'{MODE} == {mode}' for mode in modes)})"
     return f"{text.format(inside)} / max({inside})"
 
 
 def _begins(name: str, flag: str) -> Metric:
-    """Return the metric of the time at which a flag is first raised."""
+    """Return a metric: the time at which a variable `flag` first is 1 [s]."""
     return Metric(
         name,
         "s",

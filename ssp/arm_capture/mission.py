@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: capture by arm. It extends an approach by the arm."""
+"""Mission: capture by arm. It adds figures, metrics, claims and plan of the arm to an approach."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plan of a capture before its run: whether the arm reaches the fixture from the base position of
-the guidance, the distance to singular poses, and contact of the stowed arm with itself.
+"""Plan of a capture by arm without a run of the system: whether the arm reaches the fixture from
+the position at which the guidance holds the base, how far its poses are from singular ones, and
+whether the stowed arm touches itself.
 
-Only guidance and target are run. The position of the fixture from a base on its reference is
+Only guidance and target are run. The position of the fixture from a base at its reference is
 
     r_QS = C_DN (C_TN^T p_QT_T - rho_ref_N),   X_E = -X_Q
 """
@@ -36,15 +37,21 @@ GOALS = tuple(
 )
 KNOWN = (*ARM, *DOCKING, *POSES, *GOALS)
 INSTANTS = 60
-"""Places of the fixture that the plan evaluates."""
+"""Number of instants at which the plan evaluates the position of the fixture."""
 LINE = np.arange(-1.2, 1.2001, 0.05)
-"""Places on the axis of the fixture, from the seat on outwards, whose reach is looked for [m]."""
+"""Positions along the axis of the fixture, from the seat (0) outwards, at which the plan computes
+whether the arm reaches them [m].
+"""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Reach of the stand before the fixture and of its seat: results with variables of component
-    plan, over time; line: reach on the axis of the fixture at the first instant.
+    """Plan of a capture by arm.
+
+    stand, seat: reach of the arm for the standoff position before the fixture and for the seat in
+    it, as results with the variables `plan.*` over time; line: whether the arm reaches each
+    position LINE at the first instant; touches: least distance between links of the stowed arm [m]
+    and the numbers of these links.
     """
 
     stand: Result
@@ -54,18 +61,20 @@ class Plan:
 
     @property
     def histories(self) -> Mapping[str, Result]:
-        """Return the results at the stand and at the seat, by place."""
+        """Return the results for the standoff position and for the seat, by name."""
         return {"stand": self.stand, "seat": self.seat}
 
     @property
     def good(self) -> bool:
-        """Return whether stand and seat are reached at every instant, away from singular poses, and
-        the stowed arm does not touch itself.
+        """Return whether the arm reaches standoff position and seat at every instant, with enough
+        manipulability, and does not touch itself when stowed.
         """
         return not any(self._reasons())
 
     def text(self) -> str:
-        """Return the reach as a table, the clearance and the verdict."""
+        """Return a table of the reach, the permitted offset of the base, the clearance of the
+        stowed arm, and the verdict.
+        """
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -83,7 +92,9 @@ class Plan:
         yield "; ".join(self._reasons()) or "planned: stand and seat are reached all the time"
 
     def _clearance(self) -> str:
-        """Return the permitted offset of the base along the axis of the fixture as text."""
+        """Return a text that states how far the base may be offset along the axis of the fixture so
+        that the arm still reaches the seat.
+        """
         held, seat = self.line, int(np.argmin(np.abs(LINE)))
         if not held.any():
             return "on the axis of the fixture nothing is reached"
@@ -135,7 +146,7 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
 
 
 def limits_of(known: Result) -> Limits:
-    """Return the joint limits and posture of the guidance of the arm."""
+    """Return the joint limits and the preferred posture in the parameters of arm_guidance."""
     n = int(known.parameter(ARM[0]))
     low, high, ready = (known.parameter(name)[:n] for name in POSES[:3])
     return Limits(low, high, ready)
@@ -176,9 +187,11 @@ def _alone(system: System) -> System:
 
 
 def _fixture(run: Result, known: Result) -> tuple[Array, Array, Array]:
-    """Return times (rows,) [s], positions of the fixture from S (rows, 3) [m] and required X_E
-    (rows, 3), base axes, from the time on at which the arm reaches for it. A reference belongs to
-    the row before its first appearance.
+    """Return times (rows,) [s], positions of the fixture from S (rows, 3) [m] and required
+    directions of the X axis of the end effector (rows, 3), both in base axes.
+
+    run: of guidance and target; known: parameters. The times begin when the arm starts to track the
+    fixture. A reference belongs to the row before the one in which it first appears.
     """
     rho, late = run["guidance.rho_ref_N"], float(known.parameter(GOALS[2]))
     new = np.array([0, *np.flatnonzero(np.diff(rho, axis=0).any(axis=1))])
@@ -196,7 +209,9 @@ def _fixture(run: Result, known: Result) -> tuple[Array, Array, Array]:
 
 
 def _result(run: Result, known: Result, time: Array, place: Array, found: Reach) -> Result:
-    """Return the reach as histories of the component plan."""
+    """Return a result whose variables `plan.*` are the reach for positions `place` (rows, 3) over
+    time.
+    """
     tables = {
         "place": (place, "m"),
         "error": (found.error, "m"),

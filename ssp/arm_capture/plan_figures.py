@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of the plan: reach of the arm around the base in two planes, joints along the path."""
+"""Figures of the plan of a capture by arm: reach around the base in two planes, joint angles."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ CELL = 0.15
 
 
 def map_around(result: Result, up: int) -> tuple[Array, Array, Reach]:
-    """Return the edges of the cells along x and along another base axis [m], and the reach of their
-    middles, in the plane through the first place, X_E along x.
+    """Return the edges of the cells of a map along x and along base axis `up` (1: y, 2: z) [m], and
+    the reach of the arm for the middles of the cells.
+
+    The plane of the map contains the first planned position; the end effector points along x.
     """
     arm, place = arm_of(result), result[PLACE][0]
     far = float(np.linalg.norm([*arm.offset[1:], arm.tip], axis=1).sum()) + CELL
@@ -37,14 +39,18 @@ def map_around(result: Result, up: int) -> tuple[Array, Array, Reach]:
 
 
 def _line(arm: Arm, q: Array, up: int) -> tuple[Array, Array]:
-    """Return the arm from S to E: x and another coordinate [m]."""
+    """Return x and coordinate `up` of the points of the arm at joint angles q, from S over the
+    first joint to the end effector E [m].
+    """
     at = pose(arm, q[None, : len(arm.axis)])
     points = np.vstack([np.zeros(3), at.joint[0], at.tip])
     return points[:, 0], points[:, up]
 
 
 def _reach(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
-    """Draw the least singular value where the arm reaches, the arm stowed and at its goals."""
+    """Draw a map of the least singular value of J_m where the arm reaches, the stowed arm, and the
+    arm at its planned positions.
+    """
     first = next(iter(results.values()))
     arm = arm_of(first)
     panels = canvas.subplots(1, 2)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reach of an arm from a fixed base: joint angles for a position and direction of its end effector,
-singular values, clearance of its links.
+"""Reach of an arm from a fixed base: joint angles for a position and direction of its end effector
+E, singular values of its Jacobian there, and clearance between its links.
 """
 
 from __future__ import annotations
@@ -14,20 +14,25 @@ from harness.results.result import Array
 from .kinematics import Arm, Pose, jacobian, pose
 
 STEPS, FREE, STRIDE = 80, 50, 0.3
-"""Iterations, those that look for the posture too, and the largest step of one [m, rad]."""
+"""Number of iterations, number of first iterations that also approach the preferred posture, and
+largest change of position and attitude of E in one iteration [m, rad].
+"""
 DAMPING = 0.01
-"""Damping of the iteration: it stays finite at singular poses."""
+"""Damping of the least-squares steps, with which they are finite at singular poses."""
 POSTURE = 0.2
-"""Share of the way to the posture by which the joints move in each step without moving E."""
+"""Share of the way to the preferred posture that the joints move in one iteration, as far as E does
+not move.
+"""
 REACHED = 1e-3
-"""Largest errors of position and attitude of a place that counts as reached [m, rad]."""
+"""Largest errors of position and attitude at which E counts as having reached a place [m, rad]."""
 APART = 3
-"""Smallest difference of the numbers of two links that can touch; nearer links share a joint block.
+"""Smallest difference between the numbers of two links that can touch; links with closer numbers
+belong to the same block of joints.
 """
 
 
 class Limits(NamedTuple):
-    """Least and largest joint angles, and those that the arm prefers (n,) [rad]."""
+    """Least and largest joint angles, and joint angles of the preferred posture (n,) [rad]."""
 
     low: Array
     high: Array
@@ -35,9 +40,11 @@ class Limits(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Reach of an arm: joint angles (rows, n), errors of place and direction (rows,) [m, rad],
-    singular values of J_m (rows, 6), and the direction of the velocity of E that needs the largest
-    joint rates, unit vectors (rows, 3), base axes.
+    """Reach of an arm with n joints, one row per place for its end effector E.
+
+    angle: joint angles (rows, n) [rad]; error: larger one of the errors of position [m] and
+    attitude [rad] (rows,); singular: singular values of J_m (rows, 6); worst: direction of the
+    velocity of E that needs the largest joint rates, unit vectors in base axes (rows, 3).
     """
 
     angle: Array
@@ -47,7 +54,7 @@ class Reach(NamedTuple):
 
     @property
     def reached(self) -> Array:
-        """Return which places are reached."""
+        """Return a mask of the places that the arm reaches (rows,)."""
         return np.asarray(self.error <= REACHED)
 
     @property
@@ -57,8 +64,8 @@ class Reach(NamedTuple):
 
 
 def shortest_arc(x: Array, to: Array) -> Array:
-    """Return the matrices (rows, 3, 3) of the shortest rotation of a unit vector (3,) to others
-    (rows, 3).
+    """Return the matrices (rows, 3, 3) of the rotations by the smallest angle that turn the unit
+    vector x (3,) into each of the unit vectors `to` (rows, 3).
     """
     axis, c = np.cross(x, to), to @ x
     across = np.cross(axis[:, None], np.eye(3)).transpose(0, 2, 1)
@@ -67,7 +74,9 @@ def shortest_arc(x: Array, to: Array) -> Array:
 
 
 def errors(at: Pose, place: Array, frame: Array) -> Array:
-    """Return the distance and the small rotation still to go, (rows, 6) [m, rad]."""
+    """Return the displacement and the rotation vector that would bring the end effector from its
+    pose to a position and frame, (rows, 6) [m, rad].
+    """
     turned = frame @ at.frame.transpose(0, 2, 1)
     vector = np.stack([turned[:, k, j] - turned[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], 1)
     sine, cosine = np.linalg.norm(vector, axis=1) / 2, (np.trace(turned.T) - 1) / 2
@@ -77,10 +86,12 @@ def errors(at: Pose, place: Array, frame: Array) -> Array:
 
 
 def reach(arm: Arm, limits: Limits, place: Array, outward: Array) -> Reach:
-    """Return the reach of the arm for end-effector positions (rows, 3) [m] with X_E along unit
-    vectors (rows, 3), base axes. The roll is the roll of the posture turned by the shortest arc.
+    """Return the reach of the arm for positions of the end effector (rows, 3) [m] with its X axis
+    along unit vectors `outward` (rows, 3), both in base axes.
 
-    The method is damped least squares from the posture, with joints within their limits.
+    The attitude about the X axis is the one of the preferred posture after the smallest rotation
+    that turns its X axis. The method is damped least squares from that posture, with joint angles
+    within their limits.
     """
     q = np.tile(limits.posture, (len(place), 1))
     own = pose(arm, q[:1]).frame[0]
@@ -109,8 +120,8 @@ def _evaluated(arm: Arm, q: Array, place: Array, frame: Array) -> Reach:
 
 
 def between(a: Array, b: Array, c: Array, d: Array) -> float:
-    """Return the least distance between the line segments from a to b and from c to d [m]. It is
-    between inner points of both segments, or else at an end of one.
+    """Return the least distance between the line segments from a to b and from c to d [m]: the one
+    between inner points of both if it exists, or else the least from an end of one to the other.
     """
     u, v, w = b - a, d - c, a - c
     ends = [_from_line(p, c, v) for p in (a, b)] + [_from_line(p, a, u) for p in (c, d)]
@@ -128,9 +139,10 @@ def _from_line(p: Array, begin: Array, along: Array) -> float:
 
 
 def clearance(arm: Arm, q: Array) -> tuple[float, tuple[int, int]]:
-    """Return the least distance between the surfaces of two links [m], negative where they overlap,
-    and their numbers from 1 on; q: (n,). Inf and (0, 0) of an arm that is too short to touch
-    itself.
+    """Return the least distance between the surfaces of two links at joint angles q (n,) [m],
+    negative if they overlap, and the numbers of these links, counted from 1.
+
+    An arm with too few links to touch itself gives infinity and (0, 0).
     """
     at = pose(arm, q[None])
     points = [*at.joint[0], at.tip[0]]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replay of the capture by arm: links on their joints, gripper, fixture, path of the tip."""
+"""3D replay of the capture by arm: links of the arm, gripper, fixture, path of the end effector."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ PATHS = (("end effector", "servicer.r_EN_N", "servicer.q_EN"),)
 
 
 def links(arm: Arm, angle: str) -> Iterator[Data]:
-    """Yield the links, each of which turns about its joint on the link before; the last one has the
-    gripper.
+    """Yield the links of the arm for the replay. Each turns about its joint on the link before, and
+    the last one carries the gripper. angle: name of the array of joint angles.
     """
     ends = [*arm.offset[1:], arm.tip]
     for k, (axis, at, end, thick) in enumerate(
@@ -42,7 +42,7 @@ def links(arm: Arm, angle: str) -> Iterator[Data]:
 
 
 def gripper(arm: Arm) -> list[Part]:
-    """Return the last link with two fingers that end at the origin of E."""
+    """Return the parts of the last link: a rod and two fingers that end at the origin of E."""
     thick, (x, y, _) = float(arm.radius[-1]), arm.frame.T
     palm = arm.tip - 2 * thick * x
     fingers = [bodies.rod(palm + s * thick * y, arm.tip, 0.2 * thick, "accent") for s in (-1, 1)]
@@ -50,7 +50,7 @@ def gripper(arm: Arm) -> list[Part]:
 
 
 def events(result: Result) -> list[Data]:
-    """Return every change of the mode of the arm and of the latch."""
+    """Return the events of the replay: every change of the mode of the arm and of the latch."""
     arm = runs_of(result[MODE], result.time, result.mode_names(MODE))
     latch = runs_of(result[CAPTURE], result.time, result.mode_names(CAPTURE))[1:]
     return [event(each["begin"], f"arm {each['text']}", "phase") for each in arm] + [
@@ -59,7 +59,9 @@ def events(result: Result) -> list[Data]:
 
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
-    """Return the arm, the fixture, modes and errors; None without an arm."""
+    """Return the parts and values that the replay adds to an approach: arm, fixture, modes, errors;
+    None for a result without an arm.
+    """
     paths = (name for _, *names in PATHS for name in names)
     shown = (MODE, *(name for name, *_ in SHOWN))
     if not result.holds(ANGLES, *shown, *paths, parameters=(*ARM, *DOCKING)):

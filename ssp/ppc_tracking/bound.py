@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problem of the tracking with prescribed performance: arrival at the instant of the run,
-from then on within the band of the range about the hover; the law of the monitor for closing.
+"""Convex problem of the tracking with prescribed performance, whose optimum is the least impulse.
+
+From the instant at which the run arrived, the servicer must stay within BAND of the hovering point.
+The closing speed must obey the speed law of the monitor at all times.
 """
 
 from __future__ import annotations
@@ -17,11 +19,13 @@ from ..shared import bounds
 BOX, AXIS, HOVER = "propulsion.F_max", "guidance.p_T", "guidance.rho_f"
 LAW = ("monitor.speed_at_zero", "monitor.speed_slope")
 BAND, LEAST = 0.5, 19.0
-"""Band of the range about the hover, and least range [m], see system.toml."""
+"""Largest distance from the hovering point after the arrival, and least range [m], as in
+system.toml.
+"""
 
 
 def arrival(result: Result) -> float:
-    """Return the instant from which the run stays within the band about the hover [s]."""
+    """Return the instant from which the run stays within BAND of the hovering point [s]."""
     hover = float(result.parameter(HOVER))
     axis = bounds.target_axis(result, result.time, np.asarray(result.parameter(AXIS)))
     rho = result[bounds.BODIES[4]] - result[bounds.BODIES[0]]
@@ -30,8 +34,8 @@ def arrival(result: Result) -> float:
 
 
 def problem(result: Result, grid: float) -> Problem:
-    """Return the convex problem of a run. The line of sight of the speed law is the simulated one;
-    the law counts in both directions.
+    """Return the convex problem of a run. The speed law limits the speed along the simulated line
+    of sight, both towards the target and away from it. grid: time step [s].
     """
     found = bounds.problem(result, grid, np.asarray(result.parameter(BOX)))
     time = found.time
@@ -48,7 +52,9 @@ def problem(result: Result, grid: float) -> Problem:
 
 
 def closing(way: Array, at_zero: float, slope: float) -> Cone:
-    """Return |way . v| <= at_zero + slope way . rho at all nodes after the start."""
+    """Return the constraint |way . v| <= at_zero + slope way . rho at all grid points after the
+    start; way: unit vectors along the line of sight (n, 3).
+    """
     nodes = np.arange(1, len(way) + 1)
     rate = way[:, None, :]
     limit = np.full(len(way), at_zero)

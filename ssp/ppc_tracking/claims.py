@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Claims of Yin, Luo, Wei & Yuan 2017 on three controllers in two scenarios (docs/models.md C).
 
-The paper prints neither initial states nor gains: a reproduced figure shows that the claim can be
-met, not that these were the authors' numbers. What compares controllers is in
-tests/systems/test_ppc_claims.py and in `harness compare`.
+The paper prints neither initial states nor gains: a reproduced value shows that the claim can be
+met, not that the authors used these numbers. Claims that compare controllers are checked in
+tests/systems/test_ppc_claims.py and by `harness compare`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from .evaluations import ATTITUDES, COMMAND, ELEVATION, FEATURE, FUNNEL, RANGE
 
 
 def converges(seconds: float, where: str, least: float = 0.9) -> Claim:
-    """Return the claim that the range converges in about that time; least: smallest ratio to
-    this time that counts as "about".
+    """Return the claim that the range converges in about `seconds`; least: smallest ratio to this
+    time that still counts as "about" (the largest is 1.1).
     """
     return Claim(
         name="convergence",
@@ -34,7 +34,7 @@ def converges(seconds: float, where: str, least: float = 0.9) -> Claim:
 
 
 def steady(text: str, reproduced: Band, partly: Band) -> Claim:
-    """Return the claim that the range error under the manoeuvre stays within a band."""
+    """Return the claim that the range error stays within a band while the target manoeuvres."""
     return Claim(
         name="accuracy under manoeuvre",
         text=text,
@@ -151,14 +151,14 @@ CONTROLLERS = {
     "theta-D": "controller.range.Q_error",
     "PID": "controller.range.Kp",
 }
-"""A parameter that only this controller has."""
+"""Parameter that only this controller has, by the name of the controller."""
 FMUS = {
     "prescribed performance": "ppc_controller",
     "theta-D": "theta_d_controller",
     "PID": "pid_controller",
 }
 PERIODS = ("default", "period_10ms", "period_100ms")
-"""Sets of section 4.2: the paper names no sample period."""
+"""Parameter sets that count as section 4.2, with several sample periods: the paper names none."""
 TABLES = {
     ("prescribed performance", False): (
         converges(18, "section 4.2, figure 3"),
@@ -183,8 +183,8 @@ TABLES = {
 
 
 def _cases(controller: str, manoeuvre: bool) -> tuple[Case, ...]:
-    """Return the runs of section 4.2 or 4.3. Only the controller of the paper has the gain law as
-    printed.
+    """Return the cases of section 4.2, or of 4.3 with a manoeuvre of the target. The parameter set
+    `literal_law`, the gain law as printed, exists for prescribed performance only.
     """
     fmu = FMUS[controller]
     own = fmu == FMUS["prescribed performance"]

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Evaluations of a line-of-sight approach for the claims of Yin et al. 2017.
 
-Every function returns the number with the verdict first, then further numbers to show.
+The evaluation of a claim returns first the value that decides on the verdict, then further values
+that the report shows.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ ATTITUDES = ("servicer.q_SN", "guidance.q_DN")
 FUNNEL = tuple(f"controller.{name}" for name in ("kappa", "kappa_att", "theta", "theta_att"))
 
 STOP = 120.0
-"""Duration of the run [s]; the paper does not say it."""
+"""Duration of the run [s], which the paper does not state."""
 BAND = 0.02
-"""Part of the first range error within which the approach counts as converged."""
+"""Share of the first range error within which the approach counts as converged."""
 LATE, SETTLED, LAST = 40.0, 60.0, 20.0
-"""Times from which errors count as steady under the manoeuvre and without; the last part of the run
-[s].
+"""Times from which errors count as steady, with a manoeuvre of the target (LATE) and without one
+(SETTLED), and length of the last part of the run (LAST) [s].
 """
 
 
@@ -39,7 +40,7 @@ def manoeuvring(result: Result) -> bool:
 
 
 def range_error(result: Result) -> Array:
-    """Return the range minus the range of the hovering point [m]."""
+    """Return the range minus the range of the hovering point, (rows,) [m]."""
     return np.asarray(result[RANGE] - parameter(result, "guidance.rho_f"))
 
 
@@ -53,8 +54,8 @@ def last_rows(result: Result) -> NDArray[np.intp]:
 
 
 def convergence(result: Result) -> tuple[float, ...]:
-    """Return the time after which the range error stays within 2 % of the first [s], and that band
-    [m].
+    """Return the time after which the range error stays within 2 % of the first range error [s],
+    and these 2 % [m]; raise NotJudgedError if it does not.
     """
     error = np.abs(range_error(result))
     band = BAND * error[0]
@@ -66,15 +67,15 @@ def convergence(result: Result) -> tuple[float, ...]:
 
 
 def hovering(result: Result) -> tuple[float, ...]:
-    """Return the largest range error after 60 s [m]; largest angle from the axis of the feature
-    [deg].
+    """Return the largest range error after 60 s [m], and the largest angle after 60 s between the
+    line of sight and the axis of the feature on the target [deg].
     """
     rows = since(result, SETTLED, SETTLED)
     return np.abs(range_error(result)[rows]).max(), np.degrees(result[FEATURE][rows]).max()
 
 
 def steady_range_error(result: Result) -> tuple[float, ...]:
-    """Return the largest range error after 40 s [m]; after 60 s."""
+    """Return the largest range error after 40 s and after 60 s [m]."""
     error = np.abs(range_error(result))
     return error[since(result, LATE, LATE)].max(), error[since(result, SETTLED, SETTLED)].max()
 
@@ -85,14 +86,14 @@ def last_range_error(result: Result) -> tuple[float, ...]:
 
 
 def steady_attitude_error(result: Result) -> tuple[float, ...]:
-    """Return the largest attitude error after 60 s [deg]; in the last 20 s."""
+    """Return the largest attitude error after 60 s and in the last 20 s [deg]."""
     error = np.degrees(attitude_error(result))
     return error[since(result, SETTLED, SETTLED)].max(), error[last_rows(result)].max()
 
 
 def overshoot(result: Result) -> tuple[float, ...]:
-    """Return the largest elevation error beyond the reference, seen from the first one [deg];
-    minimum range [m].
+    """Return the overshoot of the elevation [deg], the largest error with the sign opposite to the
+    first error, and the minimum range [m].
     """
     error = np.degrees(result[ELEVATION])
     between(result, 0.0, LATE)
@@ -101,14 +102,16 @@ def overshoot(result: Result) -> tuple[float, ...]:
 
 
 def barrier(result: Result) -> tuple[float, ...]:
-    """Return the largest kappa, and the largest |theta|, a generalised state over its bound."""
+    """Return the largest kappa, and the largest |theta|, the ratio of a generalised state to its
+    bound.
+    """
     kappa = max(result[name].max() for name in FUNNEL[:2])
     return kappa, max(np.abs(result[name]).max() for name in FUNNEL[2:])
 
 
 def chatter(result: Result) -> tuple[float, ...]:
-    """Return the total variation of the command after 60 s over its span, largest of the axes; a
-    sinusoid gives 2 per period.
+    """Return the total variation of the commanded acceleration after 60 s divided by its span, and
+    the total variation [m/s2], both of the axis where it is largest. A sinusoid gives 2 per period.
     """
     command = result[COMMAND][since(result, SETTLED, 2 * LATE)]
     variation, span = np.abs(np.diff(command, axis=0)).sum(axis=0), np.ptp(command, axis=0)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: tracking with prescribed performance. Its figures belong to the line-of-sight
-controllers, which are available in every approach.
+"""Mission: tracking with prescribed performance. Its figures are in ssp.shared, since its
+line-of-sight controllers can be used in every approach.
 """
 
 from __future__ import annotations

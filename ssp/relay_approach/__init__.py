@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Kozlova & Fomichev 2023: pursuit with relay control and a real propulsion unit."""
+"""Mission of Kozlova & Fomichev 2023: pursuit with relay control and a real propulsion unit."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problem of the relay approach: translation alone, from the start to within 60 m of the
-target in the last 100 s, at rest at the end.
+"""Convex problem of the relay approach, whose optimum is the least impulse: only translation, from
+the start to a range of at most 60 m in the last 100 s, at rest at the end.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from harness.results.result import Result
 from ..shared import bounds, optima
 
 ENGINES = slice(8, 13)
-"""Thrusters of translation; the others turn the servicer."""
+"""Indices of the thrusters for translation; the other thrusters turn the servicer."""
 ARRIVAL, RANGE, REST = 39_900.0, 60.0, 0.002
 """Instant [s] and range [m] of the requirement `arrival`; speed that counts as rest [m/s]."""
 
 
 def problem(result: Result, grid: float) -> Problem:
-    """Return the convex problem of a run."""
+    """Return the convex problem of a run; grid: time step [s]."""
     found = bounds.problem(result, grid, np.zeros(3))
     count = len(found.time)
     one, nothing = np.eye(3)[None], np.zeros((1, 3))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Claims of Kozlova & Fomichev 2023 on the two-level guidance and stabilisation (docs/models.md B).
 
-The paper prints curves and few numbers; where a claim has no number of its own, the bands say what
-we take it to mean.
+The paper prints curves and few numbers. For a claim without a number, the bands are this project's
+interpretation.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Evaluations of the relay approach for the claims of Kozlova & Fomichev 2023.
 
-Every function returns the number with the verdict first, then further numbers to show.
+The evaluation of a claim returns first the value that decides on the verdict, then further values
+that the report shows.
 """
 
 from __future__ import annotations
@@ -17,16 +18,18 @@ VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
 RATE_ERROR, IMPULSE = "controller.domega_S", "propulsion.impulse"
 
 STOP = 40000.0
-"""Duration of the run [s]; the paper does not say it."""
+"""Duration of the run [s], which the paper does not state."""
 HOLD = 50.0
-"""Range that the paper holds [m]."""
+"""Range at which the servicer of the paper stays [m]."""
 CAPTURE = 1000.0
-"""Time after which the approach to that range counts as over [s]."""
+"""Time after the arrival at HOLD from which the servicer counts as staying there [s]."""
 ALIGNED = 2000.0
-"""First alignment is over, and the end of the first leg lies as long before the arrival [s]."""
+"""Time after the start at which the first alignment is over; the first leg ends as long before the
+arrival [s].
+"""
 IN_ORBIT = 100.0
-"""A target faster than that [m/s] is on an orbit: speeds in the moving frame are not in the
-result.
+"""Speed of the target [m/s] above which it is on an orbit. The speeds of the paper refer to a frame
+that moves along the orbit, and the result of such a run does not contain them.
 """
 
 
@@ -34,17 +37,19 @@ result.
 
 
 def speeds(result: Result) -> tuple[Array, Array]:
-    """Return the speed of servicer and of target in the frame of the paper [m/s]; raise
-    NotJudgedError on an orbit.
+    """Return the speeds of servicer and target in the frame of the paper, (rows,) each [m/s]; raise
+    NotJudgedError if the target is on an orbit.
     """
     servicer, target = (np.linalg.norm(result[name], axis=1) for name in VELOCITIES)
     if target.max() > IN_ORBIT:
-        raise NotJudgedError("the paper's frame does not move with an orbit")
+        raise NotJudgedError("the target is on an orbit, speeds in the paper's frame are unknown")
     return np.asarray(servicer), np.asarray(target)
 
 
 def arrival_time(result: Result) -> float:
-    """Return when the range to hold is reached [s]; raise NotJudgedError if it is not."""
+    """Return the time at which the range is first at most HOLD [s]; raise NotJudgedError if it
+    never is.
+    """
     there = np.flatnonzero(result[RANGE] <= HOLD)
     if not len(there):
         raise NotJudgedError(f"{HOLD:g} m are not reached by {result.time[-1]:g} s")
@@ -52,17 +57,19 @@ def arrival_time(result: Result) -> float:
 
 
 def first_leg(result: Result) -> NDArray[np.bool_]:
-    """Return the rows of the approach, without first alignment and arrival; raise NotJudgedError if
-    it is too short.
+    """Return a mask of the rows of the first leg, from the end of the first alignment to ALIGNED
+    before the arrival; raise NotJudgedError if there are none.
     """
     leg = np.asarray((result.time >= ALIGNED) & (result.time <= arrival_time(result) - ALIGNED))
     if not leg.any():
-        raise NotJudgedError("the first leg is too short")
+        raise NotJudgedError(f"no first leg: the arrival is before {2 * ALIGNED:g} s")
     return leg
 
 
 def hold(result: Result) -> NDArray[np.bool_]:
-    """Return the rows of the hold; raise NotExercisedError if it lasts less than 2000 s."""
+    """Return a mask of the rows in which the servicer stays at HOLD; raise NotExercisedError if
+    these last less than 2000 s.
+    """
     held = np.asarray(result.time >= arrival_time(result) + CAPTURE)
     if result.time[-1] < arrival_time(result) + CAPTURE + ALIGNED:
         raise NotExercisedError(
@@ -80,14 +87,16 @@ def arrival(result: Result) -> tuple[float, ...]:
 
 
 def speed_ripple(result: Result) -> tuple[float, ...]:
-    """Return the spread of the speed of the first leg over its mean [%]; the mean [m/s]."""
+    """Return the largest minus the smallest speed of the servicer in the first leg, divided by its
+    mean [%], and the mean [m/s].
+    """
     leg = speeds(result)[0][first_leg(result)]
     return 100 * np.ptp(leg) / leg.mean(), leg.mean()
 
 
 def approach_speed(result: Result) -> tuple[float, ...]:
-    """Return the mean speed of the first leg over twice the mean speed of the target, and that mean
-    speed [m/s].
+    """Return the mean speed of the servicer in the first leg divided by twice the mean speed of the
+    target, and the mean speed of the servicer [m/s].
     """
     servicer, target = speeds(result)
     leg = servicer[first_leg(result)].mean()
@@ -95,14 +104,16 @@ def approach_speed(result: Result) -> tuple[float, ...]:
 
 
 def hold_error(result: Result) -> tuple[float, ...]:
-    """Return the largest distance from 50 m during the hold [m]; least and largest range [m]."""
+    """Return the largest difference between the range and HOLD while the servicer stays there, the
+    least and the largest range [m].
+    """
     distance = result[RANGE][hold(result)]
     return np.abs(distance - HOLD).max(), distance.min(), distance.max()
 
 
 def hold_speed(result: Result) -> tuple[float, ...]:
-    """Return the mean speed during the hold relative to the speed of the target, and that speed
-    [m/s].
+    """Return the mean speed of the servicer while it stays at HOLD, divided by the mean speed of
+    the target, and the mean speed of the servicer [m/s].
     """
     servicer, target = (speed[hold(result)].mean() for speed in speeds(result))
     return servicer / target, servicer
@@ -121,8 +132,8 @@ def heading(result: Result) -> tuple[float, ...]:
 
 
 def rate_error(result: Result) -> tuple[float, ...]:
-    """Return the root mean square of required less actual angular rate after 2000 s, in mrad/s; the
-    largest [mrad/s].
+    """Return the root mean square and the maximum of the difference between required and actual
+    angular rate after 2000 s [mrad/s].
     """
     if result.time[-1] < ALIGNED + CAPTURE:
         raise NotExercisedError(
@@ -133,8 +144,8 @@ def rate_error(result: Result) -> tuple[float, ...]:
 
 
 def transition_angle(result: Result) -> tuple[float, ...]:
-    """Return the largest rotation angle of the transition quaternion in the last 5000 s [deg]; its
-    least L0.
+    """Return the largest rotation angle [deg] and the least scalar part L0 of the transition
+    quaternion in the last 5000 s.
     """
     L = result[TRANSITION][final(result, 5000.0, 6000.0)]
     angle = np.degrees(2 * np.arctan2(np.linalg.norm(L[:, 1:], axis=1), L[:, 0]))

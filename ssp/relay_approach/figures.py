@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of the relay approach: counterparts of figures 6 to 9 of Kozlova & Fomichev 2023,
-firings, phase planes.
+"""Figures of the relay approach: counterparts of figures 6 to 9 of Kozlova & Fomichev 2023, and
+figures of the engines and the phase planes of the relays.
 """
 
 from __future__ import annotations
@@ -18,20 +18,22 @@ from ..shared.relative_motion import SERVICER, SPEED, TARGET, range_
 PURSUIT = ("guidance.q_DS",)
 """Variable that only the guidance of this system publishes."""
 HOLD = "guidance.zeta1"
-"""Parameter: range at which the servicer shall stay [m]."""
+"""Parameter with the range at which the servicer must stay [m]."""
 IN_ORBIT = 1e6
-"""A target farther than that [m] from the origin of N is in orbit, and paths are drawn relative to
-it.
+"""Distance of the target from the origin of N [m] above which it is in orbit, so that paths are
+drawn relative to the target.
 """
 WINDOW = 5.0
-"""Half width of a phase plane, in units of where its outer switching line meets the axes."""
+"""Ratio of the half width of a phase plane to the point at which its outer switching line meets the
+axis.
+"""
 
 
-# ---- where: figures 6 and 7
+# ---- paths: figures 6 and 7
 
 
 def _origin(result: Result) -> Array:
-    """Return the origin of drawn positions: N in deep space, the target in orbit."""
+    """Return the origin of drawn paths (rows, 3) [m]: the target in orbit, else the origin of N."""
     target = result[TARGET]
     return target if np.abs(target).max() > IN_ORBIT else np.zeros_like(target)
 
@@ -69,7 +71,7 @@ def _coordinate(k: int) -> tuple[Curve, ...]:
     )
 
 
-# ---- how it turns: figures 8 and 9
+# ---- rotation: figures 8 and 9
 
 
 def _rates(k: int) -> tuple[Curve, ...]:
@@ -84,7 +86,9 @@ def _rates(k: int) -> tuple[Curve, ...]:
 
 
 def _group(first: int, last: int, what: str, label: str) -> Curve:
-    """Return the curve of a sum over the thrusters first .. last - 1."""
+    """Return the curve of the sum of a variable `propulsion.WHAT` over the thrusters with indices
+    from `first` to last - 1.
+    """
     engines = range(first + 1, last + 1)
     return Curve(" + ".join(f"propulsion.{what}[{k}]" for k in engines), label)
 
@@ -130,8 +134,11 @@ def _phase_planes(canvas: Axes, result: Result) -> None:
 def _phase_plane(
     axes: Axes, error: Array, sigma: Array, gains: tuple[Array, ...], names: tuple[str, str]
 ) -> None:
-    """Draw an error against its derivative; names: of the error, and the unit of its derivative. A
-    gain Kd = 0 leaves no derivative to be drawn.
+    """Draw the derivative of an error over the error, and the switching lines of its relay.
+
+    sigma: Kp e + Kd e'; gains: Kp, Kd, and the levels of sigma at which the relay switches off and
+    on; names: label of the error, unit of its derivative. With Kd = 0 the derivative is unknown and
+    drawn as 0.
     """
     Kp, Kd, off, on = (float(gain) for gain in gains)
     x, y = (WINDOW * on / gain if gain else 1.0 for gain in (Kp, Kd))
