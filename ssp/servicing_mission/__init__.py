@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Servicing mission from 500 m to a stack at rest."""
+"""Servicing mission from a range of 500 m to capture and a stack (servicer and target) at rest."""

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problems of the phases of a mission before the capture: each from where the run began it
-to where the run left it, within the tolerances of the manager; a hold is at its place all the time.
+"""Convex problems of the phases of a mission before the capture, whose optima are the least
+impulses.
 
-Before the final approach the least range is convexified from inside: range along a way, first the
-way of the run, then the way of the last optimum (`along`).
+Each problem begins at the state at which the run began the phase, and ends at the position and
+velocity at which the run left it, within the tolerances of the mission manager. In a hold the
+servicer must be at the hold point all the time. Before the final approach, the least range is
+replaced by a stricter convex constraint: the distance along the direction of a known path must
+exceed it. That path is first the path of the run, then the last optimum (`along`).
 """
 
 from __future__ import annotations
@@ -21,24 +24,27 @@ from ..shared import bounds, optima
 from .events import NEEDS, stays
 
 BOX = np.array([2.0, 1.0, 1.0])
-"""Thrust along the axes of the servicer: four thrusters of 0.5 N along x, two along y and z [N]."""
+"""Largest force along each axis of the servicer [N]: four thrusters of 0.5 N along x, two along y
+and two along z.
+"""
 GRIDS = {"far": 4.0, "hold 1": 2.0, "closing": 2.0, "hold 2": 1.0, "fly-around": 1.0, "final": 1.0,
          "hold 3": 0.5, "mating": 0.5}  # fmt: skip
-"""Phases and the steps of their grids [s]."""
+"""Time step of the convex problem of each phase [s]."""
 HALF_ANGLE, ZONE = "monitor.corridor_half_angle", "monitor.keep_out_half"
 ENDS = {"far": ("tol_1", "v_1"), "hold 1": ("tol_1", "v_1"), "closing": ("tol_2", "v_2"),
         "hold 2": ("tol_2", "v_2"), "fly-around": ("tol_2", "v_2"), "final": ("tol_3", "v_3"),
         "hold 3": ("tol_3", "v_3")}  # fmt: skip
-"""Parameters of the manager: tolerances of position and speed at the end of a phase. Mating ends at
-the place and with the velocity of the contact.
+"""Names of the parameters of the manager with the tolerances of position and speed at the end of
+each phase. The phase "mating" ends exactly at the position and velocity of the contact in the run.
 """
 WITH_TARGET = ("fly-around", "final", "hold 3", "mating")
-"""Phases that end at rest in the axes of the target; the others in H."""
+"""Phases that end at rest as seen in the axes of the target; the others end at rest as seen in H.
+"""
 IN_CORRIDOR = ("final", "hold 3", "mating")
 
 
 def rows(result: Result, phase: str) -> slice:
-    """Return the rows of the first stay in a phase, with the first row of the next phase."""
+    """Return the rows of the first stay in a phase and the first row of the next phase."""
     found = stays(result)
     at = [s.phase for s in found].index(phase)
     last = found[at + 1].row + 1 if at + 1 < len(found) else len(result.time)
@@ -46,13 +52,15 @@ def rows(result: Result, phase: str) -> slice:
 
 
 def phases(result: Result, grid: float | None) -> Mapping[str, Phase]:
-    """Return the phases that a run has completed; all force of the thrusters counts."""
+    """Return the convex problems of the phases that a run has completed, by name; grid: time step
+    [s] (None: as in GRIDS).
+    """
     done = {s.phase for s in stays(result)[:-1]}
     return {name: phase(result, name, grid or GRIDS[name]) for name in GRIDS if name in done}
 
 
 def phase(result: Result, name: str, grid: float) -> Phase:
-    """Return one phase of a run."""
+    """Return the convex problem of one phase of a run, and the impulse that the run spent in it."""
     cut = rows(result, name)
     part = replace(result, time=result.time[cut], values=result.values[cut])
     spent = part[bounds.IMPULSE][-1] - part[bounds.IMPULSE][0]
@@ -62,8 +70,8 @@ def phase(result: Result, name: str, grid: float) -> Phase:
 
 
 def start(part: Result) -> Mapping[str, Any]:
-    """Return the parameters with which both bodies begin where a part of a run begins; the attitude
-    of the servicer does not turn.
+    """Return the parameters of servicer and target with which a simulation starts at the first row
+    of a part of a run; the attitude of the servicer is frozen in it.
     """
     found: dict[str, Any] = {
         "servicer.t_att": 1e9,
@@ -83,7 +91,7 @@ def problem(part: Result, phase: str, grid: float) -> Problem:
 
 
 def way(part: Result, time: Array, phase: str) -> Iterator[Cone]:
-    """Yield the constraints on the way."""
+    """Yield the constraints between start and end of a phase."""
     given = {name: float(part.parameter(f"manager.{name}")) for name in ("R_1", "R_2", "L_3")}
     tol_1, tol_2, tol_3 = (float(part.parameter(f"manager.tol_{k}")) for k in (1, 2, 3))
     inside, zone = time > time[0], float(np.min(part.parameter(ZONE)))
@@ -104,14 +112,18 @@ def way(part: Result, time: Array, phase: str) -> Iterator[Cone]:
 
 
 def _line(part: Result, time: Array) -> Array:
-    """Return the direction of the line of holds in N (n + 1, 3)."""
+    """Return the direction from the target along the line on which the hold points lie, in N axes,
+    (n + 1, 3).
+    """
     psi = float(part.parameter("manager.line_angle"))
     r, v = (bounds.at(part, bounds.BODIES[k], time) for k in (0, 1))
     return np.asarray(bounds.hill(r, v)[0] @ [np.cos(psi), np.sin(psi), 0])
 
 
 def along(problem: Problem, way: Array) -> Problem:
-    """Return the problem with the range along another way (n + 1, 3)."""
+    """Return the problem with its constraint on the least range along the directions of another
+    path `way`, positions from the target (n + 1, 3).
+    """
     inside = np.arange(len(problem.time)) > 0
     name, least = problem.cones[0].name, -float(problem.cones[0].limit[0])
     rule = bounds.beyond(name, inside, _directions(way), least)
@@ -128,8 +140,8 @@ def _directions(way: Array) -> Array:
 
 
 def _ends(result: Result, time: Array, phase: str) -> Iterator[Cone]:
-    """Yield the end of a phase: near the place where the run left it, slow as seen in the frame of
-    the phase, H or T.
+    """Yield the constraints at the end of a phase: near the position at which the run left it, and
+    slow as seen in the frame of the phase, H or T.
     """
     last, one, nothing = np.arange(len(time)) == len(time) - 1, np.eye(3)[None], np.zeros((1, 3))
     r, v = (bounds.at(result, bounds.BODIES[k], time[-1:]) for k in (0, 1))

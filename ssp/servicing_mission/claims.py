@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims about the events of the mission, against an independent simulation of the same laws with
-ideal thrust of at most 2, 1, 1 N along x, y, z and a lag of 0.3 s.
+"""Claims about the events of the mission. The published values are from an independent simulation
+of the same laws with ideal thrust of at most 2, 1, 1 N along x, y, z and a lag of 0.3 s.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ RATE, BY_ARM = "servicer.omega_SN_S", "manager.by_arm"
 
 
 def by_arm(result: Result) -> bool:
-    """Return whether the arm mates, in which case the claims on the probe do not apply."""
+    """Return whether the arm captures the target: then the claims about the probe do not apply."""
     return result.holds(parameters=(BY_ARM,)) and bool(result.parameter(BY_ARM))
 
 
 def stay(result: Result, phase: str) -> Stay:
-    """Return the first stay in a phase."""
+    """Return the first stay in a phase; raise NotExercisedError if the run has none."""
     found = [s for s in stays(result) if s.phase == phase]
     if not found:
         raise NotExercisedError(f"the mission does not reach {phase}")
@@ -41,7 +41,9 @@ def stay(result: Result, phase: str) -> Stay:
 
 
 def reached(phase: str, after: str | None = None) -> Evaluation:
-    """Return when a phase begins, or how long after another one [s], and the range there [m]."""
+    """Return an evaluation that gives the time at which a phase begins, from the start or from the
+    beginning of the phase `after` [s], and the range at that time [m].
+    """
 
     def evaluate(result: Result) -> tuple[float, ...]:
         there = stay(result, phase)
@@ -52,7 +54,7 @@ def reached(phase: str, after: str | None = None) -> Evaluation:
 
 
 def range_at(phase: str) -> Evaluation:
-    """Return the range where a phase begins [m]."""
+    """Return an evaluation that gives the range at the beginning of a phase [m]."""
     return lambda result: (float(range_(result)[stay(result, phase).row]),)
 
 
@@ -70,7 +72,7 @@ def soft_after_mating(result: Result) -> tuple[float, ...]:
 
 
 def at_soft(name: str) -> Evaluation:
-    """Return the size of a variable in the row before soft capture."""
+    """Return an evaluation that gives the norm of a variable in the row before soft capture."""
 
     def evaluate(result: Result) -> tuple[float, ...]:
         row = np.searchsorted(result.time, _capture(result, "soft capture")) - 1
@@ -85,12 +87,12 @@ def hard_after_soft(result: Result) -> tuple[float, ...]:
 
 
 def largest(name: str) -> Evaluation:
-    """Return the largest value of a variable."""
+    """Return an evaluation that gives the largest value of a variable."""
     return lambda result: (float(result[name].max()),)
 
 
 def rate_at_end(result: Result) -> tuple[float, ...]:
-    """Return the rate of the servicer in the last row [rad/s]."""
+    """Return the magnitude of the angular rate of the servicer in the last row [rad/s]."""
     return (float(np.linalg.norm(result[RATE][-1])),)
 
 
@@ -105,7 +107,9 @@ def least_before_mating(result: Result) -> tuple[float, ...]:
 
 
 def least_margin(result: Result) -> tuple[float, ...]:
-    """Return the least margin of the rules keep-out, corridor and speed [m, m, m/s]."""
+    """Return the smallest of the least margins of the rules keep-out, corridor and speed, then each
+    of the three [m, m, m/s].
+    """
     margins = result[LEAST][-1, :3]
     return (float(margins.min()), *map(float, margins))
 
@@ -119,13 +123,15 @@ def claim(  # noqa: PLR0913, PLR0917 - the columns of the table
     band: Band,
     *needs: str,
 ) -> Claim:
-    """Return the claim of one line of the table."""
+    """Return a claim on an event; there: value of the independent simulation; figure: format of our
+    value; needs: variables besides NEEDS.
+    """
     return Claim(name, f"{name}: {there}", "events", (*NEEDS, *needs), evaluation, figure, unit,
                  band, interval=1.0)  # fmt: skip
 
 
 def after(phase: str, before: str, there: str, low: float, high: float) -> Claim:
-    """Return the claim that a phase begins within an interval after another one."""
+    """Return the claim that a phase begins `low` to `high` seconds after the phase `before`."""
     return claim(phase, there, reached(phase, before), f"{{0:.0f}} s after {before}", "s",
                  Band(low, high))  # fmt: skip
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Escapes of a run: what an abort at any row would do, in Hill axes, for drawn errors of navigation
-and burn, by the equations of Clohessy and Wiltshire (docs/models.md G.11).
+"""Escapes: predicted drifts of the servicer after an abort at any row of a run, with drawn errors
+of navigation and burn, by the equations of Clohessy and Wiltshire in Hill axes (docs/models.md
+G.11).
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ STATES = ("servicer.r_SN_N", "servicer.v_SN_N", "target.r_TN_N", "target.v_TN_N"
 
 
 class Escape(NamedTuple):
-    """Abort at one row: state after the burn and increment [m, m/s], Hill axes, rate [rad/s]."""
+    """Abort at one row, in Hill axes: position r [m] and velocity v [m/s] after the burn, velocity
+    increment dv of the burn [m/s], rate n of the Hill frame [rad/s].
+    """
 
     r: Array
     v: Array
@@ -28,8 +31,8 @@ class Escape(NamedTuple):
 
 
 def hill_axes(result: Result) -> tuple[Array, Array]:
-    """Return the axes of the Hill frame of the target as rows, (rows, 3, 3), and its rate, (rows,)
-    [rad/s].
+    """Return the matrices (rows, 3, 3) from N to the Hill frame of the target, whose lines are the
+    Hill axes, and the rate of that frame (rows,) [rad/s].
     """
     r, v = result["target.r_TN_N"], result["target.v_TN_N"]
     h = np.cross(r, v)
@@ -39,7 +42,7 @@ def hill_axes(result: Result) -> tuple[Array, Array]:
 
 
 def in_hill(result: Result, vectors: Array) -> Array:
-    """Return vectors (rows, 3) in N axes in Hill axes."""
+    """Return vectors (rows, 3), given in N axes, in Hill axes."""
     return np.asarray(np.einsum("kij,kj->ki", hill_axes(result)[0], vectors))
 
 
@@ -63,8 +66,11 @@ def _norm(a: Array) -> Array:
 
 
 def escape(result: Result, rho: Array, drho: Array, n: float, along: Array | None = None) -> Escape:
-    """Return the escape from a state, for a burn without errors; along: add the speed of the abort
-    along this axis (abort_relative = 0).
+    """Return the escape for a burn without errors at position rho [m] and velocity drho [m/s] in
+    Hill axes, with the rate n of the frame [rad/s].
+
+    The burn gives the servicer the speed of the abort away from the target, relative to the Hill
+    frame; with `along` it adds that speed along this unit vector (abort_relative = 0).
     """
     mass, force, speed = (float(result.parameter(f"monitor.{name}")) for name in ABORT[:3])
     dv = speed * rho / np.linalg.norm(rho) - drho if along is None else speed * along
@@ -73,7 +79,11 @@ def escape(result: Result, rho: Array, drho: Array, n: float, along: Array | Non
 
 
 def drift(n: float, r: Array, v: Array, tau: Array) -> Array:
-    """Return positions of drifts from states (states, 3) at times (times,): (times, states, 3)."""
+    """Return positions (times, states, 3) of drifts in Hill axes [m].
+
+    n: rate of the frame [rad/s]; r, v: positions and velocities at the start (states, 3); tau:
+    times since then (times,) [s].
+    """
     s, c, t = (a[:, None] for a in (np.sin(n * tau), np.cos(n * tau), tau))
     (x, y, z), (vx, vy, vz) = r.T, v.T
     return np.stack(
@@ -87,7 +97,9 @@ def drift(n: float, r: Array, v: Array, tau: Array) -> Array:
 
 
 def drawn(result: Result, e: Escape, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return states after the burn, (count, 3) each, with errors drawn within their bounds."""
+    """Return `count` positions and velocities after the burn, (count, 3) each, with errors of
+    navigation and burn drawn within the bounds of the monitor.
+    """
     e_r, e_v, k_p, k_n = (float(result.parameter(f"monitor.{name}")) for name in BOUNDS[:4])
     along = rng.uniform(-k_p, k_p, (count, 1)) * e.dv
     across = np.cross(rng.normal(size=(count, 3)), e.dv)
@@ -97,8 +109,8 @@ def drawn(result: Result, e: Escape, count: int, rng: np.random.Generator) -> tu
 
 
 def support(result: Result, e: Escape, tau: Array) -> tuple[Array, Array]:
-    """Return the path without errors, (times, 3), and by how much an error of the set can displace
-    it towards the target, (times,) [m].
+    """Return the path without errors (times, 3) [m], and the largest displacement towards the
+    target that errors within the bounds of the monitor can cause (times,) [m].
     """
     e_r, e_v, k_p, k_n, e_model = (float(result.parameter(f"monitor.{n}")) for n in BOUNDS)
     path = drift(e.n, e.r[None], e.v[None], tau)[:, 0]

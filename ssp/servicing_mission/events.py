@@ -19,17 +19,20 @@ DOCKING, MASS, MISSED = "mechanism.phase", "servicer.mass", "mechanism.missed"
 NEEDS = (PHASE, REASON, BEGUN, DOCKING, MASS, SERVICER, TARGET)
 ISP, G_0 = "propulsion.Isp", 9.80665
 TOUCHING, BESIDE = 1.5, 2.0
-"""Range below which the bodies have met [m]: docked it is 1.58 m, with the probe askew in the cone
-1.55 m. Range within which a probe that misses the drogue hits the target beside it: the material of
-the mechanism has no back."""
+"""Range below which the bodies have collided [m]: the docked range is 1.58 m, with the probe askew
+in the cone 1.55 m. Range below which a probe that misses the drogue hits the target beside it [m],
+which the model of the mechanism does not notice.
+"""
 
 
 ENDS = {"stack": "captured", "aborted": "aborted", "retreat": "retreated"}
-"""Outcome of a mission by a phase that it has reached, the first that applies."""
+"""Outcome of a mission by a phase that it has reached; of several, the first entry applies."""
 
 
 class Stay(NamedTuple):
-    """Stay of a mission in a phase, times in seconds; reason: why the phase before ended."""
+    """Stay of a mission in a phase: times of begin and end [s], row of the begin; reason: why the
+    phase before ended.
+    """
 
     phase: str
     begin: float
@@ -39,7 +42,7 @@ class Stay(NamedTuple):
 
 
 def stays(result: Result) -> list[Stay]:
-    """Return the phases in their order."""
+    """Return the stays in all phases of a run, in the order of time."""
     phase, reason = result[PHASE], result[REASON]
     rows = [0, *(np.flatnonzero(np.diff(phase)) + 1)]
     begun = [float(result[BEGUN][row]) for row in rows]
@@ -57,19 +60,21 @@ def stays(result: Result) -> list[Stay]:
 
 
 def increments(result: Result) -> Array:
-    """Return the velocity increments so far from the used propellant, (rows,) [m/s]."""
+    """Return the velocity increment since the start in every row (rows,) [m/s], computed from the
+    used propellant.
+    """
     mass = result[MASS]
     return np.asarray(float(result.parameter(ISP)) * G_0 * np.log(mass[0] / mass))
 
 
 def collided(result: Result) -> bool:
-    """Return whether the bodies met anywhere but in the drogue."""
+    """Return whether the bodies touched anywhere but in the drogue."""
     far = range_(result)
     missed = (np.diff(result[MISSED], prepend=0.0) > 0) & (far < BESIDE)
     return bool((far < TOUCHING).any() or missed.any())
 
 
-@lru_cache(maxsize=1)  # several metrics of one run
+@lru_cache(maxsize=1)  # several metrics of one run need it
 def outcome(result: Result) -> str:
     """Return the outcome of a mission: collided, captured (the stack detumbled), aborted (by the
     monitor), retreated, or under way.
@@ -80,7 +85,7 @@ def outcome(result: Result) -> str:
 
 
 def _ended(result: Result, word: str) -> str:
-    """Return the condition that a mission has an outcome()."""
+    """Return an expression that is true if the outcome() of a run is `word`."""
     names = result.mode_names(PHASE)
     beside = f"{DISTANCE} < {BESIDE}"
     touched = f"{DISTANCE} < {TOUCHING} or {MISSED} > previous({MISSED}) and {beside}"
@@ -107,7 +112,7 @@ METRICS = tuple(map(_metric, ("captured", "retreated", "aborted", "collided", "u
 
 
 def captures(result: Result) -> Iterator[tuple[float, str]]:
-    """Yield the first contact, then every change of the latch: time [s] and what it is."""
+    """Yield time [s] and name of the first contact and of every change of the latch."""
     docking = result[DOCKING]
     touched = np.flatnonzero(docking > 0)
     if len(touched):
@@ -118,7 +123,9 @@ def captures(result: Result) -> Iterator[tuple[float, str]]:
 
 
 def events(result: Result) -> list[tuple[float, str]]:
-    """Return everything that happened, in the order of time [s]."""
+    """Return times [s] and texts of all phases, contacts and changes of the latch, in the order of
+    time.
+    """
     far, used = range_(result), increments(result)
     phases = [
         (s.begin, f"{s.phase}{f' ({s.reason})' if s.reason else ''}, range {far[s.row]:.2f} m, "
@@ -129,7 +136,7 @@ def events(result: Result) -> list[tuple[float, str]]:
 
 
 def notes(result: Result) -> Iterator[str]:
-    """Yield the list of events and the timeline of phases."""
+    """Yield notes for a report: a line for every event, and a line with the durations of phases."""
     if not (result.holds(*NEEDS, parameters=(ISP,)) and len(result.time)):
         return
     yield from (f"{t:.1f} s: {what}" for t, what in events(result))

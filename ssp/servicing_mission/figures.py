@@ -23,9 +23,11 @@ IN_TARGET = (SERVICER, TARGET, "target.q_TN")
 LOADS = ("mechanism.normal_force", "mechanism.load_force", "mechanism.load_moment")
 WHEELS, RATE, MOMENTUM = "servicer.wheel_speed", "servicer.omega_SN_S", "stack_guidance.momentum_S"
 CLOSE = 25.0
-"""Range of the picture of the final approach [m]."""
+"""Range that the figure of the final approach shows [m]."""
 FAR_OFF, FANS, DRAWN = 60.0, 7, 12
-"""Range of the picture of escapes [m], places from which they begin, drawn errors of each."""
+"""Range that the figure of escapes shows [m], number of positions from which escapes begin, number
+of drawn errors for each.
+"""
 
 
 def in_target_axes(result: Result) -> Array:
@@ -35,7 +37,7 @@ def in_target_axes(result: Result) -> Array:
 
 
 def _mission(canvas: Axes, result: Result) -> None:
-    """Draw the range and velocity increments; the phases as bands with their names."""
+    """Draw range and velocity increments over time, with the phases as named bands."""
     top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     clock = time_axis(result.time)
     t = result.time / clock.seconds
@@ -53,15 +55,15 @@ def _mission(canvas: Axes, result: Result) -> None:
 
 
 def _in_final_approach(result: Result) -> Any:
-    """Return the rows from the fly-around to the last attempt, (rows,) of bool."""
+    """Return a mask (rows,) of the rows from the fly-around to the last attempt."""
     first, last = map(result.mode_names(PHASE).index, ("fly-around", "retreat"))
     phase = result[PHASE]
     return (phase >= first) & (phase < last) & (range_(result) < CLOSE)
 
 
 def _corridor(canvas: Axes, result: Result) -> None:
-    """Draw the distance off the grasp axis over the distance along it, from the fly-around on, in
-    the cone of the monitor.
+    """Draw the distance off the grasp axis over the distance along the axis, from the fly-around
+    on, together with the corridor cone of the monitor.
     """
     p = in_target_axes(result)
     axis = np.asarray(result.parameter("guidance.p_T"))
@@ -79,8 +81,9 @@ def _corridor(canvas: Axes, result: Result) -> None:
 
 
 def _escapes(canvas: Axes, result: Result) -> None:
-    """Draw the closing in the plane of the orbit, the zone, and from some places the drift of an
-    hour after an abort: the tube of all errors within their bounds, and drifts of drawn errors.
+    """Draw the path before the fly-around in the plane of the orbit, the escape zone, and from FANS
+    positions the drifts after an abort: the tube that contains the drifts for all errors within
+    their bounds, and drifts for drawn errors.
     """
     axes = canvas.add_subplot()
     rho, drho, rate = escapes.hill_states(result)

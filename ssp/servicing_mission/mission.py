@@ -23,7 +23,7 @@ from .scene import SCENE
 
 
 def _words(result: Result) -> str:
-    """Return the commands of the ground: go or no-go for each hold."""
+    """Return the decisions of the ground in the last row as text: go or no-go for each hold."""
     go = [result[f"timeline.go_{k}"][-1] for k in (1, 2, 3)]
     return " ".join("go" if flag else "no-go" for flag in go)
 
@@ -41,7 +41,7 @@ COMMANDED = (
     ("selector.wheel_accel_cmd", 0.01),
     ("selector.throttle", (0.0, 1.0)),
 )
-"""Bounds of what the selector passes on: the thrusters and wheels of the servicer."""
+"""Bounds of the commands that the selector passes to thrusters and wheels of the servicer."""
 
 MISSION = replace(
     _APPROACH,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replay of a mission: an approach with the mechanism on both bodies or with the arm, phases and
-events.
+"""3D replay of a mission: an approach with the docking mechanism on both bodies or with the arm,
+with phases and events.
 
-After capture the stack needs no extra part: both bodies are drawn at their positions.
+After capture both bodies are still drawn at their positions, which then form the stack.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ ALARMS = ("back-off", "retreat", "safe", "aborted")
 
 
 def _events(result: Result) -> list[dict[str, object]]:
-    """Return the phases, each with the reason why the previous phase ended, then contacts and
-    latches.
+    """Return the events of the replay: the phases, each with the reason why the previous phase
+    ended, then contacts and changes of the latch.
     """
     begun = [
         event(
@@ -41,8 +41,8 @@ def _events(result: Result) -> list[dict[str, object]]:
 
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
-    """Return probe and drogue, or the arm; phase, latch and contact force run along, events are
-    marked.
+    """Return the parts and values that the replay adds to an approach: probe and drogue or the arm,
+    phase, latch, contact force, events; None for a result of another mission.
     """
     if not result.holds(*NEEDS, LOAD, parameters=(*DOCKING, ISP)):
         return None

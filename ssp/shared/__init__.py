@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts shared by several missions: relative motion, estimates, safety, their figures, metrics and
-replay.
+"""Code shared by several missions: relative motion, estimates and safety, with their figures,
+metrics and replay.
 """

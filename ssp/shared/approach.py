@@ -38,7 +38,7 @@ from .safety import LEAST, RESTING, RULES, findings
 from .watched import WATCHED
 
 COMMON = (RANGE, optima.FIGURE, FORCE, *ADAPTIVE, ATTITUDE_ERROR, WHEEL_SPEEDS, ALIGNMENT)
-"""Figures of any guidance and any controller."""
+"""Figures for approaches with any guidance and any controller."""
 FURTHER = (
     FIRING,
     *line_of_sight_figures.FIGURES,
@@ -48,9 +48,9 @@ FURTHER = (
     *flexible.FIGURES,
     *plan_figures.FIGURES,
 )
-"""Figures of what may take the place of a component: actuators, controllers, sensors, monitor."""
+"""Figures that need certain components: actuators, controllers, sensors, monitor."""
 IDLE = (LEAST, *(rule.history for rule in RULES), filtering.BARRIER, filtering.LEAST)
-"""Margins and barriers."""
+"""Margins and barriers, which have the value RESTING while their rule does not apply."""
 
 
 def approach(
@@ -58,7 +58,9 @@ def approach(
     claims: tuple[Paper, ...] = (),
     overlays: tuple[Figure | Overlay, ...] = (),
 ) -> Mission:
-    """Return the mission of an approach: its own figures among the shared ones, and its papers."""
+    """Return the Mission of an approach, with these own figures, papers and figures of several runs
+    besides the shared ones.
+    """
     return Mission(
         figures=(*COMMON, *figures, *FURTHER),
         overlays=(*OVERLAYS, *filtering.OVERLAYS, *overlays),
@@ -86,7 +88,7 @@ TORQUE_COMMANDS = ("propulsion.M_S", "controller.wheel_accel_cmd")
 
 
 def notes(result: Result) -> Iterator[str]:
-    """Yield one line per fact."""
+    """Yield notes for a report: torques without effect, actuators that are often at a limit."""
     yield from _torque_without_effect(result)
     for metric in AT_LIMITS:
         if (share := metric(result, Limits())) > metric.above:
@@ -94,7 +96,7 @@ def notes(result: Result) -> Iterator[str]:
 
 
 def _torque_without_effect(result: Result) -> Iterator[str]:
-    """Yield a line if a torque acts on a servicer whose attitude is still frozen."""
+    """Yield a line if a torque is commanded while the attitude of the servicer is frozen."""
     release = min(release_time(result), result.time[-1])
     frozen = result.time < release
     for name in TORQUE_COMMANDS:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of every approach, for any guidance and controller, and figures of estimates by adaptive
-control: counterparts of figures 5 to 11 of Zhu & Yang 2009.
+"""Figures of every approach, with any guidance and controller, and figures of the estimates by
+adaptive control. Some are the counterparts of figures 5 to 11 of Zhu & Yang 2009.
 """
 
 from __future__ import annotations
@@ -36,26 +36,30 @@ from .relative_motion import (
 )
 
 ETA = "controller.eta_hat"
-"""Elements 11 12 13 22 23 33 of the inertia of the body, then of the wheels."""
+"""Estimated inertia: elements 11, 12, 13, 22, 23, 33 of the body, then of the wheels."""
 MAIN, OFF = (0, 3, 5), (1, 2, 4)
-"""Elements of the six on the diagonal, and off the diagonal."""
+"""Indices of the diagonal elements, and of the other elements, among 11, 12, 13, 22, 23, 33."""
 BODY, WHEELS = "servicer.J_S", "servicer.A_w"
 FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
 TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 PURSUIT = "guidance.q_DS"
-"""Variable that only the guidance with the thrusters of the paper publishes."""
+"""Output of pursuit_guidance, which only systems with the thrusters of Kozlova & Fomichev have."""
 DIRECTION = "propulsion.thruster_direction"
 ENGINES = (*(f"P{i}" for i in range(1, 9)), *(f"P'{i}" for i in range(1, 6)))
-"""The thrusters of the paper: attitude, brakes, main engine."""
+"""Names of the thrusters in Kozlova & Fomichev 2023: attitude P1 to P8, brakes P'1 to P'4, main
+engine P'5.
+"""
 COLUMNS = 1500
-"""Columns of the firing chart; more rows than that are put together, the largest thrust of each
-counts.
+"""Largest number of columns of the firing chart. If there are more rows, each column shows the
+largest thrust of several rows.
 """
 
 
 def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) -> Panel:
-    """Return six estimated elements from `first` on, or the ones on or off the diagonal, and the
-    true ones, dashed.
+    """Return a panel of estimated inertia elements and, dashed, their true values.
+
+    first: index in ETA of the first of six elements; elements: indices of the shown ones among
+    these; parameter: matrix of the true values.
     """
     places = [f"{i}{j}" for i in (1, 2, 3) for j in range(i, 4)]
     estimates = [Curve(f"{ETA}[{first + k + 1}]", places[k]) for k in elements]
@@ -68,7 +72,7 @@ def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) 
 
 
 def _firing_chart(canvas: Axes, result: Result) -> None:
-    """Draw the thrust of every engine as part of its largest, over time."""
+    """Draw the thrust of every thruster that fires over time, as share of its largest thrust."""
     thrust = result["propulsion.thrust"]
     exist = np.flatnonzero(thrust.any(axis=0))
     names = [_engine(result, int(i)) for i in exist]
@@ -93,8 +97,8 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
 
 
 def _engine(result: Result, i: int) -> str:
-    """Return the name of thruster i: the name in the paper, or for another parameter set its number
-    and the direction of its force.
+    """Return the label of the thruster with index i: its name in Kozlova & Fomichev 2023, or in
+    other systems its number and the direction of its force.
     """
     if PURSUIT in result:
         return ENGINES[i] if i < len(ENGINES) else str(i + 1)
@@ -107,7 +111,7 @@ def _engine(result: Result, i: int) -> str:
 
 
 def _thinned(rows: Array) -> Array:
-    """Return at most COLUMNS rows, each the largest of the rows that it represents."""
+    """Return at most COLUMNS rows, each with the largest values of the rows that it replaces."""
     starts = np.unique(
         np.linspace(0, len(rows), min(len(rows), COLUMNS), endpoint=False).astype(int)
     )

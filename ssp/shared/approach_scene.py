@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replay of an approach: servicers about their target, zones and axes, plumes."""
+"""3D replay of an approach: one or more servicers about the target, zones, axes, plumes, plans."""
 
 from __future__ import annotations
 
@@ -23,13 +23,15 @@ PAIR = (SERVICER, TARGET, *VELOCITIES, "servicer.q_SN", "target.q_TN")
 
 
 class Outfit(NamedTuple):
-    """Parts that a mission draws on servicer and target instead of a symbolic arm and ring.
+    """Parts and values that a mission adds to the replay of an approach, instead of a symbolic arm
+    and ring.
 
-    servicer, target: parts; links: moving parts of the servicer; reach: their largest distance from
-    S [m]; root, seat: points on the hulls of servicer and target [m], used if nothing else defines
-    their size; numbers, phases, events: values shown during the replay; course: history of the
-    phases, with their names and the phases that are alarms; paths: name, position and attitude of
-    points that leave a path; spot: name of the seat.
+    servicer, target: parts drawn on these bodies; links: moving parts of the servicer; reach: their
+    largest distance from S [m]; root, seat: points on the surfaces of servicer and target [m], from
+    which their sizes follow if nothing else defines them; numbers, phases, events: values shown
+    during the replay; course: time series of the phase, the names of its values, and those names
+    that are alarms; paths: name, position and attitude of points whose path is drawn; spot: label
+    of the seat.
     """
 
     servicer: list[Part]
@@ -47,15 +49,15 @@ class Outfit(NamedTuple):
 
 
 Fit = Callable[[Result, Rows, Arrays], Outfit | None]
-"""Function that returns the outfit of a result at these rows; None if data are missing."""
+"""Function that returns the Outfit of a result at these rows, None if the result lacks data."""
 
 
 def bare(_: Result, __: Rows, ___: Arrays) -> None:
-    """Return no outfit."""
+    """Return no Outfit, for a mission that adds no parts."""
 
 
 def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
-    """Return the scene of a servicer about its target."""
+    """Return the scene of one run: a servicer about its target; fit: gives the mission's parts."""
     rows = instants(result, "servicer.q_SN", "target.q_TN")
     outfit = fit(result, rows, arrays)
     orbit = in_orbit(result[TARGET][rows])
@@ -83,8 +85,8 @@ def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
 
 
 def _course(result: Result, outfit: Outfit | None) -> Scene:
-    """Return phases and events: of the outfit, the release of the attitude, and aborts
-    by a rule.
+    """Return phases and events of a run: of the outfit, the release of the attitude, and an abort
+    ordered by the monitor.
     """
     events = list(outfit.events) if outfit else []
     phases = list(outfit.phases) if outfit else []
@@ -105,7 +107,7 @@ ABORT = "monitor.abort"
 
 
 def _spots(result: Result, outfit: Outfit | None) -> list[Scene]:
-    """Return the point of the target to be reached."""
+    """Return the labelled point of the target that the servicer is to reach, in a list, or []."""
     if outfit is not None:
         at, title, text = outfit.seat, "", outfit.spot
     elif (axis := zones.grasp_axis(result)) is not None:
@@ -128,7 +130,9 @@ INERTIAS = {
 def _place(
     result: Result, rows: Rows, arrays: Arrays, names: tuple[str, str], orbit: bool
 ) -> tuple[str, str]:
-    """Return the arrays of a position, relative to the target in orbit, and of an attitude."""
+    """Return the names of the scene's arrays with a position (in orbit relative to the target) and
+    an attitude; names: their variables.
+    """
     r, q = names
     relative = f"{r} - {TARGET}" if orbit else r
     return arrays.sample(result, rows, relative), arrays.sample(result, rows, q)
@@ -169,7 +173,7 @@ def _servicer(
 def _points(
     result: Result, rows: Rows, arrays: Arrays, orbit: bool, outfit: Outfit | None
 ) -> list[Body]:
-    """Return bodies with a path and axes of their own that are drawn as a part of another body."""
+    """Return the points of the outfit whose path is drawn, as bodies without parts of their own."""
     paths = outfit.paths if outfit else ()
     return [
         Body(name, *_place(result, rows, arrays, (r, q), orbit), [], 2, 0.1) for name, r, q in paths
@@ -177,8 +181,8 @@ def _points(
 
 
 def _size(result: Result, body: str, mount: Array | None) -> Array:
-    """Return the edges of the hull of a body; of one with a mount, of the box that has it on its
-    surface.
+    """Return the edges of the box that represents a body [m]; mount: point that must be on its
+    surface (None: no such point).
     """
     if mount is None:
         return bodies.edges(result, *INERTIAS[body])
@@ -191,7 +195,7 @@ def _target_face(result: Result) -> float:
     return float(0.5 / np.max(np.abs(axis) / size)) if axis is not None else float(size.max() / 2)
 
 
-def _target(  # noqa: PLR0913, PLR0917 - what is drawn, and how
+def _target(  # noqa: PLR0913, PLR0917 - data and settings of the drawing
     result: Result, rows: Rows, arrays: Arrays, orbit: bool, trail: bool, outfit: Outfit | None
 ) -> Body:
     size = _size(result, "target", outfit.seat if outfit else None)
@@ -205,8 +209,9 @@ def _target(  # noqa: PLR0913, PLR0917 - what is drawn, and how
 
 
 def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Scene | None:
-    """Return the servicers of several runs, by label, about the target of the longest one; None for
-    other results. A run that ended early stays at its last position.
+    """Return the scene of the servicers of several runs, by label, about the target of the longest
+    run; None if no run is an approach. The servicer of a shorter run then stays at its last
+    position.
     """
     moving = {n: r for n, r in results.items() if len(r.time) > 1 and r.holds(*PAIR)}
     if not moving:
@@ -246,9 +251,9 @@ def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Sce
 
 
 INSTANT = 1e-6
-"""Times closer than this [s] are the same."""
+"""Difference of times up to which they count as equal [s]."""
 NEUTRAL = 7
-"""Colour of parts that belong to no run."""
+"""Index of the colour of parts that belong to no run."""
 
 
 def _planet(result: Result) -> float:
@@ -260,8 +265,9 @@ def _planet(result: Result) -> float:
 
 
 def plans(result: Result, rows: Rows, arrays: Arrays, body: str = "servicer") -> list[Scene]:
-    """Return the points from the target in N that a plan of a body leads through, (rows, 3 points),
-    and the origin of its force: 0: the present plan, 1: an older one; else the force is no plan's.
+    """Return, for each planner, the names of the arrays with the positions of its plan relative to
+    the target in N axes (rows, 3 per point), and with its mode: 0: the force follows the present
+    plan, 1: an older plan, other values: no plan. body: name of the body that is to follow.
     """
     return [
         {
@@ -281,8 +287,9 @@ FORCES = ("controller.F_cmd_S", "propulsion.F_S")
 
 
 def _plumes(result: Result, rows: Rows, arrays: Arrays, size: Array) -> list[Scene]:
-    """Return the thruster commands as shares of the nominal thrust; without thrusters the commanded
-    force along the body axes, as shares of its largest element.
+    """Return the plumes of the replay: one per thruster with its command as share of the nominal
+    thrust; without thrusters, one per direction of the body axes with the commanded force as share
+    of its largest element.
     """
     unit = thrusters(result)
     command = next((name for name in COMMANDS if name in result), None)
@@ -315,8 +322,8 @@ def _plume(at: Array, force: Array, share: str) -> Scene:
 
 
 def _share(result: Result, rows: Rows, arrays: Arrays, text: str) -> str:
-    """Return the array of the mean of the rows from one instant to the next: a pulse is visible
-    however short it is. Negative values are drawn as 0.
+    """Return the name of the array with the mean of an expression from one instant of the replay to
+    the next, so that even a short pulse is visible. Negative values are drawn as 0.
     """
     return arrays.sample(result, rows, text, over="mean")
 
@@ -327,8 +334,8 @@ THRUSTERS = ("thruster_position", "thruster_direction", "thrust_nominal", "centr
 
 
 def thrusters(result: Result, component: str = "propulsion") -> tuple[Array, Array, Array] | None:
-    """Return the places from the centre of mass (n, 3) [m], directions of the force (n, 3) and
-    nominal thrusts (n,) [N]; None without thrusters.
+    """Return positions from the centre of mass (n, 3) [m], directions of the force (n, 3) and
+    nominal thrusts (n,) [N] of the thrusters; None if the component has none.
     """
     names = [f"{component}.{name}" for name in THRUSTERS]
     if not result.holds(parameters=names):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Zones, corridor, axes, rules and fields of view of an approach, as parts of the replay.
+"""Zones, corridor, axes, safety rules and fields of view of an approach, as parts of the 3D replay.
 
-The picture shows words and values, the tool tip shows the parameter.
+Labels show names and values, tool tips show the parameter.
 """
 
 from __future__ import annotations
@@ -23,17 +23,19 @@ DISTANCES = {
     "guidance.rho_f": "hover distance",
     "guidance.zeta1": "distance to reach",
 }
-"""Distances that the guidance holds, in the order of choice where there is no monitor."""
+"""Parameters with the distance at which the guidance stays, and their labels. Without a monitor the
+first one that is not 0 is drawn.
+"""
 HOLDS, VIOLATED = 1, 2
-"""States of a rule; 0: it rests."""
+"""States of a safety rule: met or violated; 0: the rule does not apply."""
 PLUS_X = np.array([[1.0, 0.0, 0.0]])
 
 
 def zones(
     result: Result, rows: Rows, arrays: Arrays, orbit: bool, checked: bool = True
 ) -> list[Scene]:
-    """Return zones, corridor, grasp axis, reference position; checked: zones show the state of
-    their rule.
+    """Return zones, corridor, fields of view, grasp axis and reference position of a run; checked:
+    whether zones show the state of their safety rule.
     """
     states = _states(result, rows, arrays) if checked else {}
     found = [*_zones(result, states), *_corridor(result, states), *_views(result)]
@@ -58,7 +60,9 @@ def zones(
 
 
 def _zones(result: Result, states: Scene) -> Iterator[Scene]:
-    """Yield the keep-out zone of the monitor; without one, the distance that the guidance holds."""
+    """Yield the keep-out zone of the monitor, or without one a sphere at the distance at which the
+    guidance stays.
+    """
     names = [f"monitor.{n}" for n in ("keep_out_shape", "keep_out_half", "keep_out_axes")]
     if result.holds(parameters=names) and result.parameter(names[0]) > 0:
         shape, half, axes = (result.parameter(name) for name in names)
@@ -105,8 +109,8 @@ def _corridor(result: Result, states: Scene) -> Iterator[Scene]:
 
 
 def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
-    """Return the array of the states of a rule: the worst from one instant of the replay to the
-    next.
+    """Return the name of the array with the state of a rule, the worst one from one instant of the
+    replay to the next.
     """
     name = rule.history
     text = f"{VIOLATED} * ({name} < 0) + {HOLDS} * ({name} >= 0) * ({name} < {RESTING})"
@@ -114,7 +118,9 @@ def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
 
 
 def _states(result: Result, rows: Rows, arrays: Arrays) -> Scene:
-    """Return the array of the state over the replay for each rule of the monitor, by rule name."""
+    """Return the entry `state` (the name of the array with the states) for each rule of the
+    monitor, by the name of the rule.
+    """
     known = (rule for rule in RULES if rule.history in result)
     return {rule.name: {"state": _state(result, rule, rows, arrays)} for rule in known}
 
@@ -142,8 +148,10 @@ def _rule(result: Result, rule: Rule, rows: Rows, arrays: Arrays, found: Scene) 
 
 
 def overall(label: str, result: Result, rows: Rows, arrays: Arrays) -> list[Scene]:
-    """Return the rules of one of several runs, summarised as one rule. It is violated where any
-    rule is, with the name of that rule, and at rest where all rules are.
+    """Return one rule, in a list, that represents all rules of one run among several.
+
+    It is violated where any rule is violated, and names that rule. It does not apply where no rule
+    does.
     """
     if FIRST not in result:
         return []
@@ -166,13 +174,15 @@ def overall(label: str, result: Result, rows: Rows, arrays: Arrays) -> list[Scen
     ]
 
 
-# ---- what sensors see
+# ---- fields of view of sensors
 
 CAMERA = tuple(f"pose_sensor.{name}" for name in ("p_KS_S", "q_KS", "fov", "range_max"))
 
 
 def sensors(result: Result) -> list[Scene]:
-    """Return the camera: its origin and axis on the servicer, and its whole field of view."""
+    """Return the camera, in a list: its origin and axis on the servicer, and the full angle of its
+    field of view [rad]; [] without a camera.
+    """
     if not result.holds(parameters=CAMERA):
         return []
     at, q, half, _ = (result.parameter(name) for name in CAMERA)
@@ -224,6 +234,6 @@ def parameter(result: Result, name: str) -> float:
 
 
 def meaning(result: Result, name: str) -> str:
-    """Return a parameter with its description, for a tooltip."""
+    """Return the name and the description of a parameter, for a tool tip."""
     text = result.parameters.description(name) if result.parameters else ""
     return f"{name}: {text}" if text else name

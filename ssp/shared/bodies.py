@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Shapes of the bodies of a replay, from the parameters of the run.
+"""Shapes of the bodies of a 3D replay, from the parameters of the run.
 
-A plant with a shape (boxes and panels of the assembly, positions of the thrusters, lengths of the
-links) is drawn with it. Any other body is the box of uniform density with its mass and its moments
-of inertia
+A plant whose parameters state its shape (boxes and panels of the assembly, positions of thrusters,
+lengths of links) is drawn in that shape. Any other body is drawn as the box of uniform density with
+its mass m and its moments of inertia J:
 
     edge_x^2 = 6 (J_y + J_z - J_x) / m
 
-The hull of a servicer or target is the share HULL of that box, and panels, a symbol without data,
-represent the rest. Parts are dictionaries that the page draws: `kind`, `at` (centre, body axes) and
-sizes [m].
+The hull of a servicer or target has edges HULL times as long, and symbolic solar panels represent
+the rest of its inertia. Parts are dictionaries that the page draws: `kind`, `at` (centre, body
+axes) and sizes [m].
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from harness.report.scene import Part
 from harness.results.result import Array, Result
 
 SLIMMEST = 0.15
-"""Least edge of a box as part of its largest."""
+"""Smallest ratio of the least to the largest edge of a box."""
 HULL = 0.6
-"""Edges of a hull with panels, relative to the edges of the uniform box."""
+"""Ratio of the edges of a hull with panels to the edges of the box of uniform density."""
 EDGE = 1.0
-"""Edge of a body whose mass or inertia the result does not hold [m]."""
+"""Edge of the cube that represents a body whose mass or inertia the result lacks [m]."""
 WING = 1.6
-"""Length of a panel as part of the longest edge of its hull."""
+"""Ratio of the length of a solar panel to the longest edge of its hull."""
 THIN = 0.03
-"""Thickness of what is flat as part of the longest edge."""
+"""Ratio of the thickness of a solar panel to the longest edge of its hull."""
 
 
 def uniform_box(mass: float, inertia: Array) -> Array:
-    """Return the edges (3,) [m] of the box of uniform density with that mass and the diagonal of
-    inertia.
+    """Return the edges (3,) [m] of the box of uniform density with this mass [kg] and inertia [kg
+    m2], a matrix of which only the diagonal is used, or its diagonal.
     """
     J = np.diag(inertia) if np.ndim(inertia) == 2 else np.asarray(inertia)
     squares = 6 * (J.sum() - 2 * J) / mass
@@ -45,8 +45,8 @@ def uniform_box(mass: float, inertia: Array) -> Array:
 
 
 def edges(result: Result, mass: str, inertia: str) -> Array:
-    """Return the edges of the hull of a body, from two of its parameters; a cube if they are not
-    known.
+    """Return the edges of the hull of a body (3,) [m] from its parameters `mass` and `inertia`; of
+    a cube if the result lacks them.
     """
     if not result.holds(parameters=(mass, inertia)):
         return np.full(3, EDGE)
@@ -56,19 +56,19 @@ def edges(result: Result, mass: str, inertia: str) -> Array:
 
 def edges_through(result: Result, mass: str, inertia: str, point: Any) -> Array:
     """Return the edges of the box with the proportions of edges() whose surface contains a point.
-    The point at which a part is mounted determines the size of a hull better than HULL does.
+    For a body with a mounted part, the mounting point gives a better size than the ratio HULL.
     """
     found = edges(result, mass, inertia)
     return np.asarray(found * np.max(2 * np.abs(point) / found))
 
 
 def box(size: Array, at: Any = (0, 0, 0), look: str = "hull") -> Part:
-    """Return a box with edges along the axes of its body."""
+    """Return a box with these edges along the axes of its body; look: material in the page."""
     return {"kind": "box", "size": _plain(size), "at": _plain(at), "look": look}
 
 
 def wings(size: Array) -> list[Part]:
-    """Return two panels along y with the booms that carry them."""
+    """Return two symbolic solar panels along y with their booms, for a hull with these edges."""
     long = float(np.max(size))
     chord = max(0.6 * float(size[0]), 0.3 * long)
     span, gap = WING * long, 0.15 * long
@@ -94,7 +94,7 @@ def ball(at: Any, radius: float, look: str = "metal") -> Part:
 
 
 def nozzle(at: Any, force: Any, size: float) -> Part:
-    """Return a nozzle whose thrust acts along `force`. Its opening points the other way."""
+    """Return a nozzle whose thrust acts along `force`: its opening points the opposite way."""
     return {"kind": "nozzle", "at": _plain(at), "out": _plain(-np.asarray(force)), "size": size}
 
 
@@ -111,7 +111,7 @@ def arm(reach: float, face: float, radius: float) -> list[Part]:
 
 
 def ring(axis: Array, size: Array, radius: float) -> Part:
-    """Return the grasp ring on the face of a box through which an axis leaves."""
+    """Return the grasp ring on the face of a box with edges `size` through which `axis` passes."""
     reach = 0.5 / np.max(np.abs(axis) / size)
     return hoop(axis * reach, axis, radius)
 
@@ -122,15 +122,15 @@ def hoop(at: Any, axis: Any, radius: float) -> Part:
 
 
 def cup(floor: Any, mouth: Any, radii: tuple[float, float]) -> Part:
-    """Return an open cone from the centre of its floor to the centre of its mouth, with
-    both radii.
+    """Return an open cone from the centre of its floor to the centre of its mouth; radii: at the
+    floor and at the mouth.
     """
     return {"kind": "cup", "from": _plain(floor), "to": _plain(mouth), "radii": _plain(radii)}
 
 
 def panels(area: Array, position: Array, normal: Array) -> Iterator[Part]:
-    """Yield square panels of the assembly by area [m2], centre [m] and unit normal; area 0:
-    none.
+    """Yield the square panels of the assembly with these areas (n,) [m2], centres (n, 3) [m] and
+    unit normals (n, 3), without panels of area 0.
     """
     for size, place, direction in zip(area, position, normal, strict=True):
         if size > 0:
@@ -139,12 +139,12 @@ def panels(area: Array, position: Array, normal: Array) -> Iterator[Part]:
 
 
 def shifted(parts: list[Part], by: Array) -> list[Part]:
-    """Return the parts at a shifted position."""
+    """Return the parts, each moved by a vector [m]."""
     return [part | {"at": _plain(np.add(part["at"], by))} for part in parts]
 
 
 def hull_of(places: Array) -> tuple[Array, Array]:
-    """Return the edges and centre of the box around the places of thrusters."""
+    """Return the edges and the centre of the box around the positions of thrusters (n, 3)."""
     low, high = places.min(axis=0), places.max(axis=0)
     size = high - low
     return np.maximum(size, SLIMMEST * size.max()), (low + high) / 2

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problems of approaches: what a run costs at least, see harness.studies.optimum.
+"""Convex problems whose optimum is the least impulse of an approach, see harness.studies.optimum.
 
-Every constraint is linear or a cone about data of the run: path and attitude of the target, axes of
-the thrusters as they turned. Where a requirement is not convex it is replaced from inside.
+Every constraint is linear or a cone, with data from the run: path and attitude of the target,
+attitude of the servicer with its thrusters. A requirement that is not convex is replaced by a
+stricter convex one.
 """
 
 from __future__ import annotations
@@ -31,7 +32,11 @@ def bound(
     stated: Callable[[Result, float], Problem],
     grid: float = 2.0,
 ) -> Bound:
-    """Return the bound of an approach with ideal propulsion."""
+    """Return the Bound of an approach with ideal propulsion.
+
+    needs, parameters: variables and parameters besides the common ones; stated: function that
+    returns the convex problem of a run on a grid; grid: default time step [s].
+    """
     return Bound(
         (*BODIES, IMPULSE, *needs),
         parameters,
@@ -47,26 +52,29 @@ def bound(
 
 
 def at(result: Result, name: str, time: Array) -> Array:
-    """Return a variable at instants, linear between rows."""
+    """Return a variable at instants (n,), interpolated linearly between rows."""
     values = np.asarray(result[name], dtype=np.float64)
     columns = [np.interp(time, result.time, column) for column in values.reshape(len(values), -1).T]
     return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])
 
 
 def quaternions(result: Result, name: str, time: Array) -> Array:
-    """Return an attitude at instants (n, 4); rows are close, and signs do not jump within a run."""
+    """Return an attitude at instants as unit quaternions (n, 4), interpolated linearly: rows are
+    close, and the sign of the quaternion does not change within a run.
+    """
     found = at(result, name, time)
     return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
 
 
 def axes(q: Array) -> Array:
-    """Return the matrices C_NB (n, 3, 3) of attitudes."""
+    """Return the matrices C_NB (n, 3, 3) of attitude quaternions (n, 4)."""
     return np.stack([turned(q, np.broadcast_to(e, (len(q), 3))) for e in EYE], axis=2)
 
 
 def gradient(result: Result, r: Array) -> Array:
-    """Return the gradient (n, 3, 3) of point-mass gravity with J2 at positions, as the plants have
-    it, by differences of 1 m: their error is far below the error of the linear motion.
+    """Return the gradient (n, 3, 3) [1/s2] of the gravity of the plants (point mass and J2) at
+    positions r (n, 3), by central differences over 1 m. Their error is far below the error of the
+    linearized motion.
     """
     mu, R, J2 = (float(result.parameter(f"target.{name}")) for name in ("mu", "R_E", "J2"))
     J2 *= float(result.parameter("target.use_J2"))
@@ -82,14 +90,18 @@ def gradient(result: Result, r: Array) -> Array:
 
 
 def hill(r: Array, v: Array) -> tuple[Array, Array]:
-    """Return C_NH (n, 3, 3) and the rate of the Hill frame in N (n, 3)."""
+    """Return the matrices C_NH (n, 3, 3) of the Hill frames at positions r and velocities v, and
+    their angular velocity in N axes (n, 3) [rad/s].
+    """
     h = np.cross(r, v)
     x, z = (a / np.linalg.norm(a, axis=1)[:, None] for a in (r, h))
     return np.stack([x, np.cross(z, x), z], axis=2), h / np.sum(r * r, axis=1)[:, None]
 
 
 def disturbance(result: Result, time: Array, hill_axes: Array) -> Array:
-    """Return the known acceleration of the servicer (n, 3) in N."""
+    """Return the disturbing acceleration that the parameters of the servicer state, in N axes (n,
+    3) [m/s2].
+    """
     bias, amplitude, frequency, phase = (
         np.asarray(result.parameter(f"servicer.a_dist.{name}"))
         for name in ("bias", "amplitude", "frequency", "phase")
@@ -101,7 +113,9 @@ def disturbance(result: Result, time: Array, hill_axes: Array) -> Array:
 
 
 def problem(result: Result, step: float, box: Array) -> Problem:
-    """Return the motion without constraints, on a grid over the whole run."""
+    """Return the convex problem of a whole run without constraints on the path; step: time step
+    [s]; box: largest force along each axis of the servicer [N], 0: unlimited.
+    """
     count = max(round((result.time[-1] - result.time[0]) / step), 1)
     time = np.linspace(result.time[0], result.time[-1], count + 1)
     middle = 0.5 * (time[1:] + time[:-1])
@@ -118,7 +132,7 @@ def problem(result: Result, step: float, box: Array) -> Problem:
     )
 
 
-# ---- constraints
+# ---- constraints on the position rho from the target, at the grid points where `mask` is true
 
 
 def _part(mask: Mask, *arrays: Array) -> tuple[Rows, list[Array]]:
@@ -127,7 +141,9 @@ def _part(mask: Mask, *arrays: Array) -> tuple[Rows, list[Array]]:
 
 
 def about(name: str, mask: Mask, axis: Array, half_angle: float) -> Cone:
-    """Return the cone about an axis (n + 1, 3) with its apex at the target, where mask holds."""
+    """Return the constraint that rho is inside the cone with its apex at the target, unit axis (n +
+    1, 3) and half angle [rad].
+    """
     nodes, (a,) = _part(mask, axis)
     across = EYE - a[:, :, None] * a[:, None, :]
     zero = np.zeros(len(nodes))
@@ -136,14 +152,16 @@ def about(name: str, mask: Mask, axis: Array, half_angle: float) -> Cone:
 
 
 def beyond(name: str, mask: Mask, axis: Array, least: float) -> Cone:
-    """Return axis . rho >= least: the part of a keep-out sphere's outside that is convex."""
+    """Return the constraint axis . rho >= least, a half space outside of the keep-out sphere with
+    radius `least` [m].
+    """
     nodes, (a,) = _part(mask, axis)
     none = np.zeros((len(nodes), 0, 3))
     return Cone(name, nodes, none, none, none[:, :, 0], a, np.full(len(nodes), -least))
 
 
 def within(name: str, mask: Mask, centre: Array, radius: float) -> Cone:
-    """Return |rho - centre| <= radius."""
+    """Return the constraint |rho - centre| <= radius; centre: (n + 1, 3) [m]."""
     nodes, (c,) = _part(mask, centre)
     matrix = np.broadcast_to(EYE, (len(nodes), 3, 3))
     limit = np.full(len(nodes), radius)
@@ -151,7 +169,9 @@ def within(name: str, mask: Mask, centre: Array, radius: float) -> Cone:
 
 
 def beside(name: str, mask: Mask, axis: Array, most: float) -> Cone:
-    """Return a distance of at most `most` from an axis (n + 1, 3) through the target."""
+    """Return the constraint that rho is at most `most` [m] from the axis through the target with
+    unit vectors (n + 1, 3).
+    """
     nodes, (a,) = _part(mask, axis)
     across = EYE - a[:, :, None] * a[:, None, :]
     limit = np.full(len(nodes), most)
@@ -159,7 +179,7 @@ def beside(name: str, mask: Mask, axis: Array, most: float) -> Cone:
 
 
 def between(name: str, mask: Mask, axis: Array, least: float, most: float) -> Cone:
-    """Return least <= axis . rho <= most."""
+    """Return the constraint least <= axis . rho <= most; axis: unit vectors (n + 1, 3)."""
     nodes, (a,) = _part(mask, axis)
     middle, half = (
         np.full((len(nodes), 1), (least + most) / 2),
@@ -170,5 +190,7 @@ def between(name: str, mask: Mask, axis: Array, least: float, most: float) -> Co
 
 
 def target_axis(result: Result, time: Array, axis: Array) -> Array:
-    """Return an axis that is fixed to the target, in N (n + 1, 3)."""
+    """Return an axis (3,) that is fixed in the target, at the instants `time`, in N axes (n + 1,
+    3).
+    """
     return np.asarray(axes(quaternions(result, BODIES[2], time)) @ axis)

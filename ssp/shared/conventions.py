@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Names of the signals of bodies, an example of a controller that fits every approach, and
-examples of a sensor and a plant that extend one.
+"""Names of the signals of bodies in all missions, the examples that `harness new` copies, and the
+steering of an approach by an agent.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ BODIES = Bodies(
 )
 ORBITS = orbits(BODIES)
 RESTARTS = (("r_0_N[1]", "a", 0.0),)
-"""Plants start at position and velocity where the semi-major axis is 0."""
+"""Parameters with which a plant starts at a position and velocity: r_0_N and v_0_N apply if the
+semi-major axis `a` is 0.
+"""
 CONTROLLER = Example(
     place="sync_approach.controller",
     inputs=frozenset(("r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "omega_SN_S"))
@@ -52,6 +54,7 @@ WHEELS = ("controller.wheel_accel_cmd", 0.02)  # wheels of 0.2 to 0.3 N m, as in
 FLAGS = tuple((f"controller.{name}", (0.0, 1.0)) for name in ("throttle", "translation_firing"))
 LIMITS = tuple((f"controller.{n}", x) for n, x in (("F_cmd_S", 1.0), ("M_cmd_S", 0.5)))
 STEERED = Steering(("controller",), every=10, cost=DELTA_V, bounds=(WHEELS, *FLAGS, *LIMITS))
-"""An agent in the place of the controller of an approach, which pays for delta-v [m/s]; bounds of
-the thrusters of 0.5 N of the synchronised approach, where an allocation hides them.
+"""Steering of an approach by an agent in the place of the controller, with the cost delta-v [m/s].
+LIMITS: bounds of force and torque for the thrusters of 0.5 N of the synchronised approach, for
+systems in which an allocation stands between controller and thrusters.
 """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Probe and drogue of a docking mechanism as parts of the replay, placed by its parameters.
+"""Probe and drogue of a docking mechanism as parts of the 3D replay, placed by its parameters.
 
-The model of the probe is a point, its tip. The replay adds a mast that is as thin as the floor of
-the drogue.
+The model of the probe is only a point, its tip. The replay adds a mast with the radius of the floor
+of the drogue.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ X = np.array([[1.0, 0.0, 0.0]])
 
 
 def outward(q: Array) -> Array:
-    """Return the X axis of a port in the axes of its body, from the attitude relative to
-    the body.
+    """Return the X axis of a docking port (3,) in the axes of its body; q: attitude of the port
+    relative to the body.
     """
     return np.asarray(turned(q[None], X)[0])
 
 
 def probe(result: Result) -> list[Part]:
-    """Return the vector from the servicer to the tip."""
+    """Return the parts of the probe: a mast along the axis of the port, and the tip."""
     tip, q, thick = (result.parameter(DOCKING[k]) for k in (0, 1, 5))
     out = outward(q)
     foot = tip - max(float(tip @ out), 0.0) * out
@@ -44,13 +44,13 @@ def probe(result: Result) -> list[Part]:
 
 
 def floor(result: Result) -> Array:
-    """Return the centre of the floor of the drogue, target axes [m]: there it is mounted."""
+    """Return the centre of the floor of the drogue, at which it is mounted, in target axes [m]."""
     mouth, q, depth = (result.parameter(DOCKING[k]) for k in (2, 3, 6))
     return np.asarray(mouth - float(depth) * outward(q))
 
 
 def drogue(result: Result) -> list[Part]:
-    """Return the cone, and the face around its mouth."""
+    """Return the parts of the drogue: the cone, and the rim of the face around its mouth."""
     mouth, q = (result.parameter(DOCKING[k]) for k in (2, 3))
     wide, narrow, face = (float(result.parameter(DOCKING[k])) for k in (4, 5, 7))
     return [
