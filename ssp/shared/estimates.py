@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Estimates beside the truth: errors with their standard deviations, innovations, availability.
+"""Comparison of the navigation estimates with the true states: errors with standard deviations,
+innovations, availability of sensors.
 
-The filters publish standard deviations, no correlations: the normalised errors are sums of squares
-over variances, per part of the estimate.
+The filters publish standard deviations but no correlations. A normalised error is therefore the sum
+over three axes of the squared error divided by its variance.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ MOTION = (*BODIES, *ESTIMATES, *(f"{FILTER}.{name}" for name in SIGMAS))
 
 
 class Errors(NamedTuple):
-    """Errors of a part of the estimate, (rows, 3), its standard deviation, and the factor to its
-    unit.
+    """Errors of one part of the estimate and their standard deviations, (rows, 3) each in SI units;
+    factor: converts them to the unit in the title.
     """
 
     title: str
@@ -50,14 +51,18 @@ class Errors(NamedTuple):
 
 
 def rows(result: Result) -> tuple[slice, slice]:
-    """Return the rows of the truth and the rows of the estimates from them (ssp.shared.samples)."""
+    """Return the rows of the true states and the rows of the estimates that belong to them, which
+    may be the next rows (ssp.shared.samples).
+    """
     if len(result.time) > 2 and is_late(result, f"{FILTER}.q_TN"):
         return slice(0, -1), slice(1, None)
     return slice(None), slice(None)
 
 
 def attitude_error(estimate: Array, truth: Array) -> Array:
-    """Return 4 times the Rodrigues parameters of q_hat* q, (rows, 3) [rad]."""
+    """Return the rotation vectors (rows, 3) [rad] of small attitude errors, from estimated to true
+    quaternions (rows, 4): 4 times the modified Rodrigues parameters of q_hat* q.
+    """
     w, v = estimate[:, :1], estimate[:, 1:]
     scalar = np.sum(estimate * truth, axis=1, keepdims=True)
     vector = w * truth[:, 1:] - truth[:, :1] * v - np.cross(v, truth[:, 1:])
@@ -66,7 +71,9 @@ def attitude_error(estimate: Array, truth: Array) -> Array:
 
 
 def errors(result: Result) -> tuple[Errors, ...]:
-    """Return the errors of the relative motion, truth minus estimate."""
+    """Return the errors (truth minus estimate) of relative position, its rate, attitude of the
+    target, rate of the target.
+    """
     true, sampled = rows(result)
 
     def difference(of_servicer: str, of_target: str) -> Array:
@@ -87,8 +94,8 @@ def errors(result: Result) -> tuple[Errors, ...]:
 
 
 def normalised(part: Errors) -> Array:
-    """Return the sum of squares over variances, (rows,); NaN where no standard deviation is
-    published.
+    """Return the sum over three axes of squared errors divided by variances, (rows,); NaN where the
+    filter publishes no standard deviation.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.sum((part.error / part.sigma) ** 2, axis=1))
@@ -98,7 +105,9 @@ def normalised(part: Errors) -> Array:
 
 
 def bounds(degrees: int, count: int = 1) -> tuple[float, float]:
-    """Return the bounds of the mean of `count` values that follow chi-square, 95 %."""
+    """Return the bounds within which the mean of `count` chi-square values with this number of
+    degrees of freedom lies with a probability of 95 %.
+    """
     from scipy.stats import chi2
 
     low, high = chi2.ppf((0.025, 0.975), degrees * count) / count
@@ -106,7 +115,11 @@ def bounds(degrees: int, count: int = 1) -> tuple[float, float]:
 
 
 def innovations(result: Result, filter_: str, name: str, stamp: str) -> tuple[Array, Array]:
-    """Return times of the used measurements, and the normalised innovation squared of each."""
+    """Return the times (n,) [s] of the measurements that a filter has used, and the normalised
+    innovation squared of each.
+
+    name: measurement; stamp: variable with the time stamp of the latest measurement.
+    """
     nis = result[f"{filter_}.{name}_nis"]
     new = np.flatnonzero(np.diff(result[stamp]) > 0) + 1
     new = new[(nis[new] > 0) & (np.diff(nis)[new - 1] != 0)]
@@ -114,7 +127,7 @@ def innovations(result: Result, filter_: str, name: str, stamp: str) -> tuple[Ar
 
 
 def moving_mean(values: Array, count: int) -> Array:
-    """Return the mean of the last `count` values."""
+    """Return the means of `count` successive values, len(values) - count + 1 of them."""
     total = np.cumsum(np.insert(values, 0, 0.0))
     return np.asarray((total[count:] - total[:-count]) / count)
 
@@ -124,7 +137,9 @@ KINDS = (
     ("stars", "attitude_filter", "star", "star_tracker.star_time", 3),
     ("fixes", "orbit_filter", "fix", "orbit_sensor.fix_time", 6),
 )
-"""Measurement, filter, its name, time stamp, numbers in it."""
+"""Kinds of measurements: label, filter, name in the filter's outputs, time stamp, and number of
+scalars in one measurement.
+"""
 NIS = tuple(f"{filter_}.{name}_nis" for _, filter_, name, _, _ in KINDS)
 STAMPS = tuple(stamp for *_, stamp, _ in KINDS)
 
@@ -133,12 +148,14 @@ STAMPS = tuple(stamp for *_, stamp, _ in KINDS)
 
 
 def availability(result: Result, name: str, begin: float = 1.0) -> float:
-    """Return the part of the time after the first second in which a sensor has a measurement."""
+    """Return the share of the rows from t = `begin` [s] on in which a sensor has a measurement;
+    name: variable that is 1 then.
+    """
     return float(np.mean(result[name][result.time >= begin]))
 
 
 def tracking(result: Result) -> tuple[Array, Array]:
-    """Return the distance from the reference, in truth and as the software sees it, (rows,) [m]."""
+    """Return the distances from the reference position, true and estimated, (rows,) each [m]."""
     true, sampled = rows(result)
     reference = result["guidance.rho_ref_N"][sampled]
     actual = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[true]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Work of the safety filter in a run (docs/models.md M): least barriers, and when, by how much and
-for which rule it changed the force.
+"""Analysis of the safety filter in a run (docs/models.md M): least barrier values of its rules, and
+when, by how much and for which rule it changed the force.
 """
 
 from __future__ import annotations
@@ -25,17 +25,19 @@ BARRIER, LEAST, RELAXED = "filter.barrier", "filter.least_barrier", "filter.rela
 NEEDS = (MODE, ACTIVE, CHANGE, BARRIER, LEAST, RELAXED)
 ERRORS = ("filter.position_error", "filter.velocity_error", "filter.reaction")
 RESTING = 1e9
-"""Barrier of a rule that is off, or has rested since the start."""
+"""Barrier value of a rule that is off, or has not applied since the start."""
 RULES = (("keep-out", "m"), ("corridor", "m"), ("speed", "m/s"), ("drift", "m"))
-"""Rules with a barrier that must not be negative, and its unit."""
+"""Rules with a barrier value that must not be negative, and the unit of this value."""
 WORDS = ("stop", *(name for name, _ in RULES), "plume", "box")
-"""Rules by the value of filter.active; 0 in the backup of a simplex filter."""
+"""Names of the rules by the value of filter.active; 0 (stop): backup of a simplex filter."""
 SHOWN = 4
-"""Episodes in the notes: the largest impulses."""
+"""Number of episodes that the notes list, chosen by their impulse."""
 
 
 class Episode(NamedTuple):
-    """Time without a gap in which the filter changed the force, for one rule [s, N, N s]."""
+    """Uninterrupted time in which the filter changed the force for one rule: begin and end [s],
+    largest change [N], impulse of the change [N s].
+    """
 
     rule: str
     begin: float
@@ -45,13 +47,15 @@ class Episode(NamedTuple):
 
 
 def impulses(result: Result) -> Array:
-    """Return the changed impulse per row [N s]."""
+    """Return the impulse by which the filter changed the force from each row to the next (rows,) [N
+    s].
+    """
     steps = np.diff(result.time, append=result.time[-1])
     return np.asarray(result[CHANGE] * steps)
 
 
 def episodes(result: Result) -> list[Episode]:
-    """Return the episodes in their order."""
+    """Return the episodes of a run in the order of time."""
     time, change = result.time, impulses(result)
     rule = np.where(result[CHANGE] > 0, result[ACTIVE], -1)
     edges = np.flatnonzero(np.diff(rule, prepend=np.nan, append=np.nan))
@@ -69,7 +73,7 @@ def episodes(result: Result) -> list[Episode]:
 
 
 def notes(result: Result) -> Iterator[str]:
-    """Yield a line on the work of the filter, and one per large episode."""
+    """Yield notes for a report: how much the filter changed, and its largest episodes."""
     if not (result.holds(*NEEDS) and len(result.time)):
         return
     found = episodes(result)
@@ -98,9 +102,10 @@ def passed(result: Result) -> float:
 
 
 def findings(result: Result) -> Iterator[RuleFinding]:
-    """Yield the least barrier of each rule that was in force. With errors or a delay among the
-    parameters of the filter a barrier may be negative within them, and is a violation only
-    where the rule was relaxed.
+    """Yield the least barrier value of each rule that was in force.
+
+    If parameters of the filter state errors of the states or a delay, a barrier value may be
+    negative within these, and is a violation only where the filter has relaxed the rule.
     """
     if not (result.holds(*NEEDS, parameters=ERRORS) and len(result.time)):
         return
@@ -164,8 +169,8 @@ SEEN = (SERVICER, TARGET, "target.q_TN", MODE)
 
 
 def beside_axis(result: Result) -> tuple[Array, Array]:
-    """Return the distance along the axis of the corridor, and off it, in target axes (rows,)
-    [m].
+    """Return the coordinate of the servicer along the axis of the corridor, and its distance from
+    that axis, (rows,) each [m].
     """
     back = result["target.q_TN"] * (1, -1, -1, -1)
     rho = turned(back, minus(result[SERVICER], result[TARGET]))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts for a servicer with panels and slosh: metrics, figures, a note on the alarm, moving parts
-of the replay. A rigid servicer has none of them.
+"""Metrics, figures, a note and moving parts of the 3D replay for a servicer with flexible panels
+and sloshing propellant. They do not apply to a rigid servicer.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ NUMBERS = tuple("1234")
 
 
 def _chosen(name: str, mass: str) -> Callable[[Result], Array]:
-    """Return the columns of the coordinates that exist."""
+    """Return a function that returns the time series of a vector without the elements of panels or
+    slosh masses that do not exist; mass: parameter that is 0 for these.
+    """
 
     def history(result: Result) -> Array:
         exist = result.parameter(mass) > 0 if result.holds(parameters=(mass,)) else slice(None)
@@ -89,7 +91,7 @@ FIGURES = (
 
 
 def notes(result: Result) -> Iterator[str]:
-    """Yield the alarm of the tank in a line."""
+    """Yield a line if the propellant has moved beyond the travel that the tank model permits."""
     if BEYOND not in result or not (beyond := result[BEYOND] > 0).any():
         return
     rows = beyond.any(axis=1)
@@ -106,7 +108,7 @@ def notes(result: Result) -> Iterator[str]:
 THIN = 0.02
 """Least thickness of a drawn panel [m]."""
 TANK = 1.15
-"""Radius of a drawn tank as part of the travel of its mass."""
+"""Ratio of the radius of a drawn tank to the travel of its slosh mass."""
 
 
 def moves(result: Result) -> bool:
@@ -115,7 +117,9 @@ def moves(result: Result) -> bool:
 
 
 def links(result: Result, rows: Any, arrays: Arrays) -> tuple[Link, ...]:
-    """Return the panels that turn about their hinges, masses that slide along their lines."""
+    """Return the moving parts of the replay: panels that turn about their hinges, and slosh masses
+    that slide along their axes.
+    """
     return (*_panels(result, rows, arrays), *_sloshes(result, rows, arrays))
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Figures of approaches in line-of-sight coordinates: counterparts of figures 2 to 6 of Yin et al.
-2017, funnels.
+2017, and the funnels of prescribed performance control.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ def _angle(name: str) -> Panel:
 
 
 def _desired_attitude(result: Result) -> Array:
-    """Return the quaternion of the reference with the sign of the servicer's, (rows, 4)."""
+    """Return the quaternion of the reference attitude (rows, 4), with the sign for which it is
+    closer to the quaternion of the servicer.
+    """
     actual, desired = result[ATTITUDE], result[REFERENCE_ATTITUDE]
     return np.asarray(
         desired * np.where(np.sum(actual * desired, axis=1, keepdims=True) < 0, -1.0, 1.0)
@@ -55,7 +57,7 @@ def _desired_attitude(result: Result) -> Array:
 
 
 def quaternion(k: int) -> Panel:
-    """Return element k of the actual and of the desired attitude."""
+    """Return a panel with element k of the actual and of the desired quaternion."""
     needs = (ATTITUDE, REFERENCE_ATTITUDE)
     actual = Curve(f"{ATTITUDE}[{k + 1}]", "actual")
     desired = Curve(lambda r: _desired_attitude(r)[:, k], "desired", needs=needs, style="--")
@@ -67,7 +69,7 @@ def _widest(alpha: Array) -> Array:
 
 
 def _funnel(name: str, unit: str, z: str, alpha: str) -> Panel:
-    """Return the generalised states between plus and minus their bound."""
+    """Return a panel with generalised states `z` between plus and minus their bound `alpha`."""
     bounds = (
         Curve(alpha, "bound", _widest, style="k--"),
         Curve(alpha, "", lambda x: -_widest(x), style="k--"),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Expressions of the metrics of an approach: by them a live page computes the metrics of the runs
-that it simulates.
+"""Expressions from which a live page computes the metrics of an approach, for the runs that it
+simulates in the browser. Every function here returns such an expression as text.
 
-The functions of ssp/shared/relative_motion.py state the same quantities over the rows of a result.
+ssp/shared/relative_motion.py and metrics.py compute the same quantities from the rows of a result.
 """
 
 from __future__ import annotations
@@ -26,12 +26,16 @@ FIRST_RANGE = f"first({DISTANCE})"
 TORQUE_IMPULSE = "propulsion.torque_impulse"
 TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
 STEP = "(time - previous(time) + (time == first(time)) * 1 s)"
-"""Time since the row before; of the first row 1 s, because changes since the row before are 0."""
+"""Expression: time since the row before. For the first row it is 1 s instead of 0, so that rates,
+whose changes are 0 there, are 0.
+"""
 
 
 def at_samples(result: Result, name: str, error: str) -> str:
-    """Return an error, in which {} stands behind variables of the plants, with the outputs of a
-    sampled component that belong to the state of the row (ssp/shared/samples.py).
+    """Return the expression `error` with the outputs of a sampled component aligned to the states
+    of the plants (ssp/shared/samples.py).
+
+    name: an output of that component; error: expression with {} in front of states of plants.
     """
     late = is_late(result, name)
     return f"next({error.format('previous')})" if late else error.format("")
@@ -69,14 +73,14 @@ def first_time(condition: str) -> str:
 
 
 def released(result: Result) -> str:
-    """Return the condition that the attitude is free."""
+    """Return the condition that the attitude of the servicer is free, not frozen."""
     known = result.holds(parameters=(RELEASE,))
     release = f"parameter({RELEASE})" if known else f"{min(release_time(result), 1e300)!r} s"
     return f"time >= {release}"
 
 
 def since_release(result: Result) -> str:
-    """Return the time from the first row with a free attitude to the last row [s]."""
+    """Return the time from the first row in which the attitude is free to the last row [s]."""
     return f"max((last(time) - time) * ({released(result)}))"
 
 
@@ -99,7 +103,9 @@ def attitude_steady(result: Result, _: Limits) -> str:
 
 
 def delta_v(result: Result, _: Limits) -> str:
-    """Return the impulse of all thrusters or axes over the mass [m/s]."""
+    """Return delta-v [m/s]: the sum of the impulses of all thrusters or axes divided by the mass of
+    the servicer.
+    """
     del result
     impulse = "propulsion.impulse"
     return f"sum(total({impulse} - previous({impulse})) / servicer.mass)"

@@ -54,9 +54,9 @@ MEANINGS = {
     "collided": "1 if the bodies touched anywhere but in the drogue, otherwise 0.",
     "under way": "1 if the mission had not ended, otherwise 0.",
 }
-"""By name of the metric."""
+"""Meaning of each metric by its name."""
 
 
 def explained(metrics: Iterable[Metric]) -> tuple[Metric, ...]:
-    """Return metrics with their meanings; one without an entry has the meaning it had."""
+    """Return metrics with their meanings from MEANINGS; a metric without an entry is unchanged."""
     return tuple(replace(m, meaning=MEANINGS.get(m.name, m.meaning)) for m in metrics)

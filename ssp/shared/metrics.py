@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Metrics by which runs are compared: errors against the reference of the guidance, safety, cost.
 
-A metric is computed if the result contains its variables, so systems without a reference simply
-have fewer of them. The bands of errors are common to all runs of a comparison. Most metrics are
-expressions, which a live page evaluates in further runs (ssp/shared/live.py).
+A metric is computed if the result contains its variables, so systems without a reference have fewer
+metrics. The bands within which errors count as settled are common to all runs of a comparison. Most
+metrics are expressions, which a live page also evaluates for its own runs (ssp/shared/live.py).
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ from . import relative_motion as derived
 from .relative_motion import DISTANCE, attitude_error, initial_range, release_time
 
 APART = 10.0
-"""Factor between peaks from which on two controllers do not have the same actuators."""
+"""Ratio of the peaks of two runs above which their controllers cannot have the same actuators."""
 BAND = 1e-3
-"""Default band of the position: this part of the largest range at the start."""
+"""Default band of the position error as a share of the largest initial range of all runs."""
 
 
 def bands(limits: Limits, results: Mapping[str, Result]) -> Limits:
-    """Return the limits with the default position band of these runs."""
+    """Return the limits with a position band [m]: the given one, or else the default for these runs
+    (BAND times the largest initial range).
+    """
     if limits.position is not None:
         return limits
     approaches = (r for r in results.values() if r.holds(*POSITION[:2]) and len(r.time))
@@ -38,7 +40,7 @@ def bands(limits: Limits, results: Mapping[str, Result]) -> Limits:
 
 
 def definitions(limits: Limits) -> Iterator[str]:
-    """Yield the definitions of the columns that need one."""
+    """Yield lines below a comparison that define columns whose names are not enough."""
     if not limits.position:
         return
     yield "settles: time after which the error stays within the band, the attitude from its release"
@@ -60,7 +62,9 @@ def _controlled(result: Result) -> tuple[Array, Array]:
 
 
 def _band(limits: Limits) -> str:
-    """Return the band of the position, the default or one that is not finite as an expression."""
+    """Return the band of the position error as text for an expression; the default band for a
+    missing or infinite limit.
+    """
     band = limits.position
     return f"{BAND} * {live.FIRST_RANGE}" if band is None or not np.isfinite(band) else repr(band)
 
@@ -79,8 +83,8 @@ def _attitude_settles(result: Result, limits: Limits) -> float:
 
 
 def _steady(error: Callable[[Result, slice], Array], result: Result, begin: float) -> float:
-    """Return the largest error in the last fifth of the time from `begin` on; NaN if none is left.
-    Only those rows are computed, and the row before them, because the last row may repeat it.
+    """Return the largest error in the last fifth of the time after `begin`; NaN without such rows.
+    The error is computed for these rows and for the row before, which the last row may repeat.
     """
     time = result.time[result.time >= begin]
     if not len(time):
@@ -95,8 +99,8 @@ def _attitude_steady(result: Result, _: Limits) -> float:
 
 
 def _estimate_error(result: Result, part: int) -> float:
-    """Return the largest error of a part of the estimate in the last fifth, in m or deg: 0:
-    position of S from T, 2: attitude of T.
+    """Return the largest error of a part of the estimate in the last fifth of the run; part: 0:
+    position of S relative to T [m], 2: attitude of T [deg].
     """
     true, _ = estimates.rows(result)
     error = np.linalg.norm(estimates.errors(result)[part].error, axis=1)
@@ -118,7 +122,9 @@ def _estimate_nees(result: Result, _: Limits) -> float:
 
 
 def _inside_reference(result: Result, _: Limits) -> str:
-    """Return the largest amount by which the range falls below the range of the reference [m]."""
+    """Return the expression of the largest amount by which the range is below the range of the
+    reference position [m], 0 if it never is.
+    """
     short = f"max({live.reference_range(result)} - {DISTANCE})"
     return f"({short} + abs({short})) / 2"
 
@@ -142,20 +148,24 @@ def _first_violation(result: Result, _: Limits) -> float:
 OFTEN = 20.0
 """Share of rows at a limit [%] above which a comparison shows an actuator."""
 WHEEL_LIMIT, FULL = "servicer.wheel_speed_max", 1e-9
-"""Parameter with the largest speed of a wheel; relative distance at which a wheel is full."""
+"""Parameter with the largest speed of a wheel; relative difference from it at which a wheel counts
+as being at this limit.
+"""
 LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible", "saturated")
 """Outputs of actuators, allocation and controllers that are 1 where a limit is reached."""
 
 
 def _delta_v(result: Result, _: Limits) -> float:
-    """Return the impulse of all thrusters or axes over the mass [m/s]."""
+    """Return delta-v [m/s]: the sum of the impulses of all thrusters or axes divided by the mass of
+    the servicer.
+    """
     impulse = result["propulsion.impulse"]
     spent = total(minus(impulse[1:], impulse[:-1]))
     return float(np.sum(spent / result["servicer.mass"][1:]))
 
 
 def _acting(result: Result) -> slice:
-    """Return the rows from the release of the attitude on: torque before acts on nothing."""
+    """Return the rows from the release of the attitude on. Earlier torques have no effect."""
     return slice(int(np.searchsorted(result.time, release_time(result))), None)
 
 
@@ -171,8 +181,8 @@ def _torque_impulse(result: Result, _: Limits) -> float:
     """Return the integral of the torque of thrusters and wheels on the body since the release of
     its attitude, summed over the axes [N m s].
 
-    As the propulsion counts it, else from the torques of the rows; the wheels always from the
-    speeds of the rows.
+    The propulsion publishes the integral for thrusters; without that output it is computed from the
+    recorded torques. The integral for wheels is computed from the recorded wheel speeds.
     """
     acting = _acting(result)
     if not len(result.time[acting]):
@@ -217,12 +227,12 @@ def _wheels_full(result: Result, _: Limits) -> str | float:
 
 
 def _within(limits: Limits, _: Mapping[str, Result]) -> str:
-    """Return the limit of the position, which applies to range and position, as text."""
+    """Return the band of the position error, which also applies to the range, as text."""
     return f"within {limits.position or 0.0:.3g} m"
 
 
 def _turned_within(limits: Limits, results: Mapping[str, Result]) -> str:
-    """Return the band of the attitude, and from when on it counts."""
+    """Return the band of the attitude error, and the time from which it counts, as text."""
     begins = {release_time(r) for r in results.values() if r.holds(*ATTITUDE)}
     since = f"from {begins.pop():g} s" if len(begins) == 1 else "from release"
     return f"{limits.attitude:.3g} deg {since}"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims about the navigation of a run on estimates (docs/models.md F): errors within their bands,
-innovations by chi-square, sensors available. They are claims of this project, not of a paper.
+"""Claims of this project (not of a paper) about navigation (docs/models.md F): errors are within
+their standard deviations, innovations follow chi-square, sensors are available.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .estimates import (
 )
 
 SETTLED = 100.0
-"""Time after a cold start from which errors count [s]."""
+"""Time after the start of the filters from which errors count [s]."""
 
 
 def _late(result: Result, count: int) -> slice:
@@ -45,8 +45,8 @@ def _late(result: Result, count: int) -> slice:
 
 
 def within_bands(result: Result) -> tuple[float, ...]:
-    """Return the part of the samples with all axes of all errors within 3 standard deviations [%],
-    and of each kind of error.
+    """Return the share of the rows in which all errors are within 3 standard deviations on all axes
+    [%], then this share for each kind of error alone.
     """
     found = []
     for part in errors(result):
@@ -56,8 +56,8 @@ def within_bands(result: Result) -> tuple[float, ...]:
 
 
 def mean_innovation(result: Result) -> tuple[float, ...]:
-    """Return the mean NIS of poses, stars and fixes, each over the numbers in it: the one farthest
-    from 1 first.
+    """Return the mean normalised innovation squared of poses, stars and fixes, each divided by its
+    degrees of freedom; in front of these three the one that is farthest from 1.
     """
     means = []
     for _, filter_, name, stamp, degrees in KINDS:
@@ -70,7 +70,9 @@ def mean_innovation(result: Result) -> tuple[float, ...]:
 
 
 def inside_bounds(result: Result) -> tuple[float, ...]:
-    """Return the part of the poses whose NIS lies within the 95 % of chi-square [%]."""
+    """Return the share of the poses whose normalised innovation squared is within the chi-square
+    bounds of 95 % [%].
+    """
     _, filter_, name, stamp, degrees = KINDS[0]
     time, nis = innovations(result, filter_, name, stamp)
     low, high = bounds(degrees)
@@ -81,13 +83,15 @@ def inside_bounds(result: Result) -> tuple[float, ...]:
 
 
 def least_available(result: Result) -> tuple[float, ...]:
-    """Return the availability of the sensor that is blind longest, and of all [%]."""
+    """Return the availability of the least available sensor, then of every sensor [%]."""
     parts = [100 * availability(result, name) for name in (*SENSORS, *FIXES)]
     return min(parts), *parts
 
 
 def tracking_in_truth(result: Result) -> tuple[float, ...]:
-    """Return the ratio of the true tracking error to the estimated one, rms; both [mm]."""
+    """Return the ratio of the true to the estimated tracking error (root mean squares), and both
+    [mm].
+    """
     true, estimate = tracking(result)
     late = _late(result, len(true))
     in_truth, on_estimates = (

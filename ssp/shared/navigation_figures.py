@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of navigation: errors of the estimates with 3-sigma bands, innovations and errors against
-chi-square, availability of the sensors, tracking on estimates beside tracking in truth.
-
-The filters publish standard deviations, no correlations: the normalised errors are sums of squares
-over variances, per part of the estimate.
+"""Figures of navigation: errors of the estimates with 3-sigma bands, innovations and normalised
+errors with chi-square bounds, availability of the sensors, true and estimated tracking errors.
 """
 
 from __future__ import annotations
@@ -32,9 +29,9 @@ from .estimates import (
 )
 
 AVERAGED = 50
-"""Measurements whose mean innovation is drawn."""
+"""Number of successive measurements over which the innovation is averaged."""
 BAND = 3
-"""Standard deviations in a band."""
+"""Half width of a band in standard deviations."""
 
 
 def _draw_errors(canvas: Axes, result: Result) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Stored optima of runs by case: cases of this project, which .ci/bounds.py computes, and cases of
-`harness bound --store` in the working folder; the figure that shows them beside a run, and the
-metric.
+"""Stored optima (least impulses) of runs: optima of the project, which .ci/bounds.py computes, and
+optima that `harness bound --store` writes into the working folder; with a figure that compares a
+run with its optimum, and a metric.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from .relative_motion import DISTANCE, SERVICER, TARGET
 
 FILE = Path(__file__).with_name("optima.json")
 OWN = Path("results", "optima.json")
-"""File of the user, in the working folder."""
+"""File with the optima of the user, in the working folder."""
 POINTS = 100
-"""Largest number of intervals of a stored optimum."""
+"""Largest number of time intervals of a stored optimum."""
 DIGITS = 6
 IMPULSE = "propulsion.impulse"
 
 
 class Leg(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Optimum of a run or of a phase: instants (n,) [s], position from the target in N (n, 3) [m]
-    and impulse so far (n,) [N s].
+    """Stored optimum of a run or of one phase of a mission: instants (n,) [s], position from the
+    target in N axes (n, 3) [m], and impulse since the first instant (n,) [N s].
     """
 
     time: list[float]
@@ -48,8 +48,8 @@ Cases = Mapping[str, Sequence[Leg]]
 
 
 def case(result: Result) -> str:
-    """Return a hash of what the optimum depends on: system, stop time, and all parameters but of
-    the controller.
+    """Return a hash of everything on which the optimum of a run depends: system, stop time, and all
+    parameters except the ones of the controller; "" for a result without parameters.
     """
     if result.parameters is None:
         return ""
@@ -60,12 +60,12 @@ def case(result: Result) -> str:
 
 
 def stored() -> dict[str, list[Leg]]:
-    """Return the optima by case; raise ResultsError if a file cannot be read."""
+    """Return all stored optima by the hash case(); raise ResultsError if a file cannot be read."""
     return {**read(FILE), **read(OWN)}
 
 
 def read(path: Path) -> dict[str, list[Leg]]:
-    """Return the optima of a file, none if it is missing; raise ResultsError."""
+    """Return the optima in a file by the hash case(), {} if it is missing; raise ResultsError."""
     if not path.is_file():
         return {}
     try:
@@ -88,7 +88,9 @@ def store(result: Result, optima: Sequence[Optimum]) -> Path:
 
 
 def leg(optimum: Optimum) -> Leg:
-    """Return what is stored of an optimum."""
+    """Return an optimum in the form in which it is stored: at most POINTS intervals, DIGITS digits
+    after the point.
+    """
     steps = np.abs(optimum.force).sum(axis=1) * np.diff(optimum.time)
     spent = np.concatenate(([0.0], np.cumsum(steps)))
     nodes = len(optimum.time)
@@ -97,7 +99,7 @@ def leg(optimum: Optimum) -> Leg:
     return Leg(*(column[rows].round(DIGITS).tolist() for column in columns))
 
 
-# ---- beside a run
+# ---- comparison of a run with its optimum
 
 
 def _legs(result: Result) -> list[Leg]:
@@ -105,14 +107,16 @@ def _legs(result: Result) -> list[Leg]:
 
 
 def _parts(result: Result) -> Iterator[tuple[Leg, Rows]]:
-    """Yield the legs, and the rows of the result that belong to each."""
+    """Yield the stored legs of a run, each with the rows of the result in its time span."""
     for each in _legs(result):
         inside = (result.time >= each.time[0]) & (result.time <= each.time[-1])
         yield each, np.flatnonzero(inside)
 
 
 def _position(result: Result) -> Array:
-    """Return the optimal position (rows, 3) from the target in N, NaN where none is stored [m]."""
+    """Return the optimal position from the target in N axes (rows, 3) [m]; NaN where none is
+    stored.
+    """
     found = np.full((len(result.time), 3), np.nan)
     for each, rows in _parts(result):
         for k, column in enumerate(np.transpose(each.position)):
@@ -121,7 +125,9 @@ def _position(result: Result) -> Array:
 
 
 def _impulse(result: Result) -> Array:
-    """Return the optimal impulse (rows,) [N s]; a phase begins with the impulse of the run."""
+    """Return the optimal cumulative impulse (rows,) [N s], NaN where none is stored. Each phase
+    begins with the cumulative impulse of the run.
+    """
     found, spent = np.full(len(result.time), np.nan), total(result[IMPULSE])
     for each, rows in _parts(result):
         begun = np.interp(each.time[0], result.time, spent)
@@ -144,7 +150,7 @@ FIGURE = Figure(
     ),
     only=lambda result: bool(_legs(result)),
 )  # fmt: skip
-"""Figure of results whose optimum is stored. The optimum is of the run in the file."""
+"""Figure of a run and its optimum, for results whose optimum is stored."""
 
 
 def _of_the_optimum(result: Result, _: Limits) -> float:
@@ -155,6 +161,6 @@ def _of_the_optimum(result: Result, _: Limits) -> float:
 
 
 METRIC = Metric("x optimum", "1", (IMPULSE,), _of_the_optimum)
-"""Impulse over the least impulse of the case, where that is stored; of a mission in the phases that
-have an optimum.
+"""Metric: impulse of the run divided by its least impulse if that is stored. For a mission only the
+phases with a stored optimum count.
 """

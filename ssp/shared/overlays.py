@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of several runs in one: every panel shows one quantity, every run has a colour of its
-own.
+"""Figures that show several runs together: one quantity per panel, one colour per run.
 
 For ppc_tracking they are the counterparts of figures 2 to 8 of Yin et al. 2017.
 """
@@ -42,7 +41,7 @@ from .relative_motion import (
 
 
 def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
-    """Return the curve of the sum over the elements first .. last - 1 of a vector."""
+    """Return the curve of the sum of a vector's elements with indices from `first` to last - 1."""
     return Curve(lambda r: np.asarray(r[name][:, first:last].sum(axis=1)), needs=(name,))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Paths in space, drawn to scale: in perspective and seen along one axis."""
+"""Drawing of paths in space to scale, in perspective and seen along one axis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from harness.mission.figure import Axes, Colour
 from harness.results.result import Array
 
 SHORTEST = 0.35
-"""Shortest axis of a view in space, as part of the longest."""
+"""Smallest ratio of the length of an axis to the longest one in the perspective view."""
 
 
 def draw_paths(
@@ -21,11 +21,11 @@ def draw_paths(
     plane: tuple[int, int],
     colours: Mapping[str, Colour] | None = None,
 ) -> Axes:
-    """Draw paths (rows, 3) with a style each, in space and seen along one axis, both to scale;
-    return the axes of the plane.
+    """Draw paths in perspective and in one plane, both to scale; return the axes of the plane.
 
-    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view;
-    colours: by label.
+    paths: positions (rows, 3) and style of matplotlib by label; names: axis labels of the three
+    coordinates; plane: indices of the horizontal and vertical coordinate of the plane; colours: by
+    label (None: chosen by matplotlib).
     """
     from matplotlib import rcParams
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figure of the plan of the fuel-optimal law (docs/models.md N): how far its iterations are from
-their end, and how many nodes lie at a constraint.
+"""Figure of the plan of the fuel-optimal law (docs/models.md N): remaining velocity increment,
+convergence of its iterations, and number of nodes at each constraint.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ PLANNERS = ("controller", "optimal")
 
 
 def _is_planned(planner: str, result: Result) -> bool:
-    """Return whether a plan was ever in force."""
+    """Return whether a plan of this component was in force in any row."""
     return bool((result[f"{planner}.mode"] == 0).any())
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motion of the servicer relative to the target and to its reference, from the rows of a result.
-Which row of the reference belongs to a state: ssp.shared.samples.
+"""Motion of the servicer relative to the target and to its reference, computed from a result.
+ssp.shared.samples states which row of the reference belongs to a state.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ POSITION_H = ("guidance.rho_H", "guidance.rho_ref_H")
 POSITION_ERROR_H = "{} - {}".format(*POSITION_H)
 FORCE_H = ("propulsion.F_S", ATTITUDE, TARGET, VELOCITIES[1])
 RELEASE = "servicer.t_att"
-"""Parameter: the attitude of the servicer is frozen before this time [s]."""
+"""Parameter with the time before which the attitude of the servicer is frozen [s]."""
 RATE = "servicer.omega_SN_S"
-"""Variable that is published as zero as long as the attitude is frozen."""
+"""Variable that is zero while the attitude of the servicer is frozen."""
 
 
 def position_error(result: Result, rows: slice = ALL) -> Array:
@@ -40,7 +40,9 @@ def position_error(result: Result, rows: slice = ALL) -> Array:
 
 
 def range_error(result: Result, rows: slice = ALL) -> Array:
-    """Return the magnitude of range less range of the reference position, (rows,) [m]."""
+    """Return the absolute difference between the range and the range of the reference position,
+    (rows,) [m].
+    """
     return _aligned(result, lambda a, b: np.abs(norm(a) - norm(b)), rows)
 
 
@@ -52,15 +54,15 @@ def attitude_error(result: Result, rows: slice = ALL) -> Array:
 
 
 def position_error_H(result: Result) -> Array:
-    """Return the position less reference position as the guidance sees them, Hill axes, (rows, 3)
-    [m].
+    """Return the position minus the reference position, both as the guidance publishes them, in
+    Hill axes, (rows, 3) [m].
     """
     return np.asarray(result[POSITION_H[0]] - result[POSITION_H[1]])
 
 
 def _relative_mrp(actual: Array, reference: Array) -> Array:
-    """Return the MRP of the rotation reference -> actual from quaternions (rows, 4), the shorter
-    way round.
+    """Return the modified Rodrigues parameters (rows, 3) of the rotation from `reference` to
+    `actual`, both quaternions (rows, 4), by the angle of at most 180 deg.
     """
     scalar = np.sum(actual * reference, axis=1)
     vector = reference[:, :1] * actual[:, 1:] - actual[:, :1] * reference[:, 1:]
@@ -90,10 +92,10 @@ def force_H(result: Result) -> Array:
 
 
 def release_time(result: Result) -> float:
-    """Return the time from which on torques turn the servicer [s]; infinite if that is never.
+    """Return the time from which torques turn the servicer [s], infinite if they never do.
 
-    The parameter t_att of the servicer; where the result does not hold parameters, the row before
-    the first angular velocity that is not zero.
+    It is the parameter t_att of the servicer. In a result without parameters it is the time of the
+    row before the first angular velocity that is not zero.
     """
     if result.holds(parameters=(RELEASE,)):
         return float(result.parameter(RELEASE))
@@ -123,12 +125,12 @@ def _relative(result: Result, rows: slice = ALL) -> Array:
 
 
 def _aligned(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return the error of a position against the reference."""
+    """Return error(position, reference position) for these rows, aligned in time (rows, ...)."""
     late = is_late(result, REFERENCE)
     return aligned(_relative(result, rows), result[REFERENCE][rows], error, late)
 
 
 def _turned_from(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return the error of the attitude against the reference."""
+    """Return error(attitude, reference attitude) for these rows, aligned in time (rows, ...)."""
     late = is_late(result, REFERENCE_ATTITUDE)
     return aligned(result[ATTITUDE][rows], result[REFERENCE_ATTITUDE][rows], error, late)

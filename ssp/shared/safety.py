@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Findings of the safety monitor of a run: by rule the least margin since the start and the first
-violation, also between samples (docs/models.md G).
+"""Findings of the safety monitor of a run: for each rule the least margin since the start and the
+first violation, also between samples (docs/models.md G).
 """
 
 from __future__ import annotations
@@ -18,13 +18,15 @@ LEAST, FIRST = "monitor.least_margin", "monitor.t_first"
 VIOLATED, WHEN = "monitor.rule_violated", "monitor.t_violation"
 FOUND = (LEAST, FIRST, VIOLATED, WHEN)
 Parameter = Callable[[str], NDArray[np.float64]]
-"""Value of a parameter of the monitor by name."""
+"""Function that returns a parameter of the monitor by its name."""
 RESTING = 1e9
-"""Margin of a rule that is off, or has rested since the start."""
+"""Margin of a rule that is off, or has not applied since the start."""
 
 
 class Rule(NamedTuple):
-    """A rule of the monitor: its name, the unit of its margin, the output with its history."""
+    """Rule of the monitor: its name, the unit of its margin, and the output with the margin over
+    time (`history`).
+    """
 
     name: str
     unit: str
@@ -44,7 +46,7 @@ RULES = (
 
 
 def findings(result: Result) -> Iterator[RuleFinding]:
-    """Yield the finding of each rule that was in force, after the last row."""
+    """Yield the finding of each rule that was in force during the run."""
     if not (result.holds(*FOUND) and len(result.time)):
         return
     for rule, margin, time in zip(RULES, result[LEAST][-1], result[FIRST][-1], strict=False):
@@ -72,11 +74,13 @@ def first_violation(result: Result) -> float:
     return min(times, default=float("nan"))
 
 
-# ---- the limits in words
+# ---- limits of the rules as text
 
 
 def limit(result: Result, rule: Rule) -> str:
-    """Return the limit of a rule from the parameters of the run; "" if the result lacks them."""
+    """Return a text that states the limit of a rule with the parameters of the run; "" if the
+    result lacks them.
+    """
     if not result.holds(parameters=("monitor.keep_out_half", "monitor.lost_time")):
         return ""
     return LIMITS[rule.name](lambda name: result.parameter(f"monitor.{name}"))

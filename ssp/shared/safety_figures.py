@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Margins of the safety monitor over time, a panel per unit; below zero a rule is violated."""
+"""Figure of the margins of the safety monitor over time, a panel per unit. A rule is violated where
+its margin is negative.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from harness.results.result import Result
 from .safety import FOUND, RESTING, RULES, Rule, findings
 
 LINEAR, DECADE = 0.1, 10.0
-"""Margins up to which the axis is linear; margins beyond this multiple need logarithms."""
+"""Margin up to which a logarithmic axis is linear; ratio of the largest margin to it above which a
+panel gets such an axis.
+"""
 
 
 def _draw_margins(canvas: Axes, result: Result) -> None:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Alignment of the rows of a sampled component with the rows of the plants.
+"""Alignment of the outputs of sampled components with the states of the plants.
 
-A row contains the states of the plants at its time, and the outputs of a sampled component from the
-states at its last sample, one sample earlier. Where every sample was recorded, the outputs for a
-state are therefore in the next row. With rows further apart than samples the same row is used, and
-an error contains the motion during one sample.
+A row contains the states of the plants at its time, and the outputs that a sampled component has
+computed at its last sample, from the states one sample earlier. If every sample is recorded, the
+outputs for a state are therefore in the next row. If rows are further apart than samples, outputs
+and states of the same row are compared, and the error contains the motion during one sample.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import numpy as np
 from harness.results.result import Array, Result
 
 PERIOD = "sample_period"
-"""Parameter of sampled components [s]; 0: at every step."""
+"""Parameter of sampled components: time between two samples [s], 0: a sample at every step."""
 
 
 def is_late(result: Result, name: str) -> bool:
-    """Return whether the outputs for a row are in the next row, for a variable of a sampled
-    component.
+    """Return whether the value of a variable of a sampled component that belongs to the states of a
+    row is in the next row.
 
-    The schedule of the run defines it. If the result has no schedule, the first two rows show it,
-    which are then equal: the outputs at the start and at the first sample.
+    This follows from the schedule of the run. In a result without a schedule it is so if the first
+    two values are equal: the outputs at the start, and at the first sample from the same states.
     """
     known = result.provenance
     component = name.partition(".")[0]
@@ -41,8 +41,8 @@ def is_late(result: Result, name: str) -> bool:
 def aligned(
     actual: Array, reference: Array, error: Callable[[Array, Array], Array], late: bool
 ) -> Array:
-    """Return the error of every row against its reference; the last row, which has no next row,
-    repeats the error of the row before.
+    """Return error(actual, reference) for every row, with the reference of the next row if `late`.
+    The last row, which has no next row, then repeats the error of the row before.
     """
     if not late or len(actual) < 2:
         return error(actual, reference)

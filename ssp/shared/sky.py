@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Surroundings of a replay in orbit: frames, the planet and its rotation, the Sun, the shadow."""
+"""Surroundings of a 3D replay in orbit: frames, the rotating planet, the Sun, the shadow."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from .exchange.bodies import days_since_j2000, instants, shadow, sun_direction
 EARTH = 6378137.0
 """Equatorial radius of the planet unless a parameter defines it [m]."""
 RATE = 7.292115e-5
-"""Turn of the Earth [rad/s]."""
+"""Angular rate of the Earth [rad/s]."""
 LIKE = 0.01
-"""Relative difference of radii up to which a planet is the Earth."""
+"""Largest relative difference between a planet's radius and EARTH at which the coasts of the Earth
+are drawn on it.
+"""
 UNDATED = "no date: turn of the Earth arbitrary"
 IN_ORBIT = 1e6
-"""A body farther than that [m] from the origin of N is in orbit, and has a Hill frame."""
+"""Distance from the origin of N [m] above which a body is in orbit and has a Hill frame."""
 HILL = {"key": "H", "name": "Hill frame", "axes": ["radial", "along track", "normal"]}
 INERTIAL = {"key": "N", "name": "inertial axes", "axes": ["x N", "y N", "z N"]}
 
@@ -32,9 +34,11 @@ def in_orbit(r: Array) -> bool:
 
 
 def frames(result: Result, arrays: Arrays, rows: Rows, position: str, velocity: str) -> Scene:
-    """Return the axes that the replay offers (Hill and inertial in orbit, inertial in deep space)
-    and the attitude of the Hill frame. In deep space this attitude serves parts of a mission. It is
-    left out if position and velocity do not define it.
+    """Return the frames between which the reader of the replay can choose (Hill and inertial axes
+    in orbit, inertial axes in deep space), and the attitude of the Hill frame.
+
+    In deep space this attitude is needed by parts that a mission draws. It is left out if position
+    and velocity do not define it.
     """
     r, v = result[position][rows], result[velocity][rows]
     found: Scene = {"frames": [HILL, INERTIAL] if in_orbit(r) else [INERTIAL]}
@@ -46,8 +50,10 @@ def frames(result: Result, arrays: Arrays, rows: Rows, position: str, velocity: 
 def sky(
     result: Result, arrays: Arrays, rows: Rows, centre: str | Array, radius: float = 0.0
 ) -> Scene:
-    """Return planet, Sun and shadow of a scene; centre: variable, or (rows, 3) [m], of its origin
-    from the centre of the planet; radius: of the planet [m], 0: the Earth's.
+    """Return planet, Sun and shadow of a scene.
+
+    centre: position of the origin of the scene from the centre of the planet, a variable or an
+    array (rows, 3) [m]; radius: of the planet [m], 0: the radius of the Earth.
 
     The direction of the Sun and the rotation of the Earth follow from the date of the run. Without
     a date the Sun is in the direction of a parameter of the run, if it has one, and the rotation
@@ -80,7 +86,9 @@ def _sun(arrays: Arrays, r: Array, towards: Array) -> Scene:
 
 
 def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
-    """Return turn of the Earth [rad] and direction of the Sun, None without date or library."""
+    """Return the rotation angle of the Earth (rows,) [rad], and the direction of the Sun (rows, 3)
+    or None for a run without a date or without the library erfa.
+    """
     epoch = result.provenance.epoch if result.provenance else ""
     if epoch:
         try:
@@ -93,7 +101,7 @@ def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
 
 
 def _fixed(result: Result) -> Array | None:
-    """Return the direction of the Sun in a parameter of the run."""
+    """Return the direction of the Sun that a parameter of the run states, None without one."""
     table = result.parameters
     for name in table.vectors if table else ():
         if name.rpartition(".")[2] == BODIES.sun:

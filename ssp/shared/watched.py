@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Quantities of an approach that are shown during a run."""
+"""Metrics of an approach that `harness run --watch` shows during a run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ PLACES = (motion.SERVICER, motion.TARGET)
 
 
 def _attitude(result: Result) -> str:
-    """Return whether the attitude of the servicer is still frozen, as it is at first."""
+    """Return "frozen until ..." or "free" for the attitude of the servicer in the last row; "" if
+    the attitude is free from the start.
+    """
     release = motion.release_time(result)
     if release <= result.time[0]:
         return ""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""File formats of the field: ephemerides of CCSDS, CZML, two-line elements.
+"""Exchange of orbits with other tools by CCSDS ephemerides, CZML and two-line elements.
 
 A result is written as a file for other tools, and a file of another tool gives start values. The
-inertial frame N of a result has no name and is treated as EME2000 about the Earth. t = 0 is the
-epoch of the run, a UTC, or, if it has none, an epoch that the user names.
+inertial frame N of a result is treated as EME2000 about the Earth. t = 0 is the epoch of the run (a
+UTC), or the epoch that the user states if the run has none.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from .start import start_values
 
 
 def orbits(names: Bodies) -> Exchange:
-    """Return the files of bodies in orbit, which a mission calls by these names."""
+    """Return the Exchange of a mission whose bodies have signals and parameters with these names:
+    it writes .oem, .aem and .czml and reads start values.
+    """
     writers = {".oem": write_oem, ".aem": write_aem, ".czml": write_czml}
     return Exchange(
         writers={ending: partial(write, names) for ending, write in writers.items()},

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bodies of a result: position, velocity and attitude relative to N, and their instants; direction
-of the Sun and shadow of the Earth at these instants.
+"""Bodies of a result: position, velocity and attitude relative to N, with dates; direction of the
+Sun and shadow of the Earth at these dates.
 
-The geocentric direction of the Sun follows from the series VSOP2000 in erfa (epv00), with ICRS axes
-treated as the axes of N. Light time and aberration are ignored, 20 arcsec together. The shadow is
-the shadow of a sphere before a solar disc of true size, without an atmosphere.
+The geocentric direction of the Sun is computed by erfa (epv00, series VSOP2000), with ICRS axes
+treated as the axes of N. Light time and aberration are ignored, which is an error of 20 arcsec. The
+Earth is a sphere without atmosphere, the Sun a disc of true size.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from harness.spelling import did_you_mean
 from harness.system.instants import FIRST, J2000, LAST, epoch_of
 
 EARTH_RADIUS = 6.3e6
-"""Least distance of an orbit about the Earth from N [m]."""
+"""Smallest distance from the origin of N at which a body counts as moving about the Earth [m]."""
 
 
 class Bodies(NamedTuple):
@@ -52,7 +52,7 @@ class Bodies(NamedTuple):
     sun: str = ""
 
     def found(self, result: Result) -> dict[str, str]:
-        """Return the letters of the components that have a position, in the order of the result."""
+        """Return the letter of each component whose position is in the result, by component."""
         before, after = map(re.escape, self.position.split("{}"))
         pattern = re.compile(rf"(\w+)\.{before}([A-Z]){after}")
         return {match[1]: match[2] for n in result.vectors if (match := pattern.fullmatch(n))}
@@ -60,8 +60,8 @@ class Bodies(NamedTuple):
 
 @dataclass(frozen=True)
 class Body:
-    """One component: r_N (rows, 3) [m], v_N (rows, 3) [m/s], q: attitude relative to N (rows, 4),
-    scalar first, None if the component has none.
+    """One body of a result: position r_N (rows, 3) [m], velocity v_N (rows, 3) [m/s], and attitude
+    q relative to N (rows, 4), scalar first (None: the result has no attitude).
     """
 
     name: str
@@ -71,8 +71,10 @@ class Body:
 
 
 def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]:
-    """Return the default bodies of a result, or the named one; raise ResultsError or UsageError if
-    none moves about the Earth.
+    """Return the body `name` of a result, or all its bodies (None); raise UsageError for an unknown
+    name, ResultsError if there is none or one does not move about the Earth.
+
+    names: names of the signals of bodies.
     """
     known = names.found(result)
     if name is not None and name not in known:
@@ -99,8 +101,8 @@ def _body(result: Result, name: str, letter: str, names: Bodies) -> Body:
 
 
 def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
-    """Return the UTC of every row, to the nanosecond; raise UsageError if the epoch is no date,
-    ResultsError if a time is outside the range of years.
+    """Return the UTC of every row (rows,) to the nanosecond; raise UsageError if the epoch is no
+    date, ResultsError if a date is outside the years FIRST to LAST.
     """
     start, seconds = epoch_of(epoch), result.time
     begin, end = (np.datetime64(f"{year}-01-01", "s") for year in (FIRST, LAST + 1))
@@ -114,8 +116,8 @@ def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
 
 
 def days_since_j2000(instants: Any) -> Any:
-    """Return days of 86 400 s since J2000 as arguments of erfa and SGP4. The difference of two
-    instants in nanoseconds may exceed 64 bits.
+    """Return the days of 86 400 s since J2000 of UTC instants, as erfa and SGP4 need them. They are
+    computed in two parts, because a difference in nanoseconds may exceed 64 bits.
     """
     days = instants.astype("datetime64[D]")
     part = (instants - days.astype("datetime64[ns]")) / np.timedelta64(1, "D")
@@ -127,14 +129,16 @@ def days_since_j2000(instants: Any) -> Any:
 EARTH, SUN, AU = 6378136.3, 6.957e8, 149597870700.0
 """Radii of Earth and Sun, astronomical unit [m]."""
 TT_AHEAD = 69.184
-"""TT - UTC since 2017 [s]: the Sun moves by 0.04 arcsec per second."""
+"""Difference TT - UTC since 2017 [s]. For other years it is wrong by seconds, in each of which the
+Sun moves by only 0.04 arcsec.
+"""
 
 ROWS = 2000
-"""Rows that are looked at for eclipses."""
+"""Largest number of rows at which eclipses are looked for."""
 
 
 def sun_direction(times: NDArray[np.datetime64]) -> Array:
-    """Return unit vectors from the Earth to the Sun (rows, 3), components of N."""
+    """Return unit vectors from the Earth to the Sun at these UTC instants, in N axes (rows, 3)."""
     erfa = library("erfa", "exchange")
     days = days_since_j2000(times) + TT_AHEAD / 86400
     heliocentric, _ = erfa.epv00(2451545.0, days)
@@ -143,8 +147,8 @@ def sun_direction(times: NDArray[np.datetime64]) -> Array:
 
 
 def eclipses(names: Bodies, result: Result) -> list[str]:
-    """Return when the first body of a dated result is in the shadow, in a line; none without a
-    date, bodies about the Earth, or erfa.
+    """Return a line, in a list, with the time spans in which the first body of a result is in the
+    shadow of the Earth; [] without a date, a body about the Earth, or the library erfa.
     """
     epoch = result.provenance.epoch if result.provenance else ""
     if not epoch or not len(result.time):
@@ -163,7 +167,7 @@ def eclipses(names: Bodies, result: Result) -> list[str]:
 
 
 def shadow(r_N: Array, towards: Array) -> Array:
-    """Return the part (rows,) of the disc of the Sun that the Earth covers: 0 in the light, 1 in
+    """Return the share (rows,) of the disc of the Sun that the Earth covers: 0 in the light, 1 in
     the umbra.
 
     r_N: positions about the Earth (rows, 3) [m]; towards: unit vectors to the Sun (rows, 3).

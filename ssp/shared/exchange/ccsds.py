@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Orbit and attitude ephemeris messages as key-value text: CCSDS 502.0-B-2 (OEM 2.0) and 504.0-B-1
-(AEM 1.0).
+"""Writing of orbit and attitude ephemeris messages as key-value text: CCSDS 502.0-B-2 (OEM 2.0) and
+504.0-B-1 (AEM 1.0).
 
-Positions in km, all digits of the doubles; the quaternion turns EME2000 into the body axes, scalar
-last.
+Positions are in km, velocities in km/s, with all digits of the doubles. The quaternion (scalar
+last) turns EME2000 into the body axes.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ AEM = {
 
 
 def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """Write the ephemeris of one body (default: the first); raise UsageError or ResultsError."""
+    """Write the orbit of one body (None: the first) of a result into an .oem file; raise UsageError
+    or ResultsError. epoch: UTC at t = 0.
+    """
     one = bodies(names, result, body)[0]
     data = np.hstack((one.r_N, one.v_N)) / 1000
     meta = _meta(one.name, result, epoch, OEM)
@@ -47,8 +49,8 @@ def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch
 
 
 def write_aem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """Write the attitude of one body (default: the first that has one); raise UsageError or
-    ResultsError.
+    """Write the attitude of one body (None: the first with an attitude) of a result into an .aem
+    file; raise UsageError or ResultsError. epoch: UTC at t = 0.
     """
     found = bodies(names, result, body)
     one = next((body for body in found if body.q is not None), found[0])
@@ -61,7 +63,7 @@ def write_aem(names: Bodies, result: Result, path: Path, body: str | None, epoch
 
 
 def _meta(name: str, result: Result, epoch: str, frames: Mapping[str, str]) -> dict[str, str]:
-    """Return object, frames, time system and time span."""
+    """Return the metadata of a message: object, frames, time system and time span."""
     times = _texts(instants(result, epoch))
     if len(times) < 2:
         raise ResultsError(f"{result.system}: an ephemeris needs two rows at least")
@@ -75,8 +77,8 @@ def _rows(result: Result, epoch: str, data: Array) -> Iterator[str]:
 
 
 def _texts(times: NDArray[np.datetime64]) -> list[str]:
-    """Return instants to the microsecond if that is exact, which every reader accepts, else to the
-    nanosecond. A microsecond is 8 mm of an orbit.
+    """Return instants as texts: with microseconds, which every reader accepts, if they are exact,
+    else with nanoseconds (in a microsecond a body moves by 8 mm).
     """
     short = times.astype("datetime64[us]")
     exact = bool((short == times).all())

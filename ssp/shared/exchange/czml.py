@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bodies of a result as CZML, which Cesium shows about the Earth.
+"""Writing of the bodies of a result as CZML, which Cesium shows about the Earth.
 
 Positions are inertial (Cesium treats them as ICRF, 23 mas from EME2000). Orientations are relative
-to the Earth-fixed axes, as CZML requires: turned by the IAU 2006/2000A matrix of every instant,
-with UT1 = UTC and no polar motion, which is below 0.005 deg.
+to the Earth-fixed axes, as CZML requires: they are converted by the IAU 2006/2000A matrix of every
+instant, with UT1 = UTC and without polar motion, an error below 0.005 deg.
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ from harness.results.result import Array, Result
 from .bodies import Bodies, Body, bodies, days_since_j2000, instants
 
 ROWS = 5000
-"""Rows that Cesium interpolates between; more are thinned to this number."""
+"""Largest number of rows that are written; Cesium interpolates between them."""
 COLOURS = ([0, 114, 178, 255], [213, 94, 0, 255], [0, 158, 115, 255])
-"""Colours of bodies, of Okabe & Ito: blue, vermilion, green."""
+"""Colours (red, green, blue, opacity) of the bodies in their order: blue, vermilion and green of
+Okabe & Ito.
+"""
 LEAP_SECONDS = 37.0
-"""TAI - UTC since 2017 [s]; the matrix turns by less than 0.01 arcsec per second of this
-difference.
+"""Difference TAI - UTC since 2017 [s]. An error of a second in it turns the matrix by less than
+0.01 arcsec.
 """
 
 
 class _Clock(NamedTuple):
-    """The rows that are shown, their instants and seconds since the first."""
+    """Rows of a result that are written, their UTC instants, and seconds since the first one."""
 
     rows: slice
     times: NDArray[np.datetime64]
@@ -44,8 +46,8 @@ class _Clock(NamedTuple):
         return f"{_text(self.times[0])}/{_text(self.times[-1])}"
 
     def sampled(self, degree: int, name: str, values: Array, **about: Any) -> dict[str, Any]:
-        """Return the values (rows, n) by the name that they have in CZML, interpolated by
-        polynomials.
+        """Return the CZML property of values (rows, n) that Cesium interpolates by polynomials of
+        this degree; name: of the list of values in CZML; about: further entries.
         """
         return {
             "epoch": _text(self.times[0]),
@@ -57,7 +59,9 @@ class _Clock(NamedTuple):
 
 
 def write_czml(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """Write all bodies, or the named one; raise UsageError or ResultsError."""
+    """Write all bodies of a result, or the named one, into a .czml file; raise UsageError or
+    ResultsError. epoch: UTC at t = 0.
+    """
     rows = slice(None, None, -(-len(result.time) // ROWS))
     times = instants(result, epoch)[rows]
     clock = _Clock(rows, times, result.time[rows] - result.time[0])
@@ -88,7 +92,9 @@ def _packet(body: Body, colour: list[int], clock: _Clock) -> dict[str, Any]:
 
 
 def _fixed(q: Array, times: Any) -> Array:
-    """Return the attitudes relative to the Earth-fixed axes, scalar last, without jumps of sign."""
+    """Return the attitudes relative to the Earth-fixed axes (rows, 4), scalar last, from attitudes
+    q relative to N (rows, 4), scalar first. Successive quaternions have no jump of sign.
+    """
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_matrix(earth(times)) * Rotation.from_quat(q[:, [1, 2, 3, 0]])
@@ -98,7 +104,7 @@ def _fixed(q: Array, times: Any) -> Array:
 
 
 def earth(times: NDArray[np.datetime64]) -> Array:
-    """Return the matrices from inertial to Earth-fixed components, (rows, 3, 3)."""
+    """Return the matrices from inertial to Earth-fixed axes at UTC instants, (rows, 3, 3)."""
     erfa = library("erfa", "exchange")
     days = days_since_j2000(times)
     terrestrial = days + (LEAP_SECONDS + 32.184) / 86400

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files of the field with the state of a body at an instant: orbit ephemeris messages (OEM) and
-two-line elements.
+"""Reading of the state of a body at an instant from orbit ephemeris messages (OEM) and two-line
+elements.
 
-Axes of a file become the axes of N: EME2000, GCRF and ICRF unchanged (23 mas between them), TEME of
-two-line elements by the IAU models with UT1 = UTC, which cancels. SGP4 accepts any text in its
-columns, so two-line elements are checked first.
+States are given in N axes: EME2000, GCRF and ICRF are taken as N (they differ by 23 mas), TEME of
+two-line elements is converted by the IAU models with UT1 = UTC, whose error cancels. SGP4 accepts
+any text in its columns, so two-line elements are checked first.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from .czml import earth
 
 SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
 LONGEST = 256 * 1024**2
-"""Bytes of a file of start values."""
+"""Size of the largest file of start values that is read [bytes]."""
 INLINE = "two-line elements"
-"""Name of a source that is part of the TOML."""
+"""Name, in messages, of elements that are given as text in the TOML instead of a file."""
 EXACT = 1e-6
-"""An instant of an ephemeris this close is taken as it is, not interpolated [s]."""
+"""Time difference up to which a state of an ephemeris is used without interpolation [s]."""
 
 
 class State(NamedTuple):
-    """Position [m] and velocity [m/s], components of N."""
+    """Position r [m] and velocity v [m/s] in N axes, (3,) each."""
 
     r: Array
     v: Array
@@ -48,8 +48,10 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """A file, or elements as text: its name, first instant that it knows, axes in words, and the
-    state at an instant.
+    """Source of the state of a body: a file, or elements as text.
+
+    path: its path, or INLINE; first: first instant for which it has a state, UTC; axes: note about
+    its axes; state: function that returns the state at an instant.
     """
 
     path: Path | str
@@ -59,7 +61,9 @@ class Source:
 
 
 def source_of(component: str, file: str | Path) -> Source:
-    """Return a file by its path, or elements given as lines."""
+    """Return the source for a component: the file at a path, or two-line elements given as a text
+    of several lines; raise UsageError if it is neither an OEM nor two-line elements.
+    """
     inline = "\n" in str(file).strip()
     path, text = (INLINE, str(file)) if inline else (file, _text(component, Path(file)))
     try:
@@ -90,7 +94,9 @@ def _text(component: str, path: Path) -> str:
 
 
 def state_of(component: str, source: Source, instant: np.datetime64) -> State:
-    """Return the state of the body from its file; raise UsageError."""
+    """Return the state of a component at a UTC instant from its source; raise UsageError if the
+    source has none.
+    """
     try:
         with _undated():
             found = source.state(instant)
@@ -115,7 +121,7 @@ def _undated() -> Iterator[None]:
 # ---- orbit ephemeris messages
 
 SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
-"""Time systems of an ephemeris: as in astropy, and GPS = TAI - 19 s."""
+"""Time systems of an ephemeris that can be read: of astropy, and GPS = TAI - 19 s."""
 GPS_BEHIND_TAI = 19.0
 _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 
@@ -123,7 +129,7 @@ _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 def _ephemeris(path: Path | str, text: str) -> Source:
     system = _time_system(text)
     with PrivateFolder() as folder:
-        copy = folder / "message.oem"  # a copy with a time system that the library supports
+        copy = folder / "message.oem"  # the library does not support GPS: TAI is written instead
         copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
         message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
     frame = _frame(message)
@@ -137,8 +143,8 @@ def _ephemeris(path: Path | str, text: str) -> Source:
 
 
 def _time_system(text: str) -> str:
-    """Return the time system of all segments of an ephemeris, "" if it names none; raise
-    ValueError.
+    """Return the time system of all segments of an ephemeris, "" if it states none; raise
+    ValueError if there are several or an unknown one.
     """
     systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
     if unknown := systems - {*SYSTEMS}:
@@ -151,7 +157,9 @@ def _time_system(text: str) -> str:
 
 
 def _frame(message: Any) -> str:
-    """Return the axes of all segments of an ephemeris about the Earth; ValueError."""
+    """Return the name of the axes of all segments of an ephemeris; raise ValueError for several or
+    unknown axes, or another centre than the Earth.
+    """
     frames = {segment.metadata["REF_FRAME"].upper() for segment in message}
     centres = {segment.metadata["CENTER_NAME"].upper() for segment in message}
     if centres != {"EARTH"}:
@@ -195,8 +203,8 @@ def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
 
 
 def _out_of_teme(state: State, instant: np.datetime64) -> State:
-    """Convert by the Earth-fixed axes: with GMST 1982 into them, with the IAU 2006/2000A matrix
-    out.
+    """Return a state given in TEME axes in N axes. TEME is converted into Earth-fixed axes by GMST
+    1982, and these into N by the IAU 2006/2000A matrix.
     """
     erfa = library("erfa", "exchange")
     turn = erfa.rz(erfa.gmst82(2451545.0, float(days_since_j2000(instant))), np.eye(3))
@@ -205,7 +213,9 @@ def _out_of_teme(state: State, instant: np.datetime64) -> State:
 
 
 class Field(NamedTuple):
-    """Columns of a line, counted from 1, and the least and largest number that they may contain."""
+    """Number in two-line elements: its name, line (1 or 2), first and last column (counted from 1),
+    and least and largest permitted value.
+    """
 
     name: str
     line: int
@@ -244,8 +254,8 @@ def _problems(first: str, second: str) -> Iterator[str]:
 
 
 def _epoch(first: str) -> Iterator[str]:
-    """Yield the year of a two-digit year, 1957 to 2056, and the day of that year, 1 for the first
-    of January.
+    """Yield the faults of the epoch in line 1: a two-digit year for 1957 to 2056, and the day of
+    that year, which is 1.0 at the beginning of the first of January.
     """
     place, text = "line 1, columns 19 to 32: epoch", first[18:32]
     if not (re.fullmatch(r"[\d ]\d", text[:2]) and _NUMBER.fullmatch(text[2:])):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Start values from files of the field.
+"""Start values of the bodies of a system from orbit files.
 
-A body that starts beside the target, and for which no file is given, goes along with it: it gets
-the elements of the target's orbit, and stands where its position in the Hill frame has it. The
-start attitudes relative to N turn with the Hill frame H of the target, so that they are the same
-relative to H, unless `attitude` is N. Rates are components in body axes and stay as they are.
+A body without a file whose start is given in the Hill frame of the target follows the target: it
+gets the target's orbital elements, while its position in the Hill frame does not change. The start
+attitudes relative to N are turned with the Hill frame H of the target, so that they do not change
+relative to H, unless `attitude` is N. Angular rates, in body axes, do not change.
 """
 
 from __future__ import annotations
@@ -27,9 +27,11 @@ from .bodies import Bodies, sun_direction
 from .sources import State, source_of, state_of
 
 ATTITUDE = "attitude"
-"""Entry beside the files: frame relative to which attitudes do not change, H (default) or N."""
+"""Entry among the files that states the frame relative to which start attitudes do not change: H
+(default) or N.
+"""
 SAME = 1e-9
-"""Angle between two Hill frames [rad] up to which nothing is turned."""
+"""Angle between the old and the new Hill frame [rad] up to which attitudes are not turned."""
 
 
 def start_values(
@@ -67,8 +69,8 @@ def start_values(
 
 
 def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
-    """Return the parameters that start bodies in these states, and beside them those that
-    go along.
+    """Return the parameters with which bodies start in these states, and with which the bodies
+    without a file follow the target.
     """
     values: dict[str, Any] = {}
     for component, state in states.items():
@@ -81,7 +83,9 @@ def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 
 def _sun(parameters: Result, name: str, instant: np.datetime64) -> tuple[dict[str, Any], list[str]]:
-    """Return the direction to the Sun for all components that need it, and a note about it."""
+    """Return the direction to the Sun for all parameters COMPONENT.`name`, and a note about them;
+    instant: UTC at t = 0.
+    """
     needing = [n for n in parameters.vectors if name and n.endswith(f".{name}")]
     if not needing:
         return {}, []
@@ -103,7 +107,9 @@ def _check(component: str, system: System, parameters: Result, names: Bodies) ->
 
 
 def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, float]:
-    """Return the orbit of a target with a file, for bodies that start in its Hill frame."""
+    """Return the orbital elements of the target with a file as parameters of all bodies that start
+    in its Hill frame; raise UsageError if its orbit is open.
+    """
     target = _target(parameters, states, names)
     if target is None:
         return {}
@@ -121,13 +127,15 @@ def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 
 def _target(parameters: Result, states: Mapping[str, State], names: Bodies) -> str | None:
-    """Return the body with a file that does not start beside another one."""
+    """Return the first body with a file whose start is not given in the Hill frame of another body;
+    None if there is none.
+    """
     return next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
 
 
 def _turned(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
-    """Return the start attitudes, of bodies and of estimates, that are relative to the new Hill
-    frame of the target what they were relative to its old one.
+    """Return the start attitudes of bodies and estimates, turned so that they are the same relative
+    to the new Hill frame of the target as before relative to its old one.
     """
     from scipy.spatial.transform import Rotation
 
@@ -147,7 +155,9 @@ def _turned(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 
 def _hill_axes_before(parameters: Result, target: str, names: Bodies) -> Array:
-    """Return the axes of the Hill frame at the start that the parameters of a body describe."""
+    """Return the matrix (3, 3) with the axes of the Hill frame as columns, in N axes, at the start
+    that the parameters of a body describe.
+    """
     from scipy.spatial.transform import Rotation
 
     if parameters[f"{target}.{names.semi_major_axis}"][0] <= 0:
@@ -157,7 +167,9 @@ def _hill_axes_before(parameters: Result, target: str, names: Bodies) -> Array:
 
 
 def hill_axes(r: Array, v: Array) -> Array:
-    """Return the axes of the Hill frame as the columns of a matrix (3, 3), components of N."""
+    """Return the matrix (3, 3) with the axes of the Hill frame at position r and velocity v as
+    columns, in N axes.
+    """
     normal = np.cross(r, v)
     axes = np.stack([r, np.cross(normal, r), normal], axis=1)
     return np.asarray(axes / np.linalg.norm(axes, axis=0))
@@ -169,7 +181,7 @@ def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -
     others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
     for component in sorted(others - states.keys()):
         size = f"{component}.{names.semi_major_axis}"
-        if size in parameters and parameters[size][0] > 0:  # else it is an estimate, or in no orbit
+        if size in parameters and parameters[size][0] > 0:  # not an estimate, not in deep space
             yield component
 
 
@@ -197,6 +209,6 @@ def elements(state: State, mu: float) -> tuple[float, ...]:
 
 
 def _about(axis: Array, begin: Array, end: Array) -> float:
-    """Return the angle from one vector to another about an axis across both [rad]."""
+    """Return the angle from one vector to another about an axis perpendicular to both [rad]."""
     sine = np.cross(begin, end) @ axis / np.linalg.norm(axis)
     return float(np.arctan2(sine, begin @ end))
