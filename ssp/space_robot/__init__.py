@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Guo et al. 2014: free-floating two-link robot under gravity gradient."""
+"""Mission of Guo et al. 2014: free-floating two-link robot under gravity gradient."""

@@ -2,9 +2,9 @@
 """Claims of Guo, Li, Fan & Meng 2014 on the pitch motion of a locked space robot (docs/models.md
 D).
 
-The paper gives neither the start of the motion nor how long it was followed: a verdict is about the
-run at hand, and for other starts tumbling begins elsewhere. Which claims belong to a run its
-eccentricity decides.
+The paper states neither the start of the motion nor its duration, so a verdict applies to one run
+only: with other starts tumbling begins at other eccentricities. The eccentricity of a run
+determines which claims belong to it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from .evaluations import ANGLES, ECCENTRICITY, MOTION
 from .pitch import PITCH
 
 PERIODIC, FIRST, LAST, END = 0.005, 0.06331, 0.06872, 0.08594
-"""Eccentricities at which the paper sees periodic motion end, the window of tumbling begin and end,
-and quasi-periodic motion end.
+"""Eccentricities of the paper: end of periodic motion, begin and end of the window of tumbling, end
+of quasi-periodic motion.
 """
 INTERVAL = 600.0
-"""Rows must be closer than that, a tenth of an orbit [s]."""
+"""Largest permitted time between rows, a tenth of an orbit [s]."""
 
 
 def _tumbles(where: str, text: str) -> Claim:
@@ -106,7 +106,9 @@ FREE = (
     "robot.euler_0",
     "robot.deuler_0",
 )
-"""Orbit and start, which are not in the paper; its parts differ in the eccentricity."""
+"""Parameters that may differ from the system, because the paper does not state orbit and start, and
+its parts differ in the eccentricity.
+"""
 
 TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {
     "circular orbit": (0.0, 0.0, (EQUILIBRIUM, CRITICAL, CLOSED)),
@@ -132,7 +134,9 @@ TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {
         (EQUILIBRIUM, _tumbles("section 3.2, figure 9", "tumbling for e > 0.08594")),
     ),
 }
-"""Part of the paper: eccentricity from and to (the end belongs to the next part), claims."""
+"""Lower and upper limit of the eccentricity, and claims, for each part of the paper. An upper limit
+belongs to the next part.
+"""
 
 
 def _paper(part: str, low: float, high: float, claims: tuple[Claim, ...]) -> Paper:

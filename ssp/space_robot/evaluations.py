@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Evaluations of the pitch motion of a locked space robot for the claims of Guo et al. 2014.
 
-Every function returns the number with the verdict first, then further numbers to show.
+The evaluation of a claim returns first the value that decides on the verdict, then further values
+that the report shows.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ ANGLES = "robot.joint_angle"
 MOTION = (PITCH, RATE, ANOMALY)
 ECCENTRICITY = "robot.e"
 SHAPE = tuple(f"robot.{name}" for name in ("e", "mass", "Ixx", "Iyy", "Izz", "l", "r"))
-"""Parameters that the constants of the pitch equation follow from."""
+"""Parameters from which the constants of the pitch equation are computed."""
 
 
 def locked(result: Result) -> bool:
@@ -58,32 +59,34 @@ def _bodies(result: Result, along: Array) -> Array:
 
 
 def equilibrium(result: Result) -> tuple[float, ...]:
-    """Return the magnitude of theta_hat [deg]; kappa."""
+    """Return the magnitude of theta_hat [deg], and kappa."""
     theta_hat, kappa = pitch_constants(result)
     return abs(float(np.degrees(theta_hat))), kappa
 
 
 def largest_turn(result: Result) -> tuple[float, ...]:
-    """Return the largest distance of the pitch from the equilibrium nearest to the start [deg];
-    orbits.
+    """Return the largest angle between the pitch and the equilibrium nearest to its start [deg],
+    and the number of orbits.
     """
     return float(np.degrees(np.abs(_delta(result)).max())), orbits(result)
 
 
 def _delta(result: Result) -> Array:
-    """Return the pitch from the equilibrium nearest to its start [rad]."""
+    """Return the pitch relative to the equilibrium nearest to its start, (rows,) [rad]."""
     delta = result[PITCH] - pitch_constants(result)[0]
     return np.asarray(delta - np.pi * np.round(delta[0] / np.pi))
 
 
 def _slope(result: Result) -> Array:
-    """Return the pitch rate by the rate of the true anomaly."""
+    """Return the pitch rate divided by the rate of the true anomaly, (rows,)."""
     return np.asarray(result[RATE] / np.gradient(result[ANOMALY], result.time))
 
 
 def critical_rate(result: Result) -> tuple[float, ...]:
-    """Return whether the motion agrees with (9): tumbling above |delta'(0)| = sqrt(kappa) |cos
-    delta(0)|; the rate over that limit; largest turn [deg].
+    """Return 1 if the motion agrees with criterion (9) of the paper, else 0; the initial rate
+    divided by the critical one; the largest angle from the equilibrium [deg].
+
+    By (9) the robot tumbles if |delta'(0)| is above sqrt(kappa) |cos delta(0)|.
     """
     turn, _ = largest_turn(result)
     critical = np.sqrt(pitch_constants(result)[1]) * abs(np.cos(_delta(result)[0]))
@@ -92,15 +95,15 @@ def critical_rate(result: Result) -> tuple[float, ...]:
 
 
 def level_change(result: Result) -> tuple[float, ...]:
-    """Return the largest change of delta'^2 + kappa sin^2 delta, by kappa."""
+    """Return the largest change of delta'^2 + kappa sin^2 delta since the start, over kappa."""
     kappa = pitch_constants(result)[1]
     level = _slope(result) ** 2 + kappa * np.sin(_delta(result)) ** 2
     return (float(np.abs(level - level[0]).max() / kappa),)
 
 
 def strobe_spread(result: Result) -> tuple[float, ...]:
-    """Return the range of the pitch in the Poincare section over the range of the whole motion;
-    orbits.
+    """Return the spread (largest minus smallest value) of the pitch in the Poincare section,
+    divided by its spread over the whole run, and the number of orbits.
     """
     points, _ = strobe(result)
     return float(np.ptp(np.unwrap(points)) / np.ptp(result[PITCH])), orbits(result)

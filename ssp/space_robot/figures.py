@@ -17,11 +17,11 @@ from .pitch import ANOMALY, PITCH, RATE, orbits, spectrum, strobe
 
 JOINTS = ("joint 1", "joint 2")
 FASTEST = 5.0
-"""End of the spectrum [1/orbit]."""
+"""Largest frequency of the drawn spectrum [1/orbit]."""
 
 
 def _section_and_spectrum(canvas: Axes, result: Result) -> None:
-    """Draw one point per orbit, and the lines of the motion."""
+    """Draw the Poincare section (one point per orbit) and the spectrum of the pitch."""
     section, lines = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     pitch, rate = strobe(result)
     section.plot(np.degrees(pitch), rate, ".", markersize=4)
@@ -40,8 +40,8 @@ ECCENTRICITY = "robot.e"
 
 
 def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
-    """Draw the Poincare sections of all runs in one, and their pitch over the eccentricity: the
-    bifurcation diagram.
+    """Draw the Poincare sections of all runs together, and the pitch in them over the eccentricity
+    (bifurcation diagram).
     """
     section, diagram = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     for label, result in results.items():

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pitch motion of the space robot once per orbit and over many orbits: strobe points, spectrum and
-metrics.
+"""Analysis of the pitch motion of the space robot: points of the Poincare section (strobe points,
+once per orbit), rotation number, spectrum, and metrics.
 """
 
 from __future__ import annotations
@@ -17,20 +17,22 @@ from ..shared.metrics import SATURATED
 PITCH, RATE, ANOMALY = "robot.pitch", "robot.pitch_rate", "robot.true_anomaly"
 TURN = 2 * np.pi
 NEWTON_STEPS = 6
-"""Steps from the linear interpolation on; each doubles the number of correct digits."""
+"""Number of Newton steps after a linear interpolation; each doubles the number of correct digits.
+"""
 
 
 def orbits(result: Result) -> float:
-    """Return the turns of the true anomaly since the start."""
+    """Return the number of orbits: turns of the true anomaly from the first to the last row."""
     return float((result[ANOMALY][-1] - result[ANOMALY][0]) / TURN)
 
 
 def strobe(result: Result) -> tuple[Array, Array]:
-    """Return the pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit at
-    the anomaly of the start.
+    """Return the pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit
+    whenever the true anomaly has its start value.
 
-    Cubic between the rows, pitch with its own rate: the error falls with the fourth power of their
-    distance, 1e-7 rad with 100 rows per orbit.
+    Between rows both are interpolated by cubic polynomials, the pitch with its published rate. The
+    error falls with the fourth power of the distance of rows; it is 1e-7 rad with 100 rows per
+    orbit.
     """
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
@@ -52,11 +54,11 @@ def _crossings(result: Result, course: Callable[..., Array]) -> Array:
 
 
 def rotation_number(result: Result) -> float:
-    """Return the turns of the strobe points about their centre per orbit, in [0, 1); NaN below two
-    orbits.
+    """Return the rotation number: mean turn of the strobe points about their centre per orbit, in
+    [0, 1); NaN for a run of less than two orbits.
 
-    Without such points the motion is periodic with the orbit. A rational number means resonant
-    motion, any other number quasi-periodic motion.
+    A rational number means resonant motion, any other number quasi-periodic motion. If all points
+    coincide, the motion is periodic with the orbit.
     """
     if orbits(result) < 2:
         return float("nan")
@@ -68,10 +70,10 @@ def rotation_number(result: Result) -> float:
 
 
 def spectrum(result: Result) -> tuple[Array, Array]:
-    """Return frequencies [1/orbit] and amplitudes [rad] of the pitch over the true anomaly, mean
-    removed, Hann window.
+    """Return frequencies [1/orbit] and amplitudes [rad] of the spectrum of the pitch over the true
+    anomaly, with the mean removed and a Hann window.
 
-    The amplitude of a single line is the amplitude of its sinusoid.
+    For a sinusoid the amplitude at its frequency is the amplitude of the sinusoid.
     """
     anomaly = result[ANOMALY]
     even = np.linspace(anomaly[0], anomaly[-1], len(anomaly))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replay of the robot: a base with its links."""
+"""3D replay of the space robot: a base with two links."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ LINKS = tuple(f"robot.{name}" for name in ("mass", "Ixx", "Iyy", "Izz", "l", "r"
 
 
 def robot(result: Result, arrays: Arrays) -> Scene:
-    """Return a base with two links about the centre of mass of the base. Every body is the box of
-    uniform density with its mass and inertia.
+    """Return the scene of a base with two links, whose origin is the centre of mass of the base.
+    Every body is drawn as the box of uniform density with its mass and inertia.
     """
     rows = instants(result, ROBOT[2])
     position, velocity, attitude, angles = ROBOT

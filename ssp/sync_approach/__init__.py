@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Zhu & Yang 2009: synchronised approach to a tumbling target, adaptive control."""
+"""Mission of Zhu & Yang 2009: synchronised approach to a tumbling target, adaptive control."""

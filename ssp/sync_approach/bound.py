@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problem of the synchronised approach: its requirements, and the corridor."""
+"""Convex problem of the synchronised approach, whose optimum is the least impulse that meets the
+requirements of the system and the corridor.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ TRACKED, POINTED = 1200.0, 600.0
 
 
 def problem(result: Result, grid: float) -> Problem:
-    """Return the convex problem of a run. The range is at least the distance along the axis."""
+    """Return the convex problem of a run; grid: time step [s]. The requirement on the range is
+    replaced by a stricter one: on the distance along the grasp axis, which is never larger.
+    """
     found = bounds.problem(result, grid, np.asarray(result.parameter(BOX)))
     time, sample = found.time, result.time[1] - result.time[0]
     axis = bounds.target_axis(result, time, np.asarray(result.parameter(AXIS)))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Claims of Zhu & Yang 2009 on the synchronised approach (docs/models.md A).
 
-The paper prints curves without numbers; where a claim has no number of its own, the bands say what
-we take it to mean.
+The paper prints curves without numbers. For a claim without a number, the bands are this project's
+interpretation.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Evaluations of the synchronised approach for the claims of Zhu & Yang 2009.
 
-Every function returns the number with the verdict first, then further numbers to show. Data that
-the result lacks are taken from the paper: the times of its simulation and its true inertias.
+The evaluation of a claim returns first the value that decides on the verdict, then further values
+that the report shows. Data that the result lacks are taken from the paper: the times of its
+simulation and its true inertias.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from ..shared import relative_motion as derived
 STOP = 1800.0
 """Duration of the paper's simulation [s]."""
 APPROACHED = 600.0
-"""The exponential part of the reference is over, exp(-600 s / 120 s) < 1 % [s]."""
+"""Time at which the exponential part of the reference is over: exp(-600 s / 120 s) < 1 % [s]."""
 ARM = 1200.0
-"""The paper turns the arm to the target from here on [s]."""
+"""Time from which the paper turns the arm to the target [s]."""
 SLEW = 600.0
 """Time from the start of attitude control to the end of the paper's simulation [s]."""
 ETA_S = np.array([200, 0, 0, 250, 0, 150, 12, 0, 0, 15, 0, 10])
 """True J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33 in the paper's case [kg m2]."""
 LARGEST = np.array([250.0] * 6 + [15.0] * 6)
-"""Largest element of the matrix that an element of eta belongs to [kg m2]."""
+"""Largest element of the inertia matrix (J or A) to which each element of ETA_S belongs [kg m2]."""
 
 RANGE, REFERENCE, BETA_T, BETA_P = (
     "guidance.range",
@@ -47,18 +48,18 @@ def size(result: Result, vector: str) -> Array:
 
 
 def position_error(result: Result) -> Array:
-    """Return the distance from the reference position [m]."""
+    """Return the distance of the servicer from its reference position, (rows,) [m]."""
     return np.asarray(np.linalg.norm(derived.position_error_H(result), axis=1))
 
 
 def attitude_error(result: Result) -> Array:
-    """Return the rotation angle from D to S [deg]."""
+    """Return the rotation angle from the desired attitude D to the attitude S, (rows,) [deg]."""
     return np.asarray(np.degrees(derived.attitude_error(result)))
 
 
 def safe_distance(result: Result) -> float:
-    """Return rho_M: where the reference has come to rest [m]; raise NotJudgedError as long as it
-    approaches by more than 1 cm.
+    """Return rho_M, the final range of the reference [m]; raise NotJudgedError if the reference
+    still moves by more than 1 cm in the last 100 s.
     """
     distance = size(result, REFERENCE)[final(result, 100.0, ARM)]
     if np.ptp(distance) > 0.01:
@@ -68,7 +69,7 @@ def safe_distance(result: Result) -> float:
 
 def attitude_start(result: Result) -> float:
     """Return the time at which the attitude is released [s]; raise NotExercisedError if the run
-    ends before, NotJudgedError if that is never.
+    ends before, NotJudgedError if the attitude is never released.
     """
     start = derived.release_time(result)
     end = float(result.time[-1])
@@ -85,8 +86,8 @@ def attitude_start(result: Result) -> float:
 
 
 def arrival(result: Result) -> tuple[float, ...]:
-    """Return the largest distance from rho_M from 20 min on [m]; range at the start, after 10, 20
-    min and at the end [m].
+    """Return the largest difference between range and rho_M after 20 min [m], then the range at the
+    start, after 10 min, after 20 min and at the end [m].
     """
     distance = result[RANGE]
     off = np.abs(distance - safe_distance(result))[since(result, ARM, ARM)]
@@ -100,29 +101,33 @@ def arrival(result: Result) -> tuple[float, ...]:
 
 
 def shortfall(result: Result) -> tuple[float, ...]:
-    """Return the depth of the range below rho_M [mm], minimum range [m] and its time [s]."""
+    """Return the amount by which the minimum range is below rho_M (0 if it is not) [mm], the
+    minimum range [m] and its time [s].
+    """
     least = result[RANGE].argmin()
     distance = result[RANGE][least]
     return 1e3 * max(0.0, safe_distance(result) - distance), distance, result.time[least]
 
 
 def grasp_axis_error(result: Result) -> tuple[float, ...]:
-    """Return the largest angle between relative position and grasp axis after 10 min [deg], at the
-    start [deg].
+    """Return the largest angle between relative position and grasp axis after 10 min, and this
+    angle at the start [deg].
     """
     angle = np.degrees(result[BETA_T])
     return angle[since(result, APPROACHED, ARM)].max(), angle[0]
 
 
 def tracking_error(result: Result) -> tuple[float, ...]:
-    """Return the largest position error after 10 min [m], at the start [m], at the end [m]."""
+    """Return the largest position error after 10 min, and the position error at the start and at
+    the end [m].
+    """
     error = position_error(result)
     return error[since(result, APPROACHED, ARM)].max(), error[0], error[-1]
 
 
 def force_rate(result: Result) -> tuple[float, ...]:
-    """Return the largest change of the force per second in percent of the largest force; force at
-    the start [N], largest [N].
+    """Return the largest change of the force per second in percent of the largest force [%/s], the
+    force at the start [N], and the largest force [N].
     """
     since(result, 0.0, APPROACHED)
     force = derived.force_H(result)
@@ -132,23 +137,23 @@ def force_rate(result: Result) -> tuple[float, ...]:
 
 
 def mass_drift(result: Result) -> tuple[float, ...]:
-    """Return the change of the mass estimate over the last 10 min [kg]; estimate at the start, at
-    the end [kg].
+    """Return the largest minus the smallest mass estimate of the last 10 min, and the estimate at
+    the start and at the end [kg].
     """
     estimate = result[MASS_ESTIMATE]
     return np.ptp(estimate[final(result, 600.0, STOP)]), estimate[0], estimate[-1]
 
 
 def mass_offset(result: Result) -> tuple[float, ...]:
-    """Return the distance of the mass estimate from the mass at the end [kg], both [kg]."""
+    """Return the absolute difference between mass estimate and mass at the end, and both [kg]."""
     end = final(result, 0.0, STOP)[-1]
     estimate, true = result[MASS_ESTIMATE][end], result[MASS][end]
     return abs(estimate - true), estimate, true
 
 
 def position_decay(result: Result) -> tuple[float, ...]:
-    """Return the largest position error of the last 10 min over the largest of the 10 min before,
-    and both [mm].
+    """Return the ratio of the largest position error of the last 10 min to the largest one of the
+    10 min before; the earlier and the later error [mm].
     """
     error = 1e3 * position_error(result)
     late, early = (
@@ -159,8 +164,8 @@ def position_decay(result: Result) -> tuple[float, ...]:
 
 
 def attitude_end(result: Result) -> tuple[float, ...]:
-    """Return the largest attitude error of the last 100 s [deg]; after 1, 2, 5, 10 min of control
-    [deg].
+    """Return the largest attitude error of the last 100 s, then the attitude error after 1, 2, 5
+    and 10 min of attitude control [deg].
     """
     start, error = attitude_start(result), attitude_error(result)
     largest = error[final(result, 100.0, start + SLEW)].max()
@@ -168,8 +173,8 @@ def attitude_end(result: Result) -> tuple[float, ...]:
 
 
 def attitude_decay(result: Result) -> tuple[float, ...]:
-    """Return the largest attitude error of the last 100 s over the largest of the 100 s before, and
-    both [deg].
+    """Return the ratio of the largest attitude error of the last 100 s to the largest one of the
+    100 s before; the earlier and the later error [deg].
     """
     end, error = attitude_start(result) + SLEW, attitude_error(result)
     late, early = (
@@ -180,23 +185,23 @@ def attitude_decay(result: Result) -> tuple[float, ...]:
 
 
 def wheel_speed(result: Result) -> tuple[float, ...]:
-    """Return the largest wheel speed of all, of the last 100 s [rad/s]."""
+    """Return the largest wheel speed of the run, and of its last 100 s [rad/s]."""
     last = final(result, 100.0, attitude_start(result) + SLEW)
     speed = np.abs(result[WHEELS])
     return speed.max(), speed[last].max()
 
 
 def inertia_drift(result: Result) -> tuple[float, ...]:
-    """Return the largest change of an inertia estimate over the last 100 s in percent of its
-    matrix; J and A [kg m2].
+    """Return the largest change of an inertia estimate in the last 100 s, in percent of the largest
+    element of its matrix; the largest change for J and for A [kg m2].
     """
     moved = np.ptp(result[ESTIMATES][final(result, 100.0, attitude_start(result) + SLEW)], axis=0)
     return 100 * (moved / LARGEST).max(), moved[:6].max(), moved[6:].max()
 
 
 def inertia_offset(result: Result) -> tuple[float, ...]:
-    """Return the largest distance of an inertia estimate from the truth at the end in percent of
-    its matrix; J and A [kg m2].
+    """Return the largest error of an inertia estimate at the end, in percent of the largest element
+    of its matrix; the largest error for J and for A [kg m2].
     """
     off = np.abs(result[ESTIMATES][final(result, 0.0, attitude_start(result) + SLEW)][-1] - ETA_S)
     return 100 * (off / LARGEST).max(), off[:6].max(), off[6:].max()
@@ -204,10 +209,10 @@ def inertia_offset(result: Result) -> tuple[float, ...]:
 
 def grasp_share(result: Result) -> tuple[float, ...]:
     """Return the share of the last 200 s in which the target can be grasped [%], and the largest
-    beta_p meanwhile [deg].
+    beta_p in this time [deg].
 
-    Range within 5 cm of rho_M, relative position within 1 deg of the grasp axis, arm within 5 deg
-    of the target.
+    It can be grasped if the range is within 5 cm of rho_M, the relative position within 1 deg of
+    the grasp axis (beta_t), and the arm within 5 deg of the direction to the target (beta_p).
     """
     last = final(result, 200.0, attitude_start(result) + SLEW)
     near = np.abs(result[RANGE] - safe_distance(result)) <= 0.05

@@ -24,17 +24,17 @@ from ..shared.relative_motion import (
 )
 
 ETA = "controller.eta_hat"
-"""Elements 11 12 13 22 23 33 of the inertia of the body, then of the wheels."""
+"""Estimated inertia: elements 11, 12, 13, 22, 23, 33 of the body, then of the wheels."""
 MAIN, OFF = (0, 3, 5), (1, 2, 4)
-"""Elements of the six on the diagonal, and off the diagonal."""
+"""Indices of the diagonal elements, and of the other elements, among 11, 12, 13, 22, 23, 33."""
 BODY, WHEELS = "servicer.J_S", "servicer.A_w"
 FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
 TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 
 
 def _approach(canvas: Axes, result: Result) -> None:
-    """Draw the path of the servicer about the target in Hill axes: in space, and seen along the
-    orbit normal.
+    """Draw the path of the servicer and its reference about the target in Hill axes, in space and
+    in the orbital plane.
     """
     actual, reference = result["guidance.rho_H"], result["guidance.rho_ref_H"]
     names = ("radial x_H [m]", "along track y_H [m]", "normal z_H [m]")

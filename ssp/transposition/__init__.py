@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Zhang et al. 2016: transposition of a docked assembly with limited momentum."""
+"""Mission of Zhang et al. 2016: transposition of a docked assembly with limited momentum."""

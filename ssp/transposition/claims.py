@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Claims of the patent of Zhang et al. 2016 on the transposition of an assembly (docs/models.md E).
 
-The patent has no numbers at all; the bands say what we take its claims to mean.
+The patent contains no numbers, so the bands are this project's interpretation of its claims.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Evaluations of the transposition for the claims of the patent of Zhang et al. 2016.
 
-Every function returns the number with the verdict first, then further numbers to show. Where the
-patent gives no value, saturation is the saturation of the plant and the window is the window of the
-guidance.
+The evaluation of a claim returns first the value that decides on the verdict, then further values
+that the report shows. "Saturation" is the momentum H_sat at which the plan assumes that the gyros
+saturate, and the window is the time in which the guidance plans; the patent states neither.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MASSES, HINGE, MODULE = (
     "assembly.module",
 )
 SETTLED = 60.0
-"""The last instants of a transposition [s]."""
+"""Length of the last part of a transposition [s]."""
 
 
 # ---- histories
@@ -62,7 +62,9 @@ def tracking(result: Result) -> Array:
 
 
 def to_body(q: Array, v: Array) -> Array:
-    """Return the vectors (rows, 3) in the axes of a body with those attitudes."""
+    """Return vectors v (rows, 3) in the axes of a body; q: attitudes of the body (rows, 4) relative
+    to the axes of v.
+    """
     w, u = q[:, :1], -q[:, 1:]
     return np.asarray(v + 2 * np.cross(u, np.cross(u, v) + w * v))
 
@@ -102,8 +104,8 @@ def peak_share(result: Result) -> tuple[float, ...]:
 
 
 def first_peak(result: Result) -> tuple[float, ...]:
-    """Return the momentum that the nominal attitude would need throughout, as a share of
-    saturation; [N m s].
+    """Return the largest momentum that the gyros would need if the nominal attitude were held, as a
+    share of saturation and in N m s.
     """
     first = result[PEAK][0, 0]
     if first == 0:
@@ -112,8 +114,9 @@ def first_peak(result: Result) -> tuple[float, ...]:
 
 
 def last_peak(result: Result) -> tuple[float, ...]:
-    """Return the momentum that the planned attitude history needs, in parts of saturation; steps of
-    the planner, momentum before and after every one [N m s].
+    """Return the largest momentum that the planned attitude history needs, as a share of
+    saturation; the number of planning steps; this momentum before the first step and after the last
+    one [N m s].
     """
     if result[STATUS][0] == 1:
         raise NotJudgedError("nothing was planned in this run")
@@ -123,8 +126,8 @@ def last_peak(result: Result) -> tuple[float, ...]:
 
 
 def descent(result: Result) -> tuple[float, ...]:
-    """Return the largest ratio of the momentum after a step of the planner to the momentum before;
-    number of steps.
+    """Return the largest ratio of the peak momentum after a planning step to the peak before it,
+    and the number of steps.
     """
     count = int(result[ITERATIONS][0])
     if count == 0:
@@ -134,16 +137,16 @@ def descent(result: Result) -> tuple[float, ...]:
 
 
 def tracking_error(result: Result) -> tuple[float, ...]:
-    """Return the largest angle from the reference attitude [deg], its time [s], the last
-    one [deg].
+    """Return the largest angle from the reference attitude [deg], its time [s], and the angle in
+    the last row [deg].
     """
     error = tracking(result)[since(result, 0.0, window(result))[:-1]]
     return error.max(), result.time[error.argmax()], error[-1]
 
 
 def end_attitude(result: Result) -> tuple[float, ...]:
-    """Return the largest rotation from the nominal attitude in the last minute [deg], the rate
-    there [deg/s], and the angle of the arm at the end [deg].
+    """Return the rotation from the nominal attitude [deg], the rate relative to H [deg/s] and the
+    angle of the arm [deg] in the last row of a run that completes the window.
     """
     rows = final(result, 0.0, window(result))
     rate = np.degrees(size(result[RELATIVE_RATE][rows]))
@@ -161,9 +164,9 @@ def prediction_error(result: Result) -> tuple[float, ...]:
 
 
 def balance_error(result: Result) -> tuple[float, ...]:
-    """Return the largest difference of the total momentum from the integral of the torques in parts
-    per million of saturation, and what the torques have brought [N m s]. Simpson's rule over pairs
-    of rows.
+    """Return the largest difference between the change of the total momentum and the integral of
+    the external torques, in parts per million of saturation, and the final value of this integral
+    [N m s], computed by Simpson's rule over pairs of rows.
     """
     since(result, 0.0, window(result))
     torque = to_inertial(result[INERTIAL], result[GRAVITY] + result[AIR])
@@ -177,9 +180,11 @@ def balance_error(result: Result) -> tuple[float, ...]:
 
 
 def printed_equation_error(result: Result) -> tuple[float, ...]:
-    """Return the momentum error of the equation as printed against the gyros at the end, in percent
-    of saturation, from its term 2 m_r R x (R' x omega) instead of m_r R x V', integrated; the
-    largest torque of this error [N m].
+    """Return the largest momentum error of the equation as printed in the patent, in percent of
+    saturation, and the largest torque of this error [N m].
+
+    The error is the integral of the difference between its term 2 m_r R x (R' x omega) and the
+    correct term m_r R x V'.
     """
     since(result, 0.0, window(result))
     m0, m1 = (scalar(result, name) for name in MASSES)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of the transposition of a docked assembly: momentum of the gyros against saturation,
-attitude, tracking, gimbals, the two bodies in space; and several runs in one.
+"""Figures of the transposition of a docked assembly: plan, momentum of the gyros and saturation,
+attitude, tracking, gimbals, the two bodies in space; and figures of several runs together.
 """
 
 from __future__ import annotations
@@ -43,20 +43,22 @@ ITERATIONS, SATURATION, MARGIN = (
 )
 GIMBALS = tuple(f"gyro {k}" for k in range(1, 7))
 EDGES = np.array([[a, b] for a in range(8) for b in range(a) if (a ^ b) in (1, 2, 4)])
-"""Pairs of corners of a box that an edge joins; bit i of the number of a corner gives its side
-along axis i.
+"""Pairs of corners of a box that are the ends of an edge. Bit i of the number of a corner states on
+which side of the box it is along axis i.
 """
 FORM = ("hinge", "module", "box_0", "box_1")
 PANELS = ("panel_area", "panel_body", "panel_position", "panel_normal")
 SHAPE = tuple(f"assembly.{name}" for name in (*FORM, *PANELS))
 FLIGHT = np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]])
-"""Rows x, y, z of H in the axes of flight attitude: x along flight, z to the planet."""
+"""Matrix whose rows are the axes x, y, z of H in axes of the flight attitude, which has x along the
+motion and z towards the planet.
+"""
 SNAPSHOTS = 6
 
 
 def _rotations(q: Array) -> Array:
-    """Return the matrices (rows, 3, 3) that turn vectors from body axes to those that the
-    quaternions are relative to.
+    """Return the matrices (rows, 3, 3) that convert vectors from body axes to the axes relative to
+    which the quaternions q (rows, 4) describe the body.
     """
     w, v = q[:, :1, None], q[:, 1:]
     skew = np.cross(np.eye(3), v[:, None, :])
@@ -64,13 +66,15 @@ def _rotations(q: Array) -> Array:
 
 
 def _box(edges: Array) -> Array:
-    """Return the line segments (12, 2, 3) of a box around the origin."""
+    """Return the 12 edges of a box about the origin as line segments (12, 2, 3); edges: lengths."""
     corners = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)]) * edges
     return np.asarray(corners[EDGES])
 
 
 def _panel(area: float, position: Array, normal: Array) -> Array:
-    """Return the outline (4, 2, 3) of a square panel with that centre and normal."""
+    """Return the outline of a square panel as line segments (4, 2, 3), from its area, centre and
+    unit normal.
+    """
     along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     along /= np.linalg.norm(along)
     across = np.cross(normal, along)
@@ -80,8 +84,8 @@ def _panel(area: float, position: Array, normal: Array) -> Array:
 
 
 def _body(result: Result, body: int) -> Array:
-    """Return the line segments (n, 2, 3) of the base (0) or the module (1), its own axes and
-    centre.
+    """Return the line segments (n, 2, 3) of the base (body 0) or the module (body 1) with its
+    panels, in its own axes from its own centre.
     """
     panels = zip(*(result.parameter(f"assembly.{name}") for name in PANELS), strict=True)
     outlines = [
@@ -93,8 +97,8 @@ def _body(result: Result, body: int) -> Array:
 
 
 def _placed(result: Result) -> Iterator[tuple[float, Array, Array]]:
-    """Return times and the segments of base and module in flight axes, at instants from start to
-    end.
+    """Yield time [s] and the line segments of base and module in axes of the flight attitude, at
+    SNAPSHOTS instants from start to end.
     """
     rows = np.linspace(0, len(result.time) - 1, SNAPSHOTS).round().astype(int)
     base, module = _body(result, 0), _body(result, 1)
@@ -112,7 +116,7 @@ def _placed(result: Result) -> Iterator[tuple[float, Array, Array]]:
 
 
 def _bodies(canvas: Axes, result: Result) -> None:
-    """Draw base and module at several times. The planet is below, the orbital motion goes to the
+    """Draw base and module at several times, with the planet below and the orbital motion to the
     right.
     """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
@@ -152,7 +156,9 @@ def _length(name: str) -> Curve:
 
 
 def _iterations(canvas: Axes, result: Result) -> None:
-    """Draw the largest momentum and rotation of every history that the planner tried."""
+    """Draw the largest momentum and the largest rotation of every attitude history that the planner
+    tried.
+    """
     count = int(result[ITERATIONS][0]) + 1
     left, right = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     left.bar(range(count), result["guidance.peak"][0, :count])
@@ -171,8 +177,8 @@ def _iterations(canvas: Axes, result: Result) -> None:
 def _planned_momentum(
     canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]
 ) -> None:
-    """Draw the predicted momentum and rotation of the reference over the window, against
-    saturation.
+    """Draw the predicted momentum, with the level of saturation, and the rotation of the reference
+    over time, for several plans by label.
     """
     momentum, rotation = canvas.subplots(2, 1, sharex=True)
     clock = time_axis(*(r.time for r in results.values()))

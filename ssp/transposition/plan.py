@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plan of a guidance alone: its future commands, without running the rest of the system."""
+"""Plan of the guidance of a transposition: its commands over the whole window, without a run of the
+rest of the system.
+"""
 
 from __future__ import annotations
 
@@ -19,17 +21,17 @@ from harness.system.graph import read_interfaces
 from harness.system.model import Parameter, System
 
 PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation_largest")
-"""Outputs by which a planning guidance is known, all of component `guidance`."""
+"""Outputs of component `guidance` that show that it is a guidance with a plan."""
 
 STATUS = "guidance.status"
 ADVICE = {2: "; more steps (iterations_max), a longer window, or a larger momentum_share"}
-"""Advice on what to change, by status."""
+"""Advice on what to change, by the status of the plan."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Outputs of the guidance over its window; before: the same without a plan, at the nominal
-    attitude.
+    """Outputs of the guidance over its window, with the plan (`after`) and without a plan, at the
+    nominal attitude (`before`).
     """
 
     after: Result
@@ -37,7 +39,9 @@ class Plan:
 
     @property
     def status(self) -> int:
-        """Return 0 if a plan exists, else the number of the reason."""
+        """Return the status that the guidance publishes: 0 for a plan, else the number of the
+        reason why there is none.
+        """
         return int(self.after[STATUS][0])
 
     @property
@@ -47,11 +51,11 @@ class Plan:
 
     @property
     def good(self) -> bool:
-        """Return whether the momentum stays below the limit."""
+        """Return whether the planned momentum stays below its limit, or no plan was needed."""
         return self.status <= 1
 
     def text(self) -> str:
-        """Return the history of the iteration as a table, and the verdict."""
+        """Return a table of the iterations of the planner, and the verdict."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -78,7 +82,9 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
 
 
 def _guidance_alone(system: System) -> System:
-    """Return the system with its guidance alone, which must not read from others."""
+    """Return the system reduced to its guidance, without connections; raise UsageError if the
+    system has no guidance that plans.
+    """
     interface = read_interfaces(system).get("guidance")
     if interface is None or any(
         name not in {n.partition("[")[0] for n in interface.outputs()} for name in PLANNED

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replay of the assembly: two docked bodies, one of which swings about the other."""
+"""3D replay of the assembly: two docked bodies, one of which swings about a hinge on the other."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ NUMBERS = {
 
 
 def assembly(result: Result, arrays: Arrays) -> Scene:
-    """Return two docked bodies, the one swinging about the hinge on the other, about the centre of
-    mass of the base.
+    """Return the scene of two docked bodies, whose origin is the centre of mass of the base. The
+    module swings about the hinge on the base.
     """
     rows = instants(result, ASSEMBLY[1])
     attitude, relative, angle = ASSEMBLY
@@ -58,14 +58,16 @@ def assembly(result: Result, arrays: Arrays) -> Scene:
 
 
 def _after(q_SN: Array, q_SH: Array) -> Array:
-    """Return the quaternion of H relative to N from the quaternions of S, (rows, 4)."""
+    """Return the quaternions of H relative to N (rows, 4) from the quaternions of S relative to N
+    and to H.
+    """
     (a, u), (b, w) = ((q[:, :1], q[:, 1:]) for q in (q_SN, q_SH))
     scalar = a * b + np.sum(u * w, axis=1)[:, None]
     return np.concatenate((scalar, b * u - a * w - np.cross(u, w)), axis=1)
 
 
 def _turned_axes(q: Array) -> Array:
-    """Return the x axis of a frame in N axes, (rows, 3)."""
+    """Return the x axis of a frame in N axes (rows, 3); q: its attitude relative to N (rows, 4)."""
     w, x, y, z = q.T
     return np.stack([w**2 + x**2 - y**2 - z**2, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
 

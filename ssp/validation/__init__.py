@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Published reference values: published cases simulated with the FMUs, and the difference between
-our values and theirs.
+"""Comparison of the FMUs with published reference values: published cases are simulated, and the
+results are compared with the published ones.
 
-Only data enters (cases/*.json: parameters, expected rows, tolerance, source and licence beside each
-number, deliberately wrong models). One row per case and quantity leaves. The folder is separate
-because nothing here may be computed by the code under test.
+Input: data only (cases/*.json: parameters, expected rows, tolerance, source and licence of each
+number, deliberately wrong models). Output: one row per case and quantity. The code is separate from
+the FMUs, because no expected value may be computed by the code under test.
 """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Published case as data: the simulation, the published values, the tolerance, and wrong models
-that must miss.
+"""Published case as data: its simulation, the published values, the tolerance, and deliberately
+wrong models whose results must be outside the tolerance.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ FOLDER = Path(__file__).parent / "cases"
 class Case:
     """Case of cases/*.json.
 
-    id: its name; tests: subject of the test; source: name, place, licence; fmu: the simulated FMU;
-    rows: `t` [s] and expected outputs; tolerance: largest difference per output; units: of the
-    outputs; why: reason for the tolerance; wrong: `what` and `change` of models that must miss;
-    setup: everything else, for the function that simulates the case.
+    id: its name; tests: subject of the test; source: name, place in the publication and licence of
+    the values; fmu: the simulated FMU; rows: `t` [s] and expected outputs; tolerance: largest
+    permitted difference per output; units: per output; why: reason for the tolerance; wrong: `what`
+    and `change` of each wrong model; setup: all other entries, for the function that simulates the
+    case.
     """
 
     id: str
@@ -40,7 +41,7 @@ class Case:
 
     @classmethod
     def read(cls, entry: Mapping[str, Any]) -> Case:
-        """Return the case of an entry of a file."""
+        """Return the case that an entry of a cases/*.json file describes."""
         rest = dict(entry)
         named: dict[str, Any] = {
             name: rest.pop(name)
@@ -56,8 +57,8 @@ class Case:
         return str(self.setup.get("simulation", "held_inputs"))
 
     def changed(self, change: Mapping[str, Any]) -> Case:
-        """Return the case with some of its setup replaced, tables such as `parameters` entry by
-        entry.
+        """Return the case with some entries of its setup replaced. A table such as `parameters` is
+        merged with its replacement.
         """
         setup = dict(self.setup)
         for name, value in change.items():
@@ -68,8 +69,8 @@ class Case:
 
 
 def cases(names: list[str] | None = None) -> list[Case]:
-    """Return the cases with these names, or all; raise UsageError with close matches if there is
-    none.
+    """Return the cases with these names, or all cases (None); raise UsageError with close matches
+    for an unknown name.
     """
     known = {case.id: case for case in _all()}
     if names is None:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Single FMUs and whole systems for the cases. Only this module here depends on the rest of the
-harness.
+"""Single FMUs and whole systems that the published cases simulate. In this package only this module
+depends on the harness.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from harness.ssp.library import load
 
 
 class Port:
-    """A vector of an FMU with the buffers of its calls, built once."""
+    """Vector of an FMU with the arguments of the FMI calls that read and set it, built once."""
 
     def __init__(self, references: list[int]) -> None:
         self.references = (ctypes.c_uint32 * len(references))(*references)
@@ -38,12 +38,12 @@ class Port:
 
 
 class Instance:
-    """One initialised instance; `time` is the communication point that it has reached."""
+    """Initialised instance of an FMU; time: communication point that it has reached [s]."""
 
     def __init__(
         self, folder: str, parameters: Mapping[str, Any], inputs: Mapping[str, Any]
     ) -> None:
-        """Load, instantiate and initialise what is unpacked in `folder`."""
+        """Load, instantiate and initialise the FMU that is unpacked in `folder`."""
         description = read_model_description(folder)
         references: dict[str, list[int]] = {}
         for variable in description.modelVariables:
@@ -69,14 +69,14 @@ class Instance:
         self._slave.exitInitializationMode()
 
     def set(self, values: Mapping[str, ArrayLike]) -> None:
-        """Set vectors by name; matrices by rows."""
+        """Set variables by name to scalars, vectors or matrices."""
         for name, value in values.items():
             port = self.ports[name]
             port.values[:] = np.ravel(value)
             self._slave.fmi2SetReal(self._slave.component, *port.arguments)
 
     def get(self, name: str) -> NDArray[np.float64]:
-        """Return a vector; a scalar has one element."""
+        """Return the elements of a variable as a vector; a scalar has one element."""
         port = self.ports[name]
         self._slave.fmi2GetReal(self._slave.component, *port.arguments)
         return port.values.copy()
@@ -92,7 +92,9 @@ class Instance:
 
 
 class Library:
-    """FMUs of the project, each unpacked at its first use; a context manager."""
+    """FMUs of the project, each unpacked at its first use; a context manager that frees all its
+    instances.
+    """
 
     def __enter__(self) -> Self:
         self._place = TemporaryDirectory(prefix="validation-", ignore_cleanup_errors=True)

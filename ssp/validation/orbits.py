@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Attitude and orbit as the published rows give them, from the outputs of an FMU."""
+"""Attitude matrices and orbital elements in the form of the published values, computed from the
+outputs of an FMU.
+"""
 
 from __future__ import annotations
 
@@ -9,26 +11,26 @@ from harness.results.result import Array
 
 
 def dcm(q: Array) -> Array:
-    """Return C_BN of the quaternion q_BN, scalar first."""
+    """Return the direction cosine matrix C_BN of the quaternion q_BN (4,), scalar first."""
     w, v = q[0], q[1:]
     skew = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
     return np.asarray(np.eye(3) - 2 * w * skew + 2 * skew @ skew)
 
 
 def angle_between(a: Array, b: Array) -> float:
-    """Return the angle of the turn from one direction cosine matrix to another [rad], exact near
-    zero: |A - B|_F = 2 sqrt 2 sin(angle/2).
+    """Return the rotation angle from one direction cosine matrix to another [rad], by the formula
+    |A - B|_F = 2 sqrt 2 sin(angle/2), which is accurate near zero.
     """
     return float(2 * np.arcsin(min(np.linalg.norm(a - b) / np.sqrt(8), 1.0)))
 
 
 def eccentricity(mu: float, r: Array, v: Array) -> float:
-    """Return |v x (r x v)/mu - r/|r||."""
+    """Return the eccentricity |v x (r x v)/mu - r/|r|| of an orbit."""
     return float(np.linalg.norm(eccentricity_vector(mu, r, v)))
 
 
 def eccentricity_vector(mu: float, r: Array, v: Array) -> Array:
-    """Return the eccentricity vector, towards perigee."""
+    """Return the eccentricity vector (3,), which points to the perigee."""
     return np.asarray(np.cross(v, np.cross(r, v)) / mu - r / np.linalg.norm(r))
 
 

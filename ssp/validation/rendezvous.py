@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rendezvous benchmark SPRE as the system arch_rendezvous simulates it.
+"""Values of the rendezvous benchmark SPRE from a run of the system arch_rendezvous.
 
 Units of the benchmark: m, min, kg; a gain is kg/min2 on positions and kg/min on velocities.
 """
@@ -20,17 +20,18 @@ if TYPE_CHECKING:
 SYSTEM = "arch_rendezvous"
 MINUTE = 60.0
 EVERY, INTERVAL = 1500, 300.0
-"""Macro steps between two recorded rows, and their distance [s]."""
+"""Number of macro steps between two recorded rows, and the time between these rows [s]."""
 HALF_ANGLE = np.radians(30)
 SPEED_LIMIT, BOX = 3.3, 0.2
-"""m/min during the attempt; half the side of the target [m]."""
+"""Largest speed during the attempt [m/min]; half the side of the square target [m]."""
 
 
 def rendezvous(case: Case, library: Library) -> list[dict[str, Array]]:
-    """Return the positions [m] and velocities [m/min] in the Hill frame at the rows.
+    """Return the values that each row of a case names: positions `xy` [m] and velocities `vxy`
+    [m/min] in the Hill frame, and extreme values of the run.
 
-    Each of the following is from its own phase. los: the least -x tan 30 deg - |y|; speed: the
-    highest speed; box: the least max(|x|, |y|).
+    los: least -x tan 30 deg - |y| in the attempt [m]; speed: largest speed in the attempt [m/min];
+    box: least max(|x|, |y|) after the abort [m].
     """
     del library  # unused: the master loads the whole system
     stop = case.rows[-1]["t"]

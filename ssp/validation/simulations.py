@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Simulations of cases, and the differences between our values and the published ones. Each
-function of SIMULATIONS takes a case and returns, for each of its rows, the quantities that the row
-names.
+"""Simulations of published cases, and the differences between simulated and published values. Each
+function of SIMULATIONS takes a case and returns, for each of its rows, the simulated values of the
+quantities that the row names.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from .rendezvous import rendezvous
 Quantities = dict[str, Array]
 Simulation = Callable[[Case, Library], list[Quantities]]
 SHORTEST = 1e-9
-"""Shorter pieces of a step [s] are rounding."""
+"""Shortest part of a step [s]; a shorter one is a rounding error and is not taken."""
 
 
 def simulate(case: Case, library: Library) -> list[Quantities]:
-    """Return our values of a case, row by row."""
+    """Return the simulated values of a case, one dictionary per row."""
     return SIMULATIONS[case.simulation](case, library)
 
 
 def evaluate(case: Case, library: Library) -> list[Row]:
-    """Simulate a case and compare all its quantities."""
+    """Simulate a case and return one Row per quantity, with the largest difference in all rows."""
     worst = dict.fromkeys(case.tolerance, 0.0)
     for row, ours in zip(case.rows, simulate(case, library), strict=True):
         for name in expected(row):
@@ -45,7 +45,10 @@ def evaluate(case: Case, library: Library) -> list[Row]:
 
 
 def difference(name: str, ours: Array, theirs: Any) -> float:
-    """Return the Euclidean norm of a difference; the angle for C; the excess for {above, below}."""
+    """Return the difference between simulated and published values of a quantity: the Euclidean
+    norm; for the matrix C the rotation angle [rad]; for published limits {above, below} the amount
+    by which they are violated.
+    """
     if isinstance(theirs, Mapping):
         return float(
             max(
@@ -63,7 +66,9 @@ def difference(name: str, ours: Array, theirs: Any) -> float:
 
 
 def advance(unit: Instance, end: float, step: float) -> Iterator[float]:
-    """Step a unit to a time, giving the length of each step before it is taken."""
+    """Step an FMU to the time `end` [s] with steps of at most `step` [s], and yield the length of
+    each step before it is taken, so that the caller can set inputs.
+    """
     while (left := end - unit.time) > SHORTEST:
         h = min(step, left) if left > step * (1 + SHORTEST) else left
         yield h
@@ -71,7 +76,9 @@ def advance(unit: Instance, end: float, step: float) -> Iterator[float]:
 
 
 def held(case: Case, time: float) -> dict[str, Any]:
-    """Return the inputs of the last piece that has begun."""
+    """Return the inputs of a case at a time [s], from the last entry of its list `inputs` that has
+    begun.
+    """
     begun = [piece for piece in case.setup.get("inputs", ()) if piece["from"] <= time + SHORTEST]
     return {name: value for name, value in begun[-1].items() if name != "from"} if begun else {}
 
@@ -95,7 +102,7 @@ def expected(row: Mapping[str, Any]) -> list[str]:
 
 
 def held_inputs(case: Case, library: Library) -> list[Quantities]:
-    """Step to each row with the inputs of the case held, and compare outputs."""
+    """Return the outputs at the time of each row; inputs of the case are held over each step."""
     unit, answer = library.unit(case.fmu, case.setup["parameters"], held(case, 0)), []
     for row in case.rows:
         for _ in advance(unit, row["t"], case.setup["step"]):
@@ -111,7 +118,7 @@ def start(case: Case, library: Library) -> list[Quantities]:
 
 
 def norms(case: Case, library: Library) -> list[Quantities]:
-    """Return the distance from the centre of the Earth and speed."""
+    """Return the distance from the centre of the Earth and the speed at the time of each row."""
     unit, answer = library.unit(case.fmu, case.setup["parameters"]), []
     for row in case.rows:
         for _ in advance(unit, row["t"], case.setup["step"]):
@@ -122,7 +129,9 @@ def norms(case: Case, library: Library) -> list[Quantities]:
 
 
 def node_rates(case: Case, library: Library) -> list[Quantities]:
-    """Return the mean rates of node and perigee from osculating elements at both ends [deg/h]."""
+    """Return the mean rates of the ascending node and of the perigee, from the osculating elements
+    at start and end [deg/h].
+    """
     unit = library.unit(case.fmu, case.setup["parameters"])
     mu, end = case.setup["parameters"]["mu"], case.rows[-1]["t"]
     first = node_and_perigee(mu, unit.get("r_TN_N"), unit.get("v_TN_N"))
@@ -135,8 +144,8 @@ def node_rates(case: Case, library: Library) -> list[Quantities]:
 
 
 def relative_start(case: Case, library: Library) -> list[Quantities]:
-    """Return the outputs of flight software for the states of target and servicer at t = 0, which
-    are given or come from their FMUs.
+    """Return the outputs of flight software for the states of target and servicer at t = 0. The
+    case states each of them directly, or by parameters for its FMU.
     """
     inputs: dict[str, Any] = {}
     for letter, name in (("T", "target"), ("S", "servicer")):
@@ -157,8 +166,9 @@ def _state(name: str, letter: str, given: Mapping[str, Any], library: Library) -
 
 
 def formation(case: Case, library: Library) -> list[Quantities]:
-    """Simulate target and servicer, with the relative state in the Hill frame from flight software,
-    at `scale` times the size of the published numbers.
+    """Return the relative state in the Hill frame that flight software computes for simulated
+    target and servicer. Their distance is `scale` times the published one, and the returned values
+    are divided by `scale`.
     """
     scale, answer = case.setup["scale"], []
     small = {name: scale * np.array(case.setup["start"][name]) for name in ("rho_0_H", "drho_0_H")}
@@ -176,8 +186,10 @@ def formation(case: Case, library: Library) -> list[Quantities]:
 
 
 def motor_torque(case: Case, library: Library) -> list[Quantities]:
-    """Return the wheels driven by motor torques u, the acceleration taken at the middle of each
-    step: A (dOmega + domega) = u,   (J - A) domega = -omega x (J omega + A Omega) - u.
+    """Return the outputs of a servicer whose wheels are driven by motor torques u.
+
+    The wheels are commanded with the acceleration dOmega at the middle of each step, from
+    A (dOmega + domega) = u,   (J - A) domega = -omega x (J omega + A Omega) - u.
     """
     unit, answer = library.unit(case.fmu, case.setup["parameters"]), []
     J, A = (np.reshape(case.setup["parameters"][name], (3, 3)) for name in ("J_S", "A_w"))
@@ -198,8 +210,8 @@ def motor_torque(case: Case, library: Library) -> list[Quantities]:
 
 
 def thrust_along_velocity(case: Case, library: Library) -> list[Quantities]:
-    """Simulate thrust along the velocity in the middle of each step; the body stays
-    aligned with N.
+    """Return the outputs of a servicer with thrust along the velocity that it has in the middle of
+    each step; its axes stay aligned with N.
     """
     unit, answer = library.unit(case.fmu, case.setup["parameters"]), []
     mu, thrust = case.setup["parameters"]["mu"], case.setup["thrust"]
@@ -218,9 +230,12 @@ def thrust_along_velocity(case: Case, library: Library) -> list[Quantities]:
 
 
 def steady_filter(case: Case, library: Library) -> list[Quantities]:
-    """Simulate a body at rest with a star in every sample. Return the standard deviations of
-    attitude and bias after the last sample, and the deviation of the attitude before it. The latter
-    follows because information adds: 1/before^2 = 1/after^2 - 1/star^2.
+    """Return the standard deviations of the attitude filter for a body at rest with a star-tracker
+    measurement in every sample: of the attitude before and after the last measurement, and of the
+    gyro bias after it.
+
+    The value before it is computed from 1/before^2 = 1/after^2 - 1/star^2, because information
+    adds.
     """
     unit = library.unit(case.fmu, case.setup["parameters"])
     star, step = np.array(case.setup["parameters"]["sigma_A"]), case.setup["stars_every"]
