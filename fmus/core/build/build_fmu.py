@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Build one FMU from one C file outside the build of the tree, for example your own controller.
+"""Build one FMU from one C file without CMake, for example from a controller of the user.
 
 Usage: build_fmu.py FILE.c [-o FILE.fmu] [--fmi 2|3] [--cc COMMAND] [--adapter FOLDER]
        build_fmu.py --adapter FOLDER [--fmi 2|3] [--cc COMMAND]
@@ -27,34 +27,37 @@ ADAPTER = {
 """Files of the adapter by version of FMI."""
 HEADERS = [CORE / name for name in ("adapter", "maths", "models", "ports", "physics")]
 SAME_BITS = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno")
-"""Flags for the same bits on every processor: where -march has vfmaddsub, gcc 12 forms it in
-vectorized code without loops in spite of the second flag, unless the third flag is present.
+"""Flags with which results have the same bits on every processor. Despite -ffp-contract=off, gcc 12
+fuses operations (vfmaddsub) when it vectorizes code without loops for a processor that has this
+instruction; -fno-tree-slp-vectorize prevents it.
 """
 FLAGS = (*SAME_BITS, "-O2", "-fPIC", "-fvisibility=hidden")
 RUN_ONCE = ("-O0",)
 """Flags of the programs that print descriptions: optimizing them would take longer than running."""
 DATE = "1980-01-01T00:00:00Z"
 FMI_HEADERS = Path(find_spec("fmpy").origin).parent / "c-code"
-"""Headers of FMI in FMPy, which takes longer to import than a small model to compile."""
+"""Folder of the FMI headers in FMPy, found without importing FMPy, which would take longer than to
+compile a small model.
+"""
 PLATFORM, LIBRARY = {"win32": ("win64", ".dll"), "darwin": ("darwin64", ".dylib")}.get(
     sys.platform, ("linux64", ".so")
 )
-"""Folder of the libraries in an FMU, and how their names end, as FMPy defines them."""
+"""Name of this platform's folder of libraries in an FMU, and ending of a library, as in FMPy."""
 
 
 def compile_with(compiler: list[str]) -> list[str]:
-    """Return the command that compiles models and adapter."""
+    """Return the command, with flags and include folders, that compiles models and the adapter."""
     include = [f"-I{folder}" for folder in (*HEADERS, FMI_HEADERS)]
     return [*compiler, *FLAGS, *include]
 
 
 def compiled_adapter(folder: Path, fmi: str) -> list[Path]:
-    """Return the compiled files of the adapter in a folder."""
+    """Return the paths of the compiled files of the adapter in a folder; fmi: "2" or "3"."""
     return [folder / f"{source.stem}.o" for source in ADAPTER[fmi]]
 
 
 def compile_adapter(folder: Path, compiler: list[str], fmi: str) -> None:
-    """Compile the files of the adapter into a folder; subprocess.CalledProcessError."""
+    """Compile the files of the adapter into a folder; raise CalledProcessError if that fails."""
     for source, target in zip(ADAPTER[fmi], compiled_adapter(folder, fmi), strict=True):
         subprocess.run([*compile_with(compiler), "-c", source, "-o", target], check=True)
 
@@ -62,10 +65,10 @@ def compile_adapter(folder: Path, compiler: list[str], fmi: str) -> None:
 def build(
     source: Path, output: Path, compiler: list[str], fmi: str, compiled: Path | None = None
 ) -> None:
-    """Write the FMU of a version of FMI; subprocess.CalledProcessError if the compiler or the
-    description fails, which has then printed the reason.
+    """Write the FMU of a C file for FMI `fmi` ("2" or "3"). Raises CalledProcessError if the
+    compiler or the program that prints the description fails, after it has printed the reason.
 
-    compiled: folder with the compiled files of the adapter (default: they are compiled).
+    compiled: folder with the compiled files of the adapter (None: compile them).
     """
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / f"{output.stem}{LIBRARY}"
@@ -86,7 +89,7 @@ def build(
 
 
 def main() -> None:
-    """Run the command line, see the docstring of the module."""
+    """Run the command line that the docstring of this module describes."""
     parser = argparse.ArgumentParser()
     parser.add_argument("source", type=Path, nargs="?")
     parser.add_argument("-o", "--output", type=Path, help="default: beside the C file")
@@ -97,7 +100,7 @@ def main() -> None:
     parser.add_argument("--adapter", type=Path, help="folder with the compiled adapter")
     a = parser.parse_args()
     if not (a.source or a.adapter):
-        parser.error("name a C file")
+        parser.error("expected a C file, or --adapter FOLDER to compile the adapter only")
     output = a.adapter if a.source is None else a.output or a.source.with_suffix(".fmu")
     try:
         if a.source is None:

@@ -5,12 +5,13 @@ Usage: c_api.py SPEC.json -o FOLDER [--cc COMMAND] [--flight]
 
 SPEC.json: a list of {"name", "sources": [C files of the unpacked FMU, the file of the model first],
 "tables": [{"label", "text", "values": {element: value}}], "runs": [{"table": label, "text", "step",
-"names": [element], "rows": [[t, value, ...]]}]}. A row holds the start of a step [s], then the
-inputs and outputs with these names after the step; the first row holds the first outputs, at t.
+"names": [element], "rows": [[t, value, ...]]}]}. A row contains the time at which a step begins
+[s], then the values of the named inputs and outputs after that step; the first row contains the
+outputs after initialization.
 
-The C file of the model and its headers are copied unedited. --flight leaves out models that
-integrate (`max_step`) or include the physics, and prints their names; all others are flight
-software. Templates are in c_api_text.py.
+The C file of the model and its headers are copied unedited. --flight writes only flight software:
+it leaves out models that integrate (parameter `max_step`) or include headers of the physics. The
+names of the written models are printed. Templates are in c_api_text.py.
 """
 
 import argparse
@@ -32,7 +33,7 @@ from fused_layout import INPUT, OUTPUT, PARAMETER, RULES, Model, Row, read_layou
 from package_fmu import headers_of
 
 FIRST = "interface.h"
-"""Header of the interface besides the headers of the model."""
+"""Header that the C interface needs besides the headers of the model."""
 RANGES = {"POSITIVE_VALUE": "> 0", "NONNEGATIVE_VALUE": ">= 0", "SWITCH_VALUE": "0 or 1",
           "ANGLE_VALUE": "0 .. pi", "ALARM_VALUE": "0 or 1"}  # fmt: skip
 STRUCTS = {PARAMETER: "Parameters", INPUT: "Input", OUTPUT: "Output"}
@@ -43,14 +44,16 @@ class RejectedError(Exception):
 
 
 class Member:
-    """Member of a struct of the interface: a row, or doubles that no row names."""
+    """Member of a struct of the C interface: a variable (row of the model's table), or doubles that
+    belong to no variable (row None). first: index of its first double in the model; size: doubles.
+    """
 
     def __init__(self, first: int, size: int, row: Row | None) -> None:
         self.first, self.size, self.row = first, size, row
         self.name = row.name.replace(".", "_") if row else f"reserved_{first}"
 
     def declaration(self) -> str:
-        """Return the lines of the declaration with unit, range and text."""
+        """Return the C declaration of the member, with unit, range and description as comment."""
         shape, columns = "", self.row.columns if self.row else 1
         if columns > 1:
             shape = f"[{self.size // columns}][{columns}]"
@@ -64,7 +67,7 @@ class Member:
 
 
 def members(model: Model, causality: int) -> list[Member]:
-    """Return the members of a struct in the order of the memory, without gaps."""
+    """Return the members of the struct for a causality, in the order of memory and without gaps."""
     begin, end = {
         PARAMETER: (0, model.inputs),
         INPUT: (model.inputs, model.states),
@@ -83,8 +86,8 @@ def members(model: Model, causality: int) -> list[Member]:
 
 
 def layouts(names: Iterable[str], folder: Path, compiler: list[str]) -> dict[str, Model]:
-    """Return the layouts of the models in a folder by name; RejectedError with the message of the
-    compiler.
+    """Return the memory layouts of the models whose C files are in a folder, by name; raise
+    RejectedError with the message of the compiler if one does not compile.
     """
     names = list(names)
     with tempfile.TemporaryDirectory() as place:
@@ -109,8 +112,8 @@ def layouts(names: Iterable[str], folder: Path, compiler: list[str]) -> dict[str
 
 
 def gather(component: dict[str, Any], folder: Path) -> None:
-    """Copy the C file of a model and its headers into the folder; RejectedError if one of the
-    files has the name of another one there.
+    """Copy the C file of a model and its headers into a folder; raise RejectedError if the sources
+    are missing or the folder has a different file with the same name.
     """
     model = Path(component["sources"][0]) if component["sources"] else Path()
     inside = model.parent
@@ -127,8 +130,8 @@ def gather(component: dict[str, Any], folder: Path) -> None:
 
 
 def is_flight(component: dict[str, Any]) -> bool:
-    """Return whether a model is flight software: C sources without physics that do not
-    integrate.
+    """Return whether a model is flight software: it has C sources, includes no header of the
+    physics, and has no parameter `max_step` of an integration.
     """
     if not component["sources"]:
         return False
@@ -142,7 +145,9 @@ def is_flight(component: dict[str, Any]) -> bool:
 
 
 def header(name: str, model: Model, about: str, scratch: bool) -> str:
-    """Return the public header."""
+    """Return the public header NAME.h of a model; about: its description; scratch: whether its
+    initialization needs working memory.
+    """
     structs = "\n".join(
         text.STRUCT.format(
             name=name,
@@ -161,7 +166,9 @@ def header(name: str, model: Model, about: str, scratch: bool) -> str:
 
 
 def values_of(member: Member, values: dict[str, float], start: list[float]) -> str:
-    """Return the initializer of a member."""
+    """Return the C initializer of a member; values: by element, which override the model's start
+    values `start`.
+    """
     names = list(member.row.elements()) if member.row else []
     found = [values.get(element, start[member.first + i]) for i, element in enumerate(names)]
     found = found or start[member.first : member.first + member.size]
@@ -175,7 +182,7 @@ def values_of(member: Member, values: dict[str, float], start: list[float]) -> s
 
 
 def tables(component: dict[str, Any], model: Model) -> tuple[str, str]:
-    """Return header and source of the parameter tables."""
+    """Return the texts of the header and the C file with the parameter tables of a component."""
     name = component["name"]
     listed, defined = [], []
     for table in component["tables"]:
@@ -192,7 +199,9 @@ def tables(component: dict[str, Any], model: Model) -> tuple[str, str]:
 
 
 def places(names: list[str], model: Model) -> Iterator[int]:
-    """Yield the double of Input and Output, one behind the other, for every name."""
+    """Yield, for every named input or output element, its index among the doubles of Input followed
+    by the doubles of Output.
+    """
     inputs = model.states - model.inputs
     known = {}
     for row in model.rows:
@@ -203,7 +212,9 @@ def places(names: list[str], model: Model) -> Iterator[int]:
 
 
 def vectors(component: dict[str, Any], model: Model) -> str:
-    """Return the rows of the reference vectors as C."""
+    """Return the header with the reference vectors of a component. Elements that the runs do not
+    contain have their start value (inputs) or NAN (outputs).
+    """
     name, parts, runs = component["name"], [], []
     width = model.states - model.inputs + model.size - model.outputs
     first = model.start[model.inputs : model.states]
@@ -226,7 +237,7 @@ def vectors(component: dict[str, Any], model: Model) -> str:
 
 
 def write(component: dict[str, Any], model: Model, folder: Path) -> None:
-    """Write the files of one component."""
+    """Write all files of the C interface of one component into a folder."""
     name, scratch = component["name"], model.scratch > 0
     head, source = tables(component, model)
     about = component["text"]
@@ -251,7 +262,7 @@ def write(component: dict[str, Any], model: Model, folder: Path) -> None:
 
 
 def main() -> None:
-    """Run the command line, see the docstring of the module."""
+    """Run the command line that the docstring of this module describes."""
     parser = argparse.ArgumentParser()
     parser.add_argument("spec", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)

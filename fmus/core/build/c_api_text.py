@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Texts of the C interface without FMI that c_api.py writes."""
+"""Templates of the files that c_api.py writes (C interface without FMI), and functions that format
+C code.
+"""
 
 import math
 import textwrap
@@ -7,7 +9,7 @@ from collections.abc import Iterable
 
 
 def safe(words: str) -> str:
-    """Return a text for a comment."""
+    """Return a text changed so that it does not end a C comment."""
     return words.replace("*/", "* /")
 
 
@@ -21,8 +23,8 @@ def commented(line: str, about: str) -> str:
 
 
 def wrapped(header: str) -> str:
-    """Return a header with the paragraphs of its opening comment in lines of at most 100 columns;
-    indented lines stay.
+    """Return the text of a header with its opening comment wrapped to at most 100 columns. Indented
+    lines are unchanged.
     """
     comment, end, rest = header.partition(" */\n")
     lines = [line.removeprefix("/*").removeprefix(" *").strip("\n") for line in comment.split("\n")]
@@ -33,7 +35,7 @@ def wrapped(header: str) -> str:
 
 
 def _paragraphs(lines: list[str]) -> Iterable[list[str]]:
-    """Yield the lines of every paragraph, wrapped, and blank and indented lines as they are."""
+    """Yield lists of lines: each paragraph wrapped, each blank or indented line unchanged."""
     waiting: list[str] = []
     for line in [*lines, ""]:
         if line.strip() and not line.startswith("    "):
@@ -56,12 +58,12 @@ def number(value: float) -> str:
 
 
 def bits(value: float) -> str:
-    """Return a double as a C constant that shows its bits."""
+    """Return a double as a hexadecimal C constant, which has exactly its bits."""
     return value.hex() if math.isfinite(value) else "NAN"
 
 
 def braced(values: Iterable[str]) -> str:
-    """Return an initializer of an array."""
+    """Return the C initializer of an array with these elements."""
     return "{" + ", ".join(values) + "}"
 
 

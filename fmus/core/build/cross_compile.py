@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Add the binaries of all platforms to FMUs, compiled from the sources inside the archives by one
-cross compiler, as many models at a time as there are processors.
+"""Add the binaries of all platforms to FMUs, compiled by one cross compiler from the sources inside
+the archives, several models at the same time.
 
 Usage: cross_compile.py --fmus DIR... -o DIR [--jobs N] [--cc COMMAND]
 
 Archives with the same name in several folders (FMI 2.0 and FMI 3.0) get the same library, which
-supports both versions. The archives of DIR are written to a folder of its name in the output.
+supports both versions. The archives of each folder are written to a folder of the same name inside
+the output folder.
 """
 
 import argparse
@@ -51,7 +52,9 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 def compile_for(
     platform: str, folder: Path, sources: list[str], name: str, compiler: list[str]
 ) -> bytes:
-    """Return the shared library of a platform; subprocess.CalledProcessError from the compiler."""
+    """Return the bytes of the shared library `name` for a platform of TARGETS; raise
+    CalledProcessError if the compiler fails. folder: contains the C files in sources/.
+    """
     target, ending, flags = TARGETS[platform]
     library = f"{name}{ending}"
     command = [
@@ -66,23 +69,23 @@ def compile_for(
         library,
         *flags,
     ]
-    # run in the folder with relative names, so that the binary contains no path
+    # run in the folder with relative file names, so that the binary contains no path
     subprocess.run(command, check=True, cwd=folder / "sources")
     binary = (folder / "sources" / library).read_bytes()
     return without_link_time(binary) if platform == "win64" else binary
 
 
 def without_link_time(dll: bytes) -> bytes:
-    """Return a Windows library with the link time in its PE header set to zero: the same sources
-    then give the same bytes.
+    """Return a Windows library with the link time in its PE header set to zero, so that the same
+    sources give the same bytes.
     """
     (header,) = struct.unpack_from("<I", dll, 0x3C)
     return dll[: header + 8] + bytes(4) + dll[header + 12 :]
 
 
 def all_platforms(fmus: Sequence[Path], compiler: list[str]) -> list[dict[str, bytes]]:
-    """Return the files of every archive of a model, in which the binaries of all platforms in
-    TARGETS replace the binaries of the archive.
+    """Return the files by name of each archive of one model, with newly compiled binaries of all
+    platforms in TARGETS instead of its own binaries.
     """
     with tempfile.TemporaryDirectory() as folder:
         archives = [_without_binaries(fmu) for fmu in fmus]
@@ -104,7 +107,7 @@ def _without_binaries(fmu: Path) -> dict[str, bytes]:
 
 
 def main() -> None:
-    """Run the command line, see the docstring of the module."""
+    """Run the command line that the docstring of this module describes."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--fmus", type=Path, nargs="+", required=True)
     parser.add_argument("-o", "--output", type=Path, required=True)

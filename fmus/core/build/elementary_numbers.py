@@ -3,9 +3,9 @@
 
     python fmus/core/build/elementary_numbers.py > fmus/core/maths/elementary_numbers.h
 
-Polynomials are minimax for the relative error of the function, by Remez' exchange; parts of a
-constant are cut to few bits, so that their products with small whole numbers are exact. A test
-repeats the file to the character.
+Polynomials minimize the largest relative error of a function (exchange algorithm of Remez). A
+constant is split into parts of few bits, so that the products of the parts with small whole numbers
+are exact. A test checks that this program still prints the stored file.
 """
 
 import math
@@ -18,7 +18,7 @@ mp.mp.prec = 200
 STEPS = 128
 """Number of intervals per octave in the tables of exp and log."""
 TANGENTS = 64
-"""Number of steps in the table of atan: 1/64 in the tangent."""
+"""Number of steps in the table of atan, at tangents that are multiples of 1/64."""
 HEAD = """\
 /* elementary_numbers.h - tables and coefficients of portable_math.h.
  *
@@ -57,7 +57,9 @@ def remez(f: Function, weight: Function, low: float, high: float, degree: int) -
 
 
 def _levelled(f: Function, weight: Function, points: list[mp.mpf], degree: int) -> list[mp.mpf]:
-    """Return p with f(x_i) - p(x_i) = +-e/weight(x_i), signs alternating over the points."""
+    """Return the coefficients of the polynomial p whose weighted errors weight(x_i) (f(x_i) -
+    p(x_i)) at the given points have the same size and alternating signs.
+    """
     rows = [
         [*(x**k for k in range(degree + 1)), (-1) ** i / weight(x)] for i, x in enumerate(points)
     ]
@@ -66,8 +68,9 @@ def _levelled(f: Function, weight: Function, points: list[mp.mpf], degree: int) 
 
 
 def _extremes(grid: list[mp.mpf], errors: list[mp.mpf], count: int) -> list[mp.mpf]:
-    """Return the point of the largest error in every run of equal signs. While there are more than
-    `count` runs, the first or the last run is dropped, whichever has the smaller error.
+    """Return the grid point of the largest error in every group of successive errors with equal
+    sign. While there are more than `count` groups, the first or the last one is dropped, whichever
+    has the smaller error.
     """
     runs: list[tuple[mp.mpf, mp.mpf]] = []
     for x, e in zip(grid, errors, strict=True):
@@ -87,7 +90,9 @@ def cut(x: mp.mpf, lowest: int) -> mp.mpf:
 
 
 def parts(x: mp.mpf, *lowest: int) -> list[float]:
-    """Return doubles whose sum is x: multiples of 2^lowest, then the nearest double of the rest."""
+    """Return doubles whose sum is x: one multiple of 2^n for each n in `lowest`, and the double
+    nearest to the rest.
+    """
     found = []
     for bits in lowest:
         found.append(float(cut(x, bits)))
@@ -102,7 +107,9 @@ def constant(name: str, x: float, text: str) -> str:
 
 
 def array(name: str, rows: list[list[float]], text: str) -> str:
-    """Return the C array of a row or a table of doubles, exact to the bit."""
+    """Return the C definition of an array (rows of one number) or a table of doubles, exact to the
+    bit; text: comment above.
+    """
     columns = len(rows[0])
     size = f"[{len(rows)}]" + (f"[{columns}]" if columns > 1 else "")
     lines = (", ".join(x.hex() for x in row) for row in rows)
@@ -111,21 +118,21 @@ def array(name: str, rows: list[list[float]], text: str) -> str:
 
 
 def polynomial(name: str, coefficients: list[mp.mpf], text: str) -> str:
-    """Return the C array of coefficients, lowest power first."""
+    """Return the C definition of an array of coefficients, lowest power first."""
     return array(name, [[float(c)] for c in coefficients], text)
 
 
 # ---- tables and coefficients of the functions ----
 def root(z: mp.mpf) -> mp.mpf:
-    """Return the argument r of a function whose series is in z = r^2; never 0, where quotients are
-    undefined.
+    """Return r = sqrt(z) for a function whose series is in z = r^2. It is never 0, where quotients
+    such as sin(r)/r are undefined.
     """
     return mp.sqrt(max(z, NEAR_0))
 
 
 def angles() -> list[str]:
-    """Return the numbers of sin and cos, and of the argument reduction by pi/2 (Cody & Waite 1980;
-    Payne & Hanek 1983).
+    """Return the C definitions for sin and cos, and for the argument reduction by multiples of pi/2
+    (Cody & Waite 1980; Payne & Hanek 1983).
     """
     first, second, third = parts(mp.pi / 2, -32, -65)
     with mp.workprec(1400):
@@ -165,8 +172,8 @@ def angles() -> list[str]:
 
 
 def arcs() -> list[str]:
-    """Return the numbers of atan: a table with steps of 1/64, a polynomial between them, and a
-    polynomial below 1/8.
+    """Return the C definitions for atan: a table with steps of 1/64, a polynomial for arguments
+    between them, and a polynomial for arguments below 1/8.
     """
     rest: Function = lambda z: (mp.atan(root(z)) / root(z) - 1) / root(z) ** 2  # noqa: E731
     weight: Function = lambda z: root(z) ** 3 / mp.atan(root(z))  # noqa: E731
@@ -193,12 +200,12 @@ def arcs() -> list[str]:
 
 
 def rest_of_exp(r: mp.mpf, n: int) -> mp.mpf:
-    """Return (exp(r) - its first n terms)/r^n, without cancellation."""
+    """Return (exp(r) - the first n terms of its series)/r^n, computed without cancellation."""
     return mp.fsum(r**k / mp.factorial(k + n) for k in range(25))
 
 
 def powers() -> list[str]:
-    """Return the numbers of exp (Tang 1989) and expm1."""
+    """Return the C definitions for exp (Tang 1989) and expm1."""
     step = mp.log(2) / STEPS
     high, low = parts(step, -43)
     bound = float(step / 2) * 1.001
@@ -225,7 +232,7 @@ def powers() -> list[str]:
 
 
 def logarithms() -> list[str]:
-    """Return the numbers of log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c)."""
+    """Return the C definitions for log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c)."""
     high, low = parts(mp.log(2), -42)
     rows = []
     for i in range(STEPS):
@@ -253,16 +260,18 @@ def logarithms() -> list[str]:
 
 
 LEAST_Z = 0x3FE6000000000000 - (1 << 44)
-"""Bits of the least z: shifted by half an interval, so that 1 is in the middle of an interval."""
+"""Bits of the least z of an octave, shifted by half an interval of the table so that 1 is in the
+middle of an interval.
+"""
 
 
 def _double(bits: int) -> float:
-    """Return the double of these bits, positive and normal."""
+    """Return the positive, normal double that has these bits."""
     return math.ldexp((bits & ((1 << 52) - 1)) + (1 << 52), (bits >> 52) - 1075)
 
 
 def text() -> str:
-    """Return the text of the header."""
+    """Return the text of elementary_numbers.h."""
     return "\n".join([HEAD, *angles(), *arcs(), *powers(), *logarithms(), TAIL, ""])
 
 

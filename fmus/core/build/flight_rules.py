@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Calls, stack, loops and sizes of fmus/flight, for the rules of flight code.
+"""Analysis of the C files in fmus/flight for the rules of flight code: calls, stack, loops, sizes.
 
     python fmus/core/build/flight_rules.py > docs/flight_code.md        (make flight-rules)
 
-Calls and stack come from gcc (-fcallgraph-info=su): without optimisation, where no function is
-inlined, and with the optimisation of the FMUs. tests/compliance/test_flight_code.py checks them.
+gcc (-fcallgraph-info=su) lists calls and stack, without optimisation, so that no function is
+inlined, or with the optimisation of the FMUs. tests/compliance/test_flight_code.py checks the rules
+with this module; as a program it prints the page docs/flight_code.md.
 """
 
 import argparse
@@ -58,7 +59,9 @@ LOOPS = (
     (r"for \(;; r\.iterations\+\+\)|i <= r\.iterations", "iterations_max, at most 30"),
     (r"i < \(int\)task->weight", "weight, a whole number up to 8"),
 )  # fmt: skip
-"""Pattern of the head of a loop and its bound; the first pattern that matches counts."""
+"""Regular expressions for heads of loops, each with the bound of these loops as text; the first one
+that matches a loop applies.
+"""
 
 
 # ---- sources ----
@@ -69,7 +72,7 @@ def sources() -> list[Path]:
 
 @cache
 def included() -> list[Path]:
-    """Return all files of the flight software: sources and all headers that they include."""
+    """Return all files of the flight software: the C files and all headers that they include."""
     command = [*compiler(), *FLAGS, *INCLUDE, "-MM", *map(str, sources())]
     listed = run(command).replace("\\\n", " ").split()
     return sorted({Path(name).resolve() for name in listed if not name.endswith(":")})
@@ -81,12 +84,12 @@ def run(command: list[str], folder: Path | None = None) -> str:
 
 
 def compiler() -> list[str]:
-    """Return the command of the gcc that lists calls and stack."""
+    """Return the command of the compiler from the environment variable CC, by default gcc."""
     return os.environ.get("CC", "gcc").split()
 
 
 def has_call_graphs() -> bool:
-    """Return whether the compiler is a gcc of version 10 or later."""
+    """Return whether the compiler can list calls and stack, as gcc from version 10 can."""
     if shutil.which(compiler()[0]) is None:
         return False
     with tempfile.TemporaryDirectory() as folder:
@@ -97,22 +100,24 @@ def has_call_graphs() -> bool:
 
 
 def version() -> str:
-    """Return the version of the compiler."""
+    """Return the line in which the compiler states its version."""
     return run([*compiler(), "--version"]).splitlines()[0]
 
 
 # ---- calls and stack ----
 @dataclass
 class Calls:
-    """Call graph of one FMU, with the bytes on the stack by function."""
+    """Call graph of one FMU. stack: bytes on the stack by function; callees: names of called
+    functions by function; unbounded: functions whose stack size is not constant.
+    """
 
     stack: dict[str, int]
     callees: dict[str, set[str]]
     unbounded: list[str]
 
     def called(self, name: str) -> set[str]:
-        """Return the direct callees. A call through a pointer may reach every function that is not
-        called by name.
+        """Return the functions that a function calls itself. A call through a pointer may reach
+        every function that is never called by name, so these are included.
         """
         direct = self.callees.get(name, set())
         if "__indirect_call" not in direct:
@@ -139,14 +144,16 @@ class Calls:
         return {name for name in self.stack if name in self.reached(name)}
 
     def depth(self, name: str) -> int:
-        """Return the bytes of the deepest chain of calls, without functions of the C library."""
+        """Return the stack of a function and its deepest chain of calls [bytes], without functions
+        of the C library.
+        """
         below = (self.depth(callee) for callee in self.called(name) if callee in self.stack)
         return CALL + self.stack[name] + max(below, default=0)
 
 
 @cache
 def calls(source: Path, optimisation: str) -> Calls:
-    """Return the call graph of the object file of a source."""
+    """Return the call graph of a C file, compiled with this option such as "-O2"."""
     with tempfile.TemporaryDirectory() as folder:
         options = [optimisation, "-fcallgraph-info=su", "-c", str(source), "-o", "model.o"]
         run([*compiler(), *FLAGS, *INCLUDE, *options], Path(folder))
@@ -169,8 +176,8 @@ def short(title: str) -> str:
 
 
 def writable(source: Path) -> list[str]:
-    """Return the writable symbols of an object file: .data and .bss. Without -fno-pie they would
-    include tables of constant pointers.
+    """Return the names of all writable variables (.data and .bss) of a C file. It is compiled with
+    -fno-pie, because otherwise tables of constant pointers would count as writable.
     """
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "model.o"
@@ -181,20 +188,22 @@ def writable(source: Path) -> list[str]:
 
 # ---- text ----
 def code(path: Path) -> str:
-    """Return a source with blanks for comments and texts; line numbers stay the same."""
+    """Return a source in which blanks replace comments and string literals, with the same line
+    numbers.
+    """
     blank = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
     return blank.sub(lambda m: re.sub(r"[^\n]", " ", m[0]), path.read_text())
 
 
 def bare(path: Path) -> str:
-    """Return a source without comments, with single blanks."""
+    """Return a source without comments, with single blanks in place of all white space."""
     token = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
     text = token.sub(lambda m: m[0] if m[0].startswith('"') else " ", path.read_text())
     return " ".join(text.split())
 
 
 def loops(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield (line, head) of every loop."""
+    """Yield line number and head of every loop in a source: for (...), while (...) or do."""
     text = code(path)
     for found in re.finditer(r"\b(for|while|do)\b\s*(?=[({])", text):
         end = found.end()
@@ -212,12 +221,12 @@ def loops(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def bound(head: str) -> str | None:
-    """Return the bound of a loop; None if no pattern matches its head."""
+    """Return the bound of a loop as text; None if no pattern of LOOPS matches its head."""
     return next((text for pattern, text in LOOPS if re.search(pattern, head)), None)
 
 
 def longest_function(path: Path) -> int:
-    """Return the number of lines of the longest function."""
+    """Return the number of lines of the longest function in a source."""
     text = code(path)
     bodies = re.finditer(r"^\{\n.*?^\}", text, re.DOTALL | re.MULTILINE)
     return max((body[0].count("\n") + 2 for body in bodies), default=0)
@@ -225,14 +234,14 @@ def longest_function(path: Path) -> int:
 
 # ---- the page ----
 def stack_rows() -> Iterator[str]:
-    """Yield a row per FMU with its bytes of stack."""
+    """Yield a table row per FMU with the stack of its initialization and of a step [bytes]."""
     for source in sources():
         graph = calls(source, "-O2")
         yield f"| `{source.stem}` | {graph.depth(START)} | {graph.depth(STEP)} |"
 
 
 def loop_rows() -> Iterator[str]:
-    """Yield a row per bound with its number of loops."""
+    """Yield a table row per bound with the number of loops that have it."""
     heads = [bound(head) or "?" for path in included() for _, head in loops(path)]
     for text in sorted(set(heads), key=lambda t: (-heads.count(t), t)):
         yield f"| {heads.count(text)} | {text} |"

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Build one FMU of a whole system from the unpacked sources of its FMUs.
+"""Build one FMU that contains a whole system, from the unpacked sources of the system's FMUs.
 
 Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND] [--adapter FOLDER]
 
 SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "sources":
 [C files of the unpacked archive, the file of the model first], "values": {element: start value},
 "driven": {input element: [part, output element, factor, offset]}, "late": whether its outputs are
-published later than they are computed}, ...], "plan": [[verb, part, every, phase], ...]}; parts are
-counted from 0. Optional: "version" and "date" of the FMU, and "provenance", which goes into its
-folder extra/. The program writes system.c, the model interface of the whole system (fused.h
-explains it), and packs it as build_fmu.py packs a model.
+published later than they are computed}, ...], "plan": [[verb, part, every, phase], ...]}. A part is
+a component of the system and is identified by its index. Optional: "version" and "date" of the FMU;
+"provenance", which is written into its folder extra/; "scalars", true for an FMU without arrays.
+The program writes system.c, the model interface of the whole system (described in fused.h), and
+packs it as build_fmu.py packs a model.
 """
 
 import argparse
@@ -52,7 +53,9 @@ class NotFusibleError(Exception):
 
 
 def output_of(command: list[Any], fmu: str) -> str:
-    """Return what a command prints; NotFusibleError, with the name of the FMU, if it fails."""
+    """Return the output of a command; raise NotFusibleError if it fails, with the name of the FMU
+    in front of every line that the command has printed to stderr.
+    """
     streams: dict[str, Any] = {"capture_output": True, "encoding": "utf-8", "errors": "replace"}
     done = subprocess.run(command, check=False, **streams)
     if done.returncode:
@@ -64,8 +67,8 @@ def output_of(command: list[Any], fmu: str) -> str:
 
 # ---- sources ----
 def gather(parts: list[dict[str, Any]], folder: Path) -> list[str]:
-    """Copy the sources of all FMUs into one folder, each model under its own symbol, and return the
-    symbols of the parts; NotFusibleError.
+    """Copy the sources of all FMUs into one folder, and return the C symbol of the model of each
+    part. Raises NotFusibleError if sources are missing or files with one name differ.
     """
     symbols: dict[str, str] = {}
     for part in parts:
@@ -110,7 +113,7 @@ def _names(name: str) -> Iterator[str]:
 
 # ---- build ----
 class Build:
-    """One build in a folder: models, layout, system.c, library, description, archive."""
+    """Build of a fused FMU in a folder: models, layout, system.c, library, description, archive."""
 
     def __init__(
         self,
@@ -127,7 +130,7 @@ class Build:
         self.compile = [*compiler, *build_fmu.FLAGS, *include]
 
     def run(self, output: Path) -> None:
-        """Write the FMU; NotFusibleError."""
+        """Write the FMU; raise NotFusibleError if the system cannot be compiled into one."""
         parts = self.spec["parts"]
         symbols = gather(parts, self.folder)
         fmus = {s: Path(p["fmu"]).name for s, p in zip(symbols, parts, strict=True)}
@@ -162,8 +165,8 @@ class Build:
         return output
 
     def _models(self, fmus: dict[str, str], objects: list[Path]) -> dict[str, Model]:
-        """Return the models by symbol. If the program that prints all layouts fails, the program of
-        the first model that fails alone gives the reason.
+        """Return the layouts of the models by symbol. If the program that prints all layouts fails,
+        each model is tried alone, and the first one that fails determines the message.
         """
         try:
             return self._described(list(fmus), objects, self.name)
@@ -192,7 +195,9 @@ class Build:
         return lay_out(parts, self.spec["step"], sorted(i for i, every in steps if every > 1))
 
     def _structure(self) -> list[Any]:
-        """Return what distinguishes systems with equal rows: connections and schedule."""
+        """Return connections and schedule, in which systems with equal variables can differ. A hash
+        of them is a part of the model.
+        """
         parts = self.spec["parts"]
         wires = [[part["name"], sorted(part["driven"].items()), part["late"]] for part in parts]
         return [wires, self.spec["plan"]]
@@ -215,7 +220,9 @@ class Build:
         output_of([*package, *files, *binary, *texts, *self._provenance()], self.name)
 
     def _provenance(self) -> list[str | Path]:
-        """Write the provenance of the system, if there is one, and return the option for it."""
+        """Write the provenance of the system to a file, and return the option of package_fmu.py for
+        this file; [] without provenance.
+        """
         if "provenance" not in self.spec:
             return []
         file = self.folder / "provenance.json"
@@ -226,16 +233,18 @@ class Build:
 def build(
     spec: dict[str, Any], output: Path, compiler: list[str], fmi: str, adapter: Path | None = None
 ) -> None:
-    """Write the FMU of a system in a version of FMI; NotFusibleError.
+    """Write the FMU of a system for FMI `fmi` ("2" or "3"); raise NotFusibleError.
 
-    adapter: folder with the compiled files of the adapter (default: they are compiled).
+    adapter: folder with the compiled files of the adapter (None: compile them).
     """
     with tempfile.TemporaryDirectory() as folder:
         Build(spec, Path(folder), compiler, fmi, adapter).run(output)
 
 
 def main() -> None:
-    """Run the command line, see the docstring of the module; exit status 3: NotFusibleError."""
+    """Run the command line that the docstring of this module describes; exit with status 3 for a
+    NotFusibleError, whose message is printed.
+    """
     parser = argparse.ArgumentParser()
     parser.add_argument("system", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Memory layout of a fused system, in the order that fused.h defines.
 
-layout.c prints the layouts of the models. A place is an index of doubles from the beginning of the
-memory.
+layout.c prints the layouts of the models. A part is a component of the system; its place in memory
+is an index of doubles from the beginning of the memory of the whole system.
 """
 
 from __future__ import annotations
@@ -20,12 +20,16 @@ KINDS = ("PLAIN_ROW", "OPTIONAL_ROW", "GRID_ROW")
 MACRO_STEP_TEXT = "macro step: every communication step is a whole multiple"
 UNSETTLED = "initial values did not settle (an algebraic loop)"
 CLOCK = 3
-"""Doubles before the times of slow parts: start time, macro steps done, UNSETTLED."""
+"""Number of doubles in front of the times of slow parts: start time, number of macro steps done,
+the flag UNSETTLED.
+"""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Row of the table of a model (struct Variable); `first`: index of doubles in the model."""
+    """Variable in the table of a model (struct Variable); first: index of its first double in the
+    model; size: number of doubles.
+    """
 
     causality: int
     first: int
@@ -49,7 +53,7 @@ class Row:
             yield self.name if self.size == 1 else f"{self.name}[{place}]"
 
     def scalars(self) -> Iterator[Row]:
-        """Yield a row per element."""
+        """Yield a row of one double for each element."""
         for k, name in enumerate(self.elements()):
             yield replace(self, first=self.first + k, size=1, columns=1, name=name)
 
@@ -58,8 +62,9 @@ class Row:
 class Model:
     """Layout of a model as layout.c prints it.
 
-    size, scratch: doubles of the model and of its scratch memory; inputs, states, outputs: doubles
-    before each of them; start: values of parameters and inputs.
+    size, scratch: number of doubles of the model and of its working memory; inputs, states,
+    outputs: index of the first double of each; start: values of parameters and inputs; rows: its
+    variables.
     """
 
     symbol: str
@@ -76,8 +81,10 @@ class Model:
 class Part:
     """Component in the memory of the system.
 
-    head: place of its parameters and inputs; tail: place of its states and outputs; published:
-    place where other components read an output.
+    values: start values by element; driven: source of each connected input element; late: whether
+    its outputs are published later than they are computed; head: place of its parameters and
+    inputs; tail: place of its states and outputs; published: place at which other components read
+    each output element.
     """
 
     name: str
@@ -113,7 +120,12 @@ def read_layout(text: str) -> dict[str, Model]:
 
 @dataclass
 class Whole:
-    """Memory and rows of the whole system."""
+    """Memory of the whole system, and the variables of its FMU.
+
+    rows: variables of the FMU; checked: driven inputs whose range is checked; front: start values
+    of the macro step, parameters and inputs; times: place of the time of each slow part, by index;
+    size: number of doubles.
+    """
 
     parts: list[Part]
     rows: list[Row] = field(default_factory=list)
@@ -124,7 +136,11 @@ class Whole:
 
 
 def lay_out(parts: list[Part], step: float, slow: Iterable[int]) -> Whole:
-    """Assign all places: the front with its values, then clock, late outputs and tails."""
+    """Return the system with the places of all parts in memory: macro step, parameters and inputs,
+    then clock, buffers of late outputs, states and outputs.
+
+    step: macro step [s]; slow: indices of the parts that do not step at every macro step.
+    """
     whole = Whole(parts, front=[step])
     whole.rows.append(Row(PARAMETER, 0, 1, 1, 1, 0, "s", "macro_step", MACRO_STEP_TEXT))
     for part in parts:
@@ -149,7 +165,9 @@ def _outputs(part: Part) -> list[Row]:
 
 
 def _head(part: Part) -> list[float]:
-    """Return the start values of parameters and inputs; driven inputs as in the model."""
+    """Return the start values of parameters and inputs of a part; driven inputs have the start
+    value of the model.
+    """
     values = list(part.model.start)
     for row in part.model.rows:
         for k, name in enumerate(row.elements()):
@@ -159,7 +177,9 @@ def _head(part: Part) -> list[float]:
 
 
 def _publish(part: Part, buffer: int | None) -> None:
-    """Set where the outputs of a part are read: in its tail, or row after row in a buffer."""
+    """Set the places at which the outputs of a part are read: in its tail, or from the place
+    `buffer` on if its outputs are published late.
+    """
     for row in _outputs(part):
         first = part.place(row, 0) if buffer is None else buffer
         part.published |= {name: first + k for k, name in enumerate(row.elements())}
@@ -167,7 +187,9 @@ def _publish(part: Part, buffer: int | None) -> None:
 
 
 def _list_rows(whole: Whole) -> None:
-    """List the rows of the system: parameters, open inputs, outputs, driven inputs with a rule."""
+    """Fill the lists of variables: parameters, unconnected inputs and outputs in `rows`, driven
+    inputs with a range in `checked`.
+    """
     free = [(part, row) for part in whole.parts for row in _free(part)]
     for causality in (PARAMETER, INPUT):
         chosen = [(part, row) for part, row in free if row.causality == causality]
@@ -185,15 +207,15 @@ def _list_rows(whole: Whole) -> None:
 
 
 def _named(part: Part, row: Row, first: int, causality: int | None = None) -> Row:
-    """Return the row of a part as a row of the system."""
+    """Return a variable of a part as a variable PART.NAME of the system, at the place `first`."""
     own = row.causality if causality is None else causality
     name = f"{part.name}.{row.name}"
     return replace(row, causality=own, first=first, name=name)
 
 
 def _free(part: Part) -> Iterator[Row]:
-    """Yield parameters and unconnected inputs; a row of which some elements are driven gives a row
-    per unconnected element.
+    """Yield the parameters and unconnected inputs of a part. Of an input array that is partly
+    connected, each unconnected element is a variable of its own.
     """
     for row in part.model.rows:
         names = list(row.elements())

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Text of system.c: tables of a fused system, and its macro step as code without loops."""
+"""Text of system.c, the C file of a fused system: its tables, and its macro step as code without
+loops. A part is a component of the system.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,12 @@ from fused_layout import CAUSALITY, INPUT, KINDS, OUTPUT, RULES, Part, Row, Whol
 
 
 def number(value: float) -> str:
-    """Return a literal that gives the same double on every platform."""
+    """Return a C literal that gives the same double on every platform."""
     return float(value).hex()
 
 
 def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
-    """Yield copies (from, to) as copies of consecutive doubles (from, to, count)."""
+    """Join copies (from, to) of single doubles into copies (from, to, count) of several."""
     last: list[int] = []
     for start, to in sorted(pairs, key=lambda pair: pair[1]):
         if last and (start, to) == (last[0] + last[2], last[1] + last[2]):
@@ -29,7 +31,7 @@ def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
 
 
 Transfer = tuple[int, int, int, float, float]
-"""Copy of consecutive doubles: from, to, count, factor, offset."""
+"""Copy of consecutive doubles: place to copy from, place to copy to, count, factor, offset."""
 
 
 def driven(whole: Whole, part: Part) -> list[Transfer]:
@@ -51,7 +53,7 @@ def driven(whole: Whole, part: Part) -> list[Transfer]:
 
 
 def late(part: Part) -> list[Transfer]:
-    """Return the copies that publish the outputs of a part later than it computes them."""
+    """Return the copies that publish the outputs of a part with late outputs; [] for others."""
     if not part.late:
         return []
     pairs = [
@@ -64,7 +66,9 @@ def late(part: Part) -> list[Transfer]:
 
 
 def system_c(spec: dict[str, Any], whole: Whole, digest: str) -> str:
-    """Return the C file of the system."""
+    """Return the text of system.c; spec: content of SYSTEM.json, see fuse.py; digest: hash of
+    connections and schedule.
+    """
     symbols = dict.fromkeys(part.model.symbol for part in whole.parts)
     work = max(part.model.size + part.model.scratch for part in whole.parts)
     lines = [
@@ -187,7 +191,7 @@ def _copies(name: str, copies: list[Transfer]) -> Iterator[str]:
 
 
 def _step(plan: list[Any], whole: Whole) -> Iterator[str]:
-    """Yield the lines of a macro step: the actions of the schedule in their order."""
+    """Yield the C lines of a macro step: the actions of the schedule `plan` in their order."""
     slow = [action for action in plan if action[2] > 1]
     if slow:
         yield "    const long long k = (long long)m[CLOCK + 1];"
@@ -220,7 +224,9 @@ def _action(verb: str, i: int, every: int, whole: Whole) -> Iterator[str]:
 
 
 def _pieces(part: Part) -> str:
-    """Return the places of parameters, inputs, states and outputs, as arguments of a step."""
+    """Return the C arguments of a step of a part: pointers to its parameters, inputs, states and
+    outputs.
+    """
     model = part.model
     outputs = part.tail + model.outputs - model.states
     places = (part.head, part.head + model.inputs, part.tail, outputs)

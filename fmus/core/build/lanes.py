@@ -5,8 +5,9 @@ the lanes of vectors (core/lanes/lanes.h).
 Usage: lanes.py SOURCES -o WHOLE.so [--width N] [--cxx COMMAND]
 
 SOURCES is the folder with the C files of the unpacked FMU. They are compiled as C++ with a vector
-in the place of every double. Before that, `c ? a : b` and `if (c) return a; rest` become calls that
-blend both values where runs differ in c.
+(one number per run) in place of every double. Before that, `c ? a : b` and `if (c) return a; rest`
+are rewritten as calls that select a or b for each run, since the condition c may differ between
+runs.
 """
 
 import argparse
@@ -34,9 +35,11 @@ TARGET = {
     4: ("-mavx2", "-mno-fma"),
     2: (),
 }
-"""Flags by number of lanes."""
+"""Compiler flags of the vector instructions, by number of lanes."""
 LARGEST = 8192
-"""Doubles of the largest system in eight lanes. Beyond half a megabyte four lanes are faster."""
+"""Number of doubles of the largest system that runs in eight lanes (half a megabyte). For larger
+systems four lanes are faster.
+"""
 
 # ---- C to C++ ----
 TOKEN = re.compile(
@@ -48,15 +51,17 @@ TOKEN = re.compile(
 )
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 BEFORE = {*"=,;:", "return", "else", *(f"{c}=" for c in "+-*/%&|^"), "<<=", ">>="}
-"""Tokens before an expression."""
+"""Tokens after which an expression can begin."""
 
 TABLES = ("start", "variables")
-"""Tables of a model that a step does not use."""
+"""Names of the tables of a model that a step does not use, so that they are left out."""
 WORDS = {"class", "delete", "new", "operator", "private", "public", "template", "this", "typename"}
-"""Words of C++ that are names in C."""
+"""Keywords of C++ that may be names in C."""
 
 Items = list[Any]
-"""Tokens, and brackets with what they enclose: [opening, item, ...]."""
+"""Parsed C text: a list of items, each a token, or a bracket with its content as a list [opening
+bracket, item, ...].
+"""
 
 
 def parsed(text: str) -> Items:
@@ -76,18 +81,18 @@ def parsed(text: str) -> Items:
 
 
 def written(items: Items) -> str:
-    """Return items as a text."""
+    """Return items as a C text."""
     texts = (x if isinstance(x, str) else f"{x[0]}{written(x[1:])}{CLOSING[x[0]]}" for x in items)
     return " ".join(f"{text}\n" if text.endswith((";", "}")) else text for text in texts)
 
 
 def is_block(item: Any) -> bool:
-    """Return whether an item is in braces."""
+    """Return whether an item is a pair of braces with its content."""
     return isinstance(item, list) and item[0] == "{"
 
 
 def conditionals(items: Items) -> Items:
-    """Return items in which every `c ? a : b` is a call of choose()."""
+    """Return items in which a call of lanes::choose() replaces every `c ? a : b`."""
     items = [x if isinstance(x, str) else [x[0], *conditionals(x[1:])] for x in items]
     if "?" not in items:
         return items
@@ -110,8 +115,8 @@ def starts(item: Any) -> bool:
 
 
 def early_returns(body: Items, kind: str) -> Items:
-    """Return the statements of a function of a type in which `if (c) return a; rest` is a call of
-    choose_as().
+    """Return the statements of a function in which a call of lanes::choose_as() replaces `if (c)
+    return a; rest`; kind: the type that the function returns.
     """
     for i, item in enumerate(body[:-2]):
         if item == "if" and body[i + 2] == "return" and (i == 0 or ends(body[i - 1])):
@@ -133,8 +138,8 @@ def ends(item: Any) -> bool:
 
 
 def designated(items: Items) -> Items:
-    """Return items in which structs and arrays with designators, which C++ has in the order of the
-    declaration only, are made by assignments.
+    """Return items in which assignments replace the initializers with designators of structs and
+    arrays, which C++ permits only in the order of the declaration.
     """
     found: Items = []
     for item in items:
@@ -152,7 +157,7 @@ def designated(items: Items) -> Items:
 
 
 def assignments(name: str, item: Items) -> Items:
-    """Return the assignments of the designators of an initializer."""
+    """Return assignments to the variable `name` that replace an initializer with designators."""
     found: Items = []
     for part in separated(item[1:]):
         at = part.index("=")
@@ -165,7 +170,7 @@ def assignments(name: str, item: Items) -> Items:
 
 
 def separated(items: Items) -> list[Items]:
-    """Return the parts of a list that are not empty."""
+    """Return the parts of items between commas, without empty ones."""
     parts: list[Items] = [[]]
     for item in items:
         if item == ",":
@@ -176,8 +181,8 @@ def separated(items: Items) -> list[Items]:
 
 
 def with_casts(items: Items) -> Items:
-    """Return items in which a pointer that is declared with the value of another one has its type,
-    which C++ demands of one without a type.
+    """Return items in which the value of a pointer declaration `T *a = b;` is cast to `T *`, which
+    C++ requires if b is a `void *`.
     """
     found: Items = []
     for i, item in enumerate(items):
@@ -196,7 +201,9 @@ def is_name(item: Any) -> bool:
 
 
 def in_lanes(text: str) -> str:
-    """Return a C text as C++ for lanes.h, without the tables of start values and variables."""
+    """Return a C file rewritten as C++ that uses lanes.h, without the tables of start values and
+    variables.
+    """
     items = parsed(text)
     begin = 0
     for i, item in enumerate(items):
@@ -210,8 +217,11 @@ def in_lanes(text: str) -> str:
 
 
 def function(head: Items, body: Items) -> Items:
-    """Return the body of a function after its head; check() has none, because lanes are not
-    checked. Only a function that writes nothing is left early, or performed apart, lane by lane.
+    """Return the rewritten body of a function; head: the items in front of the body.
+
+    The body of check() becomes empty, because lanes check no parameters. Early returns are
+    rewritten, and functions with searches run separately for each lane, only if the function
+    returns a value and writes through no argument.
     """
     head = [x for x in head if x not in ("static", "inline")]
     begin = max((k + 1 for k, x in enumerate(head[:-1]) if isinstance(x, list)), default=0)
@@ -228,7 +238,9 @@ def function(head: Items, body: Items) -> Items:
 
 
 def searches(items: Items) -> bool:
-    """Return whether statements have a loop that a condition inside it directs."""
+    """Return whether statements contain a `while`, or both a `for` and an `if`: the number of
+    passes of such a loop may differ between lanes.
+    """
     words = set(TOKEN.findall(written(items)))
     return "while" in words or {"for", "if"} <= words
 
@@ -285,7 +297,9 @@ void {model}_model_step(const void *p, const void *u, void *x, void *y, double t
 TYPES = re.compile(
     r"^(?:typedef (?:struct|enum)|enum) \{[^{}]*\}(?: (?:Phase|Progress|Snapshot))?;", re.M
 )
-"""Types of the memory of a run. The functions beside them are not C++ for every compiler."""
+"""Type definitions of the memory of a run. Only these are taken from TYPES_IN, because not every
+compiler accepts the functions in these files as C++.
+"""
 TYPES_IN = ("interface.h", "instance.h", "state.c")
 STEP = "void {}_model_step(const void *, const void *, void *, void *, double, double);"
 
@@ -310,14 +324,15 @@ def units(sources: Path) -> dict[str, str]:
 
 
 def fitting(system: str, width: int) -> int:
-    """Return the number of lanes, at most `width`, for the text of a system.c."""
+    """Return the number of lanes for a system, at most `width`; system: text of its system.c."""
     doubles = int(system.partition(" SIZE = ")[2].partition(",")[0])
     return min(width, 4) if doubles > LARGEST else width
 
 
 def build(sources: Path, output: Path, compiler: list[str], width: int, folder: Path) -> None:
-    """Write the library of at most `width` lanes; subprocess.CalledProcessError if the compiler
-    fails.
+    """Write the library with at most `width` lanes; raise CalledProcessError if the compiler fails.
+
+    sources: folder with the C files of the FMU; folder: an empty one for intermediate files.
     """
     width = fitting((sources / "system.c").read_text(encoding="utf-8"), width)
     shutil.copytree(sources, folder / "scalar")
@@ -342,15 +357,15 @@ def build(sources: Path, output: Path, compiler: list[str], width: int, folder: 
 
 
 def is_clang(compiler: list[str]) -> bool:
-    """Return whether a compiler is clang, which can leave out the library of C++: the lanes do not
-    use it, and zig would compile it first.
+    """Return whether a compiler is clang. With clang the C++ library is left out (-nostdlib++): the
+    lanes do not use it, and zig would have to compile it first.
     """
     command = [*compiler, "--version"]
     return b"clang" in subprocess.run(command, check=True, capture_output=True).stdout
 
 
 def main() -> None:
-    """Run the command line, see the docstring of the module."""
+    """Run the command line that the docstring of this module describes."""
     parser = argparse.ArgumentParser()
     parser.add_argument("sources", type=Path, help="folder with the C files of the unpacked FMU")
     parser.add_argument("-o", "--output", type=Path, required=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files that only an archive of FMI 3.0 contains: build description and terminals."""
+"""Files that only an FMU of FMI 3.0 contains: build description, terminals and their icons."""
 
 import html
 import io
@@ -10,7 +10,9 @@ from collections.abc import Iterable
 from PIL import Image, ImageDraw, ImageFont
 
 COMPILER_OPTIONS = "-std=c99 -O2 -ffp-contract=off -fno-tree-slp-vectorize -fno-math-errno"
-"""Options with which the sources give the bits of the binary, see SAME_BITS of build_fmu.py."""
+"""Compiler options with which a library from the sources gives the same bits as the binary in the
+archive, see SAME_BITS in build_fmu.py.
+"""
 
 PLATFORMS = {
     "linux64": "x86_64-linux",
@@ -18,29 +20,34 @@ PLATFORMS = {
     "darwin64": "x86_64-darwin",
     "aarch64-darwin": "aarch64-darwin",
 }
-"""Platform tuples of FMI 3.0 by the platforms of FMI 2.0."""
+"""Names of platforms (tuples) in FMI 3.0, by their names in FMI 2.0."""
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 BODY = re.compile(r"(r|v|omega|q)_([A-Z])([A-Z])(?:_([A-Z]))?(_hat)?")
-"""Motion of a body relative to another: quantity, letters of both, letter of the axes."""
+"""Name of a motion of a body relative to another one: quantity, letter of the body, letter of the
+other one, letter of the axes, `_hat` for an estimate.
+"""
 
 WRENCH = re.compile(r"([FM])_((?:[a-z]+_)?[A-Z])")
-"""Force or torque: quantity, purpose and axes."""
+"""Name of a force or torque: quantity, purpose and letter of the axes."""
 
 AXES = {"r": 3, "v": 3, "omega": 2, "q": 0}
-"""Group of BODY whose letter names the axes of a quantity: position and velocity have the axes of
-the other body, the angular velocity has the axes of the body itself."""
+"""Group of BODY with the letter of the axes of each quantity (0: no axes). Position and velocity
+are in axes of the other body, the angular velocity is in axes of the body itself.
+"""
 
 BODY_STATE, WRENCHES, SIGNAL = (f"servicing-fmus.{n}" for n in ("body-state", "wrench", "signal"))
-"""Kinds of terminals: members r, v, q, omega; members F, M; the member signal."""
+"""Kinds of terminals: with members r, v, q, omega; with members F, M; with the member signal."""
 
 ICONS = {"icon": (), "output": ((4, 4), (28, 16), (4, 28)), "input": ((4, 4), (28, 16), (4, 28))}
-"""Corners of the triangle in each picture of terminalsAndIcons/."""
+"""Corners [px] of the triangle in each image of terminalsAndIcons/; (): the image of the block."""
 
 
 def build_description(identifier: str, sources: Iterable[str]) -> str:
-    """Return sources/buildDescription.xml: how to compile the library from the C files."""
+    """Return the text of sources/buildDescription.xml, which states how to compile the library from
+    the C files.
+    """
     files = "".join(f'      <SourceFile name="{html.escape(name)}"/>\n' for name in sources)
     return (
         f'{HEAD}<fmiBuildDescription fmiVersion="3.0">\n'
@@ -53,9 +60,12 @@ def build_description(identifier: str, sources: Iterable[str]) -> str:
 
 
 def terminals(rows: Iterable[dict[str, str]]) -> str:
-    """Return terminalsAndIcons.xml. Inputs and outputs form terminals that join by the names of
-    their members: the state of a body, force and torque, or a single signal. What reads less than
-    what another FMU offers has fewer members of the same kind.
+    """Return the text of terminalsAndIcons.xml for the variables of an FMU; "" without inputs and
+    outputs.
+
+    Inputs and outputs form terminals: the state of a body, force and torque, or a single signal.
+    Terminals of two FMUs are connected by the names of their members; one that needs fewer signals
+    has fewer members.
     """
     plugs: dict[tuple[str, str], dict[str, str]] = defaultdict(dict)
     for row in rows:
@@ -80,7 +90,9 @@ def terminals(rows: Iterable[dict[str, str]]) -> str:
 
 
 def _place(variable: str) -> tuple[str, str, str]:
-    """Return kind and name of the terminal of a variable, and its member there."""
+    """Return kind and name of the terminal to which a variable belongs, and the name of its member
+    there.
+    """
     prefix, point, name = variable.rpartition(".")
     if (found := BODY.fullmatch(name)) and _is_motion(found):
         return BODY_STATE, f"{prefix}{point}{found[2]}{found[3]}{found[5] or ''}", found[1]
@@ -95,7 +107,9 @@ def _is_motion(found: re.Match[str]) -> bool:
 
 
 def _terminal(kind: str, name: str, members: dict[str, str], place: int, count: int) -> str:
-    """Return a terminal, drawn as one of `count` at the left (inputs) or right edge."""
+    """Return the XML of a terminal, drawn as number `place` (from 0) of `count` terminals at the
+    left (inputs) or right edge of the block.
+    """
     lines = "".join(
         f'      <TerminalMemberVariable variableName="{html.escape(variable)}" '
         f'memberName="{member}" variableKind="signal"/>\n'
@@ -113,7 +127,9 @@ def _terminal(kind: str, name: str, members: dict[str, str], place: int, count: 
 
 
 def icons(name: str) -> dict[str, bytes]:
-    """Return the pictures of terminalsAndIcons/: the block with its name, and its terminals."""
+    """Return the PNG images of terminalsAndIcons/ by file name: the block with its name, and an
+    input and an output terminal.
+    """
     found = {}
     for kind, corners in ICONS.items():
         image = Image.new("RGBA", (32, 32) if corners else (200, 200), "#0000")

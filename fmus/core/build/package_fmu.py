@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Zip one FMU for FMI 2.0, FMI 3.0 or both: model description, binaries, sources, documentation,
-licence, picture. The same inputs give the same bytes.
+"""Write the archive of one FMU for FMI 2.0, FMI 3.0 or both: model description, binaries, sources,
+documentation, licence, image. The same inputs give the same bytes.
 
 Usage: package_fmu.py [--fmi2 OUTPUT XML] [--fmi3 OUTPUT XML] --license FILE --binary
 PLATFORM=FILE... --source FILE... --include DIR... [--trace FILE] [--provenance FILE]. The first
-source is the file of the model; its opening comment (equations, source) becomes the documentation.
-The headers that the sources include, directly or not, are searched in the given folders and go into
-sources/, too. An archive has the sources of its version of FMI only.
+source is the C file of the model; its opening comment (equations, source) becomes the
+documentation. The headers that the sources include, directly or not, are searched in the given
+folders and written into sources/ too. An archive contains the sources for its version of FMI only.
 """
 
 import argparse
@@ -36,8 +36,9 @@ SECTIONS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
 
 
 def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
-    """Return one row per variable: name, shape, unit, start, limits, text. The elements of a vector
-    or matrix are in one row; the independent variable of FMI 3.0 is omitted.
+    """Return one row per variable of a model description, with its XML attributes and its shape and
+    start values as text. The elements of a vector or matrix are one row; the independent variable
+    of FMI 3.0 is omitted.
     """
     rows: dict[str, dict[str, str]] = {}
     for variable in description.iter("Float64"):
@@ -57,7 +58,7 @@ def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
 
 
 def limits(row: dict[str, str]) -> str:
-    """Return the declared range of a variable, empty if it has none."""
+    """Return the declared range of a variable as text, "" if it has none."""
     low, high = row.get("min"), row.get("max")
     return "" if low is None else f"{low} .. {high}" if high else f">= {low}"
 
@@ -98,7 +99,9 @@ def text_of(source: Path) -> str:
 
 
 def opening_comment(source: str) -> str:
-    """Return the text of the opening comment of a C file without stars; ValueError if missing."""
+    """Return the text of the opening comment of a C file without its asterisks; raise ValueError if
+    there is none.
+    """
     match = re.match(r"/\*(.*?)\*/", source, re.DOTALL)
     if match is None:
         raise ValueError("must begin with a comment /* ... */: equations and their source")
@@ -106,8 +109,8 @@ def opening_comment(source: str) -> str:
 
 
 def equations(comment: str) -> str:
-    """Return the HTML of an opening comment. Lines indented by three blanks are equations; if they
-    are in another notation, the text is left as it is.
+    """Return the HTML of an opening comment. Lines indented by three blanks are equations. If one
+    of them is not in the notation of typeset.py, the comment is shown as plain text.
     """
     try:
         return page(comment, indent=3)
@@ -116,7 +119,9 @@ def equations(comment: str) -> str:
 
 
 def timing(rows: list[dict[str, str]]) -> str:
-    """Return a sentence on when a model computes, from the names of its parameters."""
+    """Return a sentence that states when a model computes: sampled, continuous, or once per step,
+    as the names of its parameters show.
+    """
     named = {row["name"] for row in rows if row["causality"] == "parameter"}
     if "sample_period" in named:
         return (
@@ -132,7 +137,9 @@ def timing(rows: list[dict[str, str]]) -> str:
 
 
 def start_values(name: str) -> str:
-    """Return a sentence on the system whose values are the start values of a component."""
+    """Return the HTML of a paragraph that names the system from which the start values of an FMU
+    are taken.
+    """
     place, other = START_VALUES[name]
     system, _, component = place.partition(".")
     but = f" Other values there: {', '.join(other)}." if other else ""
@@ -143,8 +150,8 @@ def start_values(name: str) -> str:
 
 
 def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, str]]:
-    """Return titles and HTML of the chapters about a model, from its interface and its C file, for
-    the page in the .fmu and the page of the site.
+    """Return titles and HTML of the chapters about a model, for the page in its FMU and its page on
+    the site; description: its modelDescription.xml; source: text of its C file.
     """
     rows = read_rows(description)
     alarms = set(re.findall(r"\bALARM\((\w+)", source))
@@ -168,7 +175,7 @@ def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, s
 
 
 def documentation(description: ElementTree.Element, source: str) -> str:
-    """Return documentation/index.html: one page of all chapters."""
+    """Return the text of documentation/index.html, one page with all chapters."""
     name = html.escape(description.attrib["modelName"])
     text = html.escape(description.attrib["description"])
     parts = [
@@ -183,7 +190,9 @@ def documentation(description: ElementTree.Element, source: str) -> str:
 
 
 def picture(description: ElementTree.Element) -> bytes:
-    """Return a PNG of the block with its inputs on the left and its outputs on the right."""
+    """Return a PNG image of the model as a block with its inputs at the left and its outputs at the
+    right edge.
+    """
     rows = read_rows(description)
     left = [r["name"] for r in rows if r["causality"] == "input"]
     right = [r["name"] for r in rows if r["causality"] == "output"]
@@ -205,7 +214,7 @@ def picture(description: ElementTree.Element) -> bytes:
 
 
 def write_zip(output: Path, files: dict[str, bytes]) -> None:
-    """Write `files` (archive name -> bytes) in sorted order with a fixed date."""
+    """Write files, given as bytes by name, into a zip archive, sorted and with a fixed date."""
     with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, FIXED_DATE)
@@ -215,7 +224,7 @@ def write_zip(output: Path, files: dict[str, bytes]) -> None:
 
 
 class Files:
-    """Files of the archives of a model, for both versions of FMI."""
+    """Files that the archives of a model contain, read from the options of the command line."""
 
     def __init__(self, a: argparse.Namespace) -> None:
         self.sources = list(dict.fromkeys(a.source))
@@ -225,9 +234,11 @@ class Files:
         self.provenance = {PROVENANCE: a.provenance.read_bytes()} if a.provenance else {}
 
     def archive(self, xml: Path, fmi: str) -> dict[str, bytes]:
-        """Return the contents by name for a version of FMI; ValueError: no opening comment."""
+        """Return the files of the archive, as bytes by name, for FMI `fmi` ("2" or "3"); raise
+        ValueError if the C file has no opening comment.
+        """
         description = ElementTree.parse(xml).getroot()
-        identifier = description.attrib["modelName"]  # and modelIdentifier, see describe.c
+        identifier = description.attrib["modelName"]  # equals modelIdentifier, see describe.c
         others = tuple(f"fmi{number}" for number in "23" if number != fmi)
         sources = [path for path in self.sources if not path.stem.startswith(others)]
         png = picture(description)
@@ -256,7 +267,7 @@ class Files:
 
 
 def main() -> None:
-    """Run the command line, see the docstring of the module."""
+    """Run the command line that the docstring of this module describes."""
     parser = argparse.ArgumentParser()
     for fmi in "23":
         parser.add_argument(f"--fmi{fmi}", type=Path, nargs=2, metavar=("OUTPUT", "XML"))

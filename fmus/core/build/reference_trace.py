@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files of the layered standard FMI-LS-REF 1.0.0-beta.1: outputs of the FMU with its inputs
-unconnected, with which an importer can compare.
+"""Files of the layered standard FMI-LS-REF 1.0.0-beta.1: reference outputs of an FMU with
+unconnected inputs, with which an importer can compare its own results.
 """
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
@@ -16,8 +16,10 @@ MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def reference_files(trace: bytes) -> dict[str, bytes]:
-    """Return the contents by name; none without a trace, which exists only if no output of the
-    unconnected FMU violates its declared range.
+    """Return the files of the standard, as bytes by name, for a trace (CSV with the outputs).
+
+    An empty trace gives {}: an FMU whose outputs violate their declared range when its inputs are
+    unconnected has no trace.
     """
     if not trace:
         return {}

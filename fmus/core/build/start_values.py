@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems whose values are the start values of components of flight software, for their pages."""
+"""Systems from which the start values of the flight-software FMUs are taken, for the pages of these
+FMUs.
+"""
 
 from __future__ import annotations
 
@@ -84,4 +86,6 @@ START_VALUES: dict[str, tuple[str, tuple[str, ...]]] = {
         ("nodes", "iterations_max", "sample_period"),
     ),
 }
-"""By FMU: SYSTEM.component, and the parameters that have another value there."""
+"""SYSTEM.component whose parameters are the start values of an FMU, and the parameters that have
+another value there, by FMU.
+"""

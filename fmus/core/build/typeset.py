@@ -31,7 +31,7 @@ OPERATORS = {
 }  # fmt: skip
 CLOSING = {"(": ")", "[": "]", "{": "}", "|": "|"}
 WORDS = {*"th of if in is at by to on or as no be an up so".split()}  # noqa: SIM905
-"""Words and names of two letters that are upright; others are a letter with a subscript."""
+"""Names of two letters that are upright words; other such names are a letter with a subscript."""
 
 SLASH = "<mo>/</mo>"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
@@ -43,14 +43,15 @@ NUMBERED = re.compile(r" {2,}(\(\d+\)(?:, \(\d+\))*)$")
 
 
 class NotationError(ValueError):
-    """Error: a line is not in the notation."""
+    """Error: a line of equations is not in the notation that this module describes."""
 
 
 @dataclass
 class Node:
-    """Piece of a line: its MathML, and the properties that its neighbours use.
+    """Part of a line of equations as MathML.
 
-    kind: operand, word, operator, space, gap; inside: the MathML between the brackets of a group.
+    kind: operand, word, operator, space or gap, which determines how its neighbours are set;
+    inside: MathML between the parentheses of a group.
     """
 
     kind: str
@@ -59,8 +60,8 @@ class Node:
 
 
 def block(lines: Iterable[str]) -> str:
-    """Return the HTML of consecutive lines of equations; NotationError names a line that is not in
-    the notation.
+    """Return the HTML of consecutive lines of equations; raise NotationError with the first line
+    that is not in the notation.
     """
     return f'<div class="equations">{"".join(map(_row, lines))}</div>'
 
@@ -94,7 +95,7 @@ def _row(line: str) -> str:
 
 
 def math(line: str) -> str:
-    """Return the MathML of one line."""
+    """Return the MathML of one line of equations; raise NotationError."""
     nodes, end = Reader(line).sequence("")
     if end != len(line):
         raise NotationError(f"{line.strip()!r}: {line[end]!r} closes nothing")
@@ -103,7 +104,7 @@ def math(line: str) -> str:
 
 
 class Reader:
-    """Reader of one line from left to right."""
+    """Parser of one line of equations, from left to right."""
 
     article = re.compile(r"[a-z] a [a-z]{3}")
 
@@ -112,8 +113,8 @@ class Reader:
         self.at = 0
 
     def sequence(self, closing: str) -> tuple[list[Node], int]:
-        """Read the nodes up to a closing bracket, which is not read, or to the end of the line;
-        return them and the position.
+        """Read and return the nodes in front of the next closing bracket, or up to the end of the
+        line if `closing` is "", and return the position behind them. The bracket is not read.
         """
         nodes: list[Node] = []
         while self.at < len(self.line):
@@ -122,14 +123,14 @@ class Reader:
             if self.line[self.at] in ")]}":
                 if closing or self.line[self.at] == "}":
                     break
-                nodes.append(Node("operator", _fence(self.line[self.at])))  # opened a line above
+                nodes.append(Node("operator", _fence(self.line[self.at])))  # opened in another line
                 self.at += 1
                 continue
             nodes.append(self.node(nodes))
         return _fractions(nodes), self.at
 
     def _opens(self, bar: str, before: list[Node]) -> bool:
-        """Return whether a bar begins a norm."""
+        """Return whether the character `bar` is a `|` that begins a norm instead of ending one."""
         if bar != "|":
             return False
         last = before[-1].kind if before else "operator"
@@ -140,7 +141,7 @@ class Reader:
         return last in {"operator", "word"}
 
     def node(self, before: list[Node]) -> Node:
-        """Read the next node."""
+        """Read and return the next node; before: the nodes already read."""
         rest = self.line[self.at :]
         if blanks := re.match(" +", rest):
             self.at += blanks.end()
@@ -223,7 +224,9 @@ class Reader:
         return self._applied(self._symbol(name, short), name)
 
     def _upright(self, name: str) -> Node:
-        """Read the rest of a word or of a long name; long subscripts stay in the line."""
+        """Read the rest of a word or long name and return its node. A long subscript is not
+        lowered.
+        """
         shown, rest = f"<mi>{name}</mi>", self.line[self.at :]
         subscript = re.match(r"(?:_[A-Za-z0-9]+)+", rest)
         if subscript and subscript[0] == "_hat":
@@ -237,7 +240,9 @@ class Reader:
         return self._applied(Node("operand", shown), name)
 
     def _symbol(self, name: str, short: re.Match[str] | None) -> Node:
-        """Read the rest of a Latin or Greek letter: subscripts, hat, tilde; upright d before it."""
+        """Read the subscripts, hat and tilde of a Latin or Greek letter, and return its node. A `d`
+        in front of the letter (differential) is upright.
+        """
         if derivative := re.fullmatch(r"d(?:(\d)([A-Za-z])|([a-z])(\d))", name):  # d2L/dt2
             d, letter = "<mi mathvariant='normal'>d</mi>", derivative[2] or derivative[3]
             power = f"<mn>{derivative[1] or derivative[4]}</mn>"
@@ -262,7 +267,9 @@ class Reader:
         return Node("operand", f"<mrow>{d}{shown}</mrow>" if d else shown)
 
     def _applied(self, node: Node, name: str) -> Node:
-        """Read the scripts of a name and the arguments in parentheses after it."""
+        """Read the sub- and superscripts of a name and the arguments in parentheses after it, and
+        return its node.
+        """
         node = self._scripts(node)
         if self.line[self.at : self.at + 1] != "(":
             return node
@@ -339,7 +346,7 @@ def _space(width: float) -> str:
 
 
 def _fractions(nodes: list[Node]) -> list[Node]:
-    """Return the nodes with `a/b` as fractions; a chain a/b/c remains in the line."""
+    """Return the nodes with every `a/b` as a fraction. A chain a/b/c remains in the line."""
     done: list[Node] = []
     while nodes:
         above, below = nodes[0], nodes[2] if len(nodes) > 2 else nodes[0]

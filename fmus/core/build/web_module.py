@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compile the FMU of a whole system (fuse.py) into a WebAssembly module that runs it in a page.
+"""Compile the FMU of a whole system (fuse.py) into a WebAssembly module, by which a page runs it.
 
 Usage: web_module.py FILE.c... -o WHOLE.wasm [--cc COMMAND]
 
@@ -19,18 +19,20 @@ PAGE = build_fmu.CORE / "web/simulation.c"
 TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor")
 FLAGS = (*build_fmu.SAME_BITS, "-O2", "-s", "-g0")
 FMI = "fmi2"
-"""Beginning of the names of adapter sources that a page does not use."""
+"""Beginning of the names of the adapter's C files that a page does not use."""
 
 
 def compile_module(sources: list[Path], output: Path, compiler: list[str]) -> None:
-    """Write the module; subprocess.CalledProcessError if the compiler fails."""
+    """Write the module compiled from C files of one folder; raise CalledProcessError if the
+    compiler fails.
+    """
     names = [path.name for path in sources if not path.name.startswith(FMI)]
     made = [*names, str(PAGE), "-I.", "-o", str(output.resolve()), "-lm"]
     subprocess.run([*compiler, *TARGET, *FLAGS, *made], check=True, cwd=sources[0].parent)
 
 
 def main() -> None:
-    """Run the command line, see the docstring of the module."""
+    """Run the command line that the docstring of this module describes."""
     parser = argparse.ArgumentParser()
     parser.add_argument("sources", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
