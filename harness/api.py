@@ -138,23 +138,24 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
 def environment(system: str | Path, **how: Any) -> Environment | Apart:
     """Return a system as an environment of Gymnasium: an agent in the place of components.
 
-    open: the components (default: chosen by the mission); observe: variables that the agent reads
-    (default: the inputs of the components); act: outputs that it sets (default: those that others
-    read), bounded by the limits of the actuators, in the parameter set for comparisons, or by
-    bounds: x for -x to x, or (least, largest), by name; every: macro steps per action (default: of
-    the components); scale: numbers by which observations are divided, by name; with it, actions lie
-    in -1 to 1.
+    open: components that the agent replaces (default: chosen by the mission); observe: variables
+    that the agent reads (default: the inputs of these components); act: outputs of these components
+    that the agent sets (default: the connected ones); bounds: bounds of these outputs by name, x
+    for -x to x, or (least, largest) (default: the limits of the actuators in the parameter set for
+    comparisons); every: macro steps per action (default: as the components step); scale: divisors
+    of the observations by name; if it is given, actions are scaled to -1 to 1.
 
-    Reward of a step: the expression `reward` at its end, less the increase of the expression `cost`
-    (default of approaches: delta-v [m/s]), less the violations of requirements times `weights` (a
-    number, or by name; default 1). An episode ends by itself if an FMU fails, a requirement is
-    violated or a condition of the mission holds; ends: names of requirements and conditions, which
-    take the place of all requirements. shield: component whose abort ends the episode (`monitor`),
-    or that changes actions (`filter`).
+    The reward of a step is the value of the expression `reward` at its end, minus the increase of
+    the expression `cost` (default for approaches: delta-v [m/s]), minus the violations of
+    requirements times `weights` (a number, or numbers by name; default 1). An episode ends if an
+    FMU fails, a requirement is violated or a condition of the mission holds. ends: names of the
+    requirements and conditions that end an episode, instead of all requirements; shield: component
+    whose abort ends the episode (`monitor`), or that changes the actions (`filter`).
 
-    factors: campaign file; episode k starts as its run k. record: each N-th macro step is recorded
-    (default: every). render_mode: `rgb_array`; further arguments: changes as for run(). Third-party
-    FMUs run in a child process. Raises UsageError, and the errors of run() before its first step.
+    factors: campaign file whose run k gives the start of episode k; record: each N-th macro step is
+    recorded (default: each one); render_mode: `rgb_array`; further arguments: changes as for run().
+    Third-party FMUs run in a child process. Raises UsageError, and the errors of run() before its
+    first step.
     """
     library("gymnasium", "learn")
     from harness.learning import apart

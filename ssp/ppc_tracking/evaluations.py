@@ -111,7 +111,8 @@ def barrier(result: Result) -> tuple[float, ...]:
 
 def chatter(result: Result) -> tuple[float, ...]:
     """Return the total variation of the commanded acceleration after 60 s divided by its span, and
-    the total variation [m/s2], both of the axis where it is largest. A sinusoid gives 2 per period.
+    the total variation [m/s2], each for the axis with the largest value. A sinusoid gives a ratio
+    of 2 per period.
     """
     command = result[COMMAND][since(result, SETTLED, 2 * LATE)]
     variation, span = np.abs(np.diff(command, axis=0)).sum(axis=0), np.ptp(command, axis=0)

@@ -71,10 +71,8 @@ class Body:
 
 
 def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]:
-    """Return the body `name` of a result, or all its bodies (None); raise UsageError for an unknown
-    name, ResultsError if there is none or one does not move about the Earth.
-
-    names: names of the signals of bodies.
+    """Return the body `name` of a result, or the components that are bodies (None); raise
+    UsageError for an unknown name, ResultsError if there is none or one is not in an Earth orbit.
     """
     known = names.found(result)
     if name is not None and name not in known:
