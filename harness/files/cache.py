@@ -194,7 +194,9 @@ def computed(kind: str, key: bytes, compute: Callable[[], T]) -> T:
 
 @lru_cache
 def _code() -> bytes:
-    """Return a hash of the Python version and of all source files of the harness."""
+    """Return a hash of the Python version and of all source files of the harness, on which computed
+    values in the cache depend.
+    """
     total = hashlib.sha256(sys.version.encode())
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         total.update(path.read_bytes())

@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 
 HEAD = 4096
-"""Number of bytes at the begin of a library in which its type can be found."""
+"""Number of bytes at the beginning of a library that are enough to find its type."""
 
 ELF = {
     3: "x86", 8: "MIPS", 20: "PowerPC", 21: "PowerPC64", 22: "S/390", 40: "Arm", 62: "x86-64",

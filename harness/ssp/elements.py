@@ -45,8 +45,9 @@ class Connector(NamedTuple):
 
 
 class Point(NamedTuple):
-    """Connector of an element. A connector of a system is the same point from inside and from
-    outside.
+    """Connector of an element, given by the place of the element and the connector's name.
+
+    Connections outside of a system and connections inside it refer to the same Point.
     """
 
     place: Place

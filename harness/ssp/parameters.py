@@ -136,7 +136,7 @@ def mapped(
 # ---- writing: one parameter set per component
 
 BaseUnits = Mapping[str, Mapping[str, float]]
-"""Base units (exponents, factor, offset) by name."""
+"""Definitions of units by name: exponents of the SI base units, factor and offset."""
 
 
 def ssv(

@@ -16,7 +16,7 @@ from ssp.shared.paths_in_space import draw_paths
 from ..shared.relative_motion import SERVICER, SPEED, TARGET, range_
 
 PURSUIT = ("guidance.q_DS",)
-"""Variable that only the guidance of this system publishes."""
+"""Output of pursuit_guidance, by which results of the relay approach are recognised."""
 HOLD = "guidance.zeta1"
 """Parameter with the range at which the servicer must stay [m]."""
 IN_ORBIT = 1e6

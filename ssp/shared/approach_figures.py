@@ -111,7 +111,9 @@ def _engine(result: Result, i: int) -> str:
 
 
 def _thinned(rows: Array) -> Array:
-    """Return at most COLUMNS rows, each with the largest values of the rows that it replaces."""
+    """Return rows (n, elements) reduced to at most COLUMNS rows. Each new row contains the largest
+    values of the successive rows that it replaces.
+    """
     starts = np.unique(
         np.linspace(0, len(rows), min(len(rows), COLUMNS), endpoint=False).astype(int)
     )

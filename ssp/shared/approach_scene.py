@@ -173,7 +173,9 @@ def _servicer(
 def _points(
     result: Result, rows: Rows, arrays: Arrays, orbit: bool, outfit: Outfit | None
 ) -> list[Body]:
-    """Return the points of the outfit whose path is drawn, as bodies without parts of their own."""
+    """Return one body without parts for each point of the outfit whose path is drawn, such as an
+    end effector.
+    """
     paths = outfit.paths if outfit else ()
     return [
         Body(name, *_place(result, rows, arrays, (r, q), orbit), [], 2, 0.1) for name, r, q in paths

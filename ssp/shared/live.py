@@ -42,29 +42,35 @@ def at_samples(result: Result, name: str, error: str) -> str:
 
 
 def position_error(result: Result) -> str:
-    """Return the distance of the servicer from its reference position [m]."""
+    """Return the expression of the distance of the servicer from its reference position [m]."""
     return at_samples(result, REFERENCE, f"norm({{}}({SERVICER} - {TARGET}) - {REFERENCE})")
 
 
 def range_error(result: Result) -> str:
-    """Return the magnitude of range less range of the reference position [m]."""
+    """Return the expression of the absolute difference between the range and the range of the
+    reference position [m].
+    """
     error = f"abs(norm({{}}({SERVICER} - {TARGET})) - norm({REFERENCE}))"
     return at_samples(result, REFERENCE, error)
 
 
 def reference_range(result: Result) -> str:
-    """Return the range of the reference position [m]."""
+    """Return the expression of the range of the reference position [m]."""
     return at_samples(result, REFERENCE, f"norm({REFERENCE})")
 
 
 def attitude_error(result: Result) -> str:
-    """Return the angle between the attitude of the servicer and the reference attitude [rad]."""
+    """Return the expression of the angle between the attitude of the servicer and the reference
+    attitude [rad].
+    """
     error = f"angle({{}}({ATTITUDE}), {REFERENCE_ATTITUDE})"
     return at_samples(result, REFERENCE_ATTITUDE, error)
 
 
 def first_time(condition: str) -> str:
-    """Return the time of the first row in which a condition holds [s]; infinite without one."""
+    """Return the expression of the time of the first row in which a condition holds [s]; infinite
+    without such a row.
+    """
     since = f"(time - first(time) + 1 s) / ({condition})"
     return f"min({since}) + first(time) - 1 s"
 
@@ -73,19 +79,23 @@ def first_time(condition: str) -> str:
 
 
 def released(result: Result) -> str:
-    """Return the condition that the attitude of the servicer is free, not frozen."""
+    """Return the expression that is true while the attitude of the servicer is free, not frozen."""
     known = result.holds(parameters=(RELEASE,))
     release = f"parameter({RELEASE})" if known else f"{min(release_time(result), 1e300)!r} s"
     return f"time >= {release}"
 
 
 def since_release(result: Result) -> str:
-    """Return the time from the first row in which the attitude is free to the last row [s]."""
+    """Return the expression of the time from the first row in which the attitude is free to the
+    last row [s].
+    """
     return f"max((last(time) - time) * ({released(result)}))"
 
 
 def attitude_settles(result: Result, limits: Limits) -> str:
-    """Return the time from the release on after which the attitude stays within its band [s]."""
+    """Return the expression of the time after the release from which the attitude error stays
+    within its band [s].
+    """
     error = f"degrees({attitude_error(result)}) * ({released(result)})"
     frozen = f"(last(time) - first(time) - {since_release(result)})"
     settled = f"(settling_time(time, {error}, {limits.attitude!r}) - {frozen})"
@@ -93,7 +103,9 @@ def attitude_settles(result: Result, limits: Limits) -> str:
 
 
 def attitude_steady(result: Result, _: Limits) -> str:
-    """Return the largest attitude error in the last fifth of the time since the release [deg]."""
+    """Return the expression of the largest attitude error in the last fifth of the time since the
+    release [deg].
+    """
     late = f"(last(time) - time <= 0.2 * {since_release(result)})"
     error = f"max(degrees({attitude_error(result)}) * {late})"
     return f"{error} / (last({released(result)}))"
@@ -103,8 +115,8 @@ def attitude_steady(result: Result, _: Limits) -> str:
 
 
 def delta_v(result: Result, _: Limits) -> str:
-    """Return delta-v [m/s]: the sum of the impulses of all thrusters or axes divided by the mass of
-    the servicer.
+    """Return the expression of delta-v [m/s]: the sum of the impulses of all thrusters or axes
+    divided by the mass of the servicer.
     """
     del result
     impulse = "propulsion.impulse"
@@ -112,12 +124,14 @@ def delta_v(result: Result, _: Limits) -> str:
 
 
 def acting(result: Result) -> str:
-    """Return the condition that the attitude is free in a row and in the row before."""
+    """Return the expression that is true if the attitude is free in a row and in the row before."""
     return f"(time > last(time) - {since_release(result)}) * ({released(result)})"
 
 
 def wheel_torque(result: Result) -> list[str]:
-    """Return the mean torque of the wheels on the body since the row before, by axis [N m]."""
+    """Return three expressions, one per axis: mean torque of the wheels on the body since the row
+    before [N m].
+    """
     wheels = range(1, result["servicer.wheel_speed"].shape[1] + 1)
     change = f"(servicer.wheel_speed - previous(servicer.wheel_speed)) / {STEP}"
     unit = "(1 N.m) / (1 kg.m2.rad/s2)"
@@ -129,8 +143,8 @@ def wheel_torque(result: Result) -> list[str]:
 
 
 def torque_impulse(result: Result, _: Limits) -> str:
-    """Return the integral of the torque of thrusters and wheels on the body since the release of
-    its attitude, summed over the axes [N m s].
+    """Return the expression of the integral of the torque of thrusters and wheels on the body since
+    the release of its attitude, summed over the axes [N m s].
     """
     thrusters = f"({TORQUE_IMPULSE} - previous({TORQUE_IMPULSE}))"
     if TORQUE_IMPULSE not in result:
@@ -141,8 +155,8 @@ def torque_impulse(result: Result, _: Limits) -> str:
 
 
 def peak_torque(result: Result, _: Limits) -> str:
-    """Return the largest torque of thrusters and wheels on the body since the release of its
-    attitude [N m].
+    """Return the expression of the largest torque of thrusters and wheels on the body since the
+    release of its attitude [N m].
     """
     axes = enumerate(wheel_torque(result), 1)
     square = " + ".join(f"({TORQUES[0]}[{axis}] + {wheels}) ** 2" for axis, wheels in axes)

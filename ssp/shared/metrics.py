@@ -109,8 +109,8 @@ def _estimate_error(result: Result, part: int) -> float:
 
 
 def _estimate_nees(result: Result, _: Limits) -> float:
-    """Return the squared errors of the relative motion over their variances, summed over its 12
-    elements, mean of the last fifth: 12 for a consistent filter.
+    """Return the mean, over the last fifth of the run, of the squared errors of the relative motion
+    divided by their variances and summed over its 12 elements: 12 for a consistent filter.
     """
     true, _rows = estimates.rows(result)
     total = np.sum([estimates.normalised(part) for part in estimates.errors(result)], axis=0)
@@ -208,18 +208,22 @@ def _peak_torque(result: Result, _: Limits) -> float:
 
 
 def _saturated(result: Result, _: Limits) -> str | float:
-    """Return the share of rows with an actuator, allocation or controller at a limit [%]."""
+    """Return the expression of the share of rows in which an actuator, allocation or controller is
+    at a limit [%]; NaN without such a flag.
+    """
     flags = [n for n in result.vectors if n.rpartition(".")[2] in LIMIT_FLAGS]
     return _share(*flags) if flags else float("nan")
 
 
 def _share(*flags: str) -> str:
-    """Return the share of rows with a flag raised [%]."""
+    """Return the expression of the share of rows in which one of these variables is not 0 [%]."""
     return f"100 * mean({' or '.join(f'norm({flag}) != 0' for flag in flags)})"
 
 
 def _wheels_full(result: Result, _: Limits) -> str | float:
-    """Return the share of rows with a wheel at its largest speed [%]; NaN without a limit."""
+    """Return the expression of the share of rows in which a wheel has its largest speed [%]; NaN
+    without a limit.
+    """
     most = f"{1 - FULL!r} * parameter({WHEEL_LIMIT})"
     wheels = range(1, result["servicer.wheel_speed"].shape[1] + 1)
     full = " or ".join(f"abs(servicer.wheel_speed[{k}]) >= {most}" for k in wheels)

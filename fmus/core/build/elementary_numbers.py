@@ -102,7 +102,7 @@ def parts(x: mp.mpf, *lowest: int) -> list[float]:
 
 # ---- C ----
 def constant(name: str, x: float, text: str) -> str:
-    """Return the C line that defines one number, with its meaning."""
+    """Return the C line that defines a constant; text: its meaning, written as a comment."""
     return f"#define {name} {x.hex()} /* {text} */"
 
 

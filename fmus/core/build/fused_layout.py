@@ -104,7 +104,7 @@ class Part:
 
 
 def read_layout(text: str) -> dict[str, Model]:
-    """Return the models by symbol from the output of layout.c."""
+    """Return the layouts of models by symbol from `text`, which layout.c has printed."""
     models: dict[str, Model] = {}
     for line in text.splitlines():
         kind, *columns = line.split("\t")

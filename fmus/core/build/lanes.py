@@ -81,7 +81,7 @@ def parsed(text: str) -> Items:
 
 
 def written(items: Items) -> str:
-    """Return items as a C text."""
+    """Return parsed items (tokens and brackets with their content) as a C text again."""
     texts = (x if isinstance(x, str) else f"{x[0]}{written(x[1:])}{CLOSING[x[0]]}" for x in items)
     return " ".join(f"{text}\n" if text.endswith((";", "}")) else text for text in texts)
 
@@ -133,7 +133,7 @@ def early_returns(body: Items, kind: str) -> Items:
 
 
 def ends(item: Any) -> bool:
-    """Return whether a statement ends with an item."""
+    """Return whether a statement ends with an item: a semicolon or a block in braces."""
     return item == ";" or is_block(item)
 
 
