@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Results of a run: a table with names and units, its files, and derived quantities.
+"""Results of runs: tables of recorded rows with names and units, the files that store them, and
+quantities derived from them, such as metrics and margins of requirements.
 
-This package depends neither on the master that made a result nor on figures and claims that read
-it.
+This package imports neither the master, which produces results, nor the figures and claims that
+read them.
 """

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Units of expressions over the variables of a result."""
+"""Units of expressions over the variables of a result: check that they are compatible, and convert
+the parts of an expression to common units.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from harness.system.units import convert, product
 
 
 def history(result: Result, path: str) -> Any:
-    """Return the value of a name of an expression in a result; raise KeyError if it is unknown."""
+    """Return the value of a name in an expression: `time` and `component.variable` are time series,
+    `parameter component.name` is one value. Raise KeyError for an unknown name.
+    """
     if path == "time":
         return result.time
     word, _, parameter = path.partition(" ")
@@ -26,13 +30,15 @@ def history(result: Result, path: str) -> Any:
 
 
 Measured = tuple[Node, str | None]
-"""Part of an expression with its unit: "" for a name without one, None if the units of its parts
-determine none, as for the root of a length.
+"""Part of an expression with the unit of its value: "" if the part has no unit, None if its unit
+cannot be derived from the units of its parts, as for the square root of a length.
 """
 
 
 def unit_of(node: Node, unit: Callable[[str], str]) -> str:
-    """Return the unit of the value of an expression, "" if it is not known; unit: of a name."""
+    """Return the unit of the value of an expression; "" if it is not known or units are
+    incompatible. `unit` returns the unit of a name.
+    """
     try:
         return _measured(node, unit)[1] or ""
     except ValueError:
@@ -40,17 +46,19 @@ def unit_of(node: Node, unit: Callable[[str], str]) -> str:
 
 
 def resolved(node: Node, unit: Callable[[str], str]) -> Node:
-    """Return the tree in which the sides of comparisons and sums, and related arguments of
-    functions, have one unit; raise ValueError if units are incompatible, or one is unknown. Factors
-    of a product or quotient have one unit if they are of one kind.
+    """Return the tree of an expression with conversions inserted, such that both sides of a
+    comparison or sum, and arguments of functions that belong together, have one unit. `unit`
+    returns the unit of a name. Raise ValueError if units are incompatible, or if one is unknown.
 
-    A comparison with a number has the unit in which the number was written.
+    Factors of a product or quotient are converted to one unit if they measure the same kind of
+    quantity, as m and km. The node of a comparison with a number stores the unit in which the
+    number was written.
     """
     return _measured(node, unit)[0]
 
 
 def _measured(node: Node, unit: Callable[[str], str]) -> Measured:
-    """Return the resolved() tree with the unit of its value."""
+    """Return the tree that resolved() returns, and the unit of its value."""
     if node.kind in ("name", "number"):
         return node, unit(node.name) if node.kind == "name" else node.unit
     parts = [_measured(part, unit) for part in node.parts]
@@ -75,12 +83,17 @@ def _measured(node: Node, unit: Callable[[str], str]) -> Measured:
 
 
 def ruling(sides: Sequence[Measured]) -> Measured:
-    """Return the side whose unit both sides get: the first with variables and a unit."""
+    """Return the side of a comparison or sum to whose unit the other sides are converted: the first
+    with variables and a unit, else the first with variables.
+    """
     return min(sides, key=lambda side: (not side[0].variables, side[1] == ""))
 
 
 def _fitting(side: Measured, rule: Measured) -> Measured:
-    """Return a part of an expression in the unit of another one."""
+    """Return a side of a comparison, sum or call converted to the unit of the side `rule`. A side
+    without a unit stays unchanged. Raise ValueError if the units are incompatible, or a required
+    unit is unknown.
+    """
     part, given = side
     wanted = rule[1]
     if given == "" or (given == wanted and wanted) or (wanted == "" and part.variables):
@@ -126,7 +139,9 @@ def _unit(node: Node, parts: Sequence[str | None]) -> str | None:
 
 
 def _product(operation: str, second: Node, a: str | None, b: str | None) -> str | None:
-    """Return the unit of a product, a quotient or a power of numbers in units a and b."""
+    """Return the unit of a product, a quotient or a power of values in units a and b, None if it is
+    unknown; second: node of the second value, the exponent of a power.
+    """
     if operation == "**":
         if a in ("", "1") or a is None or second.kind != "number":
             return a if a in ("", "1") else None
@@ -146,8 +161,9 @@ def unit_in(result: Result, path: str) -> str:
 
 
 def fitted(result: Result, text: str) -> Node:
-    """Return the resolved() tree of a text in the units of a result, cached for results with equal
-    units; raise ValueError.
+    """Return the tree of an expression with its parts converted to common units by resolved(), for
+    the units of the variables of a result; raise ValueError. Trees are cached for results with
+    equal units.
     """
     return _fitted(text, tuple(unit_in(result, path) for path in _parsed(text).variables))
 

@@ -2,8 +2,8 @@
 """Expressions over the variables of a result, for metrics of campaigns and for requirements.
 
 An expression names variables as the result does, `last(norm(servicer.r_SN_N - target.r_TN_N))`,
-elements as `servicer.r_SN_N[1]`, and knows the functions of FUNCTIONS and nothing else. A number
-may have a unit: `guidance.beta_t <= 2 deg`. Names are compared in Unicode's normal form NFKC.
+elements as `servicer.r_SN_N[1]`, and can call only the functions listed in FUNCTIONS. A number may
+have a unit: `guidance.beta_t <= 2 deg`. Names are compared in Unicode's normal form NFKC.
 """
 
 from __future__ import annotations
@@ -37,27 +37,30 @@ from harness.spelling import did_you_mean
 from harness.system.units import convert, product
 
 STEADY = 0.2
-"""Last share of the time in which an error counts as steady."""
+"""Share of the time span of a run, at its end, in which an error counts as steady."""
 TOLERANCE = 1e-9
-"""Relative distance in time up to which a row belongs to an instant."""
+"""Tolerance in the comparison of the times of rows with an instant, relative to the largest time.
+"""
 
 LONGEST = 10_000
 """Largest number of characters of an expression."""
 DIGITS = 300
-"""Largest number of digits of a number: doubles end at 1e308."""
+"""Largest number of digits of a number in an expression: doubles end at 1e308."""
 DEEPEST = 200
-"""Largest number of levels of an expression; every further term of a sum is one."""
+"""Largest number of levels of the tree of an expression; every further term of a sum adds a level.
+"""
 
 QUANTITY = re.compile(
     r"(?<![\w.])(?P<number>(?>\d+\.?\d*|\.\d+)(?>[eE][-+]?\d+)?)\s+"
     r"(?!(?:and|or|not|if|else|in|is)\b)(?P<unit>[A-Za-z%][A-Za-z0-9./%^]*(?:-\d[A-Za-z0-9./%^]*)*)"
 )
-"""A number and its unit."""
+"""Regular expression of a number followed by its unit, such as `2 deg`."""
 
 
 def settling_time(time: Array, error: Array, band: float) -> float:
-    """Return the time [s] from the first row until an error (rows,) stays within a band; NaN if it
-    never does. A row whose error is NaN counts as outside.
+    """Return the time [s] from the first row to the row from which on an error (rows,) is at most
+    `band` until the end; NaN if the last error is larger. A row whose error is NaN counts as
+    larger.
     """
     if np.shape(error) != np.shape(time):
         raise ValueError("settling_time(time, error, band): error is a vector; write norm(error)")
@@ -67,25 +70,29 @@ def settling_time(time: Array, error: Array, band: float) -> float:
 
 
 def steady_error(time: Array, error: Array) -> float:
-    """Return the largest error (rows,) in the last fifth of the time."""
+    """Return the largest error (rows,) in the last fifth of the time span of a run."""
     return float(np.max(error[is_steady(time)]))
 
 
 def is_steady(time: Array) -> NDArray[np.bool_]:
-    """Return which rows are in the last fifth of the time."""
+    """Return a mask (rows,) of the rows in the last fifth of the time span of a run."""
     return np.asarray(time >= time[-1] - STEADY * (time[-1] - time[0]))
 
 
 def _angle(q: Array, p: Array) -> Array:
-    """Return the angle between two attitudes [rad] by their unit quaternions, row by row. It is
-    exact near zero: |q - p| and |q + p| are 2 sin(angle / 4), the shorter, and 2 cos(angle / 4).
+    """Return the angle [rad] between two attitudes, unit quaternions q and p, in every row.
+
+    Of |q - p| and |q + p|, the smaller is 2 sin(angle / 4) and the larger 2 cos(angle / 4), which
+    is accurate near zero.
     """
     a, b = norm(minus(q, p)), norm(plus(q, p))
     return np.asarray(4 * np.arctan2(np.minimum(a, b), np.maximum(a, b)))
 
 
 def row_at(instant: float, time: Array) -> int:
-    """Return the last row up to an instant [s]; raise ValueError if the run does not cover it."""
+    """Return the index of the last row at or before an instant [s]; raise ValueError if the instant
+    is outside the time span of the run.
+    """
     slack = TOLERANCE * max(1.0, float(np.abs(time).max()))
     if not time[0] - slack <= instant <= time[-1] + slack:
         raise ValueError(
@@ -95,7 +102,9 @@ def row_at(instant: float, time: Array) -> int:
 
 
 def _plain(unit: str) -> str | None:
-    """Return the unit of exp and log: unchanged for a plain number, else unknown."""
+    """Return the unit of exp(x) or log(x) from the unit of x: the same for a number without unit,
+    else None (unknown).
+    """
     return unit if unit in ("", "1") else None
 
 
@@ -106,12 +115,13 @@ def _in_degrees(unit: str) -> str | None:
 
 
 class Function(NamedTuple):
-    """Function of expressions: its implementation, the names of its arguments, and units.
+    """Function that an expression may call.
 
-    unit: unit of the value: the place of the argument with the same unit, a unit, or a function of
-    the unit of the first argument; takes: units to which arguments are converted, by place: a unit,
-    or the place of the argument that has it; per_row: the value in a row depends on that row alone;
-    shifts: the value in a row is of another row.
+    value: implementation; arguments: their names; unit: unit of the value, given as the index of
+    the argument with the same unit, as a unit, or as a function of the unit of the first argument;
+    takes: by index of an argument, the unit to which it is converted, or the index of the argument
+    whose unit it gets; per_row: the value in a row depends on that row alone; shifts: the value in
+    a row comes from a neighbouring row.
     """
 
     value: Callable[..., Any]
@@ -123,7 +133,7 @@ class Function(NamedTuple):
 
     @property
     def reduces(self) -> bool:
-        """Return whether the value of a history is one row or number."""
+        """Return whether the function reduces a time series to one row or number."""
         return not (self.per_row or self.shifts)
 
 
@@ -158,15 +168,17 @@ FUNCTIONS: dict[str, Function] = {
     "total": Function(total, per_row=True),
     "turned": Function(turned, ("q", "v"), 1, per_row=True),
 }
-"""Functions of expressions. The number of arguments is checked, because functions of numpy write to
-further ones.
+"""Functions of expressions by name. The number of arguments is checked, because functions of numpy
+write their result into a further argument.
 """
 SHIFTS = [name for name, each in FUNCTIONS.items() if each.shifts]
-"""Functions whose value in a row is of another row."""
+"""Functions whose value in a row comes from a neighbouring row."""
 ROW = ("first", "last", "at")
-"""Functions that return one row of their first argument."""
+"""Functions that select one row of their first argument."""
 WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
-"""Conditions over windows of time with their conditions as arguments; up to two times follow."""
+"""Conditions over windows of time, with the names of the conditions that each takes as arguments.
+Up to two times, which limit the window, may follow these arguments.
+"""
 
 IMPLIES = "implies"
 """implies(x, y): y must hold in the rows in which x holds."""
@@ -181,7 +193,7 @@ OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
 }  # fmt: skip
 """Kind and name of the operators that an expression may contain."""
 BITWISE = (ast.BitAnd, ast.BitOr, ast.Invert)
-"""Operators that Python binds more strongly than a comparison."""
+"""Rejected operators, because Python binds them more strongly than a comparison."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,10 +201,11 @@ class Node:
     """Node of the tree of an expression.
 
     kind: `name` (of a variable, `time`, or `parameter component.name`), `number`, `operator`,
-    `compare`, `negative`, `positive`, `not`, `join` (and, or), `window`, `call` or `pick`; name:
-    name of the variable, function or operation; value: number, index of the element of a pick, or
-    begin and end [s] of a window; unit: unit of a number, or unit in which a comparison was
-    written; source: parsed Python.
+    `compare`, `negative`, `positive`, `not`, `join` (and, or), `window`, `call`, or `pick` (element
+    of a computed vector); name: name of the variable, function or operation; parts: operands or
+    arguments; value: number, index of the element of a pick, or begin and end [s] of a window;
+    unit: unit of a number, or unit in which the number of a comparison was written; source:
+    Python's syntax tree of the node.
     """
 
     kind: str
@@ -216,18 +229,18 @@ class Node:
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """Return the names that it contains: variables, `time` and `parameter component.name`."""
+        """Return the names in the expression: variables, `time` and `parameter component.name`."""
         return tuple(dict.fromkeys(n.name for n in self.walk() if n.kind == "name"))
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Return the variables that it contains, without `time` and parameters."""
+        """Return the variables in the expression, without `time` and parameters."""
         return tuple(n for n in self.variables if n != "time" and not n.startswith("parameter "))
 
     @cached_property
     def is_history(self) -> bool:
-        """Return whether the value has rows: it depends on a variable or the time, which no
-        function reduces to a single row or number.
+        """Return whether the value is a time series: the expression depends on a variable or the
+        time, and no function such as last() or max() reduces it to a single row or number.
         """
         if self.kind == "name":
             return not self.name.startswith("parameter ")
@@ -238,36 +251,41 @@ class Node:
 
     @property
     def conditions(self) -> tuple[Node, ...]:
-        """Return the conditions that it joins, negates or evaluates over a window; none for
-        a leaf.
+        """Return the conditions that this node joins, negates or evaluates over a window; () for a
+        comparison or any other node without conditions as parts.
         """
         return self.parts if self.kind in ("not", "join", "window") else ()
 
     @property
     def shown(self) -> Node:
-        """Return the side of a comparison whose worst value is reported: not a constant number."""
+        """Return the side of a comparison whose worst value is reported: the left side, or the
+        right if the left is a number. For other nodes return the node itself.
+        """
         if self.kind != "compare":
             return self
         return self.parts[1 if self.parts[0].kind == "number" else 0]
 
     @cached_property
     def has_window(self) -> bool:
-        """Return whether it contains a window: it then applies to the start of the run, not to
-        every row.
+        """Return whether the expression contains a window of time. A requirement with a window
+        applies to the start of the run, not to every row.
         """
         return any(node.kind == "window" for node in self.walk())
 
     @cached_property
     def is_timing(self) -> bool:
-        """Return whether it determines when other conditions apply: a condition on time and
-        parameters alone, or the first argument of implies().
+        """Return whether the condition determines when other conditions apply: a condition on time
+        and parameters alone, or the negated first argument of implies().
         """
         return self.name == IMPLIES or ("time" in self.variables and not self.outputs)
 
 
 def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:
-    """Return the tree of a text; raise ValueError if it is not an expression, or exceeds the limits
-    of length, depth and digits. others: further names, of a `kind`, that the text may name.
+    """Return the tree of a text; raise ValueError if the text is not an expression, or exceeds the
+    limits of length, depth and digits.
+
+    others: further names, of a `kind` such as metric, that an error message suggests for a misspelt
+    name.
     """
     text = normalize("NFKC", text)
     if len(text) > LONGEST:
@@ -293,14 +311,16 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:
 
 
 def _tree(text: str) -> ast.expr:
-    """Return the text as parsed by Python, a number with a unit as a call of quantity()."""
+    """Return Python's syntax tree of a text in which a number with a unit, `2 deg`, is replaced by
+    the call `quantity(2, 'deg')`.
+    """
     with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
         marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
         return ast.parse(marked, mode="eval").body
 
 
 def _depth(tree: ast.AST) -> int:
-    """Return the levels of a tree, without recursion."""
+    """Return the number of levels of a syntax tree, counted without recursion."""
     levels, nodes = 0, [tree]
     while nodes:
         levels += 1
@@ -309,19 +329,19 @@ def _depth(tree: ast.AST) -> int:
 
 
 Make = Callable[..., Node]
-"""Constructor of a node with its source."""
+"""Constructor of a Node whose `source` is already given."""
 
 
 class _Reader:
-    """Converter of parsed Python to nodes. It raises ValueError for anything else than an
-    expression.
+    """Converter of Python's syntax tree to nodes of an expression. It raises ValueError for Python
+    that an expression cannot contain.
     """
 
     def __init__(self, others: Sequence[str], kind: str) -> None:
         self.others, self.kind = others, kind
 
     def node(self, given: ast.expr) -> Node:  # noqa: PLR0911 - one per kind
-        """Return the node of parsed Python."""
+        """Return the node for a part of Python's syntax tree."""
         node = partial(Node, source=given)
         if path := _path_of(given):
             return node("name", self._known(path))
@@ -352,7 +372,9 @@ class _Reader:
         return tuple(map(self.node, given))
 
     def _element(self, given: ast.expr, index: tuple[int, ...], node: Make) -> Node:
-        """Return an element of a variable as a name, an element of a computed vector as a pick."""
+        """Return the node of an element: of a variable it is a name, `a.b[1]`, of a computed vector
+        a pick.
+        """
         whole, places = self.node(given), ",".join(map(str, index))
         if whole.kind == "name":
             return node("name", f"{whole.name}[{places}]")
@@ -410,9 +432,9 @@ def _check_call(name: str, given: int) -> None:
 
 
 def _window(name: str, parts: Sequence[Node]) -> tuple[float, float]:
-    """Return begin and end [s], relative to the row, of the window of always(), eventually() or
-    until(); raise ValueError. `60 s` alone is its end; without times it extends to the end of the
-    run.
+    """Return begin and end [s] of the window of always(), eventually() or until(), relative to the
+    time of the row; raise ValueError. A single time is the end, and the begin is then 0. Without
+    times the window extends to the end of the run.
     """
     conditions = WINDOWED[name]
     head = f"{name}({', '.join(conditions)}, ...)"
@@ -434,7 +456,9 @@ def _seconds(node: Node, head: str) -> float:
 
 
 def _path_of(node: ast.expr) -> str:
-    """Return `guidance.los.elevation` for nested attributes, "" for anything else."""
+    """Return the dotted name, such as `guidance.los.elevation`, of nested attributes, "" for other
+    nodes.
+    """
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute):
@@ -447,7 +471,9 @@ ELEMENT = "an index is the number of an element, counted from 1"
 
 
 def _index_of(node: ast.expr) -> tuple[int, ...]:
-    """Return the indices of an element; raise ValueError for other subscripts."""
+    """Return the indices in a subscript, such as (1, 2) for [1, 2]; raise ValueError if they are
+    not whole numbers.
+    """
     found = []
     indices = node.elts if isinstance(node, ast.Tuple) else [node]
     for each in indices:

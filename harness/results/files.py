@@ -2,13 +2,15 @@
 """Results files: .csv and .parquet (flat columns), .nc (netCDF4: vectors, units, long names) and
 .mat (one struct per component).
 
-All store the parameters of the run and its provenance too. A .nc stores them as variables without
-time and as attributes, a .mat in the structs `parameters` and `provenance`. A .csv is a plain table
-for any reader of tables, so they are in NAME.csv.toml beside it, with the units.
+All formats also store the parameters of the run and its provenance. A .nc stores parameters as
+variables without time and provenance as attributes, a .mat in the structs `parameters` and
+`provenance`. A .csv is a plain table for any reader of tables, so parameters, provenance and units
+are in NAME.csv.toml beside it.
 
-A run that ended early writes NAME.partial.nc beside the file, so that a complete file is replaced
-only by complete ones. A .nc or .mat then has `complete = 0`, a .csv ends with a line `# incomplete:
-reason`. A result that cannot be written there is stored elsewhere.
+A run that ended early is written to NAME.partial.nc beside NAME.nc, so that only a complete run
+replaces a complete file. A partial .nc or .mat has `complete = 0`, a .csv ends with a line `#
+incomplete: reason`. If a file cannot be written in its place, the result is written to the folder
+for temporary files, or as .csv.
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ READERS = {ending: kind.read for ending, kind in FORMATS.items()}
 
 
 class ResultFile:
-    """Results file that was found writable before the run. It appears complete or not at all."""
+    """Results file whose place is checked before the run: it must be writable. A write that fails
+    leaves no incomplete file.
+    """
 
     def __init__(self, path: Path) -> None:
         """Prepare the file; raise UsageError for an unknown ending, ResultsError if the file cannot
@@ -66,7 +70,9 @@ class ResultFile:
         return ResultsError(f"{self.path}: cannot be written ({reason})")
 
     def _try(self) -> None:
-        """Write and remove a file in the nearest existing folder."""
+        """Check that the nearest existing folder is writable: create a file in it and remove the
+        file.
+        """
         folder = next(folder for folder in self._target.parents if folder.exists())
         if not folder.is_dir():
             raise NotADirectoryError(f"{folder} is not a folder")
@@ -90,7 +96,7 @@ class ResultFile:
             )
 
     def write(self, result: Result) -> None:
-        """Write the result of a complete run, replacing an earlier partial one too.
+        """Write the result of a complete run, and remove the partial file of an earlier run.
 
         Raises ResultsError on failure. An earlier file then stays unchanged, and the result is
         stored elsewhere if possible.
@@ -107,9 +113,10 @@ class ResultFile:
             comma_separated.beside(partial).unlink(missing_ok=True)
 
     def write_partial(self, result: Result) -> str:
-        """Write the result of a run that ended early beside the file, and return its path.
+        """Write the result of a run that ended early to the partial file, and return its path. If
+        that fails, return the path of the other place where the result was stored, with the error.
 
-        Raises ResultsError if it can be written nowhere.
+        Raises ResultsError if the result cannot be stored anywhere.
         """
         partial = self.path if self._special else self.partial
         try:
@@ -134,7 +141,9 @@ class ResultFile:
 
 
 def _rescued(result: Result, path: Path) -> Path | None:
-    """Return where a result was stored that could not be written to its place."""
+    """Write a result that could not be written to `path` to the folder for temporary files, or as
+    .csv beside `path`. Return the path that succeeded, None if none did.
+    """
     elsewhere = Path(tempfile.gettempdir())
     for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
         place = folder / f"{path.stem[:100]}-{secrets.token_hex(6)}{ending}"
@@ -163,8 +172,8 @@ def read(file: str | Path) -> Result:
 
 
 def save(result: Result, path: str | Path) -> Path:
-    """Write to .nc, .csv, .mat or .parquet, an incomplete result to NAME.partial beside it; return
-    the path. Raises UsageError, ResultsError.
+    """Write a result to a .nc, .csv, .mat or .parquet file, an incomplete result to a NAME.partial
+    file beside it; return the path of the file. Raises UsageError, ResultsError.
     """
     file = ResultFile(Path(path))
     if not result.complete:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arithmetic on histories, (rows, elements): vectors, quaternions (scalar first, v_N = q v_B q*).
+"""Arithmetic on time series (rows, elements) of vectors and quaternions (scalar first, v_N = q v_B
+q*).
 
 Vectors are computed column by column, because numpy takes several times as long for many rows of a
-few elements. The bits are equal to the plain operations.
+few elements. The results are bit-identical to the plain numpy operations.
 """
 
 from __future__ import annotations
@@ -17,15 +18,16 @@ import numpy as np
 from harness.results.result import Array
 
 PAIRWISE = 8
-"""Number of elements from which on numpy adds in pairs; fewer are added from first to last."""
+"""Number of elements from which on numpy sums in pairs; it adds fewer elements from first to last.
+"""
 
 
 # ---- vectors
 
 
 def _is_narrow(x: Any) -> bool:
-    """Return whether an array is a history of a few numbers, and of no subclass, such as one that
-    records its operations.
+    """Return whether x is a time series (rows, n) of doubles with n < PAIRWISE, and a plain numpy
+    array: a subclass may record its operations.
     """
     return (
         type(x) is np.ndarray
@@ -49,7 +51,7 @@ minus = partial(_each, np.subtract, operator.sub)
 
 
 def norm(x: Any) -> Array:
-    """Return the length of every row."""
+    """Return the Euclidean norm of the vector in every row."""
     array = np.asarray(x, dtype=np.float64)
     if not _is_narrow(array):
         return np.asarray(np.sqrt(total(np.square(array))))
@@ -60,7 +62,7 @@ def norm(x: Any) -> Array:
 
 
 def total(x: Any) -> Array:
-    """Return the sum over the elements of every row."""
+    """Return the sum of the elements of every row."""
     if not _is_narrow(x):
         return np.asarray(np.sum(x, axis=-1))
     result = x[:, 0].copy()
@@ -86,7 +88,7 @@ def rotation_angle(a: Array, b: Array) -> Array:
 
 
 def turned(q: Array, v: Array) -> Array:
-    """Return v_N = q v_B q* for quaternions (..., 4), scalar first, and vectors (..., 3)."""
+    """Rotate vectors v (..., 3) by quaternions q (..., 4), scalar first: return v_N = q v_B q*."""
     t = 2 * np.cross(q[..., 1:], v)
     return np.asarray(v + q[..., :1] * t + np.cross(q[..., 1:], t))
 
@@ -104,8 +106,8 @@ def angle_between(u: Any, v: Any) -> Array:
 
 
 def orbit_attitude(inc: Any, argp: Any, raan: Any, nu: Any) -> Array:
-    """Return the quaternions (..., 4) of the Hill frame of an orbit relative to N by inclination,
-    argument of perigee, right ascension and true anomaly [rad].
+    """Return the quaternions (..., 4) of the Hill frame of an orbit relative to the inertial frame
+    N, from inclination, argument of perigee, right ascension and true anomaly [rad].
     """
     half, sum_, difference = inc / 2, (raan + argp + nu) / 2, (raan - argp - nu) / 2
     parts = (
@@ -118,8 +120,9 @@ def orbit_attitude(inc: Any, argp: Any, raan: Any, nu: Any) -> Array:
 
 
 def hill_attitude(r: Any, v: Any) -> Array:
-    """Return the quaternions (..., 4) of the Hill frame of an orbit relative to N by position and
-    velocity (..., 3); x: r, z: r x v.
+    """Return the quaternions (..., 4) of the Hill frame of an orbit relative to the inertial frame
+    N, from position r and velocity v (..., 3) in N. The x axis points along r, the z axis along r x
+    v.
     """
     r, v = (np.asarray(x, dtype=np.float64) for x in (r, v))
     normal = np.cross(r, v)
@@ -129,7 +132,9 @@ def hill_attitude(r: Any, v: Any) -> Array:
 
 
 def quaternion(x: Array, y: Array, z: Array) -> Array:
-    """Return quaternions (rows, 4) of frames from their axes (rows, 3), unit vectors."""
+    """Return the quaternions (rows, 4) of frames that are given by their unit axes x, y, z (rows,
+    3).
+    """
     (a, d, g), (b, e, h), (c, f, i) = (axis.T for axis in (x, y, z))
     # rows of 4 q q^T; the row with the largest diagonal element is the most accurate
     rows = (

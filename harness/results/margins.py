@@ -2,8 +2,8 @@
 """Requirements compiled to instructions (harness.results.program): whether a condition holds in
 every row, and its margin, the distance to failing. The live page executes the same instructions.
 
-Every value is a table (rows, elements), with one row if the rows do not matter. A condition holds
-where its truth is 1, fails where it is 0, and cannot be evaluated where it is NaN.
+Every value is a table (rows, elements), with one row if the value is the same in all rows. The
+truth of a condition is 1 where it holds, 0 where it fails, and NaN where it cannot be evaluated.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ ORDERS = ("<", "<=", ">", ">=")
 
 
 class Limits:
-    """Conditions on time and premises of implies(), any of which decides alone that a requirement
-    holds in a row.
+    """Conditions on time and premises of implies() that are joined to a requirement by `or`. In a
+    row in which one of them holds, the requirement holds regardless of its other conditions.
     """
 
     def __init__(self, parts: Sequence[Node]) -> None:
@@ -40,8 +40,10 @@ class Limits:
         self._sides = list(map(self._program.expression, sides))
 
     def applying(self, result: Result) -> Any:
-        """Return the rows in which no limit holds; None if there is no such row, if a limit has a
-        value per element, or if a number on which a limit depends is NaN.
+        """Return the rows in which none of these conditions holds, such that the rest of the
+        requirement decides: all rows, a slice, or row numbers. Return None if there is no such row,
+        if a condition has a value per element, or if a number that a condition compares is NaN in
+        any row.
         """
         if not self._holds:
             return ALL
@@ -59,11 +61,12 @@ class Limits:
 
 
 class Single(NamedTuple):
-    """The one comparison that is left where no condition on time or premise decides.
+    """Comparison that is the only part of a requirement besides its Limits, as `a.x < 5` in `time <
+    60 or a.x < 5`.
 
-    name: its operation; difference, value: numbers of the instructions of its sides' difference and
-    of the side that is shown; needed: instructions of both; units: of the side, and as written;
-    limits: the conditions that decide elsewhere.
+    name: operator; difference, value: numbers of two instructions, left side minus right side, and
+    the side whose worst value is reported; needed: numbers of all instructions that these two
+    depend on; units: unit of the reported side, and unit as written; limits: the other conditions.
     """
 
     name: str
@@ -75,14 +78,15 @@ class Single(NamedTuple):
 
 
 class Requirement:
-    """Numbers of the instructions of a requirement; `at_start`: it has windows and counts in the
-    first row.
+    """Requirement compiled to a program; the attributes named below are numbers of its
+    instructions.
 
-    truth: of every row and element; margin: of every row, -inf where an element is not a number;
-    elements: margin of every element; value, which: what is compared where the margin is least, and
-    the place of its unit in `units`; exercised: whether every part that must hold matters in some
-    row; undecided: whether a condition in a window depends on NaN; empty: windows in
-    words, with whether one is over and holds no row.
+    truth: 1, 0 or NaN for every row and element; margin: of every row, -inf where the margin of an
+    element is NaN; elements: margin of every element; value, which: compared value of the part that
+    determines the margin, and index of its unit in `units`; exercised: whether every part that must
+    hold matters in some row. A requirement with windows is evaluated in the first row (`at_start`).
+    It has truth (1 or -1) and margin, and undecided: whether a condition in a window depends on
+    NaN; empty: by window in words, whether a window lies within the run and contains no row.
     """
 
     def __init__(self, tree: Node, unit: Callable[[str], str], program: Program) -> None:
@@ -92,7 +96,9 @@ class Requirement:
         self.single: Single | None = None
         self.margin_unit = unit_of_margin(tree, unit)
         self.units: list[tuple[str, str]] = []
-        """Units of compared values: of the variables, and as written ("": as the variables)."""
+        """Units of compared values: the unit of the variables, and the unit as written ("" if none
+        is written).
+        """
         self.empty: dict[str, int] = {}
         self._inside: list[int] = []
         if tree.has_window:
@@ -158,16 +164,22 @@ class Requirement:
         return self._add("-", self._number(1), truth)
 
     def _holds(self, truth: int) -> int:
-        """Return where a condition holds in all elements, (rows, 1)."""
+        """Return the instruction with 1 in every row (rows, 1) in which a condition holds in all
+        elements.
+        """
         return self._add("least", self._add("==", truth, self._number(1)))
 
     def _by_row(self, node: Node) -> int:
-        """Return the smallest margin of the elements of every row; -inf where one is NaN."""
+        """Return the instruction with the smallest margin (rows, 1) of the elements of every row;
+        -inf where the margin of an element is NaN.
+        """
         least = self._add("least", self._of(node))
         return self._add("where", self._add("isnan", least), self._number(-math.inf), least)
 
     def _of(self, node: Node) -> int:
-        """Return the margins (rows, elements) of a condition; NaN where its truth is."""
+        """Return the instruction with the margins (rows, elements) of a condition; NaN where the
+        condition cannot be evaluated.
+        """
         return self._add("decided", self._margin(node), self._truth(node))
 
     def _margin(self, node: Node) -> int:
@@ -187,10 +199,12 @@ class Requirement:
         return self._where(is_true, 1, -1)
 
     def _exercised(self, node: Node, looked: int, negated: bool = False) -> int:
-        """Return whether every part that must hold matters in some row. A part matters in a row
-        unless a condition on time or the premise of implies() alone decides the whole.
+        """Return the instruction that gives whether every part of a condition that must hold
+        matters in some row. A part matters in a row unless a condition on time or the premise of
+        implies() alone decides the outcome.
 
-        looked: rows that matter; negated: whether the part is below a `not`.
+        looked: instruction with 1 in the rows in which `node` matters; negated: whether `node` is
+        inside a `not`.
         """
         if node.is_timing:
             return self._number(not self.guarded)
@@ -211,7 +225,9 @@ class Requirement:
         return self._fold("fmax", [self._number(0), *parts])
 
     def _shown(self, node: Node) -> tuple[int, int]:
-        """Return what is compared in the part with the least margin, and the place of its unit."""
+        """Return two instructions: the compared value of the part that determines the margin of a
+        row (the least margin of `and`, the largest of `or`), and the index of its unit in `units`.
+        """
         if node.kind == "not":
             return self._shown(node.parts[0])
         if node.kind != "join":
@@ -232,8 +248,9 @@ class Requirement:
     # ---- conditions over windows of time
 
     def _over_windows(self, node: Node) -> tuple[int, int]:
-        """Return the margin of every row, and 1 where the condition holds, -1 where not; NaN: no
-        evidence.
+        """Return two instructions for a condition with windows: its margin in every row, and 1
+        where it holds, -1 where it fails. Both are NaN where the window provides no evidence,
+        because it extends beyond the run or contains no row.
         """
         if not node.has_window:
             truth = self._truth(node)
@@ -263,7 +280,9 @@ class Requirement:
         return margin, sign
 
     def data(self) -> dict[str, Any]:
-        """Return the requirement for the live page."""
+        """Return instruction numbers, flags and units of the requirement as plain data for the live
+        page.
+        """
         numbers = {name: x for name, x in vars(self).items() if isinstance(x, bool | int)}
         units = [_conversion(*each) for each in self.units]
         return numbers | {
@@ -274,20 +293,22 @@ class Requirement:
 
 
 def _conversion(given: str, written: str) -> dict[str, Any]:
-    """Return the unit in which a value is shown, with factor and offset from the unit of the
-    variables.
+    """Return the unit in which a value is shown, and the factor and offset that convert a value to
+    it from `given`, the unit of the variables.
     """
     zero, one = (convert(x, given, written) if written else x for x in (0.0, 1.0))
     return {"unit": written or given, "factor": one - zero, "offset": zero}
 
 
 def _extreme(node: Node) -> str:
-    """Return the function that joins margins: minimum for `and`, maximum for `or`."""
+    """Return the name of the operation that joins margins: minimum for `and`, maximum for `or`."""
     return "fmax" if node.name == "or" else "fmin"
 
 
 def compiled(result: Result, text: str) -> Requirement:
-    """Return the requirement for the units of a result; ValueError."""
+    """Return the requirement `text`, compiled for the units of the variables of a result; raise
+    ValueError if it is not an expression or its units do not fit. Requirements are cached.
+    """
     tree = fitted(result, text)
     return _compiled(tree, tuple(unit_in(result, path) for path in tree.variables))
 
@@ -301,7 +322,9 @@ def _compiled(tree: Node, units: tuple[str, ...]) -> Requirement:
 
 
 def leaves(node: Node, inside: bool = False) -> Iterator[tuple[Node, bool]]:
-    """Yield the conditions without parts, and whether they are inside a window."""
+    """Yield the conditions at the leaves of a tree, which join or negate no others, each with
+    whether it is inside a window.
+    """
     if not node.conditions:
         yield node, inside
     for part in node.conditions:
@@ -309,7 +332,9 @@ def leaves(node: Node, inside: bool = False) -> Iterator[tuple[Node, bool]]:
 
 
 def compared(node: Node) -> Iterator[Node]:
-    """Yield the conditions without parts, except those that determine when others apply."""
+    """Yield the conditions at the leaves of a tree, which join or negate no others, except those
+    that determine when other conditions apply.
+    """
     if not node.is_timing:
         for part in node.conditions:
             yield from compared(part)
@@ -318,7 +343,9 @@ def compared(node: Node) -> Iterator[Node]:
 
 
 def unit_of_margin(node: Node, unit: Callable[[str], str]) -> str:
-    """Return the unit of the margin of a condition, "" if it is unknown or there are several."""
+    """Return the unit of the margin of a condition, "" if it is unknown or if its comparisons have
+    several units.
+    """
     sides = [leaf.parts for leaf in compared(node) if leaf.kind == "compare"]
     units = {ruling([(part, unit_of(part, unit)) for part in parts])[1] or "" for parts in sides}
     return units.pop() if len(units) == 1 else ""

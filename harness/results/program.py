@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Expressions as lists of instructions, which Python and the live page (harness/report/page/
-program.js) interpret: metrics, requirements, curves and arrays of a replay.
+"""Expressions as lists of instructions, which Python and the live page (in
+harness/report/page/program.js) interpret: metrics, requirements, curves and arrays of a replay.
 
-An instruction takes the values of earlier instructions and gives one value. Values are numbers ()
-or vectors (elements,), and histories of these, (rows,) or (rows, elements). Conditions are compiled
-from tables (rows, elements), with one row if the rows do not matter (harness.results.margins).
+An instruction takes the values of earlier instructions and gives one value: a number () or a vector
+(elements,), or a time series of these, (rows,) or (rows, elements). Conditions are compiled to
+operations on tables (rows, elements), which have one row if the value is the same in all rows
+(harness.results.margins).
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from harness.results.histories import minus, plus
 from harness.results.result import Result
 
 LookUp = Callable[[str], Any]
-"""Value of `time`, `component.variable` or `parameter component.name`."""
+"""Function that returns the value of `time`, `component.variable` or `parameter component.name`."""
 
 
 class Instruction(NamedTuple):
     """Operation of a program.
 
-    operation: its name; parts: numbers of the instructions whose values it takes; constant: name,
-    number, element or window; rows: whether its value is a history.
+    operation: its name; parts: numbers of the instructions whose values it takes; constant: name of
+    a variable, number, element or window that it needs; rows: whether its value is a time series.
     """
 
     operation: str
@@ -41,19 +42,19 @@ class Instruction(NamedTuple):
 
 
 class Program:
-    """Instructions in the order in which they are executed, each of them once."""
+    """Instructions in the order of their execution; equal instructions are stored once."""
 
     def __init__(self) -> None:
         self.instructions: list[Instruction] = []
         self._numbers: dict[tuple[Any, ...], int] = {}
 
     def add(self, operation: str, *parts: int, constant: Any = None, rows: Any = None) -> int:
-        """Return the number of an instruction; its value is a history if one of its parts is,
-        unless `rows` is given.
+        """Add an instruction unless an equal one exists, and return its number. Its value is a time
+        series if the value of one of its parts is; `rows` overrides this.
         """
         if rows is None:
             rows = any(self.instructions[part].rows for part in parts)
-        key = operation, parts, repr(constant), rows  # True is not 1, and 0 is not -0
+        key = operation, parts, repr(constant), rows  # repr: True differs from 1, 0.0 from -0.0
         number = self._numbers.setdefault(key, len(self.instructions))
         if number == len(self.instructions):
             self.instructions.append(Instruction(operation, parts, constant, rows))
@@ -66,7 +67,8 @@ class Program:
     def expression(self, node: Node, row: int | None = None) -> int:  # noqa: PLR0911 - per kind
         """Return the number of the instruction that gives the value of a resolved() expression.
 
-        row: instruction with the only row that is evaluated, in a history of one row.
+        row: number of the instruction that gives the index of the only row to be evaluated; time
+        series then have one row.
         """
         match node:
             case Node("name", name):
@@ -94,15 +96,18 @@ class Program:
         return self.add(node.name, *parts)
 
     def fold(self, operation: str, parts: Sequence[int]) -> int:
-        """Return the number of the instruction that joins parts from the first to the last."""
+        """Return the number of the instruction that joins the values of all parts, from the first
+        to the last, by an operation on two values.
+        """
         found = parts[0]
         for part in parts[1:]:
             found = self.add(operation, found, part)
         return found
 
     def _row(self, node: Node) -> int:
-        """Return one row of an expression. Only that row is computed if it is independent of the
-        others.
+        """Return the number of the instruction that gives one row of an expression, for first(),
+        last() and at(). If the value in a row does not depend on other rows, only that row is
+        evaluated.
         """
         inner = node.parts[0]
         _check_rows(node)
@@ -113,7 +118,9 @@ class Program:
         return self.add("row", self.expression(inner, row), first, rows=False)
 
     def needed(self, wanted: Sequence[int]) -> list[int]:
-        """Return the numbers of some instructions and of all that give them values, in order."""
+        """Return, in order, the numbers of the wanted instructions and of all instructions on which
+        they depend.
+        """
         found = {*wanted}
         for k in range(max(wanted), -1, -1):
             found |= {*self.instructions[k].parts} if k in found else set()
@@ -126,8 +133,11 @@ class Program:
         rows: bool = True,
         only: Sequence[int] | None = None,
     ) -> list[Any]:
-        """Return the values of all instructions; complete: the last row is the end of the run;
-        rows: False leaves out histories, None is in their places; only: the needed() instructions.
+        """Execute the instructions and return the value of each, None for one that is not executed.
+
+        look_up: values of names; complete: whether the last row is the end of the run; rows: False
+        leaves out time series; only: numbers of the instructions to execute, from needed() (None:
+        all).
         """
         values: list[Any] = [None] * len(self.instructions)
         with np.errstate(all="ignore"):
@@ -141,14 +151,16 @@ class Program:
         return values
 
     def data(self) -> list[list[Any]]:
-        """Return the instructions for the page; numbers that are not finite are texts."""
+        """Return the instructions as plain data for the live page; numbers that are not finite are
+        texts.
+        """
         return [[each.operation, each.parts, _finite(each.constant)] for each in self.instructions]
 
 
 def _check_rows(node: Node) -> None:
-    """Raise ValueError if the first argument of a function is not a history."""
+    """Raise ValueError if the first argument of a function is not a time series."""
     if not node.parts[0].is_history:
-        raise ValueError(f"{node.name}(): `{node.parts[0].text}` has no rows")
+        raise ValueError(f"{node.name}(): `{node.parts[0].text}` has no rows: it is constant")
 
 
 def is_per_row(tree: Node) -> bool:
@@ -158,8 +170,8 @@ def is_per_row(tree: Node) -> bool:
 
 
 def is_local(tree: Node) -> bool:
-    """Return whether an expression is a history whose value in a row depends on that row and its
-    neighbours alone.
+    """Return whether an expression is a time series whose value in a row depends on that row and
+    its neighbours alone.
     """
     calls = (node.name for node in tree.walk() if node.kind == "call")
     near = all(FUNCTIONS[name].per_row or FUNCTIONS[name].shifts for name in calls)
@@ -178,8 +190,8 @@ def _finite(constant: Any) -> Any:
 
 
 def _value(instruction: Instruction, given: list[tuple[Any, bool]], complete: bool) -> Any:
-    """Return the value of an instruction; given: values of its parts, and whether each is a
-    history.
+    """Return the value of an instruction; given: values of its parts, each with whether it is a
+    time series; complete: whether the last row is the end of the run.
     """
     operation, _, constant, _ = instruction
     values = [value for value, _ in given]
@@ -196,18 +208,22 @@ def _value(instruction: Instruction, given: list[tuple[Any, bool]], complete: bo
 
 
 def _flat(value: Any, rows: bool) -> Any:
-    """Return a matrix as the vector of its elements."""
+    """Return a matrix as the vector of its elements; rows: whether the value is a time series."""
     leading = np.shape(value)[:rows]
     return value if np.ndim(value) <= len(leading) + 1 else np.reshape(value, (*leading, -1))
 
 
 def _vector(value: Any, rows: bool) -> Any:
-    """Return a value with an axis of elements; a scalar gets an axis of length 1."""
+    """Return a value with an axis of elements; a scalar gets an axis of length 1. rows: whether the
+    value is a time series.
+    """
     return value if np.ndim(value) > rows else np.asarray(value)[..., np.newaxis]
 
 
 def _aligned(given: list[tuple[Any, bool]]) -> list[Any]:
-    """Return values that meet element by element: a scalar history beside vectors has an axis."""
+    """Return values in shapes that combine element by element: beside vectors, a scalar time series
+    gets an axis of one element.
+    """
     if all(np.ndim(value) <= rows for value, rows in given):
         return [value for value, _ in given]
     return [_vector(*each) for each in given]
@@ -221,7 +237,7 @@ def _element(given: list[tuple[Any, bool]], constant: tuple[int, str]) -> Any:
 
 
 OF_VECTORS = ("angle", "angle_between", "hill", "mrp", "norm", "total", "turned")
-"""Functions of the elements of every row."""
+"""Functions of vectors; a scalar argument gets an axis of one element."""
 OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "+": plus, "-": minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
@@ -235,7 +251,7 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
 
 
 def _table(given: list[tuple[Any, bool]], _: None) -> Any:
-    """Return a value as (rows, elements), with one row if it is not a history."""
+    """Return a value as a table (rows, elements), with one row if the value is no time series."""
     ((value, rows),) = given
     array = np.asarray(value, dtype=np.float64)
     return array.reshape(len(array) if rows else 1, -1)
@@ -251,7 +267,7 @@ def _least(table: Any) -> Any:
 
 
 def _decided(x: Any, *by: Any) -> Any:
-    """Return x as numbers, NaN where one of `by` is."""
+    """Return x as doubles, NaN where an element of one of the arrays `by` is NaN."""
     unknown = reduce(np.logical_or, map(np.isnan, by))
     if np.shape(x) == unknown.shape and not unknown.any():  # np.where takes ten times as long
         return np.asarray(x, dtype=np.float64)
@@ -259,7 +275,7 @@ def _decided(x: Any, *by: Any) -> Any:
 
 
 def _difference(a: Any, b: Any) -> Any:
-    """Return a - b, 0 for equal infinities."""
+    """Return a - b; 0 where both are the same infinity."""
     found = a - b
     return np.where(a == b, 0.0, found) if np.isnan(found).any() else found
 
@@ -287,8 +303,9 @@ TABLES: Mapping[str, Callable[..., Any]] = {
     "least": _least,
     "every row": lambda x, time: np.broadcast_to(x, (len(time), x.shape[1])),
 }
-"""Operations on values as they are. `decided` is NaN where one of `by` is; `both` is 0 where a or b
-is, NaN where that hangs on what is NaN; `difference` of equal infinities is 0.
+"""Operations on values in the shapes in which they are stored. `decided`: see _decided(); `both`:
+truth of `a and b`, 0 where a or b is 0, else NaN where a or b is NaN; `difference`: see
+_difference().
 """
 WINDOWED: Mapping[str, Callable[..., Any]] = {
     "always": _over_windows(windows.always),
@@ -296,13 +313,15 @@ WINDOWED: Mapping[str, Callable[..., Any]] = {
     "until": _over_windows(windows.until),
     "empty": windows.empty,
 }
-"""Operations over the window of every row, whose times are the last part; constant: begin, end."""
+"""Operations over the window of every row. The last part of the instruction is the time, its
+constant the begin and end of the window [s], relative to the time of the row.
+"""
 SPECIAL: Mapping[str, Callable[..., Any]] = {
     "element": _element,
     "number": _number,
     "table": _table,
 }
-"""Operations that take a constant, or depend on whether a value is a history."""
+"""Operations that need the constant of the instruction, or whether a value is a time series."""
 
 
 # ---- expressions over a result
@@ -317,13 +336,15 @@ def _compiled(node: Node) -> Program:
 
 
 def value_of(result: Result, text: str) -> Any:
-    """Return the value of an expression over a result, see evaluate(); ValueError, KeyError."""
+    """Return the value of the expression `text` for a result, in the shapes of evaluate(); raise
+    ValueError for an invalid expression, KeyError for an unknown name.
+    """
     return evaluate(fitted(result, text), partial(history, result))
 
 
 def evaluate(node: Node, look_up: LookUp) -> Any:
     """Return the value of a resolved() expression: (rows,) or (rows, elements) if Node.is_history,
-    else () or (elements,).
+    else () or (elements,). look_up: values of names.
     """
     if node.name == "steady" and node.parts[0].name == "time" and is_local(node.parts[1]):
         return _steady(node.parts[1], look_up)
@@ -331,12 +352,16 @@ def evaluate(node: Node, look_up: LookUp) -> Any:
 
 
 def of_rows(look_up: LookUp, rows: Any) -> LookUp:
-    """Return the values of histories in these rows alone."""
+    """Return a function that looks up the same names, with time series restricted to the given
+    rows.
+    """
     return lambda name: look_up(name) if name.startswith("parameter ") else look_up(name)[rows]
 
 
 def _steady(error: Node, look_up: LookUp) -> float:
-    """Return steady_error(), computed from its rows and those that they are shifted from."""
+    """Return the value of steady(time, error). `error` is evaluated only in the rows that steady()
+    uses and in those before them from which previous() takes values.
+    """
     first = int(np.argmax(is_steady(look_up("time"))))
     before = max(0, first - sum(node.name in SHIFTS for node in error.walk()))
     return float(np.max(evaluate(error, of_rows(look_up, slice(before, None)))[first - before :]))

@@ -31,13 +31,15 @@ from harness.system.values import parse, too_deep
 SCHEMA = 1
 """Version of the content of results files, see docs/release.md; files without a number have 1."""
 OF_A_RUN = ("command", "date", "executor", "platform", "timing")
-"""Settings that a system has only while it runs."""
+"""Fields of a Provenance that a system has only in a run."""
 LAST_SECOND = 253402300799
 """Last second of the year 9999, in seconds since 1970."""
 
 
 class Slot(NamedTuple):
-    """Component with the name of its FMU, macro steps per step, and macro steps of latency."""
+    """Component with the name of its FMU, its period (macro steps per step), and its latency in
+    macro steps.
+    """
 
     component: str
     fmu: str
@@ -49,14 +51,16 @@ class Slot(NamedTuple):
 class Provenance:
     """Settings of a run.
 
-    version: of this package; system: its name; mission: its mission; source: name or path as the
-    user gave it; sha256: of the .ssp ("": the system was made in Python); params: parameter set or
-    file; params_sha256: of the file; set: (`component.variable`, value) as given, text or value;
-    swaps: other FMUs; on: (component, place) on other processors; maps: (their port, our name);
-    latency: (component, macro steps) as given; algorithm, step [s], stop [s], epoch (UTC of t = 0,
-    "": none), schedule, executor, every: as run; timing: accuracy of the pace of a clock ("":
-    none); requirements: (name, text); command: command line (None: from Python); date: when the
-    result was taken, UTC; platform: of the host; schema: version of the file's content.
+    version: of this package; system: its name; mission: name of its mission; source: name or path
+    of the system as the user gave it; sha256: of the .ssp ("": the system was made in Python);
+    params: parameter set or file; params_sha256: of the file; set: (`component.variable`, value) as
+    given, text or value; swaps: FMUs that replaced the FMU of a component; on: (component,
+    processor) for components that ran on another processor; maps: (name in the FMU, name in the
+    system) of mapped ports; latency: (component, macro steps) as given; algorithm, step [s], stop
+    [s], epoch (UTC of t = 0, "": none), schedule, executor, every (macro steps per recorded row):
+    as they were in the run; timing: how accurately the run followed a clock ("": it followed none);
+    requirements: (name, text); command: command line (None: run from Python); date: when the result
+    was taken, UTC; platform: of the host; schema: version of the content of the file.
     """
 
     version: str = ""
@@ -125,7 +129,9 @@ class Provenance:
 
 
 def run_provenance(system: System, executor: str, every: int, timing: str = "") -> Provenance:
-    """Return the provenance of a run of a system that begins or ends now."""
+    """Return the provenance of a run of a system that begins or ends now. every: macro steps per
+    recorded row; timing: how accurately the run followed a clock ("": it followed none).
+    """
     origin, experiment = system.origin, system.experiment
     given = {
         name: getattr(origin, name) for name in ("source", "sha256", "params", "params_sha256")
@@ -152,8 +158,9 @@ def run_provenance(system: System, executor: str, every: int, timing: str = "") 
 
 
 class WholeProvenance(NamedTuple):
-    """Version of this package, date of the newest FMU (or SOURCE_DATE_EPOCH), and settings of a
-    system that was written as one FMU: parameter set, changes, schedule and its FMUs.
+    """Provenance of a system that was written as one FMU. version: of this package; date: of the
+    newest of its FMUs (or SOURCE_DATE_EPOCH); provenance: parameter set, changes, schedule and FMUs
+    of the system.
     """
 
     version: str
@@ -162,7 +169,9 @@ class WholeProvenance(NamedTuple):
 
 
 def whole_provenance(system: System, interfaces: Mapping[str, Interface]) -> WholeProvenance:
-    """Return the provenance of a system as one FMU; interfaces: of its components by name."""
+    """Return the provenance of a system that is written as one FMU; interfaces: of its components
+    by name.
+    """
     settings = table(run_provenance(system, "", system.experiment.every))
     fixed = {k: v for k, v in settings.items() if k not in OF_A_RUN and v not in ("", [])}
     models = [interfaces[c.name].model for c in system.components]
@@ -187,8 +196,8 @@ def _platform() -> str:
 
 
 def now() -> str:
-    """Return date and time, or SOURCE_DATE_EPOCH for reproducible files; raise UsageError if its
-    value is not a second of the years 1970 to 9999.
+    """Return the current date and time in UTC, or the instant in SOURCE_DATE_EPOCH for reproducible
+    files; raise UsageError if its value is not a second of the years 1970 to 9999.
     """
     if not (given := os.environ.get("SOURCE_DATE_EPOCH", "")):
         moment = datetime.now(UTC)
@@ -206,13 +215,15 @@ def now() -> str:
 
 
 KINDS = get_type_hints(Provenance, include_extras=True)
-"""Types of the fields by name."""
+"""Types of the fields of a Provenance by name."""
 PLAIN = {name for name, kind in KINDS.items() if get_origin(kind) is not tuple}
-"""Fields that are a text or a number; the others are lists."""
+"""Fields of a Provenance that are a text or a number; the others are tuples."""
 
 
 def table(provenance: Provenance) -> dict[str, Any]:
-    """Return fields by name with texts, numbers and lists of lists, without empty ones."""
+    """Return the fields by name as texts, numbers and lists of lists; fields that are None are
+    omitted.
+    """
     found = {name: getattr(provenance, name) for name in KINDS}
     return {
         name: value if name in PLAIN else [list(row) for row in value]
@@ -222,8 +233,8 @@ def table(provenance: Provenance) -> dict[str, Any]:
 
 
 def from_table(given: Mapping[str, Any]) -> Provenance:
-    """Return the provenance from table(); raise ValueError for a schema that is newer than ours.
-    Fields may be added to a schema; unknown fields are ignored.
+    """Return the provenance from its table(); raise ValueError for a schema that is newer than
+    SCHEMA. Fields may be added without a new schema, so unknown fields are ignored.
     """
     if _field("schema", given.get("schema", SCHEMA)) > SCHEMA:
         raise ValueError(
@@ -234,16 +245,18 @@ def from_table(given: Mapping[str, Any]) -> Provenance:
 
 
 def _field(name: str, value: Any) -> Any:
-    """Return a field of a file; raise ValueError if its type differs from a run's."""
+    """Return a field that was read from a file, in its type in Provenance; raise ValueError if it
+    has another type.
+    """
     if too_deep(value):
-        raise ValueError(f"{name}: too many lists within each other")
+        raise ValueError(f"{name}: lists are nested too deeply")
     for problem in problems(value, KINDS[name], name):
         raise ValueError(problem)
     return msgspec.convert(value, KINDS[name])
 
 
 def flat(provenance: Provenance) -> dict[str, str | float]:
-    """Return the table with lists as JSON, for files that have texts and numbers only."""
+    """Return table() with its lists as JSON texts, for files that store only texts and numbers."""
     return {
         name: value if name in PLAIN else json.dumps(value)
         for name, value in table(provenance).items()
@@ -251,13 +264,13 @@ def flat(provenance: Provenance) -> dict[str, str | float]:
 
 
 def from_flat(given: Mapping[str, Any]) -> Provenance:
-    """Return the provenance from flat()."""
+    """Return the provenance from its flat() form."""
     return from_table({name: _unpacked(name, value) for name, value in given.items()})
 
 
 def _unpacked(name: str, value: Any) -> Any:
-    """Return a list from its JSON, a number from an array of one, and an empty text as a .mat
-    stores it.
+    """Return a field of flat() as it is in table(): a list from its JSON text, a number from an
+    array of one element, "" from an empty array, as which a .mat stores an empty text.
     """
     if name in KINDS.keys() - PLAIN:
         try:
@@ -279,7 +292,7 @@ def _changed(p: Provenance) -> Iterator[str]:
     yield from (f"{component} on {place}" for component, place in p.on)
     yield from (f"{name} = {value}" for name, value in p.set)
     yield from (f"{component} {steps} macro steps late" for component, steps in p.latency)
-    yield from (f"port {a} taken for {b}" for a, b in p.maps)
+    yield from (f"port {a} mapped to {b}" for a, b in p.maps)
 
 
 def _g(value: float | None) -> str:
@@ -290,7 +303,9 @@ def _g(value: float | None) -> str:
 
 
 def differences(ours: Provenance | None, theirs: Provenance | None) -> list[str]:
-    """Return the names of differing fields that determine the numbers, without hashes."""
+    """Return the names of the fields that differ between two runs and influence their values.
+    Hashes are not compared.
+    """
     if ours is None or theirs is None:
         return []
     names = ("system", "params", "algorithm", "step", "stop", "every", "maps", "schedule")

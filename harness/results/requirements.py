@@ -3,8 +3,9 @@
 
 A requirement is a name and a text, `guidance.range >= 4 m` or `time < 20 min or norm(controller.e)
 < 5 cm`, see harness.results.expressions. A system contains requirements, and the user adds others.
-A requirement with windows, `eventually(always(guidance.range <= 4 m, 60 s), 20 min)`, holds at the
-start of the run. Its margin is the distance to failing, in the unit of the compared quantities.
+A requirement with windows, `eventually(always(guidance.range <= 4 m, 60 s), 20 min)`, must hold at
+the start of the run. The margin of a requirement is its distance to failing, in the unit of the
+compared quantities.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ from harness.system.values import base
 
 _log = logging.getLogger("harness")
 SMALL, MANY = ("cm", "mm"), 1000.0
-"""Units of small lengths; values from which on they are shown in m."""
+"""Units of small lengths, and the value from which on a length in such a unit is shown in m."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """Outcome of evaluating one requirement.
 
-    value, unit, time [s]: the compared quantity at the smallest margin (None: there is none);
-    reason: why it is not exercised or not judged; margin, margin_unit: distance to failing,
-    negative where it fails, -inf for a run that ended early or a value that is not a number, None
-    without a verdict ("": several units are compared).
+    value, unit, time [s]: the compared quantity in the row with the smallest margin (None: there is
+    none); reason: why the requirement is not exercised or not judged; margin, margin_unit: distance
+    to failing, negative if the requirement fails, -inf for a run that ended early or a value that
+    is not a number, None without a verdict ("": several units are compared).
     """
 
     name: str
@@ -62,7 +63,7 @@ class Finding:
 
     @property
     def word(self) -> str:
-        """Return the verdict in one or two words, in capitals where it is not met."""
+        """Return the verdict in one or two words, in capitals if the requirement is not met."""
         word = Kind.REQUIREMENT.word(self.verdict)
         return word.upper() if self.verdict is Verdict.NOT_MET else word
 
@@ -73,12 +74,12 @@ class Finding:
 
     @property
     def outcome(self) -> Outcome:
-        """Return the verdict for the exit status."""
+        """Return the finding as an Outcome, from which the exit status follows."""
         return Outcome(Kind.REQUIREMENT, self.name, self.verdict, str(self))
 
     @property
     def detail(self) -> str:
-        """Return the worst value with its time, or why there is none."""
+        """Return the worst value with its time, or why there is no such value."""
         if self.value is None:
             return self.reason
         place = "" if self.time is None else f" at {self.time:g} s"
@@ -86,8 +87,8 @@ class Finding:
 
     @property
     def worst(self) -> str:
-        """Return the worst value with its unit, in m where a small unit needs many digits; "" if
-        there is none.
+        """Return the worst value with its unit, "" if there is no value. A value of 1000 or more in
+        a small unit of length is in m.
         """
         if self.value is None:
             return ""
@@ -99,8 +100,8 @@ class Finding:
 
 def rejected(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:
     """Return the problems of requirements of a system, one line each: texts that are not
-    conditions, variables and parameters that do not exist, incompatible units; fixed: they are
-    conditions on parameters alone.
+    conditions, variables and parameters that do not exist, incompatible units. fixed: whether
+    requirements may contain parameters only.
     """
     known = _units(system, fixed)
     return [
@@ -111,7 +112,9 @@ def rejected(system: System, requirements: Mapping[str, Any], fixed: bool = Fals
 
 
 def log_inconsistencies(*systems: System) -> None:
-    """Log contradictions between parameters of systems, a line each with their values."""
+    """Log a line for each condition on parameters of the systems (`consistency`) that does not
+    hold, with the values of the parameters.
+    """
     known: tuple[System, Graph] | None = None
     for system in systems:
         if system.consistency:
@@ -141,9 +144,7 @@ def _written(table: Result, path: str) -> str:
 
 
 def _units(system: System, fixed: bool) -> dict[str, str]:
-    """Return the units of all names that an expression may contain, of parameters alone if
-    fixed.
-    """
+    """Return the unit of every name that an expression may contain; `fixed`: of parameters only."""
     known = {} if fixed else {"time": "s"}
     for component, interface in read_interfaces(system).items():
         tables = {"parameter ": interface.named("parameter")}
@@ -185,7 +186,7 @@ def _unknown(path: str, known: Iterable[str]) -> str:
 
 
 def _check(tree: Node) -> None:
-    """Raise ValueError if a text is not a condition, or contains an unknown unit."""
+    """Raise ValueError if a tree is not a condition, or contains an unknown unit."""
     if not (tree.kind == "compare" or tree.conditions):
         raise ValueError("is not a condition; write one like `component.variable >= 4 m`")
     for leaf, inside in leaves(tree):
@@ -208,21 +209,23 @@ def _check(tree: Node) -> None:
 
 
 def has_slope(text: str) -> bool:
-    """Return whether the margin of a requirement changes gradually, as a search requires. The
-    margin of an equation or a flag does not: it is met or not.
+    """Return whether the margin of a requirement changes gradually, as a search requires. Equations
+    and flags have no gradual margin: they hold or fail.
     """
     found = list(compared(parsed(text)))
     return bool(found) and all(leaf.name in ("<", "<=", ">", ">=") for leaf in found)
 
 
 def margin(result: Result, text: str) -> float:
-    """Return the distance of a requirement to failing, see Finding; NaN without a verdict."""
+    """Return the margin of the requirement `text`, its distance to failing, negative if it fails
+    (see Finding); NaN without a verdict.
+    """
     found = finding(result, text, text)
     return math.nan if found.margin is None else found.margin
 
 
 def demanding(result: Result, further: Mapping[str, str]) -> Result:
-    """Return the result with further requirements, by name."""
+    """Return the result with further requirements, by name, in its provenance."""
     before = result.provenance or Provenance(system=result.system)
     both = {**dict(before.requirements), **further}
     if not further:
@@ -231,14 +234,17 @@ def demanding(result: Result, further: Mapping[str, str]) -> Result:
 
 
 def findings(result: Result) -> list[Finding]:
-    """Return all requirements of a result with their verdicts."""
+    """Evaluate all requirements that a result contains, and return the findings with their
+    verdicts.
+    """
     own = () if result.provenance is None else result.provenance.requirements
     return [finding(result, name, text) for name, text in own]
 
 
 def finding(result: Result, name: str, text: str) -> Finding:
-    """Return whether a requirement holds in every row of a result, and where it was closest to
-    failing.
+    """Evaluate a requirement: return whether it holds in every row of a result, and the row in
+    which it was closest to failing. A requirement that cannot be evaluated gets the verdict
+    NOT_JUDGED.
     """
     if not len(result.time):
         return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")
@@ -266,8 +272,8 @@ def _found(result: Result, name: str, text: str) -> Finding:
 
 
 def _ended_early(result: Result, found: Finding) -> Finding:
-    """Return the finding for a run that ended early, which meets no requirement: its end is
-    unknown.
+    """Return the finding for a run that ended early. Such a run meets no requirement, because the
+    rest of the run is unknown.
     """
     reason = f"the run ended early, at {result.time[-1]:g} s"
     nothing = replace(found, value=None, unit="", time=None)
@@ -294,8 +300,11 @@ def _evaluated_at_start(
 
 
 def _of_one_row(result: Result, found: Finding, required: Requirement) -> Finding | None:
-    """Return the finding for a single comparison: the row with the least margin decides. None if a
-    margin is not a finite number, or no row is left, which only _evaluated() explains.
+    """Return the finding for a requirement with a single comparison (Requirement.single): the row
+    with the least margin decides.
+
+    Return None if only _evaluated() can state the finding: the requirement has several comparisons,
+    applies in no row, or has a margin that is not finite.
     """
     single = required.single
     if single is None or (rows := single.limits.applying(result)) is None:
@@ -315,7 +324,9 @@ def _of_one_row(result: Result, found: Finding, required: Requirement) -> Findin
 
 
 def _in_unit(value: float, given: str, written: str) -> tuple[float, str]:
-    """Return a value in the unit in which a comparison was written, if there is one."""
+    """Return a value with its unit: converted to the unit `written` in the comparison, if there is
+    one, else unchanged in the unit `given`.
+    """
     return (convert(value, given, written), written) if written else (value, given)
 
 
@@ -346,7 +357,9 @@ def _at(rows: Any, row: int) -> Any:
 
 
 def _with_margin(found: Finding, met: bool, margin: float) -> Finding:
-    """Return a finding with its verdict and margin, less than 0 where `x > 4` fails at x = 4."""
+    """Return a finding with its verdict and margin. The margin of a requirement that is not met is
+    below 0, even if `x > 4` fails at x = 4.
+    """
     if met:
         return replace(found, verdict=Verdict.MET, margin=margin)
     return replace(found, verdict=Verdict.NOT_MET, margin=min(margin, -math.ulp(0.0)))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Result of a run: a table with names and units, vectors by name, and the files in which it is
-stored.
+"""Result of a run: a table of recorded rows with names and units, access to its vectors and
+matrices by name, and its forms for other tools.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from harness.system.graph import Graph, columns, constants
 from harness.system.values import base, expand, grid, index
 
 Array = NDArray[np.float64]
-"""Numbers of a result, of a history by row: (rows,) or (rows, n)."""
+"""Array of doubles; a time series has one line per row: (rows,) or (rows, n)."""
 Rows = NDArray[np.intp]
-"""Rows of a history by their number."""
+"""Indices of rows of a time series."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -31,9 +31,10 @@ class Result:
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
     unknown); values: (rows, columns), read-only like time; complete: False if the run ended early,
-    `message` then contains the reason; parameters: all parameters of all components as set, a table
-    of one row (None if unknown); provenance: the system, its files and changes (None if unknown);
-    modes: per column the names of the values 0, 1, .. of a mode, "far|hold 1|closing", else "".
+    `message` then contains the reason; parameters: all parameters of all components with their
+    values in the run, a table of one row (None if unknown); provenance: the system, its files and
+    changes (None if unknown); modes: per column the names of the values 0, 1, .. of a variable that
+    is a mode, as "far|hold 1|closing", else "".
     """
 
     system: str
@@ -123,14 +124,16 @@ class Result:
 
     @cached_property
     def vectors(self) -> Mapping[str, NDArray[np.intp]]:
-        """Return the columns of every variable by its name without indices, in an array of the
-        variable's own shape.
+        """Return the indices of the columns of every variable, by its name without indices, in an
+        array of the shape of the variable.
         """
         return _vectors(tuple(self.columns))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Return the variables in their own shape, then the elements of incomplete ones."""
+        """Return the names of the variables, scalars, vectors and matrices, and after them the
+        columns that belong to no complete vector or matrix.
+        """
         whole = {column for columns in self.vectors.values() for column in columns.flat}
         return (*self.vectors, *(n for i, n in enumerate(self.columns) if i not in whole))
 
@@ -183,7 +186,7 @@ def parameters_of(system: str, graph: Graph, start: float = 0.0) -> Result:
 
 @lru_cache(maxsize=16)
 def _vectors(columns: tuple[str, ...]) -> Mapping[str, NDArray[np.intp]]:
-    """Return the vectors of columns, computed once for all runs of a system."""
+    """Return the value of Result.vectors for these columns, cached for all runs of a system."""
     groups: dict[str, dict[tuple[int, ...], int]] = {}
     for i, name in enumerate(columns):
         groups.setdefault(base(name), {})[index(name)] = i
@@ -191,8 +194,9 @@ def _vectors(columns: tuple[str, ...]) -> Mapping[str, NDArray[np.intp]]:
 
 
 def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
-    """Return columns in the shape of their indices, which begin at 0 or 1; None if elements are
-    missing, so that only single elements have names.
+    """Return the indices of the columns of one variable in an array of its shape; group: index of
+    the column by indices of the element. Return None if elements are missing or the indices begin
+    at neither 0 nor 1: the elements then have names, the variable has none.
     """
     whole = grid(group)
     if whole is None or max(whole.first, default=0) > 1:
@@ -214,14 +218,14 @@ PROVENANCE = "provenance_"
 AXES = {3: "axis"}
 """Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
 SHOWN = 400
-"""Variables that a table in a notebook lists."""
+"""Largest number of variables that the table of a result lists in a notebook."""
 
 
 def variables(
     table: Result | None,
 ) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
-    """Yield vectors with an axis, matrices with row and column, other variables unchanged: name,
-    axes, (rows, ...), attributes.
+    """Yield every variable of a table: name, names of its axes without time (none for a scalar, one
+    for a vector, two for a matrix), values (rows, ...), and attributes.
     """
     if table is None:
         return
@@ -240,8 +244,8 @@ def variables(
 def labelled(
     table: Result,
 ) -> dict[str, tuple[tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
-    """Return axes, values and attributes of the parameters, which have no time, and of the
-    variables.
+    """Return axes, values and attributes by name of all parameters, which have no time axis, and of
+    all variables.
     """
     fixed = {name: (axes, x[0], about) for name, axes, x, about in variables(table.parameters)}
     return fixed | {name: (("time", *axes), x, about) for name, axes, x, about in variables(table)}
@@ -254,24 +258,28 @@ def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
 
 
 def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    """Return the scalars of a variable of that shape, counted from 1."""
+    """Return the names of the elements of a variable of that shape, counted from 1."""
     return list(expand(name, np.empty(shape).tolist())) if shape else [name]
 
 
 def in_lines(names: Iterable[str]) -> str:
-    """Return names in one text, a line each; a backslash precedes a line break inside a name."""
+    """Return names in one text, one per line. Backslashes and line breaks inside a name are
+    escaped.
+    """
     return "\n".join(name.replace("\\", r"\\").replace("\n", r"\n") for name in names)
 
 
 def time_labels(table: Result) -> dict[str, str]:
-    """Return the CF attributes of the time."""
+    """Return the attributes of the time axis by the CF conventions."""
     units = "s" if table.provenance is None else table.provenance.time_units
     dated = {} if units == "s" else {"calendar": "proleptic_gregorian"}
     return {"units": units, "long_name": "time", **dated}
 
 
 def attributes(table: Result) -> dict[str, Any]:
-    """Return the attributes of a whole result."""
+    """Return the attributes of a whole result for .nc files and xarray: system, message,
+    completeness and provenance.
+    """
     origin = {} if table.provenance is None else flat(table.provenance)
     return {
         "system": table.system,
@@ -282,7 +290,7 @@ def attributes(table: Result) -> dict[str, Any]:
 
 
 def as_page(table: Result) -> str:
-    """Return a result for a notebook: settings of the run, and a table of its variables."""
+    """Return a result as HTML for a notebook: settings of the run, and a table of its variables."""
     settings = table.provenance.lines() if table.provenance is not None else []
     found = list(variables(table))
     rows = [_row("th", ("name", "shape", "unit", "first", "last", "meaning"))]

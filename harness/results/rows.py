@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Programs over a single row as Python functions: margins, rewards and conditions of every step of
-an environment.
+"""Programs of expressions compiled to Python functions of a single row, for the margins, rewards
+and conditions in every step of a learning environment.
 
-The instructions are those that harness.results.program interprets over histories, which takes a
-millisecond for one row. Here every element is a local variable, and a row takes microseconds.
+harness.results.program interprets the same instructions over time series, which takes a millisecond
+for one row. Here every element is a local variable, and a row takes microseconds.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ EACH: Mapping[str, str] = {
     "fmin": "{0} if {0} <= {1} or {1} != {1} else {1}",
     "fmax": "{0} if {0} >= {1} or {1} != {1} else {1}",
 }  # fmt: skip
-"""Operations element by element."""
+"""Python text of operations element by element; the elements of the parts replace the braces."""
 
 
 def _length(x: Sequence[str]) -> str:
@@ -55,10 +55,10 @@ def _least(x: Sequence[str]) -> str:
 ALL: Mapping[str, Callable[..., str]] = {
     "angle": _angle, "least": _least, "norm": _length, "total": " + ".join,
 }  # fmt: skip
-"""Operations that join all elements of their parts."""
+"""Functions that return the Python text of operations on all elements of their parts."""
 
 VECTORS = {name for name, each in FUNCTIONS.items() if each.per_row} - EACH.keys() - ALL.keys()
-"""Further functions of a row, which numpy evaluates."""
+"""Functions of vectors in one row without a Python text: numpy evaluates them."""
 SAME = ("table", "positive")
 """Operations that change no element."""
 
@@ -71,14 +71,16 @@ def _of_vectors(name: str, *vectors: Sequence[float]) -> list[float]:
 _QUICK = vars(math) | {"abs": abs, "min": min, "sorted": sorted, "of_vectors": _of_vectors}
 _SAFE = _QUICK | {name: getattr(np, name) for name in MATHS} | {"atan2": np.arctan2,
                                                                 "pow": np.power}  # fmt: skip
-"""Names in a function: of Python, which rejects a division by zero and the root of a negative
-number, and of numpy, which gives infinity and NaN.
+"""Names that a compiled function uses, in two versions: functions of Python, which reject a
+division by zero and the root of a negative number, and functions of numpy, which return infinity
+and NaN.
 """
 
 
 class RowProgram:
-    """Values of some instructions of a program, of one element each, in single rows of results with
-    the same columns. The program does not depend on other rows, see is_per_row().
+    """Compiled function that evaluates the `wanted` instructions of a program, of one element each,
+    in single rows of any result with the columns of `result`. The program must not depend on other
+    rows, see is_per_row().
     """
 
     def __init__(self, result: Result, program: Program, wanted: Sequence[int]) -> None:
@@ -99,8 +101,8 @@ class RowProgram:
         self._of_used = lru_cache(maxsize=1)(self._computed)
 
     def constants(self, parameters: Iterable[float]) -> list[float]:
-        """Return the elements of all values that depend on parameters alone, from all parameters of
-        a run.
+        """Return the elements of all values that depend on parameters alone; parameters: values of
+        all parameters of a run, in the order of the columns of Result.parameters.
         """
         given = enumerate(parameters) if self._used else ()
         return self._of_used(tuple(x for i, x in given if i in self._used))
@@ -113,7 +115,9 @@ class RowProgram:
         return [float(x) for v in values if v is not None for x in np.ravel(v)]
 
     def __call__(self, row: Any, constants: Sequence[float], time: float) -> tuple[float, ...]:
-        """Return the values in a row of all columns, with the constants of its run; time [s]."""
+        """Return the values of the wanted instructions in one row. row: values of all columns;
+        constants: from constants() for the parameters of the run; time [s].
+        """
         try:
             found: tuple[float, ...] = self._quick(row, constants, time)
         except (ArithmeticError, ValueError):
@@ -125,7 +129,9 @@ class RowProgram:
 def _lines(
     result: Result, program: Program, wanted: Sequence[int], sizes: Sequence[int]
 ) -> Iterator[str]:
-    """Yield assignments of the elements of all needed instructions."""
+    """Yield the lines of the compiled function: assignments of the elements of all instructions
+    that the wanted ones need, and a return statement. sizes: number of elements by instruction.
+    """
     needed = {*program.needed(wanted)}
     names: list[Sequence[str]] = []
     constants = 0
@@ -148,7 +154,9 @@ def _lines(
 def _texts(
     result: Result, instruction: Instruction, given: Sequence[Sequence[str]]
 ) -> Sequence[str]:
-    """Return the elements of the value of an instruction as Python."""
+    """Return the Python text of each element of the value of an instruction; given: names of the
+    elements of its parts.
+    """
     operation, _, constant, _ = instruction
     if operation == "element":
         return [given[0][constant[0]]]
@@ -158,7 +166,7 @@ def _texts(
         return [ALL[operation](*given)]
     size = max(map(len, given))
     columns = zip(*(list(x) * size if len(x) == 1 else x for x in given), strict=True)
-    if operation == "decided":  # a value, and what determines whether it is decided
+    if operation == "decided":  # a value; NaN where one of the further parts is NaN
         return [f"{x} if {' and '.join(f'{y} == {y}' for y in by)} else nan" for x, *by in columns]
     return [EACH[operation].format(*elements) for elements in columns]
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Requirements in the notation of rtamt, signal temporal logic over named signals, and back.
+"""Requirements in the notation of rtamt, signal temporal logic (STL) over named signals, and back.
 
-A signal is a side of a comparison, with its expression in a comment. Conditions that state when
-others apply are signals of +-inf: robustness in rtamt is then the margin here. The notation takes
-scalars, and windows without `until`, which rtamt evaluates with another end.
+A signal is a side of a comparison; a comment contains its expression. A condition that states when
+other conditions apply (guard) becomes a signal of +inf where it holds and -inf elsewhere, such that
+the robustness of rtamt equals the margin in the harness. The notation has scalar signals only. It
+does not include `until`, whose window ends differently in rtamt.
 """
 
 from __future__ import annotations
@@ -25,15 +26,17 @@ from harness.results.program import evaluate, value_of
 from harness.results.result import Array, Result
 
 NOT = "not ("
-"""Beginning of the expression of a guard that is the premise of implies()."""
+"""Beginning of the expression of a guard that is the negated premise of implies()."""
 
 SIGNAL, GUARD = "s", "g"
-"""First letters of the names of signals, and of conditions that state when others apply."""
+"""First letters of the names of signals for sides of comparisons and for guards."""
 
 
 @dataclass
 class Formula:
-    """Requirement in the notation of rtamt. signals: expressions by name of the signal."""
+    """Requirement in the notation of rtamt. text: formula; signals: expressions by name of the
+    signal.
+    """
 
     name: str
     text: str = ""
@@ -44,7 +47,7 @@ class Formula:
         return "\n".join([*lines, f"output float {self.name}", f"{self.name} = {self.text}", ""])
 
     def traces(self, result: Result) -> dict[str, Array]:
-        """Return the signals of a result, with its `time`, for rtamt."""
+        """Return the values of the signals in a result, with its `time`, as rtamt expects them."""
         found: dict[str, Array] = {"time": result.time}
         for name, text in self.signals.items():
             values = np.broadcast_to(value_of(result, text), result.time.shape)
@@ -54,8 +57,8 @@ class Formula:
 
 
 def written(result: Result, name: str, text: str) -> Formula:
-    """Return a requirement of a result, whose parameters become numbers; raise ValueError if the
-    notation cannot express it.
+    """Return the requirement `text` as a formula of rtamt, in which parameters have their values in
+    the result; raise ValueError if the notation cannot express the requirement.
     """
     tree = fitted(result, text)
     writer = _Writer(result, Formula(re.sub(r"\W", "_", name)), not tree.is_timing)
@@ -65,7 +68,9 @@ def written(result: Result, name: str, text: str) -> Formula:
 
 
 def lines(result: Result, stl: bool) -> Iterator[str]:
-    """Yield the requirements of a result, in the notation of rtamt or as in a system."""
+    """Yield the requirements of a result as text: in the notation of rtamt if `stl`, else as in the
+    TOML file of a system.
+    """
     own = () if result.provenance is None else result.provenance.requirements
     for name, text in own:
         if not stl:
@@ -78,7 +83,9 @@ def lines(result: Result, stl: bool) -> Iterator[str]:
 
 
 class _Writer:
-    """Formula in progress."""
+    """Converter of the tree of a requirement to the notation of rtamt. formula: collects the
+    signals; guarded: whether conditions on time become guards.
+    """
 
     def __init__(self, result: Result, formula: Formula, guarded: bool) -> None:
         self._result, self.formula, self._guarded = result, formula, guarded
@@ -108,7 +115,7 @@ class _Writer:
         return self._signal(SIGNAL, side)
 
     def _signal(self, kind: str, node: Node) -> str:
-        """Return the name of the signal with the value of a node."""
+        """Return the name of the signal with the value of a node; kind: its first letter."""
         text = _text(node)
         values = value_of(self._result, text)
         if np.ndim(values) > 1:
@@ -120,7 +127,7 @@ class _Writer:
 
 
 def _text(node: Node) -> str:
-    """Return the text of a node, multiplied by the factor of its change of unit."""
+    """Return the text of a node, multiplied by the factor if its unit was converted."""
     if node.kind == "not" and node.name == IMPLIES:  # its source is the whole implies()
         return f"{NOT}{_text(node.parts[0])})"
     if node.kind == "operator" and node.parts[0].source is None:
@@ -139,8 +146,8 @@ def _number(value: float) -> str:
 def read(text: str) -> tuple[str, str]:
     """Return name and text of a requirement from the notation of rtamt; raise UsageError.
 
-    Signals have their expressions in comments, or are variables themselves. A condition without
-    windows gets none here either: it must hold in every row.
+    Names of signals are replaced by the expressions in their comments. An always() around a
+    condition without windows is removed, because a requirement holds in every row anyway.
     """
     lines = [line.partition("//") for line in text.splitlines()]
     signals = {
@@ -157,11 +164,13 @@ def read(text: str) -> tuple[str, str]:
         return name.strip(), _condition(_inside(tree), signals)
     except (SyntaxError, KeyError, ValueError) as error:
         reason = error.args[0] if error.args else error
-        raise UsageError(f"{name.strip()}: this part of STL is not read: {reason}") from error
+        raise UsageError(f"{name.strip()}: this part of STL is not supported: {reason}") from error
 
 
 def _inside(tree: ast.expr) -> ast.expr:
-    """Return the condition in always() over the whole run, without windows in it; else the tree."""
+    """Return the condition inside always() over the whole run, if it contains no windows; else the
+    tree.
+    """
     match tree:
         case ast.Call(func=ast.Name(id="always"), args=[inner]):
             has_window = any(word in ast.unparse(inner) for word in WINDOWS)
@@ -196,7 +205,7 @@ WINDOWS = ("always", "eventually")
 
 
 def _side(tree: ast.expr, signals: Mapping[str, str]) -> str:
-    """Return a side of a comparison with the expressions of its signals."""
+    """Return a side of a comparison, with names of signals replaced by their expressions."""
     return re.sub(
         r"[A-Za-z_]\w*",
         lambda m: f"({signals[m[0]]})" if m[0] in signals else m[0],

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Scale of verdicts for requirements, claims of papers, safety rules and expected values of a
-campaign, and the rule by which they determine the exit status.
+campaign, and the rule by which verdicts determine the exit status.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import NamedTuple
 class Verdict(Enum):
     """Outcome of a requirement, a claim or a safety rule. The value is its style on a page.
 
-    NOT_EXERCISED: the run ended before the time from which it counts.
+    NOT_EXERCISED: the condition did not apply in the run, which may have ended too early.
+    NOT_JUDGED: the condition could not be evaluated.
     """
 
     MET = REPRODUCED = HOLDS = "good"
@@ -73,9 +74,9 @@ class Outcome(NamedTuple):
 def missed(
     outcomes: Iterable[Outcome], required: Collection[str] = (), strict: bool = False
 ) -> list[str]:
-    """Return lines for everything that gives the exit status 1: requirements with a name in
-    `required` and, if strict, everything that is not fulfilled; always claims that are not
-    exercised or not judged.
+    """Return a line for every outcome that causes exit status 1: requirements in `required` that
+    are not fulfilled, claims that are not exercised or not judged, and, if `strict`, every outcome
+    that is not fulfilled.
     """
     return [
         f"{each.kind.value} {each.text}"

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Conditions over windows of time.
 
-They follow signal temporal logic (Maler & Nickovic 2004), with the robustness of Donze &
-Maler 2010:
+They follow signal temporal logic (Maler & Nickovic 2004), with the robustness of Donze & Maler
+2010:
 
     always(x, a, b)      at t:  min of x over [t + a, t + b]
     eventually(x, a, b)  at t:  max of x over [t + a, t + b]
     until(x, y, a, b)    at t:  max over t' in [t + a, t + b] of min(y(t'), min of x over [t, t'))
 
-Without times a window goes on to the end of the run. A window that is not over at the end of the
-run, or in which no row lies, is no evidence: NaN, which an outer window leaves out. An until that
-has its witness already holds nevertheless.
+Without times a window extends to the end of the run. A window that extends beyond the end of the
+run, or contains no row, is no evidence: its value is NaN, and an outer window ignores it. Only
+until() holds even so if y already held in a row of its window (the witness).
 
-Least and largest values of all windows come from tables of blocks of 1, 2, 4, ... rows: n log n.
+The smallest and largest values of all windows are computed from tables of blocks of 1, 2, 4, ...
+rows, in n log n operations for n rows.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from harness.results.result import Array, Rows
 
 
 class Windows(NamedTuple):
-    """First and last row of the window of every row, and whether the run lasts to its end."""
+    """First and last row of the window of every row, and whether the window ends within the run."""
 
     first: Rows
     last: Rows
@@ -38,8 +39,8 @@ class Windows(NamedTuple):
 def windows(
     time: Array, begin: float = 0.0, end: float = math.inf, complete: bool = True
 ) -> Windows:
-    """Return the rows within [t + begin, t + end] of every row; times in s; complete: the last row
-    is the end of the run.
+    """Return the rows within [t + begin, t + end] of every row at time t [s]; complete: whether the
+    last row is the end of the run.
     """
     slack = TOLERANCE * max(1.0, float(np.abs(time).max()))
     first = np.searchsorted(time, time + (begin - slack), side="left")
@@ -51,12 +52,12 @@ def windows(
 
 
 def always(x: Array, within: Windows) -> Array:
-    """Return the least value (rows,) in the window of every row; NaN: no evidence."""
+    """Return the smallest x (rows,) in the window of every row; NaN: no evidence."""
     return -eventually(-x, within)
 
 
 def eventually(x: Array, within: Windows) -> Array:
-    """Return the largest value (rows,) in the window of every row; NaN: no evidence."""
+    """Return the largest x (rows,) in the window of every row; NaN: no evidence."""
     first, last, over = within
     levels = np.frexp((last - first + 1).clip(1))[1] - 1  # floor(log2(length))
     table, found = x, np.full(len(x), np.nan)
@@ -69,8 +70,9 @@ def eventually(x: Array, within: Windows) -> Array:
 
 
 def until(x: Array, y: Array, within: Windows) -> Array:
-    """Return the largest over the window of every row of the lesser of y and of x before it; NaN:
-    no evidence, unless a witness has been seen in a window that is not over.
+    """Return the robustness (rows,) of the condition that x holds until y holds: the largest, over
+    the rows of the window, of min(y, smallest x before that row). NaN: no evidence, unless the
+    robustness is at least 0 already for a window that extends beyond the run.
     """
     first, last, over = within
     begin = np.arange(len(x))
@@ -81,15 +83,15 @@ def until(x: Array, y: Array, within: Windows) -> Array:
 
 
 def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Array]:
-    """Return the least x of blocks of rows, and the largest over their rows of min(y, x before);
-    NaN without rows.
+    """Return two values for each block of `length` rows from row `begin` on: the smallest x, and
+    the largest of min(y, smallest x of the block before that row); NaN for a block without rows.
     """
     least, witness = np.full(len(x), np.nan), np.full(len(x), np.nan)
     place, table = begin.copy(), (x, y)
     for level in range(int(length.max(initial=0)).bit_length()):
         rows = np.flatnonzero((length > 0) & (length >> level & 1 == 1))
         block = table[0][place[rows]], table[1][place[rows]]
-        # blocks are taken from the shortest to the longest, so this one comes after those before
+        # the parts of a block are joined from the shortest to the longest, in the order of rows
         least[rows], witness[rows] = _after(least[rows], witness[rows], *block)
         place[rows] += 1 << level
         size = 1 << level
@@ -98,12 +100,14 @@ def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Arr
 
 
 def _after(x_1: Array, y_1: Array, x_2: Array, y_2: Array) -> tuple[Array, Array]:
-    """Join two blocks, one after the other: min(x_1, x_2), max(y_1, min(x_1, y_2))."""
+    """Join two blocks, one after the other, and return the values of _composed(): min(x_1, x_2) and
+    max(y_1, min(x_1, y_2)).
+    """
     later = np.where(np.isnan(x_1), y_2, np.minimum(x_1, y_2))
     return np.fmin(x_1, x_2), np.fmax(y_1, later)
 
 
 def empty(time: Array, begin: float, end: float, _: bool = True) -> NDArray[np.bool_]:
-    """Return in which rows the window is over and holds no row."""
+    """Return a mask (rows, 1) of the rows whose window ends within the run and contains no row."""
     first, last, _over = windows(time, begin, end)
     return np.asarray((first > last) & (time + end <= time[-1]))[:, None]

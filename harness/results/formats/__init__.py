@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Formats of results files, one module per kind with write(result, path) and read(path). They raise
-the errors of their libraries, and harness/results/files.py reports them in one line.
+the errors of their libraries, and harness/results/files.py reports each error in one line.
 
-This module contains what all formats share: flat columns of variables with axes (the inverse of
-variables()), values other than numbers, and the checks of a result from any file.
+This module contains what all formats share: conversion of variables with axes to flat columns (the
+inverse of variables()), texts, parameters and provenance, and the checks of a result from any file.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from harness.results import provenance
 from harness.results.result import ELEMENTS, Array, Result, element_names
 
 Variables = Mapping[str, tuple[Array, Mapping[str, str]]]
-"""Histories with their attributes by name."""
+"""Time series with their attributes, by name of the variable."""
 
 
 def sound(result: Result) -> Result:
-    """Return the result; raise ValueError with its first fault."""
+    """Return the result of a file if it is consistent; raise ValueError with its first fault."""
     for problem in _problems(result):
         raise ValueError(problem)
     return result
@@ -50,7 +50,7 @@ def _problems(result: Result) -> Iterator[str]:
 
 
 def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
-    """Yield the faults of columns, units and numbers."""
+    """Yield the faults of the columns, units and values of a table that should have `rows` rows."""
     width = len(table.columns)
     if table.values.shape != (rows, width):
         yield f"{kind}s: expected {rows} rows of {width} values, got {table.values.shape}"
@@ -71,12 +71,12 @@ def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
 RATIO = 1100
 """Largest plausible ratio of unpacked to packed size: zlib reaches 1032."""
 SMALL = 64 * 1024**2
-"""Size [bytes] up to which nothing is checked."""
+"""Unpacked size [bytes] up to which no file is rejected."""
 
 
 def check_size(unpacked: int, packed: int | None = None) -> None:
-    """Raise ValueError if the unpacked numbers exceed half of the memory of this machine, or the
-    plausible content of a file of `packed` bytes.
+    """Raise ValueError if the unpacked numbers [bytes] exceed half of the memory of this machine,
+    or are more than a file of `packed` bytes can plausibly contain.
     """
     if unpacked > SMALL and unpacked > _memory() / 2:
         raise ValueError(
@@ -109,8 +109,8 @@ def restored(
     fixed: Variables,
     origin: Mapping[str, Any],
 ) -> Result:
-    """Return the result from the contents of a file: attributes, variables, parameters,
-    provenance.
+    """Return the result from the contents of a file. about: attributes; histories: variables;
+    fixed: parameters; origin: provenance as flat() returns it.
     """
     return replace(
         flat_columns(about["system"], time, histories),
@@ -122,7 +122,7 @@ def restored(
 
 
 def flat_columns(system: str, time: Array, histories: Variables) -> Result:
-    """Return variables with their attributes as flat columns."""
+    """Return a result with variables as flat columns, one column per element."""
     columns, blocks, units, descriptions, modes = [], [np.empty((len(time), 0))], [], [], []
     for name, (values, about) in histories.items():
         given = about.get(ELEMENTS)
@@ -139,7 +139,7 @@ def flat_columns(system: str, time: Array, histories: Variables) -> Result:
 
 
 def _from_lines(text: str) -> list[str]:
-    """Return the names in a text of in_lines()."""
+    """Return the names in a text that in_lines() has made."""
     return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
 
 
@@ -177,7 +177,7 @@ def _all_texts(table: Result) -> Iterator[str]:
 
 
 def content(result: Result) -> dict[str, Any]:
-    """Return everything except the numbers of the table, for TOML and JSON."""
+    """Return everything in a result except the values of its table, for TOML and JSON."""
     about: dict[str, Any] = {
         "system": result.system,
         "complete": result.complete,
@@ -192,7 +192,7 @@ def content(result: Result) -> dict[str, Any]:
 
 
 def _texts(result: Result) -> dict[str, Any]:
-    """Return units, descriptions and modes by column, without empty ones."""
+    """Return units, descriptions and modes, each by column, without empty texts."""
     given = {"units": result.units, "descriptions": result.descriptions, "modes": result.modes}
     return {
         kind: {name: text for name, text in zip(result.columns, texts, strict=False) if text}
@@ -201,7 +201,9 @@ def _texts(result: Result) -> dict[str, Any]:
 
 
 def completed(result: Result, about: Mapping[str, Any]) -> Result:
-    """Return a bare table completed by the contents of content(); raise ValueError."""
+    """Return a result that has only columns and values, completed by the texts, parameters and
+    provenance in `about`, as content() returned them; raise ValueError if `about` is invalid.
+    """
     origin, parameters = _table(about, "provenance"), _table(about, "parameters")
     return replace(
         _named(result, _table(about, "columns")),
@@ -212,7 +214,9 @@ def completed(result: Result, about: Mapping[str, Any]) -> Result:
 
 
 def _table(about: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return a table within a table, {} if it is missing."""
+    """Return the table with this name inside a table, {} if it is missing; raise ValueError if the
+    entry is not a table.
+    """
     if not isinstance(found := about.get(name, {}), dict):
         raise ValueError(f"{name}: expected a table, got {found!r:.40}")
     return found

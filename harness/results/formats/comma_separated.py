@@ -2,9 +2,8 @@
 """Comma-separated format: a plain .csv table for any reader of tables, and beside it NAME.csv.toml
 with units, descriptions, parameters and provenance.
 
-Everything that a plain table cannot express is beside the .csv and not inside, so that a
-spreadsheet or pandas reads the table without settings. NAME.csv.toml contains the hash of its table
-and is ignored beside any other table.
+The .csv contains numbers and names only, so that a spreadsheet or pandas reads it without settings.
+NAME.csv.toml contains the hash of its .csv and is ignored beside any other table.
 """
 
 from __future__ import annotations
@@ -26,7 +25,9 @@ from harness.results.formats import completed, content
 from harness.results.result import Result
 
 INCOMPLETE = "# incomplete: "
-"""Begin of the last line of a run that ended early; its reason follows."""
+"""Begin of the last line in the file of a run that ended early; the reason follows on the same
+line.
+"""
 LONGEST_LINE = 64 * 1024**2
 """Largest number of characters of a line."""
 
@@ -34,7 +35,9 @@ _log = logging.getLogger("harness")
 
 
 def write(result: Result, path: Path) -> None:
-    """Write the table; numbers in full, and a last line if the run ended early."""
+    """Write the table, every number with all its digits. If the run ended early, add a last line
+    that states the reason.
+    """
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(map(_quoted, ("time", *result.columns))) + "\n")
         table = np.column_stack((result.time, result.values))
@@ -45,15 +48,15 @@ def write(result: Result, path: Path) -> None:
 
 
 def _quoted(name: str) -> str:
-    """Return a name for the header. csv.writer leaves a carriage return, which ends a line, without
-    quotes.
+    """Return a name for the header, in quotes if necessary. csv.writer would write a carriage
+    return without quotes, and a reader would end the line there.
     """
     needed = any(character in name for character in ',"\r\n') or name != name.strip() or not name
     return '"{}"'.format(name.replace('"', '""')) if needed else name
 
 
 def read(path: Path) -> Result:
-    """Read the table and the file beside it; raise ValueError if it is not a table."""
+    """Read a .csv and the NAME.csv.toml beside it; raise ValueError if the .csv is not a table."""
     with path.open(encoding="utf-8", newline="") as file:
         names = next(csv.reader(_lines(file)), [])
         if names[:1] != ["time"]:
@@ -68,7 +71,9 @@ def read(path: Path) -> Result:
 
 
 def _lines(file: TextIO) -> Iterator[str]:
-    """Yield the lines of a file; raise ValueError for an endless line, as from a device."""
+    """Yield the lines of a file; raise ValueError for a line that is too long, as a device without
+    line breaks would give.
+    """
     while line := file.readline(LONGEST_LINE):
         if len(line) == LONGEST_LINE:
             raise ValueError(f"a line is longer than {LONGEST_LINE} characters")
@@ -87,12 +92,12 @@ def _last_line(path: Path) -> str:
 
 
 def beside(path: Path) -> Path:
-    """Return the path of the file beside a .csv."""
+    """Return the path of the NAME.csv.toml beside a NAME.csv."""
     return path.with_name(f"{path.name}.toml")
 
 
 def write_beside(result: Result, path: Path) -> None:
-    """Write the file beside a .csv that is complete; OSError or ResultsError."""
+    """Write the NAME.csv.toml of a .csv that is already written; raise OSError or ResultsError."""
     import tomli_w
 
     about = {"sha256": sha256(path), **content(result)}
@@ -101,8 +106,8 @@ def write_beside(result: Result, path: Path) -> None:
 
 
 def _completed(result: Result, path: Path) -> Result:
-    """Return the result of a .csv with the file beside it, unchanged if that file is missing or
-    belongs to another table.
+    """Return the result of a .csv completed by its NAME.csv.toml, unchanged if that file is missing
+    or belongs to another table.
     """
     try:
         about = tomllib.loads(beside(path).read_text(encoding="utf-8"))

@@ -20,9 +20,9 @@ from harness.results.result import ELEMENTS, Array, Result, element_names, in_li
 ATTRIBUTES = {
     "units": "units", "long_name": "descriptions", "modes": "modes", ELEMENTS: "columns"
 }  # fmt: skip
-"""Structs of a .mat with texts about its variables, by attribute."""
+"""Names of the structs in a .mat with texts about its variables, by attribute of the variable."""
 OF_FIXED = "parameter_"
-"""Begin of the names of these structs where they are about parameters."""
+"""Prefix of the names of these structs for texts about parameters."""
 STRUCTS = tuple(begin + name for begin in ("", OF_FIXED) for name in ATTRIBUTES.values())
 RESERVED = ("time", "system", "complete", "message", "parameters", "provenance", *STRUCTS)
 """Names in a .mat that cannot be components."""
@@ -46,7 +46,9 @@ def write(result: Result, path: Path) -> None:
 
 
 def _structs(result: Result) -> dict[str, Any]:
-    """Return components, attributes of their fields, and parameters."""
+    """Return the structs of a result: one per component, those with attributes of variables and
+    parameters, and `parameters`.
+    """
     described: dict[str, Any] = {name: {} for name in STRUCTS}
     found: dict[str, Any] = {}
     fixed: dict[str, Any] = {}
@@ -89,7 +91,9 @@ def read(path: Path) -> Result:
 
 
 def unpacked(path: Path) -> int:
-    """Return the size [bytes] of the variables of a .mat without storing them."""
+    """Return the size [bytes] of the uncompressed variables of a .mat. They are decompressed piece
+    by piece and never held in memory as a whole.
+    """
     total = 0
     with path.open("rb") as file:
         file.seek(128)
@@ -116,7 +120,9 @@ def _inflated(data: bytes) -> int:
 
 
 def _struct(content: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return a struct of a .mat; {} if it is missing, or an empty array in its place."""
+    """Return a struct of a .mat, {} if it is missing or an empty array is in its place; raise
+    ValueError for anything else.
+    """
     found = content.get(name, {})
     if isinstance(found, dict):
         return found
@@ -128,7 +134,9 @@ def _struct(content: Mapping[str, Any], name: str) -> dict[str, Any]:
 def _variables(
     rows: int, structs: Mapping[str, Any], content: Mapping[str, Any], begin: str
 ) -> dict[str, tuple[Array, dict[str, str]]]:
-    """Return the fields of the structs of components with their attributes."""
+    """Return the fields of the structs of components with their attributes. structs: by component;
+    content: whole file; begin: prefix of the structs with attributes.
+    """
     found: dict[str, tuple[Array, dict[str, str]]] = {}
     texts = {name: _struct(content, begin + struct) for name, struct in ATTRIBUTES.items()}
     for component, fields in structs.items():
@@ -152,15 +160,17 @@ def _text(value: Any) -> str:
 
 
 def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
-    """Return struct of the component and field of the variable, in names that MATLAB accepts."""
+    """Return the names of the struct and of the field for `component.variable`, as MATLAB accepts
+    them; content: structs so far.
+    """
     component, _, variable = name.partition(".")
     component = _legal(component, RESERVED)
     return component, _legal(variable, content.setdefault(component, {}))
 
 
 def _legal(name: str, taken: Collection[str]) -> str:
-    """Return an unused name that MATLAB accepts (letters, digits, underscores, a letter first, at
-    most 63).
+    """Return a name that MATLAB accepts (letters, digits, underscores, a letter first, at most 63
+    characters) and that is not among the taken names.
     """
     legal = re.sub(r"\W", "_", name, flags=re.ASCII)[:60]
     if not legal[:1].isalpha():

@@ -20,13 +20,15 @@ PACKED = 1000
 
 
 def fits(name: str) -> bool:
-    """Return whether a netCDF file stores a name unchanged: it composes characters (NFC)."""
+    """Return whether a netCDF file can store a name unchanged. The library would change a name that
+    is not in Unicode's composed form NFC.
+    """
     as_it_is = unicodedata.is_normalized("NFC", name) and len(name) <= 200
     return as_it_is and _NAME.fullmatch(name) is not None
 
 
 _NAME = re.compile(r"((?a:\w)|[^\x00-\x7f])[^/\x00-\x1f\x7f]*(?<! )")
-"""Names that a netCDF file can have, of at most 256 bytes."""
+"""Regular expression of the names that netCDF accepts."""
 
 
 def write(result: Result, path: Path) -> None:
@@ -41,7 +43,7 @@ def write(result: Result, path: Path) -> None:
         file.setncatts(attributes(result))
         content["time"] = (("time",), result.time, time_labels(result))
         defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
-        file.set_auto_maskandscale(False)  # nothing to search for: a third of the time
+        file.set_auto_maskandscale(False)  # no search for scales, a third of the time
         for variable, data in defined:
             variable[...] = data
 
@@ -60,7 +62,7 @@ def _defined(
 
 
 def read(path: Path) -> Result:
-    """Read the file; a variable without time is a parameter."""
+    """Read the file; a variable without a time axis is a parameter."""
     import netCDF4
 
     histories, fixed = {}, {}
@@ -80,7 +82,9 @@ def read(path: Path) -> Result:
 
 
 def _values(name: str, variable: Any) -> Array:
-    """Return the numbers of a variable, NaN where the file declares a value as missing (CF)."""
+    """Return the values of a variable, NaN where the file declares a value as missing (CF
+    conventions).
+    """
     if not {"_FillValue", "missing_value"} & {*variable.ncattrs()}:
         return numbers(name, variable[...])
     variable.set_auto_mask(True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parquet format: flat columns with their units; everything else is in the metadata."""
+"""Parquet format: flat columns with their units; everything else is in the metadata of the file."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from harness.results.formats import check_size, completed, content, numbers
 from harness.results.result import Result
 
 ABOUT = b"servicing-fmus"
-"""Key of the metadata of a .parquet with everything that is not a column."""
+"""Key in the metadata of a .parquet under which everything that is not a column is stored."""
 
 
 def write(result: Result, path: Path) -> None:
-    """Write the file; units and descriptions are metadata of its columns."""
+    """Write the file; units and descriptions are in the metadata of the columns."""
     arrow, parquet = library("pyarrow", "exchange"), library("pyarrow.parquet", "exchange")
     fields = [arrow.field("time", arrow.float64(), metadata={"units": "s"})]
     descriptions = result.descriptions or ("",) * len(result.columns)
@@ -47,7 +47,9 @@ def read(path: Path) -> Result:
 
 
 def _completed(result: Result, text: bytes) -> Result:
-    """Return the table completed by its metadata if the harness wrote it."""
+    """Return the result completed by the metadata of its file, unchanged if another tool wrote the
+    file.
+    """
     about = json.loads(text)
     if about is None:
         return result

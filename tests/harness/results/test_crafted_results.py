@@ -55,7 +55,7 @@ ABOUT = {
     "deep JSON": ({"provenance_set": "[" * 9000}, "set: expected a list as JSON"),
     "deep value": (
         {"provenance_set": '[["a.b", ' + "[" * 99 + "]" * 99 + "]]"},
-        "set: too many lists within each other",
+        "set: lists are nested too deeply",
     ),
     "JSON of a number": ({"provenance_latency": 5}, "latency: expected a list as JSON"),
     "latency of text": (

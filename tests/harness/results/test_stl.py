@@ -53,7 +53,7 @@ def test_what_the_notations_lack_is_reported():
     result = trace(np.random.default_rng(1))
     with pytest.raises(ValueError, match="no counterpart"):
         stl.written(result, "r", "until(a.x > 0, a.y > 0, 2 s)")
-    with pytest.raises(UsageError, match="this part of STL is not read"):
+    with pytest.raises(UsageError, match="this part of STL is not supported"):
         stl.read("r = historically(x >= 1)")
     with pytest.raises(UsageError, match="found 0"):
         stl.read("input float x")
