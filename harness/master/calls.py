@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Calls of one instance of an FMU by its version of FMI. Only this module, transfer.py and loop.c
-know the names of the functions.
+"""Calls of one instance of an FMU, in FMI 2.0 or FMI 3.0. Only this module, transfer.py and loop.c
+know the names of the FMI functions.
 
 Argument types are the types that FMPy declares. Every call returns a status of FMI (OK, WARNING,
-...), except for loading, freeing, and requests to a link.
+...), except for loading, freeing, and requests to a link FMU.
 """
 
 from __future__ import annotations
@@ -46,16 +46,20 @@ CTYPES: Mapping[int, Mapping[str, Any]] = {
         "String": ctypes.c_char_p,
     },
 }
-"""Types in C by version of FMI; values go in this order, and loop.c uses the order of 3.0."""
+"""Types in C by version of FMI and name of the type. Values are transferred type by type in this
+order, and loop.c numbers the types in the order of FMI 3.0.
+"""
 
 NEEDED = ("DoStep", "Terminate", "FreeInstance")
-"""Functions whose absence would be noticed only at the end of a run, which would then lose its
-rows.
+"""Functions that are looked up when an FMU is loaded. Without this check their absence would be
+noticed only during or after a run, and its rows would be lost.
 """
 
 
 def layout(*types: tuple[Any, str]) -> list[tuple[str, Any]]:
-    """Return the fields of a C struct from types and their names."""
+    """Return the fields of a C struct from pairs of a type and the names of its fields, separated
+    by blanks.
+    """
     return [(name, kind) for kind, names in types for name in names.split()]
 
 
@@ -65,7 +69,7 @@ def address(function: Any) -> int | None:
 
 
 class Library(ctypes.CDLL):
-    """Library of an FMU with typed functions."""
+    """Library of an FMU whose functions have argument and return types."""
 
     def __getattr__(self, name: str) -> Any:
         found = super().__getattr__(name)
@@ -88,8 +92,8 @@ def _types(function: str) -> tuple[list[Any], Any]:
 
 
 class Calls:
-    """Calls of one instance. In FMI 3.0 without event mode, early return and intermediate update,
-    so that an FMU handles its events by itself.
+    """Calls of one instance. In FMI 3.0 the instance has no event mode, early return or
+    intermediate update, so that the FMU handles its events by itself.
     """
 
     def __init__(
@@ -103,7 +107,7 @@ class Calls:
         self.state = "FMUstate" if self.fmi == 2 else "FMUState"
         new = f"{self.prefix}Instantiate{'' if self.fmi == 2 else 'CoSimulation'}"
         messages.note_call(name, new)
-        with contextlib.chdir(library.parent):  # where libraries that it needs may lie
+        with contextlib.chdir(library.parent):  # folder of further libraries that it needs
             self.library = Library(str(library))
         for function in NEEDED:
             self.function(function)
@@ -117,8 +121,8 @@ class Calls:
         self._results = [*map(ctypes.byref, self._flags), ctypes.byref(self._last)]
 
     def _new(self, token: bytes, resources: Path, logging: bool) -> tuple[Any, ...]:
-        """Return the arguments of instantiation after the name, which must live as long as the
-        instance.
+        """Return the arguments of the function that instantiates, without the name of the instance.
+        They must live as long as the instance, which calls back into them.
         """
         if self.fmi == 2:
             self._heard = messages.callbacks()
@@ -131,11 +135,13 @@ class Calls:
         return token, where, *modes, None, 0, None, self._heard, nothing
 
     def function(self, name: str) -> Any:
-        """Return a function by its name without prefix; raise FmuError."""
+        """Return a function of the library by its name without prefix, such as DoStep; raise
+        FmuError if it is missing.
+        """
         try:
             return getattr(self.library, self.prefix + name)
         except AttributeError as error:
-            raise FmuError(f"{self.name}: it has no function {self.prefix}{name}") from error
+            raise FmuError(f"{self.name}: its FMU has no function {self.prefix}{name}") from error
 
     def call(self, function: str, *arguments: object) -> int:
         """Call a function by its name without prefix and return its status."""
@@ -143,7 +149,9 @@ class Calls:
         return int(self.function(function)(self.handle, *arguments))
 
     def put(self, variables: Sequence[Variable], values: Sequence[Scalar]) -> int:
-        """Set variables of one type, in FMI 3.0 all elements of one array."""
+        """Set variables of one type and return the status; in FMI 3.0 they are all elements of one
+        array.
+        """
         given = (v.encode("utf-8") if isinstance(v, str) else v for v in values)
         buffer = (self.in_c[variables[0].access] * len(values))(*given)
         count = len(variables) if self.fmi == 2 else 1
@@ -152,15 +160,15 @@ class Calls:
         return self.call(f"Set{variables[0].access}", references, count, buffer, *sizes)
 
     def listen(self, categories: Sequence[str]) -> None:
-        """Let messages of these categories through, and no others, if the FMU can do that."""
+        """Request the log messages of these categories, and of no others, from the FMU."""
         names = (ctypes.c_char_p * len(categories))(*(c.encode() for c in categories))
         self.call("SetDebugLogging", True, len(categories), names)
 
     def initialization(
         self, start: float, stop: float | None
     ) -> Iterator[tuple[str, tuple[Any, ...]]]:
-        """Yield the functions, without prefix, that lead to initialization mode, with their
-        arguments.
+        """Yield the functions, without prefix, that are called until the FMU is in initialization
+        mode, with their arguments.
         """
         span = False, 0.0, start, stop is not None, stop or 0.0
         if self.fmi == 2:
@@ -168,8 +176,8 @@ class Calls:
         yield "EnterInitializationMode", () if self.fmi == 2 else span
 
     def step(self, time: float, size: float, no_rollback: int) -> int:
-        """Perform one step and return the status; TERMINATION or EARLY_RETURN if an FMU of FMI 3.0
-        reports it.
+        """Perform one step and return the status: TERMINATION or EARLY_RETURN if an FMU of FMI 3.0
+        reports one of these, else the status of FMI. time, size: start and length of the step [s].
         """
         results = () if self.fmi == 2 else self._results
         status = int(self.do_step(self.handle, time, size, no_rollback, *results))
@@ -191,9 +199,10 @@ class Calls:
 class Cost(NamedTuple):
     """Cost of the steps of a component on its processor.
 
-    steps: number; total, largest: instructions of all steps and of the most expensive step (0: not
-    counted); when: communication point of the most expensive step [s]; stack: used by the steps
-    [bytes]; memory: allocated by the instance [bytes]; late: answers after their deadline.
+    steps: number of steps; total, largest: instructions of all steps and of the most expensive step
+    (0: not counted); when: communication point of the most expensive step [s]; stack: used by the
+    steps [bytes]; memory: allocated by the instance [bytes]; late: number of answers after their
+    deadline.
     """
 
     steps: int
@@ -222,14 +231,14 @@ class _Statistics(ctypes.Structure):
 
 
 def cost(calls: Calls) -> Cost:
-    """Return the cost of the steps so far; raise FmuError if the instance is not a link or its
+    """Return the cost of the steps so far; raise FmuError if the instance is not a link FMU or its
     board does not answer.
     """
     statistics = getattr(calls.library, "slnk_statistics", None)
     if statistics is None:
-        raise FmuError(f"{calls.name}: runs in the simulation, not on a separate processor")
+        raise FmuError(f"{calls.name}: runs in the simulation; only --on counts its steps")
     statistics.restype = ctypes.c_bool
     found = _Statistics()
     if not statistics(calls.handle, ctypes.byref(found)):
-        raise FmuError(f"{calls.name}: its board does not say what its steps have cost")
+        raise FmuError(f"{calls.name}: its board does not report the cost of its steps")
     return Cost(*(getattr(found, name) for name in Cost._fields))

@@ -2,7 +2,7 @@
 """Changes to a system before a run: parameter sets and files, single values, other FMUs, latencies,
 step, stop.
 
-A change replaces frozen data, so the changed system can be exported exactly as it was run.
+A change replaces immutable data, so the changed system can be exported exactly as it was run.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from harness.system.values import base, plain
 from harness.system.wiring import split
 
 Pairs = Sequence[str] | Mapping[str, Any]
-"""Assignments, as texts `name=value` or as a mapping."""
+"""Assignments of one option, as texts `name=value` or as a mapping."""
 
 Given = Mapping[str, Any]
-"""The values of one option, by the names that stand before the equals sign."""
+"""Values of the assignments of one option, by name."""
 
 
 class Changes(TypedDict, total=False):
@@ -55,7 +55,7 @@ class Changes(TypedDict, total=False):
 
 
 NAMED = ("set", "swap", "map", "on", "latency")
-"""Changes that are assignments."""
+"""Changes that consist of assignments `name=value`."""
 
 
 def apply(system: System, **changes: Unpack[Changes]) -> System:
@@ -94,7 +94,9 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
 
 
 def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given]) -> Origin:
-    """Return the origin of a system with these changes."""
+    """Return the origin of a system, extended by these changes. is_set: whether `params` is the
+    name of a parameter set, else it is a file.
+    """
     swaps = {c: Swap(c, str(fmu), sha256(find_fmu(fmu))) for c, fmu in given["swap"].items()}
     if params is not None:
         digest = "" if is_set else sha256(str(params))
@@ -110,8 +112,9 @@ def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given
 
 
 def timely(system: System, changes: Changes, realtime: float | None, late: str | None) -> System:
-    """Return the system with its changes and with the reaction to a remote component that answers
-    later than the period of its steps: wait, hold or stop. Raises the errors of apply().
+    """Return the system with its changes, where a component on another processor (--on) that
+    answers later than the period of its steps has the reaction `late`: wait, hold or stop.
+    realtime: simulated seconds per second. Raises the errors of apply().
     """
     if late is None:
         return apply(system, **changes)
@@ -134,7 +137,7 @@ def timely(system: System, changes: Changes, realtime: float | None, late: str |
 
 
 def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
-    """Yield names and values of assignments; raise UsageError for other texts."""
+    """Yield names and values of assignments; raise UsageError for a text that is not name=value."""
     if isinstance(given, Mapping):
         yield from ((name, plain(value)) for name, value in given.items())
         return
@@ -157,8 +160,8 @@ def _once(option: str, given: Pairs) -> dict[str, Any]:
 
 
 def joined(own: Changes, further: Changes) -> Changes:
-    """Return changes extended by further ones. Entries with names are merged, other entries
-    replaced.
+    """Return changes extended by further ones. Assignments of both are merged, with precedence for
+    `further`; its other entries replace those in `own`.
     """
     one: Mapping[str, Any] = own
     both: dict[str, Any] = {**own, **further}
@@ -168,9 +171,7 @@ def joined(own: Changes, further: Changes) -> Changes:
 
 
 def as_in_a_file(error: HarnessError) -> str:
-    """Return the text of an error for values that were written into a file instead of
-    after --set.
-    """
+    """Return the text of an error about a value without `--set`, for values that are in a file."""
     return str(error).replace("--set ", "")
 
 
@@ -178,7 +179,9 @@ def as_in_a_file(error: HarnessError) -> str:
 
 
 def _swapped(system: System, swaps: Given, names: Given) -> System:
-    """Return the system with other FMUs, each with its given names of ports."""
+    """Return the system with other FMUs; swaps: FMU by component; names: our names of ports by the
+    names in these FMUs, from --map.
+    """
     if unknown := unmapped(swaps, names):
         ports = {base(port) for fmu in swaps.values() for port in _ports_of(fmu)}
         raise UsageError(no_port(unknown[0], ports))
@@ -190,7 +193,7 @@ def _swapped(system: System, swaps: Given, names: Given) -> System:
 
 
 def unmapped(swaps: Given, names: Iterable[str]) -> list[str]:
-    """Return the given names of our ports that no swapped FMU has."""
+    """Return the names of ports in --map that no swapped FMU has. swaps: FMU by component."""
     ports = {component: _ports_of(fmu) for component, fmu in swaps.items()} if names else {}
     return [name for name in names if not any(_local(name, *each) for each in ports.items())]
 
@@ -201,15 +204,15 @@ def _ports_of(fmu: str | Path) -> list[str]:
 
 
 def _local(name: str, component: str, known: Collection[str]) -> str:
-    """Return the port that `port` or `component.port` names, or "" if it is not among the known
-    ports.
+    """Return the port of one FMU for a name that is `port` or `component.port`, "" if it is not
+    among the known ports.
     """
     inner = name.removeprefix(f"{component}.")
     return next((each for each in (name, inner) if has_port(each, known)), "")
 
 
 def no_port(name: str, known: Collection[str] = ()) -> str:
-    """Return the error for a name of --map that names none of these ports."""
+    """Return the error message for a name in --map that is not a port of any swapped FMU."""
     return f"--map {name}: no FMU that --swap puts in has such a port{did_you_mean(name, known)}"
 
 
@@ -244,7 +247,9 @@ def _over(system: System, values: Assignments) -> System:
 
 
 def _elsewhere(system: System, epoch: str) -> System:
-    """Return a system whose bodies start from files, at another UTC of t = 0."""
+    """Return the system at another UTC of t = 0, with start values for its bodies from the files in
+    `[start]` at that instant.
+    """
     moved = replace(system, experiment=replace(system.experiment, epoch=epoch))
     values = Assignments(read_interfaces(moved))
     for name, value in of_system(moved).values.items():
@@ -280,7 +285,9 @@ def _read_into(values: Assignments, path: Path) -> None:
 
 
 def _place(values: Assignments, name: str) -> list[tuple[str, str]]:
-    """Return the components and variables of a name, or none and record a problem."""
+    """Return component and variable of a name `component.variable` in a list of one; [] if they do
+    not exist, with a problem added to `values`.
+    """
     try:
         return [split(name, values.interfaces)]
     except ValueError as error:
@@ -289,7 +296,9 @@ def _place(values: Assignments, name: str) -> list[tuple[str, str]]:
 
 
 def _single_values(system: System, given: Given) -> System:
-    """Return the system with the values of --set, beginning with `shared`."""
+    """Return the system with the values of --set; values of `shared` are set first, so that values
+    of single components override them.
+    """
     if not given:
         return system
     values = Assignments(read_interfaces(system))
@@ -310,7 +319,9 @@ def _single_value(values: Assignments, name: str, value: Any) -> None:
 
 
 def _driven(system: System, values: Assignments) -> Iterator[str]:
-    """Yield a line per value that would be overwritten before its first use."""
+    """Yield a line per assigned input that is connected: the connection would overwrite the value
+    before its first use.
+    """
     drivers = {c.target: c.source for c in system.connections}
     ports = (Port(c, v) for c, parameters in values.parameters.items() for v in parameters)
     for port in (p for p in ports if p in drivers):
@@ -321,12 +332,14 @@ def _driven(system: System, values: Assignments) -> Iterator[str]:
 
 
 def _opened(system: System, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the components whose outputs the user sets."""
+    """Return the open components of a system, whose outputs the user sets during a run, extended by
+    these names.
+    """
     return tuple(dict.fromkeys([*system.without, *(existing(system, "--open", n) for n in names)]))
 
 
 def _delayed(system: System, given: Given) -> System:
-    """Return the system with components that publish a number of macro steps later. The schedule
+    """Return the system with the latency of some components replaced, in macro steps. The schedule
     checks the limits.
     """
     for name, steps in given.items():
@@ -342,8 +355,9 @@ def _delayed(system: System, given: Given) -> System:
 
 
 def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> System:
-    """Return the system with further requirements. A text alone is its own name. A swap may remove
-    variables that the system's own requirements need.
+    """Return the system with further requirements: texts by name, or texts that are their own
+    names. Only these are checked, because a swap may have removed variables that requirements of
+    the system need.
     """
     if not given:
         return system

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Function calls in a child process, so that third-party code can neither terminate nor disturb
-this one.
+this process.
 
-A function and its arguments enter. The messages that it sends, notes for the user, its terminal
-output and the way in which it ended leave. The child has a session of its own, receives no Ctrl-C,
-and always ends with this process.
+A function and its arguments enter. The messages that the function sends, notes for the user, its
+terminal output and the way in which it ended leave. The child has a session of its own, receives no
+Ctrl-C, and always ends with this process.
 """
 
 from __future__ import annotations
@@ -37,14 +37,16 @@ from harness.master.messages import NOTE_SIZE, Notes, noted_call, share_note
 _log = logging.getLogger("harness")
 
 FORK = sys.platform == "linux"
-"""True where children are forks, which begin at once; elsewhere they are new interpreters."""
+"""True where children are forked from this process, which takes no time; elsewhere a child is a new
+interpreter.
+"""
 
 Block = Any
-"""Shared bytes that can be handed to a child."""
+"""Bytes in memory that this process shares with a child."""
 
 
 def block(size: int) -> Block:
-    """Return `size` zero bytes; raise UsageError without enough memory."""
+    """Return `size` zero bytes of shared memory; raise UsageError if there is not enough memory."""
     try:
         return mmap.mmap(-1, max(size, 1)) if FORK else RawArray("b", size)
     except (OSError, ValueError, OverflowError, MemoryError) as error:
@@ -59,20 +61,20 @@ def array(shared: Block, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[An
 
 
 LOOK_SECONDS = 0.2
-"""Time between two looks at the child."""
+"""Longest wait for a message before the state of the child is checked again [s]."""
 
 GRACE_SECONDS = 0.5
-"""Grace time of a child to end by itself after a request [s]."""
+"""Time in which a child that was requested to stop may end by itself [s]."""
 
 LAST_WORDS = 200
 """Characters stored of the last terminal output of the child."""
 
 PIPE = 1 << 16
-"""Bytes that a pipe holds."""
+"""Number of bytes that a pipe can hold."""
 
 NOTE, OUTCOME = "note", "outcome"
-"""Kinds of messages: a note for the user; the last one, None or the error that the function has
-raised, beside its value.
+"""Kinds of messages from the child. NOTE: a note for the user. OUTCOME: the last message, a pair of
+the error that the function raised (None: none) and its value.
 """
 
 Send = Callable[[str, Any], None]
@@ -100,9 +102,10 @@ class Child:
             args=((theirs, terminal), _open_files() - {*open_files}, note, function, arguments),
             daemon=True,
         )
-        # a daemonic process, as a worker of dask is, may have this child: it ends with its parent
+        # Python forbids children of a daemonic process, such as a worker of dask; this child is
+        # safe, because it ends with its parent
         multiprocessing.current_process().daemon = False
-        # an interrupt between the locks of a fork would leave them closed for ever
+        # an interrupt while a fork holds its locks would leave them locked for ever
         with held(), warnings.catch_warnings():  # newer Pythons warn of forks beside other threads
             warnings.simplefilter("ignore", DeprecationWarning)
             self.process.start()
@@ -120,12 +123,12 @@ class Child:
         self._terminal.close()
 
     def messages(self, seconds: float = math.inf) -> Iterator[tuple[str, Any]]:
-        """Yield the messages of the function until it ends, and ("", None) now and then, for at
-        most `seconds`.
+        """Yield the messages of the function until it ends, for at most `seconds`. Between
+        messages, yield ("", None) about every LOOK_SECONDS, so that the caller can act.
         """
         until, over = time.monotonic() + seconds, False
         while time.monotonic() < until and not over:
-            ended = not self.process.is_alive()  # then all that will ever come is in the pipes
+            ended = not self.process.is_alive()  # then the pipes contain all that will come
             sources = self._open if ended else [*self._open, self.process.sentinel]
             ready = wait(sources, 0 if ended else LOOK_SECONDS)
             if self._terminal in ready:
@@ -156,7 +159,7 @@ class Child:
         self._words.extend(data[-4 * LAST_WORDS :].decode(errors="replace"))
 
     def kill(self) -> None:
-        """End the process and those that it has started in its session, now."""
+        """End the child, and the processes that it has started in its session, at once."""
         pid = self.process.pid
         if pid is not None and self.process.is_alive():
             with suppress(AttributeError, OSError):  # Windows; a process that has just begun
@@ -166,7 +169,7 @@ class Child:
 
     @property
     def place(self) -> tuple[str, str]:
-        """Return instance and call of the last noted FMI call."""
+        """Return instance and function of the last FMI call that the child noted."""
         return noted_call(self._note)
 
     def last_words(self) -> str:
@@ -175,10 +178,10 @@ class Child:
         return "".join(c if c.isprintable() else " " for c in lines[-1]).strip() if lines else ""
 
     def end(self) -> str:
-        """Return in what way the process has ended."""
+        """Return in words how the process ended, with the last line of its terminal output."""
         code = self.process.exitcode if self._code is None else self._code
         if code is None:
-            text = "lost contact"
+            text = "has lost contact with its process"
         elif code >= 0:
             text = f"ended the process by exit({code})"
         else:
@@ -189,7 +192,9 @@ class Child:
         return text + (f", its last output: {words}" if words else "")
 
     def report_output(self) -> None:
-        """Log the terminal output in one note, if there was any."""
+        """Log the number of lines of the terminal output and the last line, if there was any
+        output.
+        """
         if words := self.last_words():
             count = max(self._lines, 1)
             _log.warning("the FMUs wrote %d line%s, the last: %s", count, "s" * (count > 1), words)
@@ -217,7 +222,8 @@ def _work(
     messages, terminal = pipes
     _stand_alone()
     _redirect(terminal)
-    # third-party code must not write into our files, nor hold pipes open on which others wait
+    # third-party code must not write into the files of the parent, nor hold pipes open for whose
+    # end other processes wait
     for number in inherited - {0, 1, 2, messages.fileno(), terminal.fileno()}:
         with suppress(OSError):
             os.close(number)
@@ -238,7 +244,7 @@ def _work(
 
 
 def _stand_alone() -> None:
-    """Ignore the signals of a terminal, and end with the parent."""
+    """Ignore the signals of a terminal (Ctrl-C, hang-up), and end together with the parent."""
     for name in ("SIGINT", "SIGHUP", "SIGTERM"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -248,7 +254,7 @@ def _stand_alone() -> None:
 
 
 def end_with_parent() -> None:
-    """Make the kernel end this process together with its parent."""
+    """Start a thread that ends this process as soon as its parent has ended."""
 
     def wait_for_parent() -> None:
         if parent := multiprocessing.parent_process():

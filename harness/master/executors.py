@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Two executors of the same schedule: one to read and to debug, one in C. They agree bit for
-bit.
+"""Two executors of the same schedule: one in Python, to read and to debug, and one in C. Their
+results are bit-identical.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from harness.system.schedule import Action, Verb
 
 
 class Clock(NamedTuple):
-    """Time of macro step k is start + k * step [s]: a product, never a sum."""
+    """Times of the macro steps: step k begins at start + k * step [s]. Times are products, not
+    sums, so that rounding errors do not accumulate.
+    """
 
     start: float
     step: float
@@ -35,9 +37,10 @@ class Clock(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """Input of an executor: the plan of a macro step, one bus, and one table; pause: actions of the
-    next macro step that are performed with this one, so that the run pauses where an open component
-    would read its inputs.
+    """Input of an executor. plan: actions of a macro step, in order; bus: values of all slots;
+    recorder: table of recorded rows; clock: times of the macro steps; pause: number of actions at
+    the beginning of the plan that are performed together with the macro step before, so that the
+    run pauses where an open component would read its inputs.
     """
 
     plan: Sequence[Action[Instance]]
@@ -48,10 +51,10 @@ class Loop(NamedTuple):
 
 
 class PythonExecutor:
-    """Reference implementation of the loop.
+    """Reference implementation of the loop over macro steps.
 
-    calls: instance and function of every call of a macro step, in the order of the index that
-    the recorder stores as progress.
+    calls: instance and FMI function of every call of a macro step; the recorder stores the index of
+    the present call in this list as progress.
     """
 
     def __init__(self, loop: Loop) -> None:
@@ -69,7 +72,7 @@ class PythonExecutor:
                 self.prepare(k + 1)
 
     def prepare(self, k: int) -> None:
-        """Perform the actions of macro step k before the pause; raise RunError."""
+        """Perform the actions of macro step k that precede the pause; raise RunError."""
         self._act(k, 0, self.loop.pause)
 
     def _act(self, k: int, begin: int, end: int | None) -> None:
@@ -84,13 +87,15 @@ _KINDS = {
     2: {Verb.SET: (0, 1, 5), Verb.STEP: (2,), Verb.GET: (3, 4)},
     3: {Verb.SET: (6, 8, 11), Verb.STEP: (10,), Verb.GET: (7, 9)},
 }
-"""Call.kind in loop.c by version of FMI and verb: of doubles, of other types, of doubles that are
-changed on the way.
+"""Values of Call.kind in loop.c by version of FMI and verb. SET and GET have one for doubles and
+one for other types, SET a third for doubles that are converted on the way.
 """
 
 
 def _marked(actions: Iterable[Action[Instance]]) -> list[tuple[str, str]]:
-    """Return instances and functions in the order of the recorder's counter."""
+    """Return instance and FMI function of every action, in the order in which the recorder counts
+    calls.
+    """
     return [(a.instance.name, a.verb.call(a.instance.node.interface.fmi)) for a in actions]
 
 
@@ -135,7 +140,7 @@ class Stretch(ctypes.Structure):
 
 
 class CExecutor:
-    """The same loop in C, over the function pointers of the libraries that FMPy has loaded."""
+    """Executor in C, which calls the functions of the libraries of the FMUs by their pointers."""
 
     def __init__(self, loop: Loop) -> None:
         self.loop = loop  # holds the arrays to which the C structs point
@@ -156,11 +161,13 @@ class CExecutor:
         self._execute_until(first, last, 1)
 
     def prepare(self, k: int) -> None:
-        """Perform the calls of macro step k before the pause; raise RunError."""
+        """Perform the calls of macro step k that precede the pause; raise RunError."""
         self._execute_until(k, k, 0)
 
     def stretch(self, first: int, last: int) -> Stretch:
-        """Return macro steps first .. last - 1 for execute_all()."""
+        """Return the macro steps first .. last - 1 in the form in which execute_all() of loop.c
+        performs them.
+        """
         calls, run = ctypes.addressof(self._calls), ctypes.addressof(self._run)
         return Stretch(calls, len(self._calls), run, first, last, self._pause)
 
@@ -169,7 +176,9 @@ class CExecutor:
         self.finish(self._execute(self._calls, count, run, first, last, self._pause, ready))
 
     def finish(self, stop: Stop) -> None:
-        """Note how far the calls came; raise RunError naming the instance that failed."""
+        """Record how many macro steps are complete; raise RunError naming the instance that failed,
+        if one did.
+        """
         self.loop.recorder.done = stop.done
         if stop.status not in (OK, WARNING):
             action, transfer = self._origin[stop.call]
@@ -180,7 +189,9 @@ class CExecutor:
 def _origins(
     plan: Sequence[Action[Instance]],
 ) -> Iterator[tuple[Action[Instance], Transfer | None]]:
-    """Yield one entry per FMI call: an action is one step, or one transfer per type of variable."""
+    """Yield action and transfer of every FMI call of the plan: STEP is one call without a transfer,
+    SET and GET are one call per transfer (one per type of variable).
+    """
     for action in plan:
         if action.verb is Verb.STEP:
             yield action, None
@@ -205,7 +216,7 @@ def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
 
 
 def library() -> Any:
-    """Return loop.c as a library; raise UsageError if it has not been built."""
+    """Return loop.c as a loaded library; raise UsageError if it has not been built."""
     path = built("loop")
     if path is None:
         raise UsageError(
@@ -226,8 +237,8 @@ def _loaded(path: Path) -> Any:
 
 
 class Stretches:
-    """Stretches of several simulations, performed without Python between them; `each` shows its
-    `stop`.
+    """Stretches of macro steps of several simulations, performed one after the other without Python
+    in between. each: the stretches; their `stop` states how far each came.
     """
 
     def __init__(self, given: Sequence[Stretch]) -> None:
@@ -236,20 +247,20 @@ class Stretches:
         self._execute, self._count = library().execute_all, ctypes.c_size_t(len(given))
 
     def execute(self) -> None:
-        """Perform the macro steps."""
+        """Perform the macro steps of all stretches."""
         self._execute(self.all, self._count)
 
 
 Executor = PythonExecutor | CExecutor
 
 FUSED = "fused"
-"""The loop in C over one FMU of the whole system (harness.master.fused)."""
+"""Name of the executor in C over one FMU of the whole system (harness.master.fused)."""
 
 EXECUTORS: dict[str, type[Executor]] = {"c": CExecutor, "python": PythonExecutor, FUSED: CExecutor}
 
 
 def known_executor(name: str) -> str:
-    """Return the name of an existing executor; raise UsageError."""
+    """Return the name unchanged if there is an executor with this name; raise UsageError."""
     if name not in EXECUTORS:
         *names, last = EXECUTORS
         raise UsageError(f"there is no executor {name}, only {', '.join(names)} and {last}")

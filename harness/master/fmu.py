@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Loaded FMU: prepared buffers, the verbs of the schedule, save and restore.
+"""Loaded FMU: its buffers, the verbs of the schedule, and how its state is saved and restored.
 
 calls.py loads the library and knows the names of the functions in its version of FMI. This module
-defines the order of calls and the macro step with arguments that are built once. The C executor
-makes the same calls with the same buffers.
+defines the order of calls. The arguments of the calls in a macro step are built once, and the C
+executor makes the same calls with the same buffers.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ HEARD = (
     *("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal"),
     messages.STATISTICS,
 )
-"""Log categories of FMI 2.0 that are listened to; everything else stays off."""
+"""Log categories of FMI 2.0 whose messages are requested; all others stay off."""
 
 REASONS = {
     TERMINATION: "requested termination",
@@ -51,15 +51,18 @@ DOING = {
 
 
 def _is_python(interface: Interface) -> bool:
-    """Return whether PythonFMU built an FMU. Such FMUs report exceptions only with logging on."""
+    """Return whether PythonFMU built an FMU. Such an FMU reports exceptions only if its logging is
+    on.
+    """
     return "PythonFMU" in str(interface.model.generationTool or "")
 
 
 def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bool) -> Path:
-    """Return the folder of the unpacked FMU: in the cache, or as a separate copy below folder().
+    """Return the folder of the unpacked FMU: in the cache for an FMU of the project, else a
+    separate copy below folder(), which `files` removes at its end.
 
-    A third-party FMU may have globals. A library that is loaded twice from one file has them once,
-    so each instance needs files of its own.
+    A third-party FMU may have global variables. A library that is loaded twice from one file has
+    them only once, so each instance needs files of its own.
     """
     cached = cache.unpacked(path) if ours else None
     if cached is not None:
@@ -71,13 +74,13 @@ def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bo
 
 
 class Instance:
-    """An instance of an FMU in its place in the system."""
+    """Loaded instance of the FMU of one component."""
 
     def __init__(self, node: Node, folder: Callable[[], Path], ours: bool | None = None) -> None:
         """Unpack below folder(), load and instantiate; raise FmuError if that fails.
 
-        ours: whether it is an FMU of the project (None: decided by its bytes). Such an FMU has no
-        globals, resets completely, and gives finite outputs only.
+        ours: whether the FMU belongs to the project (None: decided by its bytes). Such an FMU has
+        no global variables, resets completely, and has finite outputs only.
         """
         self.name = node.component.name
         self._states: list[ctypes.c_void_p] = []
@@ -94,7 +97,9 @@ class Instance:
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
 
     def _loaded(self, folder: Path) -> Calls:
-        """Return the calls of an unpacked FMU; raise FmuError."""
+        """Load the library of an unpacked FMU, instantiate the FMU and return its calls; raise
+        FmuError.
+        """
         interface = self.node.interface
         places = [folder / name for name in binaries(interface)]
         library = next((file for file in places if file.is_file()), places[0])
@@ -109,12 +114,12 @@ class Instance:
 
     @property
     def every(self) -> int:
-        """Return the macro steps per step of the instance."""
+        """Return the number of macro steps per step of the instance."""
         return self.node.component.every
 
     @property
     def latency(self) -> int:
-        """Return the macro steps by which the outputs are published late."""
+        """Return the number of macro steps by which the outputs are published late."""
         return self.node.component.latency
 
     def _transfers(self) -> dict[Verb, list[Transfer]]:
@@ -129,8 +134,8 @@ class Instance:
     # ---- life
 
     def _listen(self) -> None:
-        """Enable the log categories for errors and warnings only. An FMU that does not support them
-        stays silent.
+        """Enable only the log categories for errors and warnings. An FMU without log categories is
+        not called.
         """
         interface = self.node.interface
         categories = [c.name for c in interface.model.logCategories if c.name in HEARD]
@@ -138,8 +143,8 @@ class Instance:
             self.calls.listen(categories)
 
     def renew(self, node: Node) -> bool:
-        """Reset to the state after instantiation, for a node with the same FMU; return False if the
-        FMU cannot, or may retain values of the last run.
+        """Reset the instance to the state after instantiation, for the next run with a node of the
+        same FMU. Return False if the FMU cannot be reset, or may retain values of the last run.
         """
         if node.interface is not self.node.interface or (self._used and not self._reset()):
             return False
@@ -170,8 +175,8 @@ class Instance:
                 raise self._failure(status, f"set{access} rejected {value}", time, name)
 
     def _settings(self) -> Iterator[tuple[tuple[Variable, ...], list[Scalar], str]]:
-        """Yield variables that are set at once, their values, and the name for an error: one
-        variable, or all elements of an array of which one is set.
+        """Yield variables that are set by one call, their values, and the name for an error
+        message: one variable, or in FMI 3.0 all elements of an array of which at least one is set.
         """
         interface = self.node.interface
         if interface.fmi == 2:
@@ -185,7 +190,9 @@ class Instance:
             yield row, [given.get(v.name, resting(v)) for v in row], name
 
     def put(self, variables: Sequence[Variable], values: NDArray[np.float64], time: float) -> None:
-        """Set inputs of one variable between steps; raise RunError if the FMU rejects them."""
+        """Set all elements of one input between steps; raise RunError if the FMU rejects the
+        values.
+        """
         given = [coerce(float(x), v.type, v.access) for v, x in zip(variables, values, strict=True)]
         if (status := self.calls.put(variables, given)) not in (OK, WARNING):
             raise self._failure(status, f"set{variables[0].access} rejected {given}", time)
@@ -196,7 +203,7 @@ class Instance:
             self._call(function, start, *arguments)
 
     def exit_initialization(self, time: float) -> None:
-        """Leave initialization mode, at which the FMU checks its parameters."""
+        """Leave initialization mode; the FMU then checks its parameters. Raise RunError."""
         self._call("ExitInitializationMode", time)
         self._stepping = True
 
@@ -213,7 +220,7 @@ class Instance:
         self._files.close()
 
     def _terminate(self) -> None:
-        """Terminate a run once, ignoring an FMU that rejects it."""
+        """End a run with Terminate if the FMU is in one; the returned status is ignored."""
         if self._stepping and self._status in (OK, WARNING):
             self.calls.call("Terminate")
         self._stepping = False
@@ -221,8 +228,8 @@ class Instance:
     # ---- the macro step
 
     def act(self, verb: Verb, bus: NDArray[np.float64], time: float, step: float) -> None:
-        """Perform one verb; time: communication point [s]; step: macro step [s]; raise RunError if
-        the FMU fails.
+        """Perform one verb of the schedule; time: communication point [s]; step: macro step [s];
+        raise RunError if the FMU fails.
         """
         if verb is Verb.STEP:
             status = self.calls.step(time, self.every * step, self.no_rollback)
@@ -232,8 +239,8 @@ class Instance:
             self.raise_if_failed(verb, status, time, transfer)
 
     def propagate(self, verb: Verb, bus: NDArray[np.float64], time: float) -> None:
-        """Perform SET or GET in initialization mode: inputs whose sources have been computed,
-        outputs that may not be finite yet.
+        """Perform SET or GET in initialization mode. SET skips inputs whose sources are not finite
+        yet, and GET accepts outputs that are not finite yet.
         """
         messages.note_call(self.name, verb.call(self.node.interface.fmi))
         for transfer in self.transfers[verb]:
@@ -243,15 +250,18 @@ class Instance:
                 self.raise_if_failed(verb, transfer.write(bus), time)
 
     def check_outputs(self, time: float) -> None:
-        """Raise RunError if an output of the last reading is not a number of the bus."""
+        """Raise RunError if an output that was read last is not a finite number, or is a whole
+        number that the bus cannot carry.
+        """
         for transfer in self.transfers[Verb.GET]:
             self.raise_if_failed(Verb.GET, OK, time, transfer)
 
     def raise_if_failed(
         self, verb: Verb, status: int, time: float, transfer: Transfer | None = None
     ) -> None:
-        """Raise RunError if an FMI call failed, a step requested termination, or an output of this
-        transfer is not a number of the bus.
+        """Raise RunError if an FMI call has failed, if a step has requested termination, or if an
+        output of this transfer is not a finite number or is a whole number that the bus cannot
+        carry.
         """
         if status in REASONS:
             raise RunError(self.name, time, REASONS[status])
@@ -265,7 +275,7 @@ class Instance:
 
     def save(self, time: float) -> ctypes.c_void_p:
         """Return the present state of the FMU, to be released with free(); raise RunError if the
-        FMU has none.
+        FMU cannot save its state.
         """
         if self.no_rollback:
             raise RunError(self.name, time, "this FMU cannot save and restore its state")

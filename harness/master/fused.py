@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Whole system as one FMU, compiled from the sources in its FMUs, with one instance in a run; or as
-a WebAssembly module, which a live page runs with the bits of a run here.
+"""Whole system as one FMU, compiled from the C sources in its FMUs and run as a single instance; or
+as a WebAssembly module, which a live page runs with results that are bit-identical to a run here.
 
 core/build/fuse.py writes, compiles and packs the FMU. For runs that happens once per structure
 (components, connections, schedule), and all values are set before every run.
@@ -48,26 +48,27 @@ MACRO_STEP = "macro_step"
 COMPILER = "cc"
 
 OF_PROCESSOR = ("-mavx2", "-mno-fma") if has_avx2() else ()
-"""Flags of a system that runs on this machine only: a quarter fewer instructions, with the same
-bits, because products and sums are rounded one by one.
+"""Compiler flags for a system that runs on this machine only: a quarter fewer instructions. The
+bits of the results are the same, because products and sums are rounded one by one (no FMA).
 """
 
 LIBRARY = "ziglang"
-"""Package that brings the compiler of modules."""
+"""Python package that contains the compiler of WebAssembly modules."""
 ZIG = (sys.executable, "-m", LIBRARY)
 
 
 class NotFusedError(HarnessError):
-    """System that cannot be one FMU of the project. str() gives the reason in one line."""
+    """System that cannot be compiled to one FMU. str() gives the reason in one line."""
 
 
 def write_whole(
     system: System, graph: Graph, path: Path, fmi: int = 2, scalars: bool = False
 ) -> None:
-    """Write a checked system as one FMU of a version of FMI with its values as start values, its
-    name, the version of this package and its provenance; raise NotFusedError.
+    """Write a checked system as one FMU in a version of FMI: its values are the start values, and
+    the FMU has the name of the system, the version of this package and the provenance. Raise
+    NotFusedError.
 
-    scalars: elements of vectors and matrices are variables also in FMI 3.0.
+    scalars: elements of vectors and matrices are separate variables also in FMI 3.0.
     """
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     plan = _plan(system, graph, system.name) | whole_provenance(system, interfaces)._asdict()
@@ -75,10 +76,10 @@ def write_whole(
 
 
 class Whole:
-    """FMU of one structure of a system, and the inputs of its instance in a run."""
+    """FMU compiled from one structure of a system, and what its instance in a run needs."""
 
     def __init__(self, system: System, graph: Graph, compiler: str = COMPILER) -> None:
-        """Compile the FMU unless the cache has it; raise NotFusedError."""
+        """Compile the FMU, or take it from the cache; raise NotFusedError."""
         self._graph, self._structure = graph, structure(system, graph)
         plan = _plan(system, graph, "whole")
         command = [*_command(compiler), *OF_PROCESSOR]
@@ -93,11 +94,15 @@ class Whole:
         self.ours = all(paths.is_ours(node.interface.path) for node in graph.nodes)
 
     def fits(self, system: System, graph: Graph) -> bool:
-        """Return whether a system differs from the compiled one only in values."""
+        """Return whether a system differs from the compiled one only in values, so that this FMU
+        can run it.
+        """
         return structure(system, graph) == self._structure
 
     def node(self, recorded: Sequence[int] | None) -> Node:
-        """Return the one node of a run; recorded: the recorded slots, in order (None: all)."""
+        """Return the node of the FMU, the only one in a run; recorded: indices of the recorded
+        slots of the graph, in order (None: all slots).
+        """
         component = Component("whole", self.interface.path)
         outputs = self.outputs
         if recorded is not None:
@@ -105,33 +110,41 @@ class Whole:
         return Node(component, self.interface, (), outputs, (), ())
 
     def values(self, system: System, graph: Graph) -> NDArray[np.float64]:
-        """Return the values of all settable variables, in their order."""
+        """Return the values of all settable variables of the FMU for a run of the system, in their
+        order.
+        """
         values = self._starts.copy()
         values[self._places[MACRO_STEP]] = system.experiment.step or 0.0
         for node in graph.nodes:
             for variable, value in node.settings:
                 place = self._places.get(f"{node.component.name}.{variable.name}")
-                if place is not None:  # an input that somebody drives has no start value
+                if place is not None:  # a connected input has no start value
                     values[place] = value
         return values
 
 
 def compiled(system: System, graph: Graph) -> Whole | None:
-    """Return the compiled system; None, and a line in the log, if that is impossible."""
+    """Compile a system to one FMU and return it; if that is impossible, log the reason and return
+    None.
+    """
     try:
         return Whole(system, graph)
     except NotFusedError as reason:
-        _log.warning("%s: runs with the executor c: %s", system.name, reason)
+        _log.warning("%s: cannot be fused, so it runs with the executor c: %s", system.name, reason)
         return None
 
 
 def prepare(system: System, graph: Graph) -> None:
-    """Compile a system for later runs; a line in the log states why that is impossible."""
+    """Compile a system to one FMU for later runs, which find it in the cache. If that is
+    impossible, log the reason.
+    """
     compiled(system, graph)
 
 
 def structure(system: System, graph: Graph) -> tuple[Any, ...]:
-    """Return everything that determines the code of a fused system; values do not."""
+    """Return everything that determines the code of a fused system, to be compared with other
+    systems. Values of parameters do not determine it.
+    """
     places = [(n.component.name, n.component.every, n.component.latency) for n in graph.nodes]
     inputs = [(id(node.interface), node.inputs) for node in graph.nodes]
     return system.experiment.algorithm, graph.slots, places, inputs
@@ -139,12 +152,12 @@ def structure(system: System, graph: Graph) -> tuple[Any, ...]:
 
 @lru_cache(maxsize=8)
 def slots_of(slots: tuple[Slot, ...], names: frozenset[str]) -> tuple[int, ...]:
-    """Return the indices of the slots of these variables, in order."""
+    """Return the indices of the slots of the named variables (names without indices), in order."""
     return tuple(i for i, slot in enumerate(slots) if base(slot.name) in names)
 
 
 class WholeInstance(Instance):
-    """The instance of a whole system: all its values are set in one call."""
+    """Instance of the FMU of a whole system, whose values are all set by one call."""
 
     def __init__(self, node: Node, folder: Callable[[], Path], whole: Whole) -> None:
         super().__init__(node, folder, whole.ours)
@@ -155,8 +168,8 @@ class WholeInstance(Instance):
         self._get = Transfer(self.calls, "GetReal", whole.outputs)
 
     def set_start_values(self, time: float) -> None:
-        """Set all parameters and open inputs at once; raise RunError without the name of a rejected
-        one.
+        """Set all parameters and open inputs by one call; raise RunError if the FMU rejects one of
+        them. The error does not name it.
         """
         self._used = True
         address = self.values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
@@ -166,7 +179,7 @@ class WholeInstance(Instance):
             raise self._failure(status, "setReal rejected", time)
 
     def everything(self) -> NDArray[np.float64]:
-        """Return all present outputs, including those that are not recorded."""
+        """Return the present values of all outputs of the system, including those not recorded."""
         bus = np.zeros(len(self.whole.outputs))
         self.raise_if_failed(Verb.GET, self._get.read(bus), 0.0)
         return bus
@@ -178,8 +191,8 @@ class WholeInstance(Instance):
 class Module(NamedTuple):
     """WebAssembly module and the inputs of its runs.
 
-    names, references, values: of everything that can be set, in one order; outputs: references by
-    the name of the column.
+    code: the module; names, references, values: names, value references and start values of all
+    settable variables, in one order; outputs: value references by the name of the column.
     """
 
     code: bytes
@@ -190,8 +203,8 @@ class Module(NamedTuple):
 
 
 def module_of(system: System, found: Checked) -> Module:
-    """Return the module of a checked system; raise HarnessError without a compiler, or if the
-    system cannot be one FMU (NotFusedError: str() is the reason).
+    """Return the WebAssembly module of a checked system; raise HarnessError without a compiler, or
+    NotFusedError if the system cannot be compiled to one FMU.
     """
     installed(LIBRARY, "live")
     web = [*ZIG, "cc"]
@@ -222,12 +235,12 @@ def module_of(system: System, found: Checked) -> Module:
 
 
 def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
-    """Return the system in the input format of fuse.py; raise NotFusedError for variables other
-    than Real.
+    """Return the system in the input format of fuse.py; raise NotFusedError if a variable is not
+    Real.
     """
     found = ((n.component.name, n.interface.variables.values()) for n in graph.nodes)
     if others := sorted(n for n, known in found if any(v.type != "Real" for v in known)):
-        raise NotFusedError(f"{', '.join(others)}: not all variables are Real")
+        raise NotFusedError(f"{', '.join(others)}: not all variables are Real, as one FMU requires")
     experiment = system.experiment
     driver = {w.slot: (i, w.variable.name) for i, n in enumerate(graph.nodes) for w in n.outputs}
     place = {node.component.name: i for i, node in enumerate(graph.nodes)}
@@ -261,18 +274,20 @@ def _part(node: Node, driver: dict[int, tuple[int, str]], algorithm: str) -> dic
 
 
 def _command(compiler: str) -> list[str]:
-    """Return the command of the compiler if compiler and sources exist; raise NotFusedError."""
+    """Return the command of the compiler as a list; raise NotFusedError if the compiler or the C
+    sources of the project are missing.
+    """
     command = shlex.split(compiler)
     if paths.core() is None:
-        raise NotFusedError("the C sources of the project are not there")
+        raise NotFusedError("the C sources of the project are missing")
     if not command or shutil.which(command[0]) is None:
         raise NotFusedError(f"there is no C compiler ({compiler})")
     return command
 
 
 def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
-    """Return the key of the compiled system: structure, FMUs and tools, without values, which are
-    set later.
+    """Return the key of a compiled system in the cache: structure, FMUs and tools. Values are not
+    in the key, because they are set before a run.
     """
     parts = plan["parts"]
     built = [plan["plan"], compiler, *([p["name"], p["driven"], p["late"]] for p in parts)]
@@ -286,7 +301,7 @@ def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
 
 def _core() -> Path:
     core = paths.core()
-    assert core is not None  # _command() has checked it
+    assert core is not None  # _command() has checked that
     return core
 
 

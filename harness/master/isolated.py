@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Runs in a child process, so that a crash of a third-party FMU is reported and loses no rows.
 
-The rows are in memory that both processes share. However the child ends, every complete macro step
-remains. Systems whose FMUs all belong to the project run in this process.
+The recorded rows are in memory that both processes share, so every complete macro step remains
+however the child ends. Systems whose FMUs all belong to the project run in this process.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from harness.system.model import System
 _log = logging.getLogger("harness")
 
 PATIENCE = 60.0
-"""Limit for one call into a third-party FMU where many runs wait for it [s]."""
+"""Largest duration of one call into a third-party FMU in campaigns, where many runs wait [s]."""
 
 BEGUN, OVER = "begun", "over"
-"""Messages of the child. BEGUN: the initial row is recorded; with the names of the calls of a macro
-step. OVER: the last row is recorded, or the run has ended with an error; with the error or None,
-the time of a macro step [s] and the timing of the pacer.
+"""Messages of the child. BEGUN: the initial row is recorded; content: instances and functions of
+the calls of a macro step. OVER: the last row is recorded, or the run has ended with an error;
+content: the error or None, the duration of a macro step [s] and the timing of the pacer.
 """
 
 
@@ -51,8 +51,9 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     patience: float = math.inf,
     pacer: Pacer | None = None,
 ) -> Result:
-    """Run a system without changes, with third-party FMUs in a child process unless in_process. The
-    arguments are the same as for run().
+    """Run a system to which all changes have been applied; third-party FMUs run in a child process
+    unless in_process. executor, every, progress: as for run(); patience: limit for one FMI call,
+    after which the child is killed [s]; pacer: clock that the run follows (None: none).
     """
     how: Any = {"executor": executor, "every": every, "pacer": pacer}
     if in_process or all_ours(system):
@@ -68,20 +69,20 @@ def all_ours(system: System) -> bool:
 def timed(
     system: System, every: int | None = 1, patience: float = math.inf, executor: str = "c"
 ) -> tuple[Result, float]:
-    """Return the result of a run in a child process and the time of a macro step of its fastest
-    stretch [s].
+    """Return the result of a run in a child process, and the duration of a macro step in the
+    fastest stretch of the run [s].
 
-    patience: limit for one FMI call, after which the process is killed [s].
+    patience: limit for one FMI call, after which the child is killed [s].
     """
     run = _Run(system, {"executor": executor, "every": every}, patience)
     return run.result(progress=False), run.simulation.pace
 
 
 def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the value of a function that calls these FMUs, in a child process if one of them is
-    third-party.
+    """Return function(*arguments), which calls the FMUs in `fmus`; it runs in a child process if
+    one of them is third-party.
 
-    Raises the errors of the function, and FmuError if its process ends.
+    Raises the errors of the function, and FmuError if the child process ends.
     """
     if all(map(is_ours, fmus)):
         return function(*arguments)
@@ -89,8 +90,8 @@ def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any)
 
 
 def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the value of a function called in a child process; raise FmuError if the
-    process ends.
+    """Return function(*arguments), called in a child process; raise the errors of the function, and
+    FmuError if the process ends before.
     """
     with Child(_call, function, *arguments) as process:
         for kind, content in process.messages():
@@ -110,22 +111,24 @@ def _call(_send: Send, function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 class _Memory(NamedTuple):
-    """Shared memory in which both processes see the rows of a run."""
+    """Shared memory in which parent and child see the rows and the progress of a run."""
 
     table: Block
     progress: Block
 
     def share(self, simulation: Simulation) -> None:
-        """Let a simulation record there."""
+        """Make a simulation record its rows and progress in this memory."""
         recorder = simulation.recorder
         recorder.table = array(self.table, recorder.table.shape, np.float64)
         recorder.progress = array(self.progress, recorder.progress.shape, np.int64)
 
 
 class _Run:
-    """Run as seen from the parent: a Simulation that is never entered, whose rows a child fills.
+    """Run as seen from the parent: a Simulation that loads no FMUs, whose rows a child process
+    records.
 
-    over: the last row is complete; closed: the FMUs are freed; verdict: why the child was ended.
+    over: whether the run has ended in the child; closed: whether its FMUs are freed; verdict:
+    reason why the parent killed the child, "" if it did not.
     """
 
     def __init__(self, system: System, how: Any, patience: float) -> None:
@@ -142,7 +145,7 @@ class _Run:
         self._seen: tuple[object, float] = None, 0.0
 
     def result(self, progress: bool | Watch) -> Result:
-        """Return the rows when the child has ended; raise RunError with the rows so far, or
+        """Return the result after the child has ended; raise RunError with the rows so far, or
         FmuError.
         """
         with Child(_run, *self._order) as self.child:
@@ -170,7 +173,9 @@ class _Run:
             self._look()
 
     def _look(self) -> None:
-        """End a child in which nothing has changed for too long."""
+        """Kill the child if neither its progress nor its present call has changed for `patience`
+        seconds.
+        """
         state, now = (
             (self.simulation.recorder.progress.tobytes(), self.child.place),
             time.monotonic(),
@@ -182,8 +187,8 @@ class _Run:
             self.child.kill()
 
     def _interrupt(self) -> None:
-        """Request a stop of the child, and end it if it does not react or the user
-        repeats Ctrl-C.
+        """Request a stop from the child after Ctrl-C, and kill the child if it does not react in
+        time or the user repeats Ctrl-C.
         """
         simulation = self.simulation
         if not self.over:
@@ -198,8 +203,8 @@ class _Run:
             self.error = InterruptionError(simulation.system.name, simulation.time)
 
     def _raise_failure(self) -> None:
-        """Raise the error that ended the run early. A complete run stays valid if a later call
-        fails.
+        """Raise the error that ended the run early. If the child failed after the last row, the run
+        is valid and the failure is only logged.
         """
         simulation, recorder = self.simulation, self.simulation.recorder
         recorder.mend()
@@ -226,9 +231,11 @@ class _Run:
 def _run(
     send: Send, system: System, how: Any, memory: _Memory, simulation: Simulation | None
 ) -> None:
-    """Run the system into shared memory. The outcome is sent before the FMUs are freed."""
+    """Run the system and record into shared memory. The end of the run is reported before the FMUs
+    are freed, because freeing may crash.
+    """
     if simulation is None:
-        with noted():  # the parent has logged it already
+        with noted():  # the parent has logged the notes
             simulation = Simulation(system, **how)
         memory.share(simulation)
     recorder, error = simulation.recorder, None

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Several runs of one fused system at once, in the lanes of vectors, with the bits of single runs.
+"""Several runs of one fused system at once: each run is a lane, an element of the vector registers.
+The results are bit-identical to single runs.
 
 core/build/lanes.py compiles the library from the FMU of the whole system. The FMUs of the single
 runs set, check and reject parameters and initial values, and make the first macro step. Then their
-states go into the lanes, and return at the end.
+states are copied into the lanes, and copied back at the end.
 
     python -m harness.master.lanes WHOLE.fmu        # compile into the cache
 """
@@ -35,18 +36,20 @@ from harness.system.interface import unpacked_sources
 from harness.system.schedule import Verb
 
 COMPILERS = ("g++", "clang++")
-"""Compilers of C++ that may be there; without one the compiler in the package ziglang is used."""
+"""Commands of C++ compilers to look for; if none exists, the compiler in the package ziglang is
+used.
+"""
 
 NAME = "lanes.so"
 CHUNK = 1000
-"""Macro steps before the time of a macro step is known."""
+"""Number of macro steps in the first stretch, while the duration of a macro step is not known."""
 
 
 @lru_cache
 def width() -> int:
     """Return the largest number of runs at once on this processor: 8 with AVX-512, 4 with AVX2,
-    else 2; 1 without the compiler, the C sources or the cache, in which processes find the library.
-    Large systems have at most 4 (core/build/lanes.py).
+    else 2. Return 1 if there is no compiler, no C sources, or no cache, in which processes find the
+    library. core/build/lanes.py limits large systems to 4.
     """
     there = compiler() and paths.core() and cache.folder() and os.name == "posix"
     if not there:
@@ -58,7 +61,7 @@ def width() -> int:
 
 @lru_cache
 def compiler() -> tuple[str, ...]:
-    """Return the command of the compiler of C++, empty if there is none."""
+    """Return the command of the C++ compiler, () if there is none."""
     found = next(filter(None, map(shutil.which, COMPILERS)), None)
     if found:
         return (found,)
@@ -66,8 +69,8 @@ def compiler() -> tuple[str, ...]:
 
 
 def library(fmu: Path, wait: bool = False) -> Path | None:
-    """Return the library of a whole system from the cache; None if it is not there. wait: compile
-    it then; raise NotFusedError if the compiler fails.
+    """Return the lane library of a whole system (an FMU) from the cache, None if it is not there.
+    wait: compile a missing library; raise NotFusedError if the compiler fails.
     """
     tool, command = _core() / "build" / "lanes.py", shlex.join(compiler())
 
@@ -83,7 +86,9 @@ def library(fmu: Path, wait: bool = False) -> Path | None:
 
 @lru_cache(maxsize=8)
 def _key(fmu: Path) -> bytes:
-    """Return what determines a library: sources, tools, compiler and processor."""
+    """Return the key of a library in the cache: the content of everything that determines its code
+    (FMU, tools, compiler and number of lanes).
+    """
     program, build = Path(compiler()[0]).resolve(), _core() / "build"
     if len(compiler()) > 1:
         program = Path(importlib.import_module(LIBRARY).__path__[0]) / "zig"
@@ -98,7 +103,9 @@ def _core() -> Path:
 
 @contextmanager
 def compiling(fmu: Path) -> Iterator[None]:
-    """Compile the library of a whole system in the background; stop at the end of the block."""
+    """Compile the lane library of a whole system (an FMU) in the background during the `with`
+    block; a compilation that is not complete at the end of the block is ended.
+    """
     command = [sys.executable, "-m", __name__, str(fmu)]
     none = subprocess.DEVNULL
     process = subprocess.Popen(
@@ -127,7 +134,7 @@ class _Runs(ctypes.Structure):
 
 
 class Lanes:
-    """Library of a whole system. Only one thread of a process may use it."""
+    """Loaded lane library of a whole system. Only one thread of a process may use it."""
 
     def __init__(self, path: Path) -> None:
         self._library = ctypes.CDLL(str(path))
@@ -136,9 +143,9 @@ class Lanes:
         self.width = ctypes.c_int.in_dll(self._library, "width").value
 
     def advance(self, simulations: Sequence[Simulation], to: int | None = None) -> list[bool]:
-        """Perform macro steps until `to` (default: all) of simulations that differ in values only
-        and are equally far; return which of them are valid. One whose step is rejected is not, and
-        has to be run alone.
+        """Perform macro steps until `to` are complete (default: all) for simulations of one system
+        that differ only in values and have completed equally many steps. Return for each whether it
+        is valid: a run of which a step was rejected is not valid and must be run alone.
         """
         first, count = simulations[0], len(simulations)
         instances = [_whole(simulation) for simulation in simulations]
@@ -167,8 +174,9 @@ class Lanes:
         return complete
 
     def _run(self, runs: _Runs, to: int) -> float:
-        """Perform the macro steps, with looks for Ctrl-C; return the processor time of one in the
-        quickest stretch [s]. Elapsed time would include what other processes take.
+        """Perform the macro steps and check for Ctrl-C in between. Return the processor time per
+        macro step in the fastest stretch [s]. Elapsed time would include the time of other
+        processes.
         """
         chunk, pace = CHUNK, math.inf
         while runs.done < to and runs.lost != (1 << runs.count) - 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Log messages of the FMUs from the logger callback of FMI, and the note of the present call.
+"""Log messages that FMUs send by the logger callback of FMI, and the note of the present FMI call.
 
 FMPy formats the variadic messages in a small C library that knows one Python function per process,
 so all instances share one log. The message of an FMU is fetched right after a failed call.
@@ -7,7 +7,7 @@ so all instances share one log. The message of an FMU is fetched right after a f
 An FMU of the project rejects parameters in such a message: `mass_0 = -5: must be > 0`, all
 rejections in one message, in the format of fmus/core/adapter/fmu.h. The name may be a whole vector
 or matrix (`J_S`), or an expression of several parameters (`|q_KS|`, `range.lambda * range.beta`).
-The rule may name others (`must be below rho2`).
+The rule may name other parameters (`must be below rho2`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ WARNING, DISCARD = 1, 2
 """fmi2Status values: messages of status DISCARD and above explain a failed call."""
 
 STATISTICS = "logStatistics"
-"""Log category of links: what the steps of a component have cost on its processor."""
+"""Log category of link FMUs for the cost of the steps of a component on its processor."""
 
 _log = logging.getLogger("harness")
 _errors: deque[tuple[str, str]] = deque(maxlen=20)
@@ -48,7 +48,9 @@ _warnings: dict[str, tuple[int, str]] = {}
 
 
 def _receive(instance: bytes | None, status: int, category: bytes | None, message: Any) -> None:
-    """Store a message of an instance."""
+    """Store a message of an instance: an error until take_error(), a warning until
+    report_warnings(). Log a message of the category STATISTICS at once.
+    """
     name, text = _text(instance), " ".join(_text(message).split())
     if status >= DISCARD:
         _errors.append((name, text))
@@ -69,7 +71,7 @@ _free = fmi2CallbackFreeMemoryTYPE(free)
 
 
 def callbacks() -> ctypes.Structure:
-    """Return the callback functions of FMI 2.0 for one instance, which log to this module."""
+    """Return the callback functions of FMI 2.0 for one instance. Its messages go to this module."""
     functions: ctypes.Structure = fmi2CallbackFunctions()
     functions.logger, functions.allocateMemory, functions.freeMemory = _logger, _allocate, _free
     addLoggerProxy(ctypes.byref(functions))
@@ -77,14 +79,14 @@ def callbacks() -> ctypes.Structure:
 
 
 def logger(instance: str) -> Any:
-    """Return the callback of FMI 3.0 for the messages of one instance."""
+    """Return the FMI 3.0 callback that stores the messages of one instance in this module."""
     name = instance.encode()
     return fmi3LogMessageCallback(lambda _environment, *message: _receive(name, *message))
 
 
 def take_error(instance: str) -> str | None:
-    """Return and forget the newest error message of an instance, or of an FMU that does not give
-    its name.
+    """Return the newest error message of an instance, or of an FMU that does not state its name,
+    None if there is none. All stored error messages are removed.
     """
     candidates = [text for name, text in _errors if name in (instance, "")]
     _errors.clear()
@@ -92,7 +94,9 @@ def take_error(instance: str) -> str | None:
 
 
 def report_warnings(instance: str) -> None:
-    """Log the number of warnings of an instance and the last one in one line."""
+    """Log in one line how many warnings an instance has sent, with the last one; forget all of
+    them.
+    """
     count, last = _warnings.pop(instance, (0, ""))
     if count:
         several = "s" * (count > 1)
@@ -109,7 +113,7 @@ def forget(instance: str) -> None:
 # (the executors count calls of the macro step instead, which costs less)
 
 NOTE_SIZE = 400
-"""Bytes of a note: name of the instance, a zero byte, name of the call."""
+"""Number of bytes of a note: name of the instance, a zero byte, name of the function."""
 
 Note = NDArray[np.uint8]
 
@@ -123,7 +127,7 @@ def share_note(note: Note) -> None:
 
 
 def note_call(instance: str, call: str) -> None:
-    """Note that an instance is about to be called."""
+    """Write into the note that this function of an instance is about to be called."""
     _note[:] = _written(instance, call)
 
 
@@ -134,30 +138,30 @@ def _written(instance: str, call: str) -> Note:
 
 
 def noted_call(note: Note) -> tuple[str, str]:
-    """Return instance and call of the last note; ("", "") without one."""
+    """Return instance and function of the last noted call; ("", "") if none is noted."""
     instance, _, call = note.tobytes().decode(errors="replace").partition("\0")
     return instance, call.rstrip("\0")
 
 
-# ---- notes of the harness on several runs of one system: a note on all of them is logged once
+# ---- notes of the harness about several runs of one system: equal notes are logged once
 
 
 class Notes(logging.Handler):
-    """Handler that passes every note to a function."""
+    """Log handler that passes the text of every note (warning) to a function."""
 
     def __init__(self, hear: Callable[[str], object]) -> None:
         super().__init__(logging.WARNING)
         self._hear = hear
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Pass the line on."""
+        """Pass the text of a log record to the function."""
         self._hear(record.getMessage())
 
 
 @contextmanager
 def noted() -> Iterator[dict[str, None]]:
-    """Yield the notes of the harness in the `with` block, each line once, instead of
-    logging them.
+    """Collect the notes that the harness logs in the `with` block instead of logging them; yield
+    the collection, in which each line is once.
     """
     lines: dict[str, None] = {}
     before = _log.handlers, _log.propagate
@@ -170,7 +174,9 @@ def noted() -> Iterator[dict[str, None]]:
 
 @contextmanager
 def logged_once() -> Iterator[None]:
-    """Let the notes of the `with` block through when it is over, each line once."""
+    """Delay the notes that the harness logs in the `with` block until its end, and log each line
+    once.
+    """
     lines: dict[str, None] = {}
     try:
         with noted() as lines:
@@ -193,7 +199,9 @@ _ARTICLE = re.compile(r"\ba (?=[a-z])")
 
 
 class Rejection(NamedTuple):
-    """One rule that is broken: what it is about, with its value, as the FMU writes them."""
+    """Rule that a value breaks: name of the parameter or expression, value and rule, as the FMU
+    writes them.
+    """
 
     name: str
     value: str
@@ -203,25 +211,28 @@ class Rejection(NamedTuple):
         return f"{self.name} = {self.value}: {self.rule}"
 
     def about(self, names: Iterable[str]) -> list[str]:
-        """Return the parameters among `names` that are rejected, or else those that the
-        rule names.
+        """Return the parameters among `names` that the rejection names before the equals sign. If
+        there are none, return the parameters that its rule names.
         """
         known = list(names)
         return _among(known, self.name) or _among(known, _ARTICLE.sub("", self.rule))
 
 
 def _among(names: Iterable[str], text: str) -> list[str]:
-    """Return the names that equal a text, occur in it, or contain it as an element."""
+    """Return the names that equal a text, occur in the text as words, or are vectors of which the
+    text is an element.
+    """
     if text in (known := list(names)):
         return [text]
     whole, words = base(text), _NAME.findall(text)
-    if whole != text:  # an element does not concern the others of its vector
+    if whole != text:  # an element, which concerns no other element
         return [name for name in known if name == whole]
     return [name for name in known if base(name) in words]
 
 
 def rejections(message: str, parameters: Collection[str]) -> tuple[Rejection, ...]:
-    """Return the broken rules; () if the message names anything but these parameters.
+    """Return the rejections in an error message of an FMU; () if the message has another form or
+    names something other than these parameters.
 
     parameters: names of scalar variables, or of whole vectors and matrices.
     """
@@ -234,9 +245,11 @@ def rejections(message: str, parameters: Collection[str]) -> tuple[Rejection, ..
 
 
 def as_typed(error: RejectedValueError, given: Mapping[str, Any], prefix: str) -> HarnessError:
-    """Return the error in terms of the user's input if it concerns only values of --set.
+    """Return the error in terms of the options --set that the user typed if it concerns only their
+    values; else return it unchanged.
 
-    given: values by name, as typed; prefix: text before the names of this component.
+    given: values of --set by name; prefix: `component.`, which precedes the names of the parameters
+    of the failed component.
     """
     names = [name.removeprefix(prefix) for name in given if name.startswith(prefix)]
     lines = []
@@ -249,7 +262,9 @@ def as_typed(error: RejectedValueError, given: Mapping[str, Any], prefix: str) -
 
 
 def without(error: RejectedValueError, names: Collection[str]) -> RejectedValueError | None:
-    """Return the error without these parameters, `component.parameter`; None if nothing remains."""
+    """Return the error without the rejections of these parameters (`component.parameter`); None if
+    no rejection remains.
+    """
     prefix = f"{error.component}."
     inner = [name.removeprefix(prefix) for name in names if name.startswith(prefix)]
     left = tuple(rejection for rejection in error.rejections if not rejection.about(inner))
@@ -257,8 +272,8 @@ def without(error: RejectedValueError, names: Collection[str]) -> RejectedValueE
 
 
 def _rule_text(rejection: Rejection, typed: Collection[str]) -> str:
-    """Return the rule after the typed value: `must be > 0`, for an element `K_rho[2] must be >= 0`,
-    for other names with their value.
+    """Return the rule as it follows the typed value: `must be > 0`, or with the name of the element
+    `K_rho[2] must be >= 0`, or with name and value for any other name.
     """
     if rejection.name in typed:
         return rejection.rule

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Macro steps at the pace of a clock: each begins at an absolute deadline, so nothing adds up."""
+"""Macro steps at the pace of a clock. Each step begins at an absolute deadline, so that delays do
+not add up.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,9 @@ class Timing(NamedTuple):
     """Timing of the macro steps of a paced run.
 
     factor: simulated seconds per second; steps: macro steps begun; mean, p99, largest: delay of the
-    begin of a step, over the steps that were waited for [s]; overruns: steps that began late
-    because the previous one took too long, longest: the largest such delay [s]; drift: delay of the
-    last one [s].
+    begin of a step after its deadline, over the steps for which the pacer had to wait [s];
+    overruns: number of steps that began late because the previous step took too long; longest:
+    largest delay of such a step [s]; drift: delay of the last step [s].
     """
 
     factor: float
@@ -46,7 +48,7 @@ class Timing(NamedTuple):
 
 
 class Pacer:
-    """Clock that delays the beginning of a macro step until the step is due."""
+    """Pacer that delays the beginning of every macro step until the step is due by a clock."""
 
     def __init__(
         self,
@@ -54,7 +56,10 @@ class Pacer:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], object] = time.sleep,
     ) -> None:
-        """Set the pace; factor: simulated seconds per second, above 0; raise UsageError."""
+        """Set the pace. factor: simulated seconds per second, above 0; clock: function that returns
+        the time [s]; sleep: function that waits for some seconds. Raise UsageError for another
+        factor.
+        """
         if not 0 < factor < math.inf:
             raise UsageError(f"--realtime {factor:g}: expected a factor above 0")
         self.factor, self._clock, self._sleep = factor, clock, sleep
@@ -63,8 +68,9 @@ class Pacer:
         self._waited: list[bool] = []
 
     def wait(self, seconds: float, look: Callable[[], object]) -> None:
-        """Return when `seconds` of simulated time have passed since the first call; look: called
-        now and then.
+        """Wait until the clock has advanced by `seconds` of simulated time since the start of the
+        run, which the first call defines. look: called about every SLICE seconds, to check for
+        Ctrl-C.
         """
         if self._origin is None:
             self._origin = self._clock() - seconds / self.factor
@@ -77,9 +83,9 @@ class Pacer:
         self._waited.append(early)
 
     def timing(self) -> Timing:
-        """Return the timing so far."""
+        """Return the timing of the macro steps so far."""
         late, waited = np.array(self._late), np.array(self._waited, dtype=bool)
-        waited[:1] = True  # the first step sets the origin: it is no overrun
+        waited[:1] = True  # the first step defines the start, so it is no overrun
         jitter = late[waited] if waited.any() else np.zeros(1)
         mean, p99, largest = map(float, (jitter.mean(), np.percentile(jitter, 99), jitter.max()))
         over, drift = late[~waited], float(late[-1]) if len(late) else 0.0

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Progress of a long run or comparison: none, a bar on a terminal, or a function of the caller."""
+"""Progress of a long run or comparison: no display, a bar on a terminal, or a function of the
+caller.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from harness.system.model import System
 
 
 class Running(Protocol):
-    """Run in progress, as its displays see it."""
+    """Run in progress, as the display of its progress sees it."""
 
     system: System
     steps: int
@@ -25,12 +27,16 @@ class Running(Protocol):
 Show = Callable[[int], None]
 """Function that is called repeatedly with the number of complete steps."""
 Watch = Callable[[Running], AbstractContextManager[Show]]
-"""Function that opens the display of a run, until the end of the `with` block."""
+"""Function that opens the display of a run in progress; the display closes at the end of the `with`
+block.
+"""
 
 
 @contextmanager
 def shown(run: Running, progress: bool | Watch) -> Iterator[Show | None]:
-    """Yield the display of a run: a bar (True), none (False), or the display of a Watch."""
+    """Yield the function that updates the display of a run: a bar if `progress` is True, none
+    (None) if False, or the display that a Watch opens.
+    """
     if callable(progress):
         with progress(run) as show:
             yield show
@@ -41,8 +47,8 @@ def shown(run: Running, progress: bool | Watch) -> Iterator[Show | None]:
 
 @contextmanager
 def progress_bar(title: str, total: int, requested: bool) -> Iterator[Show | None]:
-    """Yield a function of the number of completed steps that draws a bar on stderr, which vanishes
-    at the end; None if not requested.
+    """Yield a function of the number of completed steps that draws a bar on stderr; the bar
+    vanishes at the end. Yield None if no bar is requested.
     """
     if not requested:
         yield None

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Recorder of a run: the bus at t = 0, after every N-th macro step, and at the end."""
+"""Recorder of a run: rows with the values of the bus at t = 0, after every N-th macro step, and at
+the end.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,22 @@ def _references(holder: Any) -> int:
 
 
 ALONE = _references(SimpleNamespace(table=np.empty(0)))
-"""References to a table that only its recorder holds, as this interpreter counts them."""
+"""Number of references to a table that only its recorder refers to, as this interpreter counts
+them.
+"""
 
 
 def recorded(steps: int, every: int) -> NDArray[np.int64]:
-    """Return the macro steps before each row of a run: 0, every, 2 every, ..., and all of them."""
+    """Return the number of macro steps before each row of a run: 0, every, 2 every, ..., and at
+    last `steps`.
+    """
     regular = np.arange(0, steps + 1, every)
     return regular if steps % every == 0 else np.append(regular, steps)
 
 
 class Recorder:
-    """Table of rows x slots. Row r is the bus after r * every macro steps, the last row the bus at
-    the end of the run. Recording fewer rows does not change the physics.
+    """Table (rows, slots) of a run. Row r is the bus after r * every macro steps, the last row the
+    bus at the end of the run. Recording fewer rows does not change the simulation.
     """
 
     def __init__(
@@ -44,7 +50,7 @@ class Recorder:
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
         self.steps = steps
-        self.every = min(every, steps + 1)  # a larger one gives the same two rows
+        self.every = min(every, steps + 1)  # larger values give the same two rows
         self.progress: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
         rows = -(-steps // every) + 1
         self.table: NDArray[np.float64]
@@ -61,7 +67,7 @@ class Recorder:
 
     @property
     def unseen(self) -> bool:
-        """Return whether no result and no view shows the table."""
+        """Return whether nothing except this recorder refers to the table, such as a result."""
         return _references(self) == ALONE
 
     @property
@@ -74,12 +80,14 @@ class Recorder:
         self.progress[0] = steps
 
     def mend(self) -> None:
-        """Restore valid counters after third-party code has overwritten them."""
+        """Limit the number of completed macro steps to valid values, in case third-party code has
+        overwritten the shared memory.
+        """
         self.done = min(max(self.done, 0), self.steps)
 
     @property
     def call(self) -> int:
-        """Return the index of the present call in the macro step."""
+        """Return the index of the present FMI call among the calls of a macro step."""
         return int(self.progress[1])
 
     @property
@@ -92,7 +100,7 @@ class Recorder:
         self.progress[2] = 1
 
     def record(self, done: int, bus: NDArray[np.float64]) -> None:
-        """Set the number of complete macro steps, and record the bus if a row is due."""
+        """Store the number of completed macro steps, and record the bus if a row is due."""
         if done % self.every == 0 or done == self.steps:
             self.table[-(-done // self.every)] = bus
         self.done = done

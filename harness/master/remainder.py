@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems without some of their components, which another tool is to run: inputs that these have
-driven are inputs of the rest, with the start values of the whole system.
+"""Systems without some of their components, which another tool simulates. Inputs that were
+connected to these components become open inputs with the initial values of the whole system.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from harness.system.swap import existing
 
 
 def rest(system: System) -> System:
-    """Return the remainder of a system without the components that its file leaves out."""
+    """Return the system without the components that its file declares as open (System.without)."""
     out = system.without
     return remainder(replace(system, without=()), out) if out else system
 
 
 def remainder(system: System, names: Collection[str]) -> System:
-    """Return a system without the named components. Texts and parameter sets that need one of them
-    go with it. Raises UsageError for an unknown name or if nothing remains.
+    """Return a system without the named components. Requirements, consistency conditions and
+    sliders that refer to them are removed. Parameter sets lose their values for these components.
+    Raises UsageError for an unknown name or if no component remains.
     """
     named = {existing(system, "--open", name) for name in names}
     if len(named) == len(system.components):
@@ -59,7 +60,9 @@ def remainder(system: System, names: Collection[str]) -> System:
 
 
 def _starts(system: System, names: Collection[str]) -> dict[str, dict[str, Parameter]]:
-    """Return the first values of the inputs that the named components drive, by component."""
+    """Return the initial values of the inputs that are connected to the named components, by
+    component.
+    """
     interfaces = read_interfaces(system)
     with Simulation(system, executor="python") as simulation:
         simulation.initialize()
@@ -74,6 +77,6 @@ def _starts(system: System, names: Collection[str]) -> dict[str, dict[str, Param
 
 
 def _needs(text: str, names: Collection[str]) -> bool:
-    """Return whether a condition reads a variable or a parameter of one of these components."""
+    """Return whether a condition contains a variable or a parameter of a named component."""
     read = (path.rpartition(" ")[2] for path in parsed(text).variables)
     return any(path.partition(".")[0] in names for path in read)

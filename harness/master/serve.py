@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Stand-in for a board on this machine: an FMU at the board's end of the protocol.
+"""Software board: an FMU on this machine that answers a link FMU by the protocol of boards.
 
-The code of the firmware (fmus/core/link/board.c) answers, built as a library. The FMU is the binary
-for this machine. One link is served at a time; the next one waits.
+The firmware's code (fmus/core/link/board.c), built as a library, answers the requests. The FMU is
+the binary for this machine. One link is served at a time; the next link waits.
 """
 
 from __future__ import annotations
@@ -72,10 +72,12 @@ class _Board(ctypes.Structure):
 
 
 class Board:
-    """FMU that this machine serves as if it were a board; a context manager."""
+    """FMU that this machine serves as a board would; a context manager that frees the FMU."""
 
     def __init__(self, fmu: Path) -> None:
-        """Prepare the FMU; raise FmuError if it cannot be loaded here."""
+        """Load the FMU; raise FmuError if it cannot be loaded here, UsageError without Unix
+        sockets.
+        """
         interface = read_interface(fmu)
         if interface.fmi != 2:
             raise FmuError(f"{fmu.name}: expected an FMU of FMI 2.0, got FMI {interface.fmi}.0")
@@ -105,13 +107,15 @@ class Board:
         self._files.close()
 
     def answer(self, receive: Receive, send: Send) -> None:
-        """Answer requests until the stream ends; raise the errors of receive() and send()."""
+        """Answer the requests of a link until its stream ends; raise the errors of receive() and
+        send().
+        """
         failures: list[BaseException] = []
 
         def read(_port: Any, to: int, most: int) -> int:
             try:
                 data = b"" if failures else receive(most)
-            except BaseException as error:  # through C code it would be lost
+            except BaseException as error:  # the C code would lose the error
                 failures.append(error)
                 return 0
             ctypes.memmove(to, data, len(data))
@@ -133,8 +137,8 @@ class Board:
 
 @contextmanager
 def listening(path: Path | None = None) -> Iterator[socket.socket]:
-    """Yield a listening Unix socket that only this user can open (mode 600), in a private folder
-    unless a path is given; raise UsageError if that is impossible.
+    """Yield a listening Unix socket that only this user can open (mode 600), at `path` or in a
+    private folder; raise UsageError if the socket cannot be made.
     """
     with ExitStack() as life:
         place = path or Path(life.enter_context(PrivateFolder())) / "board"
@@ -151,10 +155,10 @@ def listening(path: Path | None = None) -> Iterator[socket.socket]:
 
 
 def serve(board: Board, listener: socket.socket) -> None:
-    """Answer the next link that connects, until it disconnects."""
+    """Accept the next link that connects, and answer it until it disconnects."""
     connection, _ = listener.accept()
     with closing(connection):
         try:
             board.answer(connection.recv, connection.sendall)
         except OSError:
-            return  # disconnected without a request to end
+            return  # the link disconnected without a request to end

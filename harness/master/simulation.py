@@ -48,19 +48,19 @@ CHUNK_SECONDS = 0.1
 """Wall-clock time between two checks for Ctrl-C and two updates of the progress bar [s]."""
 
 MAX_ROUNDS = 200
-"""Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after
-half of them.
+"""Largest number of rounds of initial propagation. A loop of two components with gain 1/2 has
+settled to the last bit after half of them.
 """
 
 _log = logging.getLogger("harness")
 
 Slots = tuple[int, ...] | None
-"""Slots that are recorded, in order; None: all."""
+"""Indices of the slots that are recorded, in order; None: all slots."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """State of the whole system after `step` macro steps: the bus and one FMU state per
+    """State of the whole system after `step` macro steps: values of the bus, and one FMU state per
     instance.
     """
 
@@ -68,7 +68,7 @@ class Snapshot:
     bus: NDArray[np.float64]
     states: tuple[Any, ...]
     held: tuple[bytes, ...] = ()
-    """Outputs of open components that they publish next."""
+    """Buffers of open components, which contain the outputs that these publish next."""
 
 
 class Simulation:
@@ -102,37 +102,39 @@ class Simulation:
         self.every = every
         self.pacer = pacer
         self.timing = ""
-        """Delays of the macro steps under a pacer, in one line."""
+        """Delays of the macro steps in a run with a pacer, in one line."""
         self.instances: list[Instance] = []
         self._executor_name = known_executor(executor)
         self.fused: Whole | None = None
-        """The compiled system; None without one."""
+        """System compiled to one FMU; None if it is not compiled."""
         self._apart = executor != FUSED
-        """True if the FMUs are loaded one by one; else one FMU holds the whole system."""
+        """True if every component has an FMU of its own in this run; otherwise one FMU holds the
+        whole system.
+        """
         self._files: ExitStack | None = None
         self._folder: Path | None = None
         changed = apply(system, **changes)
         if changed.without and executor == FUSED:
             names = ", ".join(changed.without)
-            raise UsageError(f"open {names}: needs the executor c or python, not {executor}")
+            raise UsageError(f"--open {names}: needs --executor c or python, not {executor}")
         self._lay_out(changed, checked(changed))
 
     def _lay_out(
         self, system: System, found: Checked, every: int | None = None, recorded: Slots = None
     ) -> None:
-        """Allocate the memory of a run; every: the first value given by this run, the simulation or
-        the system; recorded: recorded slots, in order (None: all).
+        """Allocate the memory of a run. every: macro steps per row (None: as in the simulation, or
+        else as in the system); recorded: indices of recorded slots, in order (None: all).
         """
         chosen = next(n for n in (every, self.every, system.experiment.every) if n is not None)
         width = len(found.graph.slots if recorded is None else recorded)
         self.recorder = Recorder(found.steps, width, chosen, getattr(self, "recorder", None))
         self.system, (self.graph, self.steps), self.recorded = system, found, recorded
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
-        if len(getattr(self, "bus", ())) != width:  # views of ports remain valid
+        if len(getattr(self, "bus", ())) != width:  # arrays of port() remain valid
             self.bus: NDArray[np.float64] = np.zeros(width)
         self.bus[:] = 0.0
         self.pace = math.inf
-        """Time of a macro step so far, of the quickest stretch between two looks [s]."""
+        """Duration of a macro step in the fastest stretch so far [s]."""
         self._initialised = False
 
     # ---- life
@@ -151,7 +153,7 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Terminate and free all FMUs and remove what was unpacked."""
+        """Terminate and free all FMUs and remove the folders of unpacked FMUs."""
         while self.instances:
             self.instances.pop().close()
         if self._files is not None:
@@ -163,10 +165,12 @@ class Simulation:
     def run(
         self, *, every: int | None = None, progress: Show | None = None, **changes: Unpack[Changes]
     ) -> Result:
-        """Run the system of this simulation with these changes; equal to `harness.run` bit for bit.
+        """Run the system of this simulation with these changes. The result is bit-identical to
+        `harness.run`.
 
-        every: record every N-th macro step (default: as for the simulation). Raises the exceptions
-        of run(); a failed run does not affect the next one.
+        every: record every N-th macro step (default: as for the simulation); progress: called
+        repeatedly with the number of complete steps. Raises the exceptions of run(); a failed run
+        does not affect the next one.
         """
         return self.run_system(apply(self.base, **changes), every=every, progress=progress)
 
@@ -178,10 +182,10 @@ class Simulation:
         progress: Show | None = None,
         recorded: Collection[str] | None = None,
     ) -> Result:
-        """Run a system to which the changes have been applied already.
+        """Run a system to which all changes have been applied.
 
         recorded: variables to record, by their names without indices (None: all). Only the executor
-        `fused` leaves out the others, and only if the run does not fail.
+        `fused` omits other variables, and only if the run does not fail.
         """
         self.begin(system, every, recorded)
         try:
@@ -194,10 +198,11 @@ class Simulation:
     def begin(
         self, system: System, every: int | None = None, recorded: Collection[str] | None = None
     ) -> None:
-        """Return to the state before initialization, with this system instead of the present one.
+        """Prepare a run of this system instead of the present one, in the state before
+        initialization.
 
-        FMUs of the project are reset. Other FMUs, and FMUs that were not loaded, are loaded. Raises
-        the errors of the constructor and of `with`.
+        FMUs of the project that are loaded are reset; all other FMUs are loaded. Raises the errors
+        of the constructor and of `with`.
         """
         if self._files is None:
             raise UsageError("a Simulation can run inside its `with` block only")
@@ -209,8 +214,8 @@ class Simulation:
         self._assemble()
 
     def _nodes(self) -> tuple[Node, ...]:
-        """Return the nodes to load: one per component, or one for the whole system. If the whole
-        system cannot be compiled, a line is logged and the default executor runs.
+        """Return the nodes to load: one per component, or one for the whole system if it is fused.
+        If it cannot be compiled to one FMU, the reason is logged and the executor `c` runs.
         """
         if self._apart:
             return self.graph.nodes
@@ -223,12 +228,12 @@ class Simulation:
         return (self.fused.node(self.recorded),)
 
     def _separate(self) -> None:
-        """Repeat the run with separate FMUs from the beginning, recording everything."""
+        """Prepare to run from the beginning with one FMU per component, recording all variables."""
         self._apart = True
         self._lay_out(self.system, Checked(self.graph, self.steps), self.recorder.every)
 
     def _assemble(self) -> None:
-        """Create or reuse an instance for every node."""
+        """Create or reuse an instance for every node, and make the executor of the run."""
         before = {instance.name: instance for instance in self.instances}
         self.instances = []
         try:
@@ -244,7 +249,9 @@ class Simulation:
         self._ports: Ports | None = None
 
     def _instance(self, node: Node, before: dict[str, Instance]) -> Instance:
-        """Return the earlier instance with that name if it can be reset, else a new one."""
+        """Return the instance in `before` with the name of this node if it can be reset, else a new
+        one.
+        """
         name = node.component.name
         if name in before and before[name].renew(node):
             return before.pop(name)
@@ -288,8 +295,8 @@ class Simulation:
         self._executor.prepare(0)
 
     def _settle(self) -> NDArray[np.bool_]:
-        """Repeat GET and SET until nothing changes, and return which slots did not settle (NaN
-        counts as a value). A chain of n components needs n + 1 rounds.
+        """Repeat GET and SET of all instances until no slot changes, and return a mask of the slots
+        that did not settle (NaN counts as a value). A chain of n components needs n + 1 rounds.
 
         Flight software that reads back its own command forms a loop. If the loop does not settle,
         its last values are used.
@@ -318,12 +325,12 @@ class Simulation:
         return self.clock.time(self.step)
 
     def advance(self, to: int | None = None, progress: Show | None = None) -> None:
-        """Perform macro steps until `to` are complete (default: all), after initialization if that
-        was not done.
+        """Perform macro steps until `to` are complete (default: all). Initialize first if that was
+        not done.
 
         progress: called repeatedly with the number of complete steps. Raises RunError
-        (InterruptionError on Ctrl-C) whose `partial` holds everything recorded. Values of --set
-        that an FMU rejects are a UsageError.
+        (InterruptionError on Ctrl-C) whose `partial` contains everything recorded, or UsageError if
+        an FMU rejects a value of --set.
         """
         try:
             if self._files is None:
@@ -340,24 +347,26 @@ class Simulation:
             raise self._partial(error) from error.__cause__
 
     def forward(self, to: int) -> None:
-        """Perform macro steps without progress, pace and interrupts, for loops of single steps;
-        raise RunError without the recorded rows.
+        """Perform macro steps until `to` are complete, without progress, pacer and checks for
+        Ctrl-C, for callers that make single steps; raise RunError without the recorded rows.
         """
         self._executor.run(self.step, to)
 
     def stretch(self, to: int) -> Stretch:
-        """Return the macro steps up to `to` for execute_all() of harness.master.executors."""
+        """Return the macro steps up to `to` for harness.master.executors.Stretches, which performs
+        them.
+        """
         assert isinstance(self._executor, CExecutor)
         return self._executor.stretch(self.step, to)
 
     def finish(self, stretch: Stretch) -> None:
-        """Note how far a stretch came; raise RunError."""
+        """Record how far a performed stretch came; raise RunError if a call failed."""
         assert isinstance(self._executor, CExecutor)
         self._executor.finish(stretch.stop)
 
     def _in_words(self, to: int, progress: Show | None) -> None:
-        """Perform _advance(). If a fused system fails, repeat the run with separate FMUs, so that
-        the error names the FMU.
+        """Perform _advance(). If a fused system fails, repeat the run with one FMU per component,
+        so that the error names the component that failed.
         """
         try:
             self._advance(to, progress)
@@ -396,16 +405,17 @@ class Simulation:
         return error
 
     def calls(self) -> list[tuple[str, str]]:
-        """Return instance and FMI function of every call of a macro step, in the order of the
-        recorder.
+        """Return instance and FMI function of every call of a macro step. The recorder stores the
+        index of the present call in this list.
         """
         return self._executor.calls
 
     # ---- steering
 
     def port(self, name: str) -> NDArray[Any]:
-        """Return an output `component.variable` as an array that shows its present value. Of an
-        open component it is what the component publishes next, to be written to.
+        """Return an output `component.variable` as an array that shows its present value. For an
+        open component the array contains the value that it publishes next, and the caller writes to
+        it.
 
         The array remains valid until the FMUs are closed or exchanged. Raises UsageError.
         """
@@ -433,7 +443,7 @@ class Simulation:
         return self._ports
 
     def _held(self) -> list[Any]:
-        """Return the buffers of open components."""
+        """Return the buffers of open components, with the outputs that these publish next."""
         opened = (i for i in self.instances if i.name in self.system.without)
         return [transfer.values for i in opened for transfer in i.transfers[Verb.GET]]
 
@@ -447,7 +457,7 @@ class Simulation:
         return Snapshot(self.step, self.bus.copy(), states, tuple(map(bytes, self._held())))
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Return to a saved state; later rows are recorded again."""
+        """Return to a saved state; macro steps after it are performed and recorded again."""
         for instance, state in zip(self.instances, snapshot.states, strict=True):
             instance.restore(state, self.time)
         self.bus[:] = snapshot.bus
@@ -463,9 +473,9 @@ class Simulation:
     # ---- outcome
 
     def result(self, message: str = "") -> Result:
-        """Return everything recorded so far (complete or not), with the reason of a failure.
+        """Return everything recorded so far, complete or not; message: reason of a failure.
 
-        The table is not copied: stepping on after restore() overwrites its later rows.
+        The table is not copied: after restore(), further steps overwrite its later rows.
         """
         slots = self.graph.slots
         recorded = slots if self.recorded is None else tuple(slots[i] for i in self.recorded)
@@ -487,7 +497,7 @@ class Simulation:
         return instance.everything()
 
     def parameters(self) -> Result:
-        """Return all parameters as a table of one row."""
+        """Return the values of all parameters of the system in this run, as a table of one row."""
         return parameters_of(self.system.name, self.graph, self.clock.start)
 
 
@@ -499,7 +509,9 @@ def simulate(
     progress: bool | Watch = False,
     pacer: Pacer | None = None,
 ) -> Result:
-    """Run a system without changes; executor, every, progress: as for run()."""
+    """Run a system to which all changes have been applied; executor, every, progress: as for run();
+    pacer: clock that the run follows (None: none).
+    """
     with Simulation(system, executor=executor, every=every, pacer=pacer) as simulation:
         with shown(simulation, progress) as show:
             simulation.advance(progress=show)

@@ -3,8 +3,10 @@
 steps, and unconnected inputs.
 
 An open component is loaded and initialised, which gives the start values of its outputs. It is not
-stepped: it publishes what the user has set when it would have published its own values, and the run
-pauses where it would have read its inputs. Its own outputs, set again, give the bits of its run.
+stepped. It publishes the values that the user has set at the instants at which it would have
+published its own, and the run pauses where it would have read its inputs. If the user sets the
+outputs that the component would have had, the results are bit-identical to a run without open
+components.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ def steered(
     algorithm: str, instances: Sequence[Instance], names: Collection[str]
 ) -> tuple[list[Action[Instance]], int]:
     """Return the actions of a macro step in which the named components are open, and the number of
-    actions before the first of them would read its inputs (0: none is open).
+    actions that precede the instant at which the first of them would read its inputs (0: no
+    component is open).
     """
     plan = schedule(algorithm, [_held(i) if i.name in names else i for i in instances])
     opened = [action.instance.name in names for action in plan]
@@ -42,18 +45,20 @@ def steered(
 
 
 def _held(instance: Instance) -> Instance:
-    """Return an instance that shares the buffers of another one and publishes what they hold."""
+    """Return a copy of an instance for an open component: it shares the buffers, does not step, and
+    its outputs are the values in the buffers.
+    """
     other, function = copy(instance), f"held_{instance.node.interface.fmi}"
     outputs = [copy(transfer) for transfer in instance.transfers[Verb.GET]]
     for transfer in outputs:
         transfer.function = getattr(library(), function)
     other.transfers = {Verb.SET: [], Verb.STEP: [], Verb.GET: outputs}
-    other.ours = False  # the executors check values that are not of the FMU
+    other.ours = False  # the executors check the values that the user sets
     return other
 
 
 class Ports:
-    """Outputs and inputs of a system by the names that users write."""
+    """Access to outputs and inputs of a running system by `component.variable`, scalar or whole."""
 
     def __init__(
         self,
@@ -69,8 +74,8 @@ class Ports:
         self._slots = {slot.name: i for i, slot in enumerate(graph.slots)}
 
     def view(self, name: str) -> NDArray[Any]:
-        """Return an output, as an array that shows its present value; of an open component what it
-        publishes next. Raise UsageError.
+        """Return an output as an array that shows its present value, for an open component the
+        value that it publishes next; raise UsageError.
         """
         component, elements = self._elements(name, "output")
         if component not in self._open:
@@ -80,7 +85,7 @@ class Ports:
             if elements[0] in transfer.names:
                 places = [int(transfer.at[transfer.names.index(e)]) for e in elements]
                 return _part(transfer.view, places, name, elements)
-        raise UsageError(f"{name}: has no number that can be set")
+        raise UsageError(f"{name}: is not a number, so it cannot be set")
 
     def get(self, name: str) -> NDArray[np.float64]:
         """Return the present value of an output or of a connected input; raise UsageError."""
@@ -90,7 +95,7 @@ class Ports:
             component, elements = self._elements(name, "input", "output")
         wires = {w.variable.name: w for w in self._nodes[component].inputs}
         if missing := [e for e in elements if e not in wires]:
-            raise UsageError(f"{name}: {missing[0]} is not connected, so only set() concerns it")
+            raise UsageError(f"{name}: {missing[0]} is not connected; it can only be set")
         values = [wires[e].change(float(self._bus[wires[e].slot])) for e in elements]
         return np.array(values).reshape(_shape(elements))
 
@@ -108,8 +113,8 @@ class Ports:
         wired = {w.variable.name for w in self._nodes[component].inputs}
         variables = self._interfaces[component].named("input")
         if not set(elements) <= variables.keys() - wired:
-            hint = f"open=[{component!r}]" if elements[0] not in variables else "its source"
-            text = "is neither an open output nor an unconnected input"
+            hint = f"open=[{component!r}]" if elements[0] not in variables else "its source output"
+            text = "is neither an output of an open component nor an unconnected input"
             raise UsageError(f"{name}: {text}; set {hint}")
         chosen = [variables[e] for e in elements]
         self._instances[component].put(chosen, np.broadcast_to(given, shape).ravel(), time)
@@ -131,7 +136,9 @@ def _shape(elements: Sequence[str]) -> tuple[int, ...]:
 def _part(
     values: NDArray[Any], places: Sequence[int], name: str, elements: Sequence[str]
 ) -> NDArray[Any]:
-    """Return neighbours in an array as a view in the shape of the variable."""
+    """Return adjacent elements of an array as a view in the shape of the variable; raise UsageError
+    if the elements at `places` are not adjacent.
+    """
     if any(b - a != 1 for a, b in itertools.pairwise(places)):
-        raise UsageError(f"{name}: its elements are not neighbours in the FMU; name one element")
+        raise UsageError(f"{name}: its elements are not adjacent in the FMU; name one element")
     return values[places[0] : places[-1] + 1].reshape(_shape(elements))

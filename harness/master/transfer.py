@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Transfers of values between the bus and an FMU: the arguments of fmi2SetReal, fmi3GetFloat64 and
-so on, built once.
+"""Transfers of values between the bus and an FMU. The arguments of fmi2SetReal, fmi3GetFloat64 and
+similar functions are built once.
 
-The bus carries doubles. In FMI 3.0 one value reference represents a whole array. Unconnected
-elements retain their value in the buffer.
+The bus carries doubles. In FMI 3.0 one value reference represents a whole array, so the buffer also
+contains its unconnected elements, whose values do not change.
 """
 
 from __future__ import annotations
@@ -22,20 +22,23 @@ from harness.system.units import IDENTITY
 from harness.system.values import EXACT, Scalar, Variable, resting
 
 WIDE = ("Int64", "UInt64")
-"""Types with whole numbers that no double holds."""
+"""Types with whole numbers that a double cannot represent."""
 
 
 class Piece(ctypes.Structure):
-    """Neighbours on the bus that are neighbours in the buffer too (struct Piece of loop.c)."""
+    """Consecutive slots of the bus that are consecutive in the buffer of a transfer too (struct
+    Piece of loop.c).
+    """
 
     _fields_ = layout((ctypes.c_size_t, "slot count at"))
 
 
 class Transfer:
-    """Values of one FMI type in one call.
+    """Values of one FMI type that one call sets or gets.
 
-    rows: in FMI 3.0, by value reference all elements with their values for unconnected ones; in FMI
-    2.0 every wire is one row.
+    function: Get or Set with the type; wires: variables with their slots; rows: in FMI 3.0, for
+    every value reference the names of all elements with their values where they are unconnected; in
+    FMI 2.0 None, because every wire has a value reference of its own.
     """
 
     def __init__(
@@ -67,7 +70,7 @@ class Transfer:
 
     @cached_property
     def pieces(self) -> ctypes.Array[Piece]:
-        """Return the slots as runs of adjacent slots."""
+        """Return the slots in pieces that are consecutive on the bus and in the buffer."""
         apart = (np.diff(self.slots) != 1) | (np.diff(self.at) != 1)
         runs = np.split(np.arange(len(self.slots)), np.flatnonzero(apart) + 1)
         return (Piece * len(runs))(
@@ -75,7 +78,9 @@ class Transfer:
         )
 
     def write(self, bus: NDArray[np.float64]) -> int:
-        """Copy from the bus into the inputs of the FMU and return the FMI status."""
+        """Copy the values from the bus into the inputs of the FMU, converted if necessary, and
+        return the FMI status.
+        """
         values = bus[self.slots]
         self.view[self.at] = values if self.plain else self.factors * values + self.offsets
         return int(self.function(self.handle, *self._arguments))
@@ -87,8 +92,9 @@ class Transfer:
         return status
 
     def problem(self) -> tuple[str, str | None] | None:
-        """Return the problem of the last read values and the variable, or None: a value is not
-        finite, or is a whole number that the bus would change.
+        """Return what is wrong with the values that were read last, and the variable: a value is
+        not finite, or is a whole number that a double cannot represent. Return None if all are
+        valid.
         """
         values = zip(self.names, self.view[self.at], strict=True)
         if self.real and not np.isfinite(self.view).all():
@@ -107,10 +113,10 @@ def _names(wires: Sequence[Wire]) -> list[str]:
 def transfers(
     verb: str, calls: Calls, wires: Sequence[Wire], interface: Interface, held: Mapping[str, Scalar]
 ) -> Iterator[Transfer]:
-    """Yield one transfer per FMI type among the wires, and one for converted values. In FMI 3.0
-    both kinds share one transfer.
+    """Yield the transfers of an FMU, one per FMI type among the wires. FMI 2.0 has a further one
+    for values that are converted on the way.
 
-    verb: Set, Get; held: values by name of unconnected inputs that differ from the start values.
+    verb: Set or Get; held: values by name of unconnected inputs that differ from the start values.
     """
 
     def row(variable: Variable) -> dict[str, Scalar]:

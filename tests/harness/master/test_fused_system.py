@@ -212,12 +212,13 @@ def test_a_system_that_cannot_be_fused_runs_nevertheless_and_a_line_states_why(
     with caplog.at_level(logging.WARNING):
         assert same_bits(simulate_case(third_party, "fused"), simulate_case(third_party, "c"))
     reason = "counter.fmu does not contain the C sources of a model of this project"
-    assert f"loop: runs with the executor c: {reason}" in caplog.text
+    assert f"loop: cannot be fused, so it runs with the executor c: {reason}" in caplog.text
     caplog.clear()
     monkeypatch.setattr(shutil, "which", lambda _: None)
     with caplog.at_level(logging.WARNING):
         assert same_bits(simulate_case(loop, "fused"), simulate_case(loop, "c"))
-    assert "loop: runs with the executor c: there is no C compiler (cc)" in caplog.text
+    reason = "there is no C compiler (cc)"
+    assert f"loop: cannot be fused, so it runs with the executor c: {reason}" in caplog.text
 
 
 def test_a_linker_that_fails_without_the_word_error_states_why():
@@ -350,7 +351,8 @@ def test_the_first_error_of_the_compiler_states_why_a_system_cannot_be_fused(
         caplog.clear()
         run(alone(bad), executor="fused")
         (found,) = [m for m in caplog.messages if "runs with the executor c" in m]
-        assert re.fullmatch(rf"alone: runs with the executor c: wave\.fmu: {reason}", found)
+        head = "alone: cannot be fused, so it runs with the executor c: "
+        assert re.fullmatch(rf"{head}wave\.fmu: {reason}", found)
 
 
 # ---- the file
