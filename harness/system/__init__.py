@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Systems as plain data: components, connections, units, parameters, and what follows from them.
 
-Tables of TOML and descriptions of FMUs as FMPy reads them enter. A System, its Graph (which
-component reads which slot of the bus) and its schedule leave, or every problem at once. Nothing
-here knows XML or calls an FMU, so a change of a system replaces frozen data.
+Tables of TOML enter, and descriptions of FMUs as FMPy reads them. A System leaves, with its Graph
+(which component reads which slot of the bus) and its schedule; or else all of its problems at once.
+This package reads no XML itself and calls no FMU, so a change of a system replaces immutable data.
 """

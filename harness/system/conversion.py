@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Conversion of signals and parameters at their destination: units, transformations and names of
-enumeration items.
+"""Conversion of signals at an input and of parameters at their variable: units, transformations and
+names of enumeration items.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ def _composed(start: Unit | None, hops: Sequence[Hop], end: Unit | None, strict:
 
 
 def final(parameter: Parameter, variable: Variable, interface: Interface) -> Scalar:
-    """Return the value of a parameter in type and unit of its variable.
+    """Return the value of a parameter in the type and unit of its variable.
 
-    In files of other tools a unit without a definition changes nothing. Raises ValueError if there
-    is no such value.
+    If the file of another tool uses a unit without a definition, the value is not converted. Raises
+    ValueError if the value cannot be converted.
     """
     value = parameter.value
     if variable.type == "Enumeration" and isinstance(value, str):
@@ -52,14 +52,14 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
         ends = _start(parameter, interface), interface.unit(variable)
         change = _composed(ends[0], parameter.hops, ends[1], strict=not parameter.optional)
         if change != IDENTITY and isinstance(value, str):
-            raise ValueError(f"'{value}' is not a number, it cannot be transformed")
+            raise ValueError(f"'{value}' is not a number, so it cannot be converted")
         value = value if change == IDENTITY else change(float(value))
     return coerce(value, variable.type, variable.access)
 
 
 def _start(parameter: Parameter, interface: Interface) -> Unit | None:
-    """Return the unit in which a parameter is given. The FMU may define a unit that the file does
-    not.
+    """Return the unit in which a parameter is given, None if the file states no unit. Its
+    definition is from the file, or else from the FMU.
     """
     if parameter.unit is None:
         return None

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Graph of a system: one slot of the bus per output scalar, and the components that read it.
+"""Graph of a system: the bus, with one slot per scalar output, and the components that read and
+write its slots.
 
 The bus carries numbers (Real, Integer, Boolean, Enumeration). String outputs have no slot. All
 problems are reported at once.
@@ -28,8 +29,8 @@ _log = logging.getLogger("harness")
 
 
 class Slot(NamedTuple):
-    """One place of the bus: the output it holds (`component.variable[i]`), its unit ("" if
-    undeclared), meaning, and names of the values of a mode.
+    """Place of one number on the bus: name of its output (`component.variable[i]`), unit ("" if
+    undeclared), meaning, and names of the values if it is a mode.
     """
 
     name: str
@@ -42,14 +43,16 @@ Texts = tuple[str, ...]
 
 
 def columns(slots: Sequence[Slot]) -> tuple[Texts, Texts, Texts, Texts]:
-    """Return names, units, descriptions and modes of slots in the form of a result."""
+    """Return names, units, descriptions and modes of slots, each as a tuple, as the columns of a
+    Result have them.
+    """
     names, units, descriptions, modes = zip(*slots, strict=True) if slots else ((), (), (), ())
     return names, units, descriptions, modes
 
 
 class Wire(NamedTuple):
-    """A variable of a unit and the slot it is written to (outputs) or read from (inputs), changed
-    on the way.
+    """Variable of a component and the slot that it is written to (output) or read from (input),
+    with the conversion of the value on the way.
     """
 
     variable: Variable
@@ -58,7 +61,7 @@ class Wire(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """A variable of a unit and the value it gets before initialization."""
+    """Variable of a component and the value that it gets before initialization."""
 
     variable: Variable
     value: Scalar
@@ -66,8 +69,9 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class Node:
-    """Component with its FMU: slots that it reads, slots that it writes, values set before the run;
-    parameters: all its parameters except strings.
+    """Component with its FMU: the slots that it reads, the slots that it writes, and the values
+    that are set before the run; parameters: all parameters except strings, each with name and unit
+    in a Slot.
     """
 
     component: Component
@@ -87,8 +91,8 @@ class Node:
 
 @dataclass(frozen=True)
 class Graph:
-    """The system ready to be loaded: nodes in execution order, slots of the bus (contiguous per
-    node).
+    """System ready to be loaded: nodes in execution order, and slots of the bus, in which the
+    outputs of a node are adjacent.
     """
 
     nodes: tuple[Node, ...]
@@ -96,11 +100,11 @@ class Graph:
 
 
 def build_graph(system: System) -> Graph:
-    """Check a system against its FMUs and lay out the bus.
+    """Check a system against its FMUs and assign slots of the bus.
 
     Raises FmuError if an FMU cannot be read, else StructureError with every problem: components or
     variables that do not exist (with close matches), wrong causality, unequal units or types,
-    doubly driven or open inputs, unknown or ill-typed parameters, schedule.
+    inputs with several connections or none, unknown or ill-typed parameters, schedule.
     """
     interfaces = read_interfaces(system)
     if found := [*problems(system, interfaces), *size_problems(system, interfaces)]:
@@ -114,7 +118,7 @@ def build_graph(system: System) -> Graph:
 
 
 class Checked(NamedTuple):
-    """A system ready to run: its graph, and the number of macro steps."""
+    """System ready to run: its graph, and the number of macro steps."""
 
     graph: Graph
     steps: int
@@ -135,8 +139,8 @@ SAMPLE_PERIOD = "sample_period"
 
 
 def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
-    """Yield a line per component whose samples do not all fall on the ends of its steps, with a
-    remedy.
+    """Yield a line per component whose samples do not all fall on the ends of its steps, and what
+    to change.
     """
     every = {node.component.name: node.component.every for node in graph.nodes}
     for slot, period in constants(graph):
@@ -170,14 +174,16 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
     changed = [new for node, c in others if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     lost = any(node.component.parameters.keys() - c.parameters.keys() for node, c in others)
-    looked = system if lost else replace(system, strict=False)  # values open no input
+    looked = system if lost else replace(system, strict=False)  # new values disconnect no input
     if any(value_problems(looked, interfaces, changed)):
-        return build_graph(system)  # it raises, with every problem
+        return build_graph(system)  # raises an error with every problem
     return replace(graph, nodes=tuple(_adapted(*pair) for pair in pairs))
 
 
 def _same_structure(system: System, known: System, graph: Graph) -> bool:
-    """Return whether two systems differ only in values: parameters, schedule, experiment."""
+    """Return whether two systems differ only in values: parameters, schedule, experiment; graph: of
+    `known`.
+    """
     return (
         system.connections == known.connections
         and system.strict == known.strict
@@ -193,14 +199,16 @@ def _same_structure(system: System, known: System, graph: Graph) -> bool:
 
 
 def _with_new_values(node: Node, component: Component) -> Component:
-    """Return the component with only those parameters that differ from its node."""
+    """Return the component with only those parameters that differ from the node's parameters."""
     known = node.component.parameters
     new = {name: p for name, p in component.parameters.items() if known.get(name) is not p}
     return replace(component, parameters=new)
 
 
 def _adapted(node: Node, component: Component) -> Node:
-    """Return the node for another component of the same FMU, with new settings if they differ."""
+    """Return the node for another component with the same FMU; settings are new where parameters
+    differ.
+    """
     if component is node.component:
         return node
     new = {s.variable.name: s for s in _settings(_with_new_values(node, component), node.interface)}
@@ -222,7 +230,9 @@ def read_interfaces(system: System) -> dict[str, Interface]:
 
 
 def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]]:
-    """Return the interfaces of components with a readable FMU, and the problems of the others."""
+    """Return the interfaces of components whose FMU can be read, by name, and a line per FMU that
+    cannot.
+    """
     interfaces, unreadable = {}, []
     for component in system.components:
         try:
@@ -233,14 +243,18 @@ def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]
 
 
 def log_warnings(*systems: System) -> None:
-    """Log a line per readable FMU of the systems that deviates from the standard."""
+    """Log a line for each FMU of the systems that deviates from the FMI standard, if it can be
+    read.
+    """
     for fmu in dict.fromkeys(c.fmu for system in systems for c in system.components):
         with suppress(FmuError):
             log_warnings_of(read_interface(fmu))
 
 
 def log_warnings_of(interface: Interface) -> None:
-    """Log the deviations of one FMU from the standard in one line."""
+    """Log the first deviation of an FMU from the FMI standard and the number of the others in one
+    line.
+    """
     first, count = interface.warnings[:1], len(interface.warnings)
     more = f", and {count - 1} more (harness check lists them)" if count > 1 else ""
     for warning in first:
@@ -252,7 +266,7 @@ def _slot(port: Port, variable: Variable) -> Slot:
 
 
 Drives = Mapping[Port, tuple[int, Affine]]
-"""Slot and conversion of the signal that drives an input, by input."""
+"""By input: slot and conversion of the output that is connected to the input."""
 
 
 def _node(
@@ -276,7 +290,7 @@ def _node(
 def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
     for name, parameter in component.parameters.items():
         variable = interface.variables.get(name)
-        if variable is not None and variable.causality != STRUCTURAL:  # fixed
+        if variable is not None and variable.causality != STRUCTURAL:  # a size that is fixed
             yield Setting(variable, final(parameter, variable, interface))
 
 

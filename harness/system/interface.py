@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Interface of an FMU: variables and units that FMPy reads from modelDescription.xml without any
-FMI call.
+"""Interface of an FMU: its variables and units, which FMPy reads from modelDescription.xml without
+an FMI call.
 """
 
 from __future__ import annotations
@@ -35,33 +35,31 @@ from harness.system.units import Unit
 from harness.system.values import Variable
 
 FmpyObject = Any
-"""Something of FMPy's model description, which is not typed."""
+"""Object of FMPy's model description, whose classes have no type annotations."""
 
 NO_NUMBERS = ("String", "Binary")
 """Types that no connection can carry."""
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
-"""Attributes of an FMI (and SSP) base unit: exponents of the SI units, then factor and offset."""
+"""Attributes of a BaseUnit in FMI and SSP: exponents of the SI units, then factor and offset."""
 
 OPTIONAL = (
     "ModelVariables/ScalarVariable[Annotations/Tool/OptionalInput]/@name"
     "|ModelVariables/*[Annotations/Annotation/OptionalInput]/@name"
 )
-"""Paths to the inputs that a description declares as optional, in FMI 2.0 and FMI 3.0: a system
-need not connect them.
+"""XPath to the names of inputs that a description declares as optional, in FMI 2.0 and FMI 3.0. A
+system may leave these inputs unconnected.
 """
 
 MODES = "Annotations/Tool/Modes|Annotations/Annotation/Modes"
-"""Element of a variable with the names of the values 0, 1, .. of a mode."""
+"""XPath from a variable to the element with the names of its values 0, 1, .. if it is a mode."""
 
 
 @dataclass(frozen=True)
 class Interface:
-    """Interface of an FMU: variables by name in the order of the file; units: base units by name;
-    model: FMPy's description; warnings: deviations from the standard, one line each; size: bytes
-    when unpacked.
-
-    left_out: variables that no system can use, with the reason, one line each.
+    """Interface of an FMU. variables: by name, in the order of the file; units: base units by name;
+    model: FMPy's description; warnings: deviations from the standard, one line each; size: unpacked
+    [bytes]; left_out: variables that no system can use, one line each with the reason.
     """
 
     path: Path
@@ -74,11 +72,11 @@ class Interface:
 
     @property
     def fmi(self) -> int:
-        """Return the version of FMI, 2 or 3."""
+        """Return the major version of FMI, 2 or 3."""
         return 3 if str(self.model.fmiVersion).startswith("3.") else 2
 
     def row(self, variable: Variable) -> tuple[Variable, ...]:
-        """Return all elements of the array to which a variable belongs, in order."""
+        """Return all elements, in order, of the array to which a variable belongs."""
         return self._rows[variable.reference, variable.access]
 
     @cached_property
@@ -100,13 +98,13 @@ class Interface:
         return found
 
     def unit(self, variable: Variable) -> Unit | None:
-        """Return the unit of a variable with its definition if it has one; None if there is no
-        unit.
+        """Return the unit of a variable, with its definition if the FMU contains one; None if the
+        variable has no unit.
         """
         return None if variable.unit is None else Unit(variable.unit, self.units.get(variable.unit))
 
     def outputs(self) -> Mapping[str, Variable]:
-        """Return the outputs that a connection can carry: numbers."""
+        """Return the outputs that a connection can carry (numbers) by name."""
         return self._outputs
 
     @cached_property
@@ -114,8 +112,8 @@ class Interface:
         return {name: v for name, v in self.named("output").items() if v.type not in NO_NUMBERS}
 
     def settable(self) -> Mapping[str, Variable]:
-        """Return the variables that may be set before initialization: parameters, inputs, start
-        values of states.
+        """Return the variables that may be set before initialization, by name: parameters, inputs,
+        start values of states.
         """
         return self._settable
 
@@ -162,7 +160,9 @@ def _examined(path: Path) -> Interface:
 
 
 def _description(path: Path, description: Description) -> FmpyObject:
-    """Return FMPy's description of the bytes that passed the checks, without variables."""
+    """Return FMPy's description of an FMU without its variables, which this module reads itself.
+    FMPy reads the same bytes that passed the checks.
+    """
     bare = io.BytesIO()
     with zipfile.ZipFile(bare, "w") as archive:
         archive.writestr("modelDescription.xml", without_variables(description))
@@ -174,9 +174,9 @@ def _description(path: Path, description: Description) -> FmpyObject:
 
 def unpacked_sources(fmu: Path, folder: Path) -> list[Path]:
     """Unpack an FMU into a folder and return its C files, the file of the model first; [] if the
-    archive has none.
+    archive contains none.
 
-    Raises ArchiveError, and FmuError for a listed file that is not in the archive.
+    Raises ArchiveError, and FmuError if a file that the FMU lists is not in the archive.
     """
     unpack(fmu, folder)
     place, root = folder / "sources", folder.resolve()
@@ -195,8 +195,9 @@ def unpacked_sources(fmu: Path, folder: Path) -> list[Path]:
 
 
 def binaries(interface: Interface) -> tuple[str, ...]:
-    """Return the paths inside the archive at which FMI expects the binary of this platform. FMI
-    3.0, and FMI 2.0 from 2.0.5 on, use the second.
+    """Return the paths inside the archive at which FMI expects the binary for this platform: for
+    FMI 2.0 its own folder and the folder of FMI 3.0 (permitted from 2.0.5 on), for FMI 3.0 the
+    latter.
     """
     file = interface.model.coSimulation.modelIdentifier + sharedLibraryExtension
     both = f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
@@ -204,7 +205,9 @@ def binaries(interface: Interface) -> tuple[str, ...]:
 
 
 def binary_problem(interface: Interface) -> str | None:
-    """Return why the archive contains no binary that can be loaded here, or None."""
+    """Return why the archive contains no binary that this machine can load; None if it contains
+    one.
+    """
     names = inspect(interface.path)
     found = next((name for name in binaries(interface) if name in names), None)
     if found is not None:
@@ -217,18 +220,18 @@ def binary_problem(interface: Interface) -> str | None:
 
 
 def units_agree(a: str | None, b: str | None) -> bool:
-    """Return whether units are equal or one end declares none. Systems of the project require it,
-    files of other tools do not.
+    """Return whether two units have the same name or one end of a connection declares none. Systems
+    of the project require this, files of other tools do not.
     """
     return a is None or b is None or a == b
 
 
-# ---- variables: every element of an array of FMI 3.0 is one, `r[2]` or `J[1,3]`, as in FMI 2.0
+# ---- variables: every element of an FMI 3.0 array is a variable, `r[2]`, `J[1,3]`, as in FMI 2.0
 
 
 def _variables(path: Path, description: Description) -> tuple[list[Variable], tuple[str, ...]]:
-    """Return the variables in the order of the file, and a line per omitted variable; raise
-    FmuError if an input or output has a clock.
+    """Return the variables in the order of the file, and a line per omitted variable (a clock);
+    raise FmuError if an input or output has a clock.
     """
     found, left_out = list[Variable](), list[str]()
     optional = set(description.root.xpath(OPTIONAL))
@@ -252,7 +255,7 @@ def _clocked(description: Description, v: Declared) -> str:
 
 
 def _renamed(elements: list[Variable], name: str, alias: str) -> Iterator[Variable]:
-    """Yield the elements under the name of an alias, which can only be read."""
+    """Yield the elements of a variable under the name of an alias, which can only be read."""
     for each in elements:
         called = alias + each.name.removeprefix(name)
         yield replace(each, name=called, causality="local", settable=False, optional=False)
@@ -269,7 +272,7 @@ def _elements(d: Description, v: Declared, optional: bool) -> Iterator[Variable]
 
 
 def _whole(d: Description, v: Declared, optional: bool) -> Variable:
-    """Return the properties that all elements of an array share."""
+    """Return the variable with the properties that all elements of its array share."""
     items = dict(d.enumerations).get(v.type_name, [])
     is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
     has_limits = v.type in ("Real", "Integer")
@@ -287,7 +290,7 @@ def _whole(d: Description, v: Declared, optional: bool) -> Variable:
 
 
 def _begin(kind: str, text: str) -> float | str | None:
-    """Return a start value in the type of the variable."""
+    """Return a start value, given as text, in the type of its variable."""
     if kind == "Boolean":
         return float(text.strip() in ("true", "1"))
     if kind in ("Integer", "Enumeration"):

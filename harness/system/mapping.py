@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mapping of ports of a third-party FMU with other names to the ports of a component.
+"""Mapping of ports of a third-party FMU to the ports of a component with other names.
 
-A mapping from the user is applied. Names that differ only in the style of their indices (`r[0]`,
-`r_1`, `r(1)` for `r[1]`) are mapped as well.
+The user gives such pairs of names. Names that differ only in the style of their indices (`r[0]`,
+`r_1`, `r(1)` for `r[1]`) are mapped without being given.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from harness.spelling import did_you_mean
 from harness.system.values import Index, Name, grid
 
 Names = dict[str, str]
-"""Our name of a scalar variable by theirs."""
+"""Names of scalar variables of the component by the names of the FMU that takes its place."""
 
 
 class Family(NamedTuple):
-    """A scalar, vector or matrix: its name, its elements in order, its shape."""
+    """Scalar, vector or matrix that scalar variables form: its name, its elements in order, its
+    shape.
+    """
 
     name: str
     elements: tuple[str, ...]
@@ -35,8 +37,8 @@ _ROUND = re.compile(r"(.+)\((\d{1,4}(?: *, *\d{1,4})*)\)", re.ASCII | re.DOTALL)
 
 
 def families(names: Collection[str]) -> Mapping[str, Family]:
-    """Return the signals to which scalar variables belong, by name. A scalar that is not part of a
-    complete vector is a signal of its own.
+    """Return the vectors, matrices and scalars that scalar variables form, by name. A variable that
+    is not part of a complete vector counts as a scalar.
     """
     return _families(tuple(names))
 
@@ -61,7 +63,9 @@ def _families(names: tuple[str, ...]) -> Mapping[str, Family]:
 
 
 def _read(text: str) -> tuple[str, str, Index]:
-    """Return the name of the signal, the style of its indices, and its place in the signal."""
+    """Return the parts of the name of an element: name of its vector or matrix, style of its
+    indices ("[", "(", "_" or ""), and indices.
+    """
     name = Name.read(text)
     if name.element:
         return name.variable, "[", name.element
@@ -78,11 +82,12 @@ def _read(text: str) -> tuple[str, str, Index]:
 def given_names(
     given: Sequence[tuple[str, str]], theirs: Collection[str], ours: Collection[str]
 ) -> Names:
-    """Return names of scalars from the pairs (theirs, ours) of a user, each a scalar or a whole
-    signal.
+    """Return the names of scalar variables from pairs of a user, (name in the FMU, name in the
+    system), each a scalar or a whole vector or matrix.
 
-    Raises ValueError for a port that does not exist (with close matches), sizes that differ, and a
-    port that is given twice.
+    theirs, ours: existing scalar variables of the FMU and of the system. Raises ValueError for a
+    name that does not exist (with close matches), sizes that differ, and a name that is given
+    twice.
     """
     their_families, our_families, names = families(theirs), families(ours), Names()
     for their, our in given:
@@ -97,7 +102,9 @@ def given_names(
 
 
 def has_port(name: str, theirs: Collection[str]) -> bool:
-    """Return whether an FMU has a port or a whole signal of this name."""
+    """Return whether an FMU with the scalar ports `theirs` has a scalar, vector or matrix of this
+    name.
+    """
     return name in theirs or name in families(theirs)
 
 
@@ -112,8 +119,8 @@ def _members(
 
 
 def by_style(theirs: Collection[str], ours: Collection[str]) -> dict[Family, Family]:
-    """Return the signals of equal name and shape at both ends whose indices are written in another
-    style.
+    """Return the vectors and matrices that both ends have with equal name and shape, but with
+    indices in another style: signals of the system by signals of the FMU.
     """
     mine = families(ours)
     return {

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Co-simulated system as plain data: the content of an .ssp, and nothing else.
+"""Co-simulated system as plain data: exactly the content of an .ssp.
 
-All classes are frozen. dataclasses.replace() makes a variant of a system.
+All classes are immutable. dataclasses.replace() makes a variant of a system.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from harness.system.units import Hop, Unit
 from harness.system.values import Name, Scalar
 
 DEFAULT_SET = "default"
-"""Name of the parameter set that a system has without a choice."""
+"""Name of the parameter set that a system has if none is chosen."""
 
 
 class Port(NamedTuple):
@@ -30,13 +30,15 @@ class Port(NamedTuple):
 
     @property
     def signal(self) -> str:
-        """Name of the variable without its indices: the vector or matrix that it belongs to."""
+        """Name of the scalar, vector or matrix to which the variable belongs: its name without
+        indices.
+        """
         return Name.read(self.variable).variable
 
 
 class Connection(NamedTuple):
-    """Connection from the output `source` to the input `target`; hops: conversions on the way
-    (none: units are converted).
+    """Connection from the output `source` to the input `target`; hops: conversions on the way.
+    Without hops only units are converted.
     """
 
     source: Port
@@ -46,11 +48,12 @@ class Connection(NamedTuple):
 
 @dataclass(frozen=True)
 class Parameter:
-    """Value of a parameter, or start value of an unconnected input; `unit` as written in the file.
+    """Value of a parameter, or start value of an unconnected input; `unit` as written in the file
+    (None: the unit of the variable).
 
     meaning: definition of the unit, if the file has one; hops: conversions before the value is set;
-    optional: for a file of another tool, in which SSP ignores the value if its component has no
-    such variable.
+    optional: True in a file of another tool; the value is then ignored if the component has no such
+    variable, as SSP prescribes.
     """
 
     value: Scalar
@@ -66,10 +69,10 @@ Parameters = Mapping[str, Parameter]
 
 @dataclass(frozen=True)
 class Component:
-    """FMU as a part of a system.
+    """FMU in its place in a system.
 
-    every: macro steps per step of this component; latency: macro steps by which its outputs are
-    published later.
+    every: macro steps per step of this component; latency: number of macro steps by which its
+    outputs are published later.
     """
 
     name: str
@@ -81,9 +84,9 @@ class Component:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Time span and macro step [s] of a run (None: the file gives none), and order of execution;
-    every: each N-th macro step is recorded by default; epoch: UTC of t = 0 as 2026-01-31T12:00:00
-    ("": no date).
+    """Time span [s], macro step [s] (None: the file gives none) and order of execution of a run;
+    every: each N-th macro step is recorded by default; epoch: UTC of t = 0, such as
+    2026-01-31T12:00:00 ("": no date).
     """
 
     start: float = 0.0
@@ -109,8 +112,8 @@ class ParameterSet:
 
 @dataclass(frozen=True)
 class Alternative:
-    """Parameters, by component, that come into force when the FMU named `fmu` takes the place of a
-    component.
+    """Parameters, by component, that apply when the FMU with the model name `fmu` replaces the FMU
+    of a component.
     """
 
     component: str
@@ -119,7 +122,7 @@ class Alternative:
 
 
 class Swap(NamedTuple):
-    """Another FMU in the place of a component, by name or path as given, and the hash of its
+    """FMU that replaces the FMU of a component: its name or path as given, and the hash of its
     content.
     """
 
@@ -146,7 +149,7 @@ class Origin:
 
 
 Range = tuple[float | None, float | None]
-"""Smallest and largest value; None: not given."""
+"""Smallest and largest value; None: no limit given."""
 
 
 @dataclass(frozen=True)
@@ -154,14 +157,14 @@ class System:
     """Components in execution order, their connections, and the settings of a run.
 
     strict: an unconnected input without a value is an error (systems of other tools rely on start
-    values); declared: units that the file claims for variables of components, to be compared with
+    values); declared: units that the file states for variables of components, to be compared with
     the FMUs; requirements: conditions by name, see harness.results.requirements; consistency:
-    conditions on parameters by name, with a note where one does not hold; compared: parameter set
-    that a comparison uses by default ("": none); sliders: names and ranges (None: range of the FMU)
-    of the parameters that the reader of a live page may change; mission: name of its mission;
-    starts: file or elements of `[start]` by component, from which the values of the parameters
-    follow; without: components whose outputs the user sets during a run (harness.master.steering);
-    origin: source and changes of the system.
+    conditions on parameters by name; a condition that fails is logged; compared: parameter set that
+    a comparison uses by default ("": none); sliders: parameters that the reader of a live page may
+    change, with their ranges (None: range of the FMU); mission: name of its mission; without: open
+    components, whose outputs the user sets during a run (harness.master.steering); starts: by
+    component, the file or elements of its entry in `[start]`, from which its parameters are
+    computed; origin: source and changes of the system.
     """
 
     name: str

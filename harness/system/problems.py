@@ -22,7 +22,9 @@ _log = logging.getLogger("harness")
 
 
 def problems(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Yield all problems of a system, one line each, as far as its FMUs can be read."""
+    """Yield all problems of a system, one line each. Components whose FMU cannot be read are left
+    out.
+    """
     unread = {c.name for c in system.components} - interfaces.keys()
     if not system.components:
         yield "the system has no components"
@@ -39,7 +41,9 @@ def problems(system: System, interfaces: Interfaces) -> Iterator[str]:
 def value_problems(
     system: System, interfaces: Interfaces, changed: Sequence[Component]
 ) -> Iterator[str]:
-    """Yield the problems that new values of some components can cause."""
+    """Yield the problems that new parameters, schedules or experiments can cause; changed: the
+    components with new parameters.
+    """
     yield from schedule_problems(system.experiment.algorithm, system.components)
     if system.strict and changed:
         yield from _open_inputs(system, interfaces)
@@ -51,8 +55,8 @@ def value_problems(
 
 
 def _shared_streams(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Yield a line per group of components that draw the same random numbers: equal seed and
-    stream.
+    """Yield a line per group of components with equal seed and stream, which would draw the same
+    random numbers.
     """
     owners: dict[tuple[float, ...], list[str]] = {}
     for component in system.components:
@@ -84,7 +88,9 @@ def _connection_problems(
 
 
 def _end(port: Port, causality: str, interfaces: Interfaces) -> Variable:
-    """Return the variable at one end of a connection; raise ValueError with its problem."""
+    """Return the variable at one end of a connection; raise ValueError if it does not exist or has
+    another causality.
+    """
     if port.component not in interfaces:
         close = did_you_mean(port.component, interfaces)
         raise ValueError(f"there is no component '{port.component}'{close}")
@@ -102,8 +108,8 @@ def _end(port: Port, causality: str, interfaces: Interfaces) -> Variable:
 def _misfit(
     connection: Connection, source: Variable, target: Variable, interfaces: Interfaces, strict: bool
 ) -> str | None:
-    """Return why an output cannot drive an input, or None: types, or units, which must be equal in
-    a strict system because no other tool converts.
+    """Return why an output cannot be connected to an input: their types or units. Return None if it
+    can. Units must be equal in a strict system, because other tools do not convert them.
     """
     if source.type != target.type or source.type in NO_NUMBERS:
         return f"is {target.type}, cannot be driven by {connection.source}, a {source.type}"
@@ -124,8 +130,8 @@ def _misfit(
 
 
 def _declared_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Yield a line per connector that claims a unit other than the unit of the FMU, regardless of
-    its name; log units that have no definition.
+    """Yield a line per connector for which the file states another unit than the FMU. Units are
+    compared by their definitions, not by name; a unit without a definition is only logged.
     """
     for port, claimed in system.declared.items():
         interface = interfaces.get(port.component)
@@ -203,8 +209,8 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
 
 
 def size_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Yield the limits of archive.py that the run as a whole exceeds. Every component is unpacked
-    separately.
+    """Yield a line if the FMUs of a run together exceed the limit of unpacked bytes; every
+    component is unpacked separately.
     """
     size = sum(interfaces[c.name].size for c in system.components if c.name in interfaces)
     if size > MAX_UNPACKED:

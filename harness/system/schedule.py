@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Master algorithm as data: the actions on the instances and their order in every macro step.
+"""Master algorithm as data: the actions on the instances of FMUs, and their order in every macro
+step.
 
-An instance with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0.
-An instance with `latency = L` publishes its outputs L macro steps later than its algorithm would (a
-computer that needs its time).
+An instance with `every = N` makes one step of N macro steps, at macro steps k with k % N == 0. An
+instance with `latency = L` publishes its outputs L macro steps later than the algorithm would: a
+computer needs time for its results.
 """
 
 from __future__ import annotations
@@ -17,31 +18,34 @@ from harness.errors import StructureError
 from harness.system.model import Experiment
 
 MOST = 2**31 - 1
-"""Macro steps that an instance can take at once, and the largest latency."""
+"""Largest number of macro steps in one step of an instance, and largest latency."""
 
 
 NOT_FINITE, TOO_WIDE, TERMINATION, EARLY_RETURN = -1, -2, -3, -4
-"""Statuses of loop.c besides the FMI statuses: an output is not finite, or a whole number outside
-the range of the bus; a step requests termination, or has returned early.
+"""Statuses of loop.c besides the statuses of FMI. NOT_FINITE: an output is not a finite number.
+TOO_WIDE: an output is a whole number outside the range of the bus. TERMINATION: a step requests
+termination. EARLY_RETURN: a step has returned early.
 """
 
 
 class Verb(Enum):
-    """Action on an instance. SET: bus to inputs; STEP: advance; GET: outputs to bus."""
+    """Action on an instance. SET: copy from the bus to its inputs; STEP: advance it; GET: copy its
+    outputs to the bus.
+    """
 
     SET = "set"
     STEP = "step"
     GET = "get"
 
     def call(self, fmi: int = 2) -> str:
-        """Return the FMI function that the verb represents in a version of FMI."""
+        """Return the name of the FMI function for the verb; fmi: version, 2 or 3."""
         real = "Real" if fmi == 2 else "Float64"
         done = {"set": f"Set{real}", "step": "DoStep", "get": f"Get{real}"}[self.value]
         return f"fmi{fmi}{done}"
 
 
 class Periodic(Protocol):
-    """Properties of an instance that a schedule needs: name, period and latency in macro steps."""
+    """Properties of an instance that a schedule needs: name, period and latency."""
 
     @property
     def name(self) -> str:
@@ -49,18 +53,18 @@ class Periodic(Protocol):
 
     @property
     def every(self) -> int:
-        """Return the macro steps per step of the instance."""
+        """Return the number of macro steps per step of the instance."""
 
     @property
     def latency(self) -> int:
-        """Return the macro steps by which the outputs are published late."""
+        """Return the number of macro steps by which the outputs are published late."""
 
 
 Scheduled = TypeVar("Scheduled", bound=Periodic)
 
 
 class Action(NamedTuple, Generic[Scheduled]):
-    """Do `verb` on `instance` at every macro step k with k % every == phase."""
+    """Action `verb` on `instance` at every macro step k with k % every == phase."""
 
     verb: Verb
     instance: Scheduled
@@ -73,11 +77,11 @@ class Action(NamedTuple, Generic[Scheduled]):
 
 
 def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
-    """Return the schedule in which each instance in turn reads what the instances before it have
-    published, steps, and publishes at once.
+    """Return the schedule in which one instance after the other reads the newest outputs, steps,
+    and publishes its outputs at once.
 
-    An instance with latency L (at most its period) publishes at the beginning of the macro step L
-    after its sample.
+    An instance with latency L (at most its period) publishes at the beginning of the macro step
+    that is L macro steps after the one in which it has read its inputs.
     """
     late = [Action(Verb.GET, i, i.every, i.latency % i.every) for i in instances if i.latency]
     return late + [
@@ -89,11 +93,11 @@ def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
 
 
 def jacobi(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
-    """Return the schedule in which all instances read, then all step, then all publish at the end
-    of their step.
+    """Return the schedule in which all instances read, then all step, and each publishes its
+    outputs at the end of its step.
 
-    An instance with latency 1 publishes one macro step later, after the others have read and before
-    its own next step.
+    An instance with latency 1 publishes one macro step later, after the other instances have read
+    and before its own next step.
     """
     read = [Action(Verb.SET, i, i.every) for i in instances]
     late = [Action(Verb.GET, i, i.every) for i in instances if i.latency]
@@ -114,8 +118,8 @@ ALGORITHMS = {
 
 
 def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
-    """Return the problems of the periods and latencies of the instances under an algorithm, one
-    line each.
+    """Return the problems of the periods and latencies of instances under an algorithm, one line
+    each.
     """
     if algorithm not in ALGORITHMS:
         return [f"algorithm: there is no {algorithm}, only {' and '.join(ALGORITHMS)}"]
@@ -131,8 +135,8 @@ def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
 
 
 def schedule(algorithm: str, instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
-    """Return the actions of one macro step; raise StructureError if the algorithm cannot express a
-    period or latency.
+    """Return the actions of every macro step, in order; raise StructureError if the algorithm does
+    not exist or does not support a period or latency.
     """
     if found := problems(algorithm, instances):
         raise StructureError(found)
@@ -142,8 +146,8 @@ def schedule(algorithm: str, instances: Sequence[Scheduled]) -> list[Action[Sche
 def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
     """Return the number of macro steps of an experiment in which every component takes whole steps.
 
-    periods: `every` of the components. Raises StructureError without a step or stop time, or for a
-    stop time that is not a multiple.
+    periods: `every` of the components. Raises StructureError if step or stop time is missing, or if
+    the time span is not a multiple of the steps of all components.
     """
     start, stop, step = experiment.start, experiment.stop, experiment.step
     cycle = math.lcm(*periods)
@@ -158,7 +162,9 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
 
 
 def _time_problem(start: float, stop: float | None, step: float | None, cycle: int) -> str | None:
-    """Return why a time span has no whole number of macro steps, or None."""
+    """Return why a time span cannot be divided into macro steps, None if it can; cycle: number of
+    macro steps after which all components begin a step together.
+    """
     if step is None and stop is None:
         return "the system defines neither macro step nor stop time: set both with --step, --stop"
     if step is None or not (step > 0 and math.isfinite(step)):

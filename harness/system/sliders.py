@@ -14,7 +14,7 @@ from harness.system.values import Variable
 
 
 class Slider(NamedTuple):
-    """A variable that can be set before a run, and the range in which a page sets it."""
+    """Variable that can be set before a run, and the range of its slider on a live page."""
 
     name: str
     variable: Variable
@@ -23,8 +23,8 @@ class Slider(NamedTuple):
 
 
 def problems(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[str]:
-    """Yield the problems of sliders, a line each: no component has the parameter, or it has no
-    range.
+    """Yield the problems of sliders, one line each: no component has a parameter of this name, or
+    the range is missing or invalid. ranges: by `component.parameter`.
     """
     for name, given in ranges.items():
         try:
@@ -34,19 +34,20 @@ def problems(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[st
 
 
 def sliders(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[Slider]:
-    """Yield the sliders of a system for the parameters that its FMUs have."""
+    """Yield the sliders of a system. Those that are invalid for its FMUs are left out. ranges: by
+    `component.parameter`.
+    """
     for name, given in ranges.items():
         with suppress(ValueError):
             yield _slider(name, given, interfaces)
 
 
 BOUND = 1e300
-"""Limits of at least this size count as no limit: FMUs without limits declare the largest double.
-"""
+"""Size from which on a limit counts as no limit: FMUs without limits declare the largest double."""
 
 
 def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
-    """Return a slider with its own range or the range of the FMU; raise ValueError."""
+    """Return a slider with the given range, completed by the range of the FMU; raise ValueError."""
     real = {
         f"{component}.{v.name}": v
         for component, interface in interfaces.items()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Exchange of one component's FMU for another that has the ports the system needs, wherever it was
-built.
+"""Exchange of the FMU of a component for another FMU, from any tool, that has the ports that the
+system needs.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _log = logging.getLogger("harness")
 
 
 def find_fmu(name: str | Path) -> Path:
-    """Return the path of an FMU that is given by name, by path, or by the folder of a built
-    controller; raise UsageError with close matches if there is none.
+    """Return the path of an FMU that is given by name, by path, or by the folder of a controller
+    that `harness build` has built; raise UsageError with close matches if there is none.
     """
     known = paths.fmus()
     if str(name) in known:
@@ -46,13 +46,14 @@ def exchange(
     """Return the system with another FMU as component `name`.
 
     The outputs of the FMU must include all outputs that other components read, with equal units.
-    Its inputs take over the connections of the same names. A further input is connected to the one
-    output with its name. Ports with another name are given in pairs (theirs, ours) of scalars or
-    whole vectors. Vectors whose indices are written in another style are found without such pairs.
-    The FMU takes over the parameters that it shares with its predecessor, and then the parameters
-    that the system has for an FMU of its model name. For an FMU unknown to the system a warning
-    names the parameters that are dropped. Raises UsageError (unknown component, FMU or port),
-    FmuError, or StructureError with all missing ports.
+    Its inputs get the connections of the inputs with the same names. A further input is connected
+    to the output with its name if there is exactly one. Ports with another name are given in pairs
+    (name in the FMU, name in the system) of scalars or whole vectors. Vectors whose indices are
+    written in another style are found without such pairs. Parameters that the former FMU also has
+    retain their values. Parameters that the system has for FMUs of this model name override them.
+    If the system has none for the model name, a warning names the parameters that are dropped.
+    Raises UsageError (unknown component, FMU or port), FmuError, or StructureError with all missing
+    ports.
     """
     new = _Exchange(system, existing(system, "--swap", name), find_fmu(fmu), given)
     connections = tuple(new.connections())
@@ -61,7 +62,9 @@ def exchange(
 
 
 def existing(system: System, option: str, name: str) -> str:
-    """Return the name of an existing component; raise UsageError that names the option."""
+    """Return the name of a component unchanged if it exists; raise UsageError that begins with the
+    option of the command line.
+    """
     known = [c.name for c in system.components]
     if name not in known:
         close = did_you_mean(name, known)
@@ -70,8 +73,8 @@ def existing(system: System, option: str, name: str) -> str:
 
 
 class _Exchange:
-    """Replacement of a component by another FMU; names: our names by the names of the FMU where
-    they differ.
+    """Replacement of a component by another FMU. names: names in the system by names in the FMU,
+    where they differ.
     """
 
     def __init__(
@@ -85,7 +88,9 @@ class _Exchange:
         others = (i for component, i in self.before.items() if component != name)
         outputs = {n: v for interface in others for n, v in interface.outputs().items()}
         self.signals = {**outputs, **_ports(self.before[name])}
-        """Signals to which the component can be connected: its ports, and outputs of the others."""
+        """Variables to which ports of the FMU can be mapped: ports of the former FMU, outputs of
+        the other components.
+        """
         self.names = self._names(given)
 
     # ---- names
@@ -111,7 +116,7 @@ class _Exchange:
             _log.warning(note, self.name, self.path.name, shown)
 
     def _offered(self) -> list[str]:
-        """Return a line with the ports of the new FMU that match nothing yet, [] without any."""
+        """Return a line with the ports of the new FMU that match no signal yet, [] if all match."""
         free = mapping.families([n for n in self.ports if self.names.get(n, n) not in self.signals])
         line = f"its ports {', '.join(free)} match no signal; connect each by --map PORT=SIGNAL"
         return [line] if free else []
@@ -119,8 +124,8 @@ class _Exchange:
     # ---- connections
 
     def connections(self) -> list[Connection]:
-        """Return the connections of the system with the FMU; raise StructureError with the missing
-        ports.
+        """Return the connections of the system with the new FMU; raise StructureError with all
+        missing ports.
         """
         connections, problems = self._rewired()
         problems += self._missing_outputs(connections)
@@ -131,7 +136,9 @@ class _Exchange:
         return connections
 
     def _missing_outputs(self, connections: Sequence[Connection]) -> Iterator[str]:
-        """Yield the outputs that other components read and the new FMU does not have."""
+        """Yield a line per output that another component reads and that the new FMU lacks or has in
+        another unit.
+        """
         offered = self.interface.outputs()
         for source, target, hops in connections:
             if source.component != self.name:
@@ -146,8 +153,8 @@ class _Exchange:
                 yield f"its output {source.signal} is in {unit}, {reader} expects {required}"
 
     def _rewired(self) -> tuple[list[Connection], list[str]]:
-        """Return the connections with the ports of the new FMU, and the reasons why inputs stay
-        unconnected.
+        """Return the connections with the ports of the new FMU, and a line per input that remains
+        without a connection and must not.
         """
         connections, problems = list(self._renamed()), []
         driven = {c.target for c in connections}
@@ -167,7 +174,9 @@ class _Exchange:
         return connections, problems
 
     def _renamed(self) -> Iterator[Connection]:
-        """Yield the former connections, one for every input of the FMU that replaces ours."""
+        """Yield the connections of the system with the names of ports in the new FMU. One for an
+        input that the FMU has several times is repeated, one for an input that it lacks is dropped.
+        """
         outputs = self.interface.outputs()
         theirs = {our: their for their, our in self.names.items() if their in outputs}
         readers: dict[str, list[str]] = {}
@@ -184,8 +193,9 @@ class _Exchange:
     # ---- parameters
 
     def system_with_values(self) -> System:
-        """Return the system with the FMU: values of the predecessor that it has, under its names,
-        overridden by the values that the system has for it.
+        """Return the system with the new FMU. Of the parameters of the former FMU it gets those
+        that it has too, under its own names; they are overridden by the parameters that the system
+        has for this FMU.
         """
         theirs = {our: their for their, our in self.names.items()}
         known = self.interface.settable()

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables as people write them in TOML: parameters, one table per component and `shared` for all
-that know a parameter; and the check of tables against their declared types, which yields all
-problems at once, a line each.
+"""Tables as people write them in TOML: parameters, with one table per component and a table
+`shared` for all components that have a parameter; and the check of tables against their declared
+types, which yields all problems at once, one line each.
 
-A table of known entries is a msgspec.Struct, `Struct | None` if it may be missing. A table of
-arbitrary entries is a `dict[str, X]`. Entries have one of the types below, or another type of
-msgspec. msgspec.convert(table, Struct) makes an object of a table without problems.
+A table with known entries is declared as a msgspec.Struct, or as `Struct | None` if it may be
+missing. A table with arbitrary entries is a `dict[str, X]`. Entries have one of the types below, or
+another type of msgspec. msgspec.convert(table, Struct) makes an object of a table without problems.
 """
 
 from __future__ import annotations
@@ -64,7 +64,9 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 class Assignments:
-    """Parameters by component, and the problems met on the way (one line each)."""
+    """Parameters that are assigned to components, and the problems found while assigning, one line
+    each.
+    """
 
     def __init__(self, interfaces: Interfaces) -> None:
         self.interfaces = interfaces
@@ -72,7 +74,9 @@ class Assignments:
         self.problems: list[str] = []
 
     def tables(self, tables: Any) -> None:
-        """Take over a table per component and the table `shared`, which the others override."""
+        """Assign a table per component and the table `shared`, whose values the tables of
+        components override.
+        """
         if not isinstance(tables, Mapping):
             self.problems.append("parameters: must be a table of tables, one per component")
             return
@@ -90,7 +94,9 @@ class Assignments:
             self.problems.append(f"{name}: {fault}")
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:
-        """Set a parameter of every component that has it; written: the value is a user's text."""
+        """Set a parameter of every component that has it; written: whether the value is text that a
+        user has typed.
+        """
         owners = [c for c, i in self.interfaces.items() if elements_of(name, i.named("parameter"))]
         for component in owners:
             (self.write if written else self.set)(component, name, value)
@@ -102,8 +108,8 @@ class Assignments:
     def set(
         self, component: str, name: str, value: Value, known: Collection[str] | None = None
     ) -> None:
-        """Set a scalar, vector or matrix of one component; known: permitted names (default:
-        everything that can be set).
+        """Set a scalar, vector or matrix of one component, or add a problem; known: permitted names
+        of scalar variables (default: all that can be set).
         """
         interface = self.interfaces[component]
         found = interface.variables.get(name)
@@ -121,7 +127,9 @@ class Assignments:
             self.problems.append(f"{component}.{name}: {error}")
 
     def write(self, component: str, name: str, text: str) -> None:
-        """Set what a user has written as text: for a String that text, else a number or list."""
+        """Set a variable from text that a user has typed: for a String the text itself, else a
+        number or list in it.
+        """
         variable = self.interfaces[component].variables.get(name)
         is_text = variable is not None and variable.type == "String"
         self.set(component, name, parse_text(text) if is_text else parse(text))
@@ -146,9 +154,9 @@ Count = Annotated[int, Meta(ge=1, description="a whole number of at least 1")]
 
 
 def problems(given: Any, kind: Any, place: str = "") -> Iterator[str]:
-    """Yield the problems of a value that should have a type, a line each: entry, rule and value.
+    """Yield the problems of a value that should have a type, one line each: entry, rule and value.
 
-    place: name of the entry, "" for the whole file.
+    given: the value; kind: the type; place: name of the entry, "" for the whole file.
     """
     if NoneType in get_args(kind):  # TOML knows no None
         (kind,) = (each for each in get_args(kind) if each is not NoneType)
@@ -182,7 +190,7 @@ def _of_entries(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str
 
 @cache
 def _fields(kind: type[msgspec.Struct]) -> dict[str, FieldInfo]:
-    """Return the fields by the names of their entries."""
+    """Return the fields of a struct by the names of their entries in a table."""
     return {field.encode_name: field for field in msgspec.structs.fields(kind)}
 
 
@@ -195,6 +203,8 @@ def _inside(place: str, name: str) -> str:
 
 
 def _words(kind: Any, error: Exception) -> str:
-    """Return the rule for a value from its type, or else from msgspec."""
+    """Return the rule that a value breaks in words, from the description of its type, or else from
+    the error of msgspec.
+    """
     metas = [each for each in get_args(kind)[1:] if isinstance(each, Meta) and each.description]
     return str(metas[0].description if metas else str(error).removeprefix("Expected "))

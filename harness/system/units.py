@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Units by their meaning, and what happens to a number on its way from one variable to another.
+"""Units by their definition, and the conversion of a number on its way from one variable to
+another.
 
     SI value = factor * value + offset                  of a BaseUnit with given exponents of the SI
     units on a hop: first convert units, then value = factor * value + offset
     (SSP 1.0, 5.3.5)
 
-All hops of a way are composed in rational arithmetic to one Affine and rounded once at the end.
+All hops (steps of a conversion) on the way are composed in rational arithmetic to one Affine and
+rounded once at the end.
 
-Beside a number people write them as FMUs do, `2 deg`, `3.3 m/min`: factors between points,
-exponents as digits, what follows a slash divides (`kg.m2`, `m/s2`, `1/(N.m)`).
+Units beside numbers are written as in FMUs, `2 deg`, `3.3 m/min`: points between factors, digits
+for exponents, and everything after a slash divides (`kg.m2`, `m/s2`, `1/(N.m)`).
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from harness.spelling import did_you_mean
 from harness.system.values import base
 
 Base = Mapping[str, float]
-"""A BaseUnit: exponents of kg m s A K mol cd rad, then factor and offset."""
+"""Definition of a unit (BaseUnit): exponents of kg m s A K mol cd rad, then factor and offset."""
 
 
 class UndefinedUnitError(ValueError):
@@ -33,14 +35,14 @@ class UndefinedUnitError(ValueError):
 
 
 class Unit(NamedTuple):
-    """Name of a unit and its meaning, if that is declared."""
+    """Name of a unit, and its definition if there is one."""
 
     name: str
     base: Base | None = None
 
 
 class Affine(NamedTuple):
-    """value -> factor * value + offset."""
+    """Conversion value -> factor * value + offset."""
 
     factor: float = 1.0
     offset: float = 0.0
@@ -54,10 +56,10 @@ IDENTITY = Affine()
 
 
 class Hop(NamedTuple):
-    """Step of a conversion, for one connection or mapping: convert to `unit` (None: the unit of the
-    variable at the end of the way), then transform.
+    """Step of a conversion, from one connection or mapping of a file: convert to `unit` (None: the
+    unit of the variable at the end of the way), then apply `change`.
 
-    convert: False where the file suppresses the conversion of units.
+    convert: False if the file suppresses the conversion of units.
     """
 
     change: Affine = IDENTITY
@@ -72,11 +74,10 @@ _NOTHING: _Exact = Fraction(1), Fraction(0)
 
 
 def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine:
-    """Return the conversion of all hops from a variable in unit `start` to a variable in unit
+    """Return the conversion from a variable in unit `start` over all hops to a variable in unit
     `end`; raise ValueError if units are not compatible.
 
-    The last hop ends at the variable itself. No hops represent a plain connection, which converts
-    units.
+    The last hop ends at the variable. Without hops only units are converted.
     """
     if not hops and (start is None or end is None or start.name == end.name):
         return IDENTITY
@@ -96,13 +97,14 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
 
 
 def _fraction(number: float) -> Fraction:
-    """Return a number as a fraction of its decimal digits: 0.001 is a thousandth."""
+    """Return a number as the fraction that its decimal digits state: 0.001 is 1/1000."""
     return Fraction(repr(float(number)))
 
 
 def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
-    """Return the exact conversion of numbers in unit a to numbers in unit b, the identity for equal
-    units.
+    """Return the exact conversion of numbers in unit a to numbers in unit b, without change for
+    equal or missing units. Raise UndefinedUnitError if a unit has no definition, ValueError if they
+    are not compatible.
     """
     if a is None or b is None or a.name == b.name:
         return _NOTHING
@@ -120,17 +122,17 @@ def _scale(name: str, base: Base) -> _Exact:
     factor, offset = base.get("factor", 1.0), base.get("offset", 0.0)
     if not (math.isfinite(factor) and math.isfinite(offset) and factor != 0):
         scale = f"the factor {factor:g} and the offset {offset:g}"
-        raise ValueError(f"{name} has {scale}, nothing can be converted")
+        raise ValueError(f"{name} has {scale}, so it cannot be converted")
     return _fraction(factor), _fraction(offset)
 
 
 def _dimension(base: Base) -> dict[str, int]:
-    """Return the exponents that are not zero."""
+    """Return the exponents of the SI units that are not zero."""
     return {name: int(n) for name, n in base.items() if name not in ("factor", "offset") and n}
 
 
 def _text(base: Base) -> str:
-    """Return a dimension as text, such as kg.m.s-2."""
+    """Return the dimension of a unit as text, such as kg.m.s-2, "1" if it has none."""
     return ".".join(f"{name}{n if n != 1 else ''}" for name, n in _dimension(base).items()) or "1"
 
 
@@ -166,11 +168,13 @@ SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
 """Factor to SI and exponents of the SI units, by symbol."""
 
 FACTOR = re.compile(r"([A-Za-z%]+|1)\^?(-?\d)?")
-"""A unit and its exponent, of one digit."""
+"""Regular expression of a symbol with its exponent of one digit, such as `m2` or `s^-1`."""
 
 
 def unit(text: str) -> Unit:
-    """Return a unit with its definition; raise ValueError if it is unknown."""
+    """Return the unit that a text states, with its definition; raise ValueError if a symbol is
+    unknown.
+    """
     dimension: Counter[str] = Counter()
     factor = 1.0
     for symbol, power in _factors(text):
@@ -193,8 +197,8 @@ def _factors(text: str) -> Iterator[tuple[str, int]]:
 
 
 def product(a: str, b: str, power: float = 1) -> str | None:
-    """Return the unit of a number in unit a times one in unit b to a power, as `kg.m/s2`; None if
-    an exponent is not a whole number.
+    """Return the unit of the product of a number in unit a and a power of a number in unit b, such
+    as `kg.m/s2`; None if an exponent is not a whole number.
     """
     exponents: Counter[str] = Counter()
     for text, times in ((a, 1), (b, power)):
@@ -216,7 +220,9 @@ def product(a: str, b: str, power: float = 1) -> str | None:
 
 
 def convert(value: float, given: str, required: str) -> float:
-    """Return a number in another unit; raise ValueError if the units are not compatible."""
+    """Return a number in unit `given` as a number in unit `required`; raise ValueError if the units
+    are unknown or not compatible.
+    """
     if given == required:
         return value
     return _between(given, required)(value)
@@ -228,8 +234,8 @@ def _between(given: str, required: str) -> Affine:
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:
-    """Return `miss [m]`, or the name alone without a known unit. An element has the unit of its
-    vector.
+    """Return a name with its unit, such as `miss [m]`, the name alone if its unit is not known. An
+    element has the unit of its vector.
     """
     found = units.get(name) or units.get(base(name))
     return f"{name} [{found}]" if found else name

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Names and values of scalar variables, as FMUs have them and as users write them.
 
-FMI has scalars only, so names contain the structure: `J[1,2]` is element (1, 2) of `J`. All other
-modules rely on the reading of names here. Indices may begin at any number (`x[0]`), and other tools
-write blanks between them (`J[1, 2]`).
+FMI 2.0 has scalars only, so names contain the structure: `J[1,2]` is element (1, 2) of `J`. Only
+this module splits names into variable and indices. Indices may begin at any number (`x[0]`), and
+other tools write blanks between them (`J[1, 2]`).
 
 A vector `rho = [0, 20, 0]` represents `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]`
 represents `J[1,1]` ... `J[2,2]`; a table `M = {bias = 1.0}` represents `M.bias`. Systems in TOML,
@@ -33,7 +33,7 @@ class Name(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> Name:
-        """Return the name from the text of an FMU or a user."""
+        """Return the parts of a name as an FMU has it or a user writes it."""
         return _read(text)
 
     def __str__(self) -> str:
@@ -52,7 +52,9 @@ def _read(text: str) -> Name:
 
 
 def base(text: str) -> str:
-    """Return the name of the vector or matrix that a scalar variable is an element of."""
+    """Return the name of the vector or matrix of which a scalar variable is an element, the name
+    itself for a scalar.
+    """
     return _read(text).variable
 
 
@@ -62,20 +64,20 @@ def index(text: str) -> Index:
 
 
 def elements_of(port: str, names: Collection[str]) -> list[str]:
-    """Return the scalar variables that `port` represents: itself, or all elements of the vector or
-    matrix in order.
+    """Return the scalar variables among `names` that `port` represents: itself, or all elements of
+    the vector or matrix in order; [] if there are none.
     """
     return [port] if port in names else list(_arrays(tuple(names)).get(port, ()))
 
 
 def with_arrays(names: Collection[str]) -> tuple[str, ...]:
-    """Return names of scalar variables and of the vectors and matrices to which they belong."""
+    """Return names of scalar variables, and of the vectors and matrices that they form."""
     return (*names, *_arrays(tuple(names)))
 
 
 @lru_cache(maxsize=64)
 def _arrays(names: tuple[str, ...]) -> Mapping[str, tuple[str, ...]]:
-    """Return the elements in order by the vector or matrix to which they belong."""
+    """Return the names of the elements, in order, of every vector and matrix, by its name."""
     found: dict[str, list[str]] = {}
     for name in names:
         if index(name):
@@ -84,19 +86,21 @@ def _arrays(names: tuple[str, ...]) -> Mapping[str, tuple[str, ...]]:
 
 
 class Grid(NamedTuple):
-    """The indices of a whole vector or matrix: of its first element, and how many there are."""
+    """Indices of a complete vector or matrix. first: indices of its first element; shape: number of
+    elements per dimension.
+    """
 
     first: Index
     shape: Index
 
     def place(self, element: Index) -> Index:
-        """Return the position of an element in an array, counted from 0."""
+        """Return the position of an element in an array, counted from 0; element: its indices."""
         return tuple(i - first for i, first in zip(element, self.first, strict=True))
 
 
 def grid(elements: Iterable[Index]) -> Grid | None:
-    """Return the grid that these elements fill exactly; None if elements are missing or differ in
-    dimension.
+    """Return the grid that elements with these indices fill; None if elements are missing or differ
+    in dimension.
     """
     found = set(elements)
     if len({len(element) for element in found}) != 1:
@@ -111,7 +115,7 @@ def grid(elements: Iterable[Index]) -> Grid | None:
 
 Scalar = float | int | bool | str
 Value: TypeAlias = "Scalar | Sequence[Value]"
-"""A scalar, vector or matrix as TOML has it."""
+"""Scalar, vector or matrix as a value in TOML."""
 
 
 def parse(text: str) -> Value:
@@ -136,7 +140,7 @@ DEEPEST = 50
 
 
 def too_deep(value: Any) -> bool:
-    """Return whether tables and lists are nested more deeply than the limit."""
+    """Return whether tables and lists in a value are nested more deeply than DEEPEST."""
     nodes, levels = [value], 0
     while nodes and levels <= DEEPEST:
         levels += 1
@@ -150,8 +154,8 @@ def _holds(value: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """Return a Python value in the form of TOML: arrays, numbers of numpy and tuples become lists
-    and numbers.
+    """Return a Python value in the types of TOML: arrays and tuples become lists, numbers of numpy
+    become Python numbers.
     """
     if hasattr(value, "tolist"):
         return value.tolist()
@@ -167,7 +171,9 @@ def parse_text(text: str) -> str:
 
 
 def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted names and values of a (nested) table: {"M": {"bias": 1}} gives ("M.bias", 1)."""
+    """Yield the values in a nested table with their dotted names: {"M": {"bias": 1}} gives
+    ("M.bias", 1).
+    """
     for key, value in table.items():
         if isinstance(value, Mapping):
             yield from leaves(value, f"{prefix}{key}.")
@@ -176,8 +182,8 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def expand(name: str, value: Value, first: Index = ()) -> dict[str, Scalar]:
-    """Return the scalar variables of a value: a number is `name`, a list `name[i]`, a list of lists
-    `name[i,j]`; first: indices of the first element, by default 1.
+    """Return the scalars of a value by name: of a number `name`, of a list `name[i]`, of a list of
+    lists `name[i,j]`; first: indices of the first element, by default 1.
     """
     elements = list(_elements(value, (), first))
     if not elements:
@@ -195,7 +201,7 @@ def _elements(value: Value, index: Index, first: Index) -> Iterator[tuple[Index,
 
 
 def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]:
-    """Return the scalar variables that `name = value` sets, given the existing names.
+    """Return the scalars that `name = value` sets, by name; known: existing scalar variables.
 
     Raises ValueError: unknown name (with close matches), wrong number of elements, or NaN.
     """
@@ -210,8 +216,8 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
 
 
 def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, Scalar]:
-    """Return the scalars of a value for the elements of the FMU; raise ValueError if there are
-    others.
+    """Return the scalars of a value by element of the variable; elements: names that the FMU has.
+    Raise ValueError if the value has other elements.
     """
     is_scalar = elements == [name]
     whole = None if is_scalar else grid(map(index, elements))
@@ -225,8 +231,8 @@ def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, S
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:
-    """Return a suggestion for one number or numbers without brackets, as the end of a line. Lists
-    of another shape do not fit the FMU.
+    """Return a suggestion, as the end of an error message, for one number where a list is expected
+    or for numbers without brackets. A list of another shape cannot fit the FMU.
     """
     if isinstance(value, str):
         return f"; write [{value}]" if "," in value else ""
@@ -237,7 +243,9 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
 
 
 def _shape(names: Sequence[str]) -> str:
-    """Return the shape of a variable as text: `a number`, `3 elements`, `3 x 3 elements`."""
+    """Return the shape of a variable from the names of its elements, in words: `a number`, `3
+    elements`, `3 x 3 elements`.
+    """
     indices = [index(name) for name in names]
     if indices == [()]:
         return "a number"
@@ -249,10 +257,10 @@ def _shape(names: Sequence[str]) -> str:
 
 
 def coerce(value: Scalar, kind: str, access: str = "") -> Scalar:
-    """Return a value in an FMI type (Real, Integer, Enumeration, Boolean, String); raise ValueError
-    if it does not fit.
+    """Return a value in an FMI type (`kind`: Real, Integer, Enumeration, Boolean, String); raise
+    ValueError if it does not fit.
 
-    access: type of FMI 3.0 (UInt8, Float32, ...), if it is one.
+    access: type in FMI 3.0 (UInt8, Float32, ...), "" in FMI 2.0.
     """
     if kind == "String":
         return _checked_text(str(value).lower() if isinstance(value, bool) else str(value))
@@ -284,11 +292,11 @@ def _float(value: float) -> float:
     try:
         return float(value)
     except OverflowError:
-        raise ValueError("it exceeds the range of a double, about 1.8e308") from None
+        raise ValueError("the number exceeds the range of a double, about 1.8e308") from None
 
 
 def _checked_text(text: str) -> str:
-    """Return a text that C can hold; raise ValueError otherwise."""
+    """Return a text unchanged if C can store it; raise ValueError otherwise."""
     if re.search("[\0\ud800-\udfff]", text):
         raise ValueError(f"{_quoted(text)} is not a text in UTF-8 without a zero character")
     return text
@@ -303,7 +311,9 @@ def _quoted(text: str) -> str:
 # ---- variables of an FMU, in any version of FMI
 
 EXACT = 2**53
-"""Largest number up to which all whole numbers are exact as doubles, which the bus carries."""
+"""Number up to which a double, as which the bus carries all numbers, represents every whole number
+exactly.
+"""
 
 
 @dataclass(frozen=True)
@@ -311,14 +321,16 @@ class Variable:
     """Scalar variable, or one element of an array of FMI 3.0; unit: None if undeclared; settable:
     may be set before initialization.
 
-    type: Real, Integer, Boolean, Enumeration, String or Binary; access: type of the FMI functions
-    that read and set it (Real, Float64, UInt8, ...); reference: value reference, in FMI 3.0 of the
-    whole array, of which this is the element `element`, counted from 0, of `size`.
+    type: Real, Integer, Boolean, Enumeration, String or Binary; access: type in the name of the FMI
+    functions that read and set it (Real, Float64, UInt8, ...); reference: value reference, which in
+    FMI 3.0 is the reference of the whole array; element: position in the array, counted from 0;
+    size: number of elements of the array.
 
-    items: values of an enumeration by name; type_name: name of its type; start: None if it has none
-    or is a String; low, high: declared limits; begin: start value of any type; optional: input that
-    an annotation permits to stay at its start value when unconnected; modes: names of the values 0,
-    1, .. of a mode, "far|hold 1|closing", "" for other variables.
+    items: values of an enumeration by name; type_name: name of its type; start: start value as a
+    number, None if there is none or for a String; begin: start value in any type; low, high:
+    declared limits; optional: whether an annotation permits that an input remains unconnected and
+    has its start value; modes: names of the values 0, 1, .. of a mode, "far|hold 1|closing", "" for
+    other variables.
     """
 
     name: str
@@ -342,7 +354,7 @@ class Variable:
 
 
 def resting(variable: Variable) -> Scalar:
-    """Return the value of a variable to which none is assigned."""
+    """Return the value of a variable that is not set: its start value, or else 0 or ""."""
     if variable.begin is not None:
         return variable.begin
     return "" if variable.type == "String" else 0
@@ -353,7 +365,7 @@ STRUCTURAL = "structuralParameter"
 
 
 def unsettable(variable: Variable, settable: Iterable[str]) -> str:
-    """Return why a variable cannot be set, with close matches among those that can."""
+    """Return why a variable cannot be set, with close matches; settable: names that can be set."""
     close = did_you_mean(variable.name, settable)
     article = "an" if variable.causality[0] in "aeiou" else "a"
     return f"is {article} {variable.causality} and cannot be set{close}"

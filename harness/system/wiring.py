@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Wiring by name: a signal is called the same wherever it goes, so an input is driven by the one
-output of its name.
+"""Wiring by name: an input is connected to the only output of the same name, so a signal has one
+name in all components.
 """
 
 from __future__ import annotations
@@ -15,13 +15,11 @@ from harness.system.model import Connection, Port
 from harness.system.values import elements_of, with_arrays
 
 Owners = Mapping[str, Sequence[str]]
-"""Components that have an output, by the name of the output, in execution order."""
+"""Components that have an output, in execution order, by the name of the output."""
 
 
 class Wiring(NamedTuple):
-    """Connections between components, and the problems of the requested connections, a line
-    each.
-    """
+    """Connections between components, and the problems of requested connections, one line each."""
 
     connections: list[Connection]
     problems: list[str]
@@ -32,10 +30,10 @@ def wire(
     explicit: Mapping[str, str] | None = None,
     left_open: Collection[Port] = (),
 ) -> Wiring:
-    """Return the connections of a system. An input without an output of its name stays open.
+    """Return the connections of a system. An input without an output of the same name remains open.
 
     interfaces: by component, in execution order; explicit: exceptions, outputs by input, each
-    `component.variable`, for whole vectors or single elements; left_open: inputs that stay
+    `component.variable`, for whole vectors or single elements; left_open: inputs that remain
     unconnected.
     """
     connections, problems, driven = list[Connection](), list[str](), set[Port]()
@@ -77,20 +75,20 @@ def output_owners(interfaces: Interfaces) -> Owners:
 
 
 def drivers(owners: Owners, target: Port) -> list[Port]:
-    """Return the outputs of other components with the name of an input."""
+    """Return the outputs of other components that have the name of the input `target`."""
     others = (c for c in owners.get(target.variable, ()) if c != target.component)
     return [Port(component, target.variable) for component in others]
 
 
 def ambiguous(sources: Sequence[Port]) -> str:
-    """Return why an input is not connected to one of several outputs."""
+    """Return the reason why an input is not connected: several outputs have its name."""
     owners = " and ".join(source.component for source in sources)
     return f"ambiguous, {owners} have an output of this name"
 
 
 def ports(interfaces: Interfaces, name: str, *causalities: str) -> list[Port]:
-    """Return the scalar ports of these causalities that `component.variable` represents; raise
-    ValueError with close matches if there are none.
+    """Return the scalar inputs or outputs (`causalities`) that the name `component.variable`
+    represents; raise ValueError with close matches if there are none.
     """
     component, variable = split(name, interfaces)
     first, *others = map(interfaces[component].named, causalities)
@@ -102,8 +100,8 @@ def ports(interfaces: Interfaces, name: str, *causalities: str) -> list[Port]:
 
 
 def split(name: str, components: Collection[str]) -> tuple[str, str]:
-    """Return component and variable of `component.variable`; raise ValueError if there is no such
-    component.
+    """Return component and variable of the name `component.variable`; raise ValueError if there is
+    no such component.
     """
     component, dot, variable = name.partition(".")
     if not dot:

@@ -647,7 +647,7 @@ def test_a_system_has_its_epoch_in_its_file_and_retains_it(tmp_path, epoch):
 def test_an_epoch_that_is_no_date_is_a_problem_of_the_system(tmp_path):
     text = 'extends = "sync_approach"\nname = "dated"\n[experiment]\nepoch = "soon"\n'
     (tmp_path / "dated.toml").write_text(text)
-    with pytest.raises(HarnessError, match=r"experiment\.epoch: expected a date as .*, not 'soon'"):
+    with pytest.raises(HarnessError, match=r"experiment\.epoch: expected a date .*, not 'soon'"):
         run(tmp_path / "dated.toml")
     with pytest.raises(UsageError, match="--epoch soon: expected a date"):
         run("sync_approach", epoch="soon", stop=0.1)
