@@ -2,7 +2,8 @@
 """Contents of a mission as data, and the search for missions.
 
 The Python of a mission (`mission.py` in its folder) imports these names and defines one Mission.
-The engine obtains the mission of a result from library.of_result(), and knows no mission by name.
+The rest of the harness obtains the mission of a result from library.of_result(), and contains no
+name of a mission.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Metrics, numbers that are computed from a result, and statements with a verdict as data: claims
-of a paper (statement, metric in a result, deciding bands), safety rules that were in force,
+"""Metrics (numbers that are computed from a result) and statements with a verdict, as data: claims
+of a paper with the metric and the bands that decide them, safety rules that applied in a run, and
 published reference values.
 """
 
@@ -22,7 +22,7 @@ from harness.results.verdict import Kind, Outcome, Verdict
 
 
 class NotANumberError(ValueError):
-    """Value of a metric that is not one number."""
+    """Value of a metric that is an array, or no number at all."""
 
 
 def one_number(given: Any) -> float:
@@ -45,7 +45,8 @@ class BaseMetric:
 
     name, unit: texts for tables and axes; needs, parameters: variables and parameters of the run
     that the result must contain; compute: function of the result, or an expression such as
-    `max(norm(servicer.v_SN_N))`, whose variables need not be listed in needs.
+    `max(norm(servicer.v_SN_N))`, whose variables and parameters are added to `needs` and
+    `parameters`.
     """
 
     name: str
@@ -55,8 +56,8 @@ class BaseMetric:
     parameters: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Collect the variables of an expression; raise TypeError if compute is neither a function
-        nor an expression.
+        """Add the variables and parameters of an expression to `needs` and `parameters`; raise
+        TypeError if `compute` is neither a function nor an expression.
         """
         if isinstance(self.compute, str):
             tree = parsed(self.compute)
@@ -69,12 +70,14 @@ class BaseMetric:
             )
 
     def lacks(self, result: Result) -> list[str]:
-        """Return the needed variables and parameters that the result lacks."""
+        """Return the names of needed variables and parameters that the result does not contain."""
         fixed = [n for n in self.parameters if not result.holds(parameters=(n,))]
         return [name for name in self.needs if name not in result] + fixed
 
     def __call__(self, result: Result, *further: Any) -> Any:
-        """Return the value; further: arguments of the function besides the result."""
+        """Return the value of the metric; further: arguments of the function `compute` besides the
+        result.
+        """
         if callable(self.compute):
             return self.compute(result, *further)
         return value_of(result, self.compute)
@@ -83,11 +86,11 @@ class BaseMetric:
 # ---- statements
 
 Evaluation = Callable[[Result], tuple[float, ...]]
-"""Numbers computed from a result: the first decides the verdict, the others are shown too. May
-raise NotJudgedError.
+"""Function that computes the numbers of a claim from a result: the first decides the verdict, the
+other numbers are only shown. It may raise NotJudgedError.
 """
 ROUNDING = 1e-6
-"""Largest distance of times that count as the same [s]."""
+"""Largest difference of two times that count as equal [s]."""
 
 
 class NotJudgedError(Exception):
@@ -95,12 +98,12 @@ class NotJudgedError(Exception):
 
 
 class NotExercisedError(NotJudgedError):
-    """End of a run before the time that a claim is about."""
+    """Run that ended before the time to which a claim applies. str() gives the reason."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """Closed interval of a measured number."""
+    """Closed interval of values of a metric."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -125,7 +128,7 @@ def at_least(low: float) -> Band:
 
 
 class Judgement(NamedTuple):
-    """Value of a claim as text, and its verdict."""
+    """Value of a claim, or the reason why there is none, as text; and the verdict."""
 
     value: str
     verdict: Verdict
@@ -136,9 +139,10 @@ class Claim:
     """Claim of a paper.
 
     name: for references; text: the statement of the paper; where: its place in the paper; needs,
-    compute, unit: of its numbers, see harness.mission.claim; value: format of the numbers. The
-    first number determines the verdict; reproduced, partly: its bands; interval: longest recording
-    interval [s] for a verdict.
+    compute, unit: of the metric that decides, as in BaseMetric; value: format string for the
+    numbers of the metric. The first number determines the verdict; reproduced, partly: bands of
+    this number; interval: largest time between two recorded rows [s] with which the claim can be
+    evaluated.
     """
 
     name: str
@@ -153,7 +157,9 @@ class Claim:
     interval: float = 10.0
 
     def evaluate(self, result: Result) -> Judgement:
-        """Return the measured value and the verdict, or the reason why there is none."""
+        """Return the measured value with its verdict, or the reason why the claim cannot be
+        evaluated.
+        """
         try:
             numbers = self.numbers(result)
         except NotExercisedError as reason:
@@ -163,8 +169,8 @@ class Claim:
         return Judgement(self.value.format(*numbers), self.verdict(numbers[0]))
 
     def numbers(self, result: Result) -> tuple[float, ...]:
-        """Return the numbers of the claim in the result; raise NotJudgedError if something is
-        missing or not finite.
+        """Return the numbers of the claim for a result; raise NotJudgedError if the result lacks
+        data, was recorded too rarely, or gives numbers that are not finite.
         """
         number = BaseMetric(self.name, self.unit, self.needs, self.compute)
         if missing := number.lacks(result):
@@ -180,22 +186,22 @@ class Claim:
         return numbers
 
     def verdict(self, value: float) -> Verdict:
-        """Return the verdict of the band that a measured number falls into."""
+        """Return the verdict for a value: the band in which it lies."""
         if value in self.reproduced:
             return Verdict.REPRODUCED
         return Verdict.PARTLY if self.partly and value in self.partly else Verdict.NOT_REPRODUCED
 
     def criterion(self, band: Band | None) -> str:
-        """Return one of the two bands as text, e.g. `<= 2 deg`."""
+        """Return a band of this claim with the unit as text, such as `<= 2 deg`, "" for None."""
         return f"{band} {self.unit}".rstrip() if band else ""
 
 
 @dataclass(frozen=True)
 class Case:
-    """Run that a paper describes.
+    """Case of a paper: the run for which the paper states its claims.
 
-    system: name; params: parameter set; swap: (component, FMU); free: parameters that the paper
-    leaves open, `stop` for any end.
+    system: name; params: parameter set; swap: (component, FMU); free: parameters to which the paper
+    gives no value; `stop` among them permits any stop time.
     """
 
     system: str
@@ -206,11 +212,12 @@ class Case:
 
 @dataclass(frozen=True)
 class Paper:
-    """Paper, or a part of one, with its claims.
+    """Paper, or a part of a paper, with its claims.
 
-    It applies to every result with all variables of `needs` and all `parameters` for which `meant`
-    is true. cases: runs that it describes (none: the claims apply to every run); differs:
-    deviations of a result from all cases in parameters that they leave free, a text each.
+    The claims apply to every result that has all variables of `needs` and all `parameters` and for
+    which `meant` is true. cases: runs that the paper describes (none: the claims apply to every
+    run); differs: function that gives, one text each, deviations of a result from all cases in
+    parameters that the cases leave free.
     """
 
     title: str
@@ -222,23 +229,23 @@ class Paper:
     differs: Callable[[Result], Iterable[str]] = lambda result: ()
 
     def belongs_to(self, result: Result) -> bool:
-        """Return whether the claims apply to a result."""
+        """Return whether the claims of the paper apply to a result."""
         return result.holds(*self.needs, parameters=self.parameters) and self.meant(result)
 
 
-# ---- parameters and parts of a history
+# ---- parameters and parts of a time series
 
 
 def scalar(result: Result, name: str) -> float:
-    """Return the value of a scalar parameter, or of one element, of the run; raise NotJudgedError
-    if the result lacks it.
+    """Return the value of a scalar parameter of the run, or of one element; raise NotJudgedError if
+    the result does not contain it.
     """
     return float(parameter(result, name))
 
 
 def parameter(result: Result, name: str) -> Array:
-    """Return the value of a parameter of the run; raise NotJudgedError if the result lacks it,
-    such as a result from a .csv.
+    """Return the value of a parameter of the run; raise NotJudgedError if the result does not
+    contain it, as a result from a .csv.
     """
     if not result.holds(parameters=(name,)):
         raise NotJudgedError(f"the result does not hold the parameter {name}")
@@ -246,8 +253,8 @@ def parameter(result: Result, name: str) -> Array:
 
 
 def between(result: Result, begin: float, end: float) -> Rows:
-    """Return the rows of begin <= t <= end [s], at least one; raise NotExercisedError if the run
-    ends earlier.
+    """Return the rows with begin <= t <= end [s]; raise NotExercisedError if the run ends before
+    `end`, NotJudgedError if there is no such row.
     """
     if result.time[-1] < end - ROUNDING:
         raise NotExercisedError(f"the run ends at {result.time[-1]:g} s, before {end:g} s")
@@ -258,15 +265,15 @@ def between(result: Result, begin: float, end: float) -> Rows:
 
 
 def since(result: Result, begin: float, reach: float) -> Rows:
-    """Return the rows from a time on; raise NotExercisedError if the run ends before the time
-    `reach` [s].
+    """Return the rows from the time `begin` [s] to the end of the run; raise NotExercisedError if
+    the run ends before the time `reach` [s].
     """
     return between(result, begin, max(float(result.time[-1]), reach))
 
 
 def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> Rows:
-    """Return the rows of the last `seconds` of a run that reaches a time [s], or of an equal span
-    that ends `before` seconds earlier.
+    """Return the rows of the last `seconds` of a run, or of a span of equal length that ends
+    `before` seconds earlier; raise NotExercisedError if the run ends before the time `reach` [s].
     """
     end = max(float(result.time[-1]), reach)
     between(result, -math.inf, end)
@@ -274,13 +281,16 @@ def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> 
 
 
 def at(result: Result, time: float) -> int:
-    """Return the last row at or before a time [s]; NotExercisedError if the run is over earlier."""
+    """Return the index of the last row at or before a time [s]; raise NotExercisedError if the run
+    ends earlier.
+    """
     return int(between(result, -math.inf, time)[-1])
 
 
 class RuleFinding(NamedTuple):
-    """Finding about a safety rule: its name, the least margin since the start and its unit, the
-    time of the first violation [s] (NaN: none), the meaning of the margin, and the limit in words.
+    """Outcome of a safety rule in a run. name: of the rule; margin: least margin since the start;
+    unit: of the margin; violated: time of the first violation [s] (NaN: none); text: meaning of the
+    margin; limit: limit of the rule in words.
     """
 
     name: str
@@ -292,26 +302,28 @@ class RuleFinding(NamedTuple):
 
     @property
     def verdict(self) -> Verdict:
-        """Return MET if the rule was never violated."""
+        """Return HOLDS if the rule was never violated, else VIOLATED."""
         return Verdict.HOLDS if math.isnan(self.violated) else Verdict.VIOLATED
 
     @property
     def state(self) -> str:
-        """Return the verdict as text, with the first violation."""
+        """Return the verdict as text, with the time of the first violation."""
         since = "" if math.isnan(self.violated) else f", first at {self.violated:.2f} s"
         return Kind.RULE.word(self.verdict) + since
 
     @property
     def outcome(self) -> Outcome:
-        """Return the verdict for the exit status."""
+        """Return the finding as an Outcome, from which the exit status follows."""
         return Outcome(Kind.RULE, self.name, self.verdict, f"{self.name}: {self.state}")
 
 
 @dataclass(frozen=True)
 class Row:
-    """Quantity of a case: the largest difference over its rows, in `unit`.
+    """Comparison of a quantity with published reference values in one case: the largest difference
+    over all rows, in `unit`.
 
-    case: its name; tests: subject of the test; source: name, place and licence of the numbers.
+    case: its name; tests: what is tested; source: name, place and licence of the reference values;
+    tolerance: largest difference with which the values agree.
     """
 
     case: str
@@ -324,17 +336,19 @@ class Row:
 
     @property
     def within(self) -> bool:
-        """Return whether the values agree. A difference that is not a number does not."""
+        """Return whether the values agree. A difference that is NaN does not agree."""
         return self.difference <= self.tolerance
 
     @property
     def verdict(self) -> str:
-        """Return the agreement as a word."""
+        """Return in a word whether the values agree."""
         return "agrees" if self.within else "DIFFERS"
 
 
 class Validation(NamedTuple):
-    """Validation cases. names: of all cases; answer: rows of the case with a name."""
+    """Comparisons with published reference values. names: function that returns the names of all
+    cases; answer: function that returns the rows of the cases with these names.
+    """
 
     names: Callable[[], Sequence[str]]
     answer: Callable[[Sequence[str]], Sequence[Row]]

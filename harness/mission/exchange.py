@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files of other tools, which missions read and write: results become such files, and such files
-give start values. The engine knows none of them.
+"""Files of other tools that a mission reads and writes: results are converted to such files, and
+such files give start values. Only missions know these file formats; this module calls their
+functions.
 """
 
 from __future__ import annotations
@@ -19,17 +20,18 @@ from harness.system.model import System
 
 
 def _offered(own: Mission | None) -> tuple[Exchange, ...]:
-    """Return the file exchanges of a mission, or else of all available missions."""
+    """Return the file exchanges of a mission or, if it has none, of all available missions."""
     return (own.exchange if own else ()) or everything().exchange
 
 
 def convert(
     source: str | Path, target: str | Path, body: str | None = None, epoch: str | None = None
 ) -> Path:
-    """Write a result into another file by its ending, and return its path.
+    """Convert a results file to another file, whose ending selects the format, and return its path.
 
-    body: component (default: chosen by the kind of file); epoch: t = 0 in UTC (default: from the
-    run, else J2000). Raises UsageError, ResultsError, HarnessError if a library is missing.
+    body: component whose motion is written (default: chosen by the format); epoch: t = 0 in UTC
+    (default: from the run, else J2000). Raises UsageError, ResultsError, and HarnessError if a
+    library is missing.
     """
     from harness.results.files import WRITERS, read, save
 
@@ -53,12 +55,12 @@ def start_values(
     epoch: str | None = None,
     **changes: Any,
 ) -> Start:
-    """Return start values of components from files, for the system with these changes, see
-    harness.master.changes.Changes.
+    """Return start values of components from files, for the system with `changes` (see
+    harness.master.changes.Changes).
 
-    files: by component, may be empty; they override the system's own `[start]`; epoch: t = 0 in UTC
-    (default: from the system, else the first instant that all files cover). Raises UsageError (no
-    such component, no such file, an epoch outside the files), and HarnessError if a library is
+    files: by component, may be empty; they override the `[start]` of the system; epoch: t = 0 in
+    UTC (default: from the system, else the first instant that all files cover). Raises UsageError
+    (no such component, no such file, an epoch outside the files), and HarnessError if a library is
     missing.
     """
     own = mission(system.mission) if system.mission else None
@@ -72,8 +74,8 @@ def start_values(
 
 
 def of_system(system: System) -> Start:
-    """Return start values and epoch of the `[start]` of a TOML; raise StructureError with the
-    problem.
+    """Return start values and epoch from the `[start]` in the TOML of a system; raise
+    StructureError if they cannot be read.
     """
     try:
         return start_values(system, {})
@@ -83,7 +85,9 @@ def of_system(system: System) -> Start:
 
 
 def remarks(result: Result) -> Iterator[str]:
-    """Yield the lines of a page about a result besides the notes of its mission."""
+    """Yield the lines on a report page that the file exchanges of a mission add about a result,
+    besides the notes of the mission.
+    """
     for each in _offered(of_result(result)):
         if each.remarks is not None:
             yield from several(str, each.remarks, result)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of the data of a mission: fields of its records, values of its functions.
+"""Checks of the data of a mission: types of the fields of its records, types of the values of its
+functions.
 
-What a mission gets wrong is then one line with its place, instead of an error of the engine.
+A mistake in a mission is then reported in one line with its place, instead of causing an error
+elsewhere in the harness.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ T = TypeVar("T")
 
 
 class Checked:
-    """Dataclass whose fields have the annotated types, else it raises TypeError."""
+    """Base class of dataclasses that raise TypeError if a field has another type than annotated."""
 
     def __post_init__(self) -> None:
         record: Any = type(self)
@@ -30,13 +32,15 @@ class Checked:
 
 @cache
 def _types(record: Any) -> dict[str, tuple[Any, str]]:
-    """Return type and its text by field of a dataclass."""
+    """Return the type of every field of a dataclass, as an object and as text, by the name of the
+    field.
+    """
     hints = get_type_hints(record)
     return {field.name: (hints[field.name], str(field.type)) for field in fields(record)}
 
 
 def _fits(value: Any, kind: Any) -> bool:
-    """Return whether a value has a type; lists pass for tuples, every real number for a float."""
+    """Return whether a value has a type. A list also fits a tuple, any real number a float."""
     origin, parts = get_origin(kind) or kind, get_args(kind)
     if origin is UnionType:
         return any(_fits(value, part) for part in parts)
@@ -47,14 +51,16 @@ def _fits(value: Any, kind: Any) -> bool:
 
 
 def place_of(function: Any) -> str:
-    """Return file and line of a function of Python, "" of anything else, for the head of a line."""
+    """Return file and line of a Python function as the beginning of an error message, "" for any
+    other object.
+    """
     code = getattr(function, "__code__", None)
     return f"{code.co_filename}, line {code.co_firstlineno}: " if code else ""
 
 
 def one(kind: type[T], function: Callable[..., Any], *given: Any) -> T:
-    """Return the value of a mission's function; raise HarnessError with the place of the function
-    if the value has another type.
+    """Call a function of a mission and return its value; raise HarnessError with the place of the
+    function if the value is not of type `kind`.
     """
     if isinstance(found := function(*given), kind):
         return found
@@ -62,8 +68,8 @@ def one(kind: type[T], function: Callable[..., Any], *given: Any) -> T:
 
 
 def several(kind: type[T], function: Callable[..., Any], *given: Any) -> list[T]:
-    """Return all values of a mission's function, for example a generator; raise HarnessError with
-    the place of the function if one of them has another type.
+    """Call a function of a mission, such as a generator, and return all its values; raise
+    HarnessError with the place of the function if a value is not of type `kind`.
     """
     found = function(*given)
     iterable = isinstance(found, Iterable) and not isinstance(found, str)

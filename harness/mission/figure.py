@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures as data: panels of curves over time, or a drawing function; both declare what
-they need.
+"""Figures as data: panels of curves over time, or a function that draws. Both declare the variables
+and parameters that they need.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from harness.results.program import value_of
 from harness.results.result import Array, Result
 
 Source = str | Callable[[Result], Array]
-"""A variable, an expression, or a function of the result. A curve of a function does not follow the
-sliders of a live page.
+"""Source of the values of a curve: a variable, an expression, or a function of the result. A curve
+from a function does not change with the sliders of a live page.
 """
 Axes = Any
-"""Axes or figure of matplotlib, which is imported only when something is drawn."""
+"""Axes or figure of matplotlib. The library is imported only when something is drawn."""
 Colour = Any
-"""A colour as matplotlib understands it: a name, or red, green, blue, opacity."""
+"""Colour as matplotlib understands it: a name, or (red, green, blue, opacity)."""
 AXES = ("x", "y", "z")
 LARGEST = 1e300
-"""Largest size of a value that is drawn; an axis over larger ones would overflow."""
+"""Largest absolute value that is drawn; the axis would overflow over larger values."""
 
 
 def variables_of(text: str) -> tuple[str, ...]:
-    """Return the variables of an expression; the text itself if it is not one."""
+    """Return the variables in an expression; the text itself if it is not an expression."""
     try:
         return parsed(text).outputs
     except ValueError:
@@ -41,7 +41,9 @@ def variables_of(text: str) -> tuple[str, ...]:
 
 
 def values_of(result: Result, source: Source) -> Array:
-    """Return the history of a source, (rows,) or (rows, elements)."""
+    """Return the time series of a source, (rows,) or (rows, elements); a constant is repeated in
+    every row.
+    """
     if callable(source):
         return source(result)
     if source in result:
@@ -52,21 +54,21 @@ def values_of(result: Result, source: Source) -> Array:
 
 
 def unit_of(label: str) -> str:
-    """Return the text in brackets of a label, or nothing."""
+    """Return the unit in the brackets of a label, `m` for `range [m]`; "" without brackets."""
     found = re.search(r"\[(.*?)\]", label)
     return found[1] if found else ""
 
 
 @dataclass(frozen=True)
 class Curve(Checked):
-    """One history of a panel, with one line per element.
+    """Time series in a panel, drawn as one line per element.
 
     source: a variable, an expression of variables and parameters, or a function of the result that
-    `needs` these variables; convert: maps the history to what is drawn; labels: of the elements;
-    style: "": the style of its colour; anew: reuse the colours of the curve before; parameters:
-    parameters of the run that it needs, without which only this curve is left out; jump: a step
-    between two rows above this value breaks the curve, as where Rodrigues parameters change to
-    their shadow.
+    needs the variables `needs`; convert: function of the time series that returns the values to
+    draw; labels: of the elements; style: of the line, "": the style of its colour; anew: whether
+    the lines have the colours of the curve before; parameters: parameters of the run without which
+    the curve is left out; jump: difference between two rows above which the line is interrupted, as
+    where Rodrigues parameters change to their shadow set.
     """
 
     source: Source
@@ -80,11 +82,13 @@ class Curve(Checked):
     jump: float = np.inf
 
     def variables(self) -> tuple[str, ...]:
-        """Return the variables that the result must have."""
+        """Return the variables that the result must have for this curve."""
         return variables_of(self.source) if isinstance(self.source, str) else self.needs
 
     def history(self, result: Result) -> Array:
-        """Return the drawn history, (rows,) or (rows, elements), NaN where it cannot be drawn."""
+        """Return the values to draw, (rows,) or (rows, elements), NaN where a value exceeds
+        LARGEST. Raise HarnessError if a function returns another number of rows.
+        """
         values = values_of(result, self.source)
         drawn = self.convert(values) if self.convert else values
         if not isinstance(drawn, np.ndarray) or drawn.shape[:1] != result.time.shape:
@@ -94,7 +98,7 @@ class Curve(Checked):
         return np.where(np.abs(drawn) > LARGEST, np.nan, drawn)
 
     def lines(self, history: Array) -> Iterator[tuple[Array, str]]:
-        """Yield values (rows,) and name of every line."""
+        """Yield the values (rows,) and the name of each line; history: the values to draw."""
         if history.ndim == 1:
             yield history, self.label
             return
@@ -104,7 +108,9 @@ class Curve(Checked):
             yield history[:, k], f"{self.label} {element}".strip()
 
     def broken(self, time: Array, history: Array) -> tuple[Array, Array]:
-        """Return time and history with a NaN row in every jump."""
+        """Return time and values with a row of NaN inserted at every jump, where the line is
+        interrupted.
+        """
         if np.isinf(self.jump):
             return time, history
         steps = np.abs(np.diff(history.reshape(len(history), -1), axis=0)).max(axis=1, initial=0)
@@ -116,15 +122,15 @@ class Curve(Checked):
 
 @dataclass(frozen=True)
 class Level(Checked):
-    """Horizontal line; value: a number, or parameters, of which the first one in the run gives the
-    height.
+    """Horizontal line in a panel; value: its height, or names of parameters, of which the first
+    that the run has gives the height.
     """
 
     label: str
     value: float | tuple[str, ...]
 
     def height(self, result: Result) -> float | None:
-        """Return the height of the line; None if the result lacks it."""
+        """Return the height of the line; None if the result contains no parameter for it."""
         if not isinstance(self.value, tuple | list):
             return self.value
         held = [name for name in self.value if result.holds(parameters=(name,))]
@@ -136,9 +142,10 @@ IDLE = "attitude frozen: acts on nothing"
 
 @dataclass(frozen=True)
 class Panel(Checked):
-    """Pair of axes over time; after: start of the time axis [s], or a function of the result that
-    returns it; level: a horizontal line; idle_until: shaded up to this time, because nothing
-    drawn acts earlier; least: mark the least value.
+    """Pair of axes over time. after: begin of the time axis [s], or a function of the result that
+    returns it; log: logarithmic values; level: a horizontal line; idle_until: function of the
+    result; the panel is shaded up to the time [s] that it returns, before which nothing that is
+    drawn has an effect; least: whether the smallest value of each curve is labelled.
     """
 
     ylabel: str
@@ -150,7 +157,9 @@ class Panel(Checked):
     least: bool = False
 
     def minima(self, result: Result) -> Iterator[tuple[float, float]]:
-        """Yield time [s] and least value of every curve, if the panel labels them."""
+        """Yield time [s] and smallest value of every curve of one element, if the panel labels
+        them.
+        """
         for curve in self.held(result) if self.least else ():
             values = curve.history(result)[self.rows(result)]
             if values.ndim == 1 and np.isfinite(values).any():
@@ -158,17 +167,19 @@ class Panel(Checked):
                 yield float(result.time[self.rows(result)][k]), float(values[k])
 
     def rows(self, result: Result) -> slice:
-        """Return the drawn rows: from the start of the time axis on, else all."""
+        """Return the rows to draw: from the begin of the time axis on, or all if the run ends
+        before.
+        """
         start = self.after(result) if callable(self.after) else self.after
         shown = start < result.time[-1]
         return slice(int(np.searchsorted(result.time, start)) if shown else 0, None)
 
     def held(self, result: Result) -> Iterator[Curve]:
-        """Yield the curves whose parameters the result has."""
+        """Yield the curves whose parameters the result contains."""
         return (curve for curve in self.curves if result.holds(parameters=curve.parameters))
 
     def is_silent(self, *results: Result) -> bool:
-        """Return whether all values are zero, or none is a number."""
+        """Return whether every value to draw, in all results, is zero or NaN."""
         return not any(
             np.nan_to_num(curve.history(result)[self.rows(result)]).any()
             for result in results
@@ -176,13 +187,17 @@ class Panel(Checked):
         )
 
     def line(self, result: Result) -> tuple[float, str] | None:
-        """Return height and label of the level; None if the result has no value for it."""
+        """Return height and label of the horizontal line; None if there is none or the result gives
+        no height.
+        """
         if self.level is None or (height := self.level.height(result)) is None:
             return None
         return height, f"{self.level.label} {height:g} {unit_of(self.ylabel)}".strip()
 
     def idle(self, results: Iterable[Result]) -> tuple[float, float] | None:
-        """Return begin and end [s] of the shading, in which nothing drawn acts in any run."""
+        """Return begin and end [s] of the shaded time, in which nothing that is drawn has an effect
+        in any of the runs; None if there is none.
+        """
         if self.idle_until is None:
             return None
         begin, end = min((r.time[0], min(self.idle_until(r), r.time[-1])) for r in results)
@@ -191,8 +206,9 @@ class Panel(Checked):
 
 @dataclass(frozen=True)
 class Figure(Checked):
-    """Panels from top to bottom; name: of the file; when: variables that must be in the result;
-    only: whether a result has this figure (None: all that have the variables).
+    """Figure of panels from top to bottom. name: of the file; when: further variables that the
+    result must contain; only: function that decides whether a result has this figure (None: every
+    result with the variables has).
     """
 
     name: str
@@ -202,12 +218,12 @@ class Figure(Checked):
     only: Callable[[Result], bool] | None = None
 
     def fits(self, result: Result) -> bool:
-        """Return whether the result has everything that is drawn."""
+        """Return whether the result contains everything that this figure needs."""
         drawn = (v for panel in self.panels for curve in panel.curves for v in curve.variables())
         return result.holds(*self.when, *drawn) and (self.only is None or self.only(result))
 
     def is_empty(self, result: Result) -> bool:
-        """Return whether nothing changes in a figure that fits."""
+        """Return whether all values in the figure are constant, for a result that fits."""
         return not any(
             np.ptp(curve.history(result)[panel.rows(result)], axis=0).any()
             for panel in self.panels
@@ -217,9 +233,10 @@ class Figure(Checked):
 
 @dataclass(frozen=True)
 class Drawing(Checked):
-    """Figure other than a history; draw: fills an empty matplotlib figure from the result;
-    parameters: required parameters of the run; shows: whether the figure of a result would show
-    anything (None: always).
+    """Figure that a function draws, other than curves over time. draw: fills an empty matplotlib
+    figure from the result; size: width and height [inch]; parameters: required parameters of the
+    run; shows: function that returns whether the figure of a result would show anything (None:
+    always).
     """
 
     name: str
@@ -231,26 +248,26 @@ class Drawing(Checked):
     shows: Callable[[Result], bool] | None = None
 
     def fits(self, result: Result) -> bool:
-        """Return whether the result has everything that is drawn."""
+        """Return whether the result contains everything that this figure needs."""
         return result.holds(*self.needs, parameters=self.parameters)
 
     def is_empty(self, result: Result) -> bool:
-        """Return whether nothing is visible in a figure that fits."""
+        """Return whether the figure would show nothing, for a result that fits."""
         return self.shows is not None and not self.shows(result)
 
 
 @dataclass(frozen=True)
 class Overlay(Drawing):
-    """Drawing of several runs; draw: fills an empty figure from the runs and their colours by
-    label.
+    """Drawing of several runs; draw: fills an empty matplotlib figure from the results and the
+    colours of the runs, both by label.
     """
 
 
 @dataclass(frozen=True)
 class Phase(Checked):
-    """Phase plot, a quantity against its rate: title, labels of the axes, needs, variable,
-    expression or function that gives (rows,) or (rows, n) of both; after: start of the drawn rows
-    [s].
+    """Phase plot: a quantity against its rate. x, y: labels of the axes; needs: variables that the
+    result must contain; value, rate: sources of both, (rows,) or (rows, n); after: function that
+    returns the time [s] of the first row to draw (None: all rows).
     """
 
     title: str

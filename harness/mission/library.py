@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Missions by name: folders that the user named, and missions of installed packages.
+"""Library of missions by name: folders that the user named, and missions of installed packages.
 
-Python comes from nowhere else: an .ssp, a results file or an FMU contains the name of a mission,
-never a path. A package offers its missions by an entry point of the group `harness.missions` that
-names a package: a mission, or a package of missions.
+Python is loaded from no other place: an .ssp, a results file or an FMU contains the name of a
+mission, never a path. A package offers its missions by an entry point of the group
+`harness.missions`, whose value is the name of a package: a mission, or a package of missions.
 """
 
 from __future__ import annotations
@@ -25,30 +25,34 @@ from harness.results.result import Result
 from harness.spelling import did_you_mean
 
 OURS = "ssp"
-"""Package of the missions of this project."""
+"""Package that contains the missions of this project."""
 GROUP = "harness.missions"
 FILE = "mission.py"
 SYSTEM = "system.toml"
 
 
 class Place(NamedTuple):
-    """The folder of a mission, and the package that it is ("": none that is installed)."""
+    """Folder of a mission, and the name by which Python imports it as a package ("": it is not in
+    an installed package).
+    """
 
     folder: Path
     package: str = ""
 
 
 _named: dict[str, Place] = {}
-"""Missions whose folder the user of this process has named."""
+"""Missions whose folder the user of this process has named, by name."""
 _chosen: list[str] = []
-"""Mission that is used regardless of the provenance of a result."""
+"""Name of the mission that the user chose for all results, regardless of their provenance; empty if
+none.
+"""
 
 
 def use(folder: Path, always: bool = False) -> str:
-    """Add the mission of a folder that the user named to the library, and return its name.
+    """Add the mission in a folder that the user named to the library, and return its name.
 
-    always: use it for every result, regardless of the mission in the result. Raises UsageError if
-    there is no such folder.
+    always: whether to use it for every result, regardless of the mission that the result names.
+    Raises UsageError if there is no such folder or it contains no mission.
     """
     place = folder.resolve()
     if not place.is_dir():
@@ -64,7 +68,9 @@ def use(folder: Path, always: bool = False) -> str:
 
 @lru_cache(maxsize=1)
 def installed() -> dict[str, Place]:
-    """Return the missions of this project and of other installed packages by name."""
+    """Return the missions of this project and of other installed packages by the name of the
+    mission.
+    """
     from importlib.metadata import entry_points
 
     found = dict(_ours())
@@ -76,12 +82,14 @@ def installed() -> dict[str, Place]:
 
 @lru_cache(maxsize=1)
 def _ours() -> dict[str, Place]:
-    """Return the missions of this project by name, found without a look at other packages."""
+    """Return the missions of this project by name, without a search in other packages."""
     return {place.folder.name: place for place in _offered(OURS)}
 
 
 def _offered(package: str) -> Iterator[Place]:
-    """Yield the missions of a package; none if the package is missing."""
+    """Yield the missions in a package: the package itself or those in its folders; none if there is
+    no such package.
+    """
     try:
         spec = importlib.util.find_spec(package)
     except (ImportError, ValueError):
@@ -95,31 +103,33 @@ def _offered(package: str) -> Iterator[Place]:
 
 
 def places() -> dict[str, Place]:
-    """Return all available missions by name. A folder that the user named has precedence."""
+    """Return all available missions by name. A folder that the user named has precedence over an
+    installed mission of the same name.
+    """
     return {**_named, **{n: p for n, p in installed().items() if n not in _named}}
 
 
 def systems_in(folder: Path) -> dict[str, Path]:
-    """Return the TOML of every system of a mission by name: the name of the folder, extended by the
-    name of the file unless it is system.toml.
+    """Return the TOML file of every system of a mission by the name of the system: the name of the
+    folder for system.toml, FOLDER_FILE for any other file.
     """
     found = sorted(folder.glob("*.toml"))
     return {folder.name if p.name == SYSTEM else f"{folder.name}_{p.stem}": p for p in found}
 
 
 def systems() -> dict[str, Path]:
-    """Return the TOML of every system of the available missions."""
+    """Return the TOML file of every system of all available missions by the name of the system."""
     return {n: p for place in places().values() for n, p in systems_in(place.folder).items()}
 
 
 def campaigns() -> dict[str, Path]:
-    """Return all campaigns of the available missions by name."""
+    """Return the TOML file of every campaign of all available missions, by name of the campaign."""
     folders = (place.folder / "campaigns" for place in places().values())
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
 def mission(name: str) -> Mission | None:
-    """Return the mission with that name, None if it is not available; raise HarnessError if its
+    """Return the mission with this name, None if it is not available; raise HarnessError if its
     Python fails.
     """
     place = _named.get(name) or _ours().get(name) or installed().get(name)
@@ -141,7 +151,9 @@ def _loaded(place: Place) -> Mission:
 
 
 def _package(folder: Path) -> str:
-    """Make a folder a package, so that its files can import each other, and return its name."""
+    """Register a folder as a Python package, so that its files can import each other, and return
+    the name of the package.
+    """
     name = f"mission_{folder.name}_{abs(hash(folder)):x}"
     if name not in sys.modules:
         spec = ModuleSpec(name, None, is_package=True)
@@ -151,8 +163,8 @@ def _package(folder: Path) -> str:
 
 
 def failure(error: BaseException) -> str:
-    """Return the line about an error that a function of a mission of the user has raised; "" for
-    errors from other code.
+    """Return a line with the place of an error that the Python of a mission of the user has raised;
+    "" for an error from other code.
     """
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     files = [Path(frame.f_code.co_filename) for frame in frames]
@@ -162,7 +174,9 @@ def failure(error: BaseException) -> str:
 
 
 def _failure(folder: Path, error: BaseException) -> str:
-    """Return the error in the Python of a mission: the line of its own that failed."""
+    """Return a line about an error in the Python of a mission: the last line of the mission that
+    was executed, and the error.
+    """
     line, trace = getattr(error, "lineno", None), error.__traceback__
     file = Path(getattr(error, "filename", None) or folder / FILE)
     while trace is not None:
@@ -175,8 +189,8 @@ def _failure(folder: Path, error: BaseException) -> str:
 
 
 def inherit(name: str, own: Mission) -> Mission:
-    """Return a mission's own figures, metrics and so on followed by the ones of another mission;
-    raise UsageError if that mission is not available.
+    """Return the figures, metrics and other contents of `own`, followed by the contents of the
+    mission `name`; raise UsageError if that mission is not available.
     """
     if (other := mission(name)) is None:
         raise UsageError(f"the mission {name} is not available{did_you_mean(name, places())}")
@@ -184,22 +198,24 @@ def inherit(name: str, own: Mission) -> Mission:
 
 
 def of_result(result: Result) -> Mission:
-    """Return the mission of a result; all available missions together if the result names none, an
-    empty one if its mission is not available (missing() reports it).
+    """Return the mission of a result. If the result names none, return all available missions
+    together; if its mission is not available, return an empty one (missing() reports this).
     """
     name = remembered(result)
     return (mission(name) or Mission()) if name else everything()
 
 
 def remembered(result: Result) -> str:
-    """Return the name of the mission chosen by the user, or else of the result; "" if unknown."""
+    """Return the name of the mission that the user chose for all results, or else of the mission in
+    the result; "" if there is none.
+    """
     if _chosen:
         return _chosen[0]
     return result.provenance.mission if result.provenance else ""
 
 
 def missing(result: Result) -> str:
-    """Return one line if the mission of a result is not available, else ""."""
+    """Return one line that states that the mission of a result is not available, "" if it is."""
     name = remembered(result)
     if not name or name in places():
         return ""
@@ -209,14 +225,16 @@ def missing(result: Result) -> str:
 
 
 def notes_of(result: Result) -> list[str]:
-    """Return the notes of the mission about a result, which its numbers do not show."""
+    """Return the notes of the mission about a result, one line each, on facts that its values do
+    not show.
+    """
     if not len(result.time):
         return []
     return [line for notes in of_result(result).notes for line in several(str, notes, result)]
 
 
 def everything() -> Mission:
-    """Return the contents of all available missions together."""
+    """Return the contents of all available missions as one mission."""
     return _together(tuple(places().values()))
 
 

@@ -6,7 +6,7 @@ own, `mission.py` with
 
     MISSION = Mission(figures=(...), metrics=(...), claims=(...))
 
-Missions import the engine; the engine knows no mission.
+Missions import the harness; the harness contains no name of a mission.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from harness.results.result import Result
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits for all runs of a comparison.
+    """Limits in the metrics of a comparison, equal for all its runs.
 
-    position [m], attitude [deg]: an error has settled when it stays within this band (None: chosen
-    by the mission).
+    position [m], attitude [deg]: an error has settled when it stays at or below this value
+    (position None: the mission chooses).
     """
 
     position: float | None = None
@@ -51,12 +51,13 @@ class Limits:
 class Metric(BaseMetric):
     """Metric in a column of a comparison, whose function takes the limits too.
 
-    beside: shown in a table of its own, not among the metrics of a page; about: meaning of the
-    limits for it, the last line of its heading; words: names of its values 0, 1, ..; apart: a
-    comparison warns if its values differ by more than this factor; above: a comparison shows the
-    metric, with a warning, only if a value exceeds this; meaning: a sentence for readers of a page.
-    The function returns the value, or an expression that gives it. live: a function of result and
-    limits that returns the expression of a live page, if the value is not from an expression.
+    beside: the metric is shown in a table of its own, not among the metrics of a page; about:
+    function that explains what the limits mean for the metric, in the last line of the column's
+    heading; words: names of its values 0, 1, ..; apart: a comparison warns if its values differ by
+    more than this factor; above: a comparison shows the metric, with a warning, only if a value
+    exceeds this; meaning: a sentence for readers of a page. The function returns the value, or an
+    expression that gives the value. live: function of result and limits that returns the expression
+    for a live page, if the function of the metric returns no expression.
     """
 
     beside: bool = False
@@ -68,8 +69,8 @@ class Metric(BaseMetric):
     live: Callable[[Result, Limits], str] | None = None
 
     def expression(self, result: Result, limits: Limits) -> str:
-        """Return the expression that gives the value in each run of the system of a result, "" if
-        only a function does.
+        """Return the expression that gives the value in any run of the system of a result, "" if
+        the value is computed by a function only.
         """
         found = self.live or self.compute
         if callable(found):
@@ -77,9 +78,9 @@ class Metric(BaseMetric):
         return found if isinstance(found, str) else ""
 
     def __call__(self, result: Result, *limits: Limits) -> float:
-        """Return the value; NaN if the result lacks what it needs, or has no such value.
+        """Return the value; NaN if the result does not contain what the metric needs.
 
-        Raises HarnessError if the function returns something else than a number.
+        Raises HarnessError if the function returns neither a number nor an expression.
         """
         if self.lacks(result):
             return math.nan
@@ -96,7 +97,7 @@ class Metric(BaseMetric):
 def measured(
     found: Iterable[Metric], results: Mapping[str, Result], limits: Limits
 ) -> dict[tuple[str, str], dict[str, float]]:
-    """Return the metrics of results by (name, unit), then by the label of the run."""
+    """Return the values of metrics: by (name, unit) of the metric, then by the label of the run."""
     return {
         (m.name, m.unit): {label: m(result, limits) for label, result in results.items()}
         for m in found
@@ -106,7 +107,9 @@ def measured(
 def apart(
     found: Iterable[Metric], columns: Mapping[tuple[str, str], Mapping[str, float]]
 ) -> Iterator[str]:
-    """Yield a line per metric whose values differ by more than its factor."""
+    """Yield a line per metric whose positive values differ by more than the factor `apart` of the
+    metric. columns: as from measured().
+    """
     for metric in found:
         column = columns.get((metric.name, metric.unit), {})
         values = {label: x for label, x in column.items() if math.isfinite(x) and x > 0}
@@ -115,30 +118,34 @@ def apart(
             yield (
                 f"{metric.name}: {most} {values[most]:.3g} {metric.unit}, {least} "
                 f"{values[least]:.3g} {metric.unit} differ by more than a factor of "
-                f"{metric.apart:g}: the actuators are not the same"
+                f"{metric.apart:g}: the runs have different actuators"
             )
 
 
 def exceeding(
     found: Iterable[Metric], columns: Mapping[tuple[str, str], Mapping[str, float]]
 ) -> Iterator[str]:
-    """Yield a line per metric and run above the value from which on the metric is shown."""
+    """Yield a line per metric and run whose value exceeds the value `above` of the metric. columns:
+    as from measured().
+    """
     for metric in (m for m in found if m.above > -math.inf):
         for label, value in columns.get((metric.name, metric.unit), {}).items():
             if value > metric.above:
                 yield (
                     f"{label}: {metric.name} {value:.3g} {metric.unit}, more than "
-                    f"{metric.above:g} {metric.unit}: the run shows the limit, not the law"
+                    f"{metric.above:g} {metric.unit}: the run shows the limit, not the control law"
                 )
 
 
 class WatchedMetric(BaseMetric):
-    """Metric of the last row of a run in progress. Its function returns a history, or a text ("":
-    nothing to show).
+    """Metric that is watched: its value in the last row is shown during a run. Its function returns
+    a time series, or a text ("": nothing to show).
     """
 
     def text(self, result: Result) -> str:
-        """Return the value, or its name if its one variable defines names for numbers."""
+        """Return the value in the last row with its unit, or the name of the value if the only
+        variable of the metric is a mode.
+        """
         values = self(result)
         if isinstance(values, str):
             return values
@@ -153,8 +160,8 @@ class WatchedMetric(BaseMetric):
 
 
 class Start(NamedTuple):
-    """Start values: parameters by name, for `set` of run(); assumptions, one line each; UTC of t =
-    0, for `epoch`.
+    """Start values of a system. values: parameters by name, for `set` of run(); notes: assumptions,
+    one line each; epoch: UTC of t = 0, for `epoch` of run().
     """
 
     values: Mapping[str, Any]
@@ -164,11 +171,12 @@ class Start(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Exchange:
-    """Files of other tools.
+    """Conversion from and to files of other tools.
 
-    writers: by ending, a function of a result, the path, a component (None: any suitable one) and
-    the UTC of t = 0; start: start values of a system from files (or their text) by component, an
-    epoch or None and changes of run(); remarks: lines of a page about a result, besides the notes.
+    writers: by ending of the file, a function of result, path, component (None: the function
+    chooses) and UTC of t = 0 that writes the file; start: function of a system, of files (or their
+    text) by component, of an epoch or None, and of changes of run() that returns start values;
+    remarks: function of a result that returns lines for its page, besides the notes of the mission.
     """
 
     writers: Mapping[str, Callable[[Result, Path, str | None, str], None]] = field(
@@ -179,10 +187,13 @@ class Exchange:
 
 
 class Example(NamedTuple):
-    """Source that can replace a component: the component, the inputs that it needs, its outputs,
-    its file without ending in the folder of examples, and a note for users who change it. A sensor
-    or a plant is added to a system instead: the place is the system, a TOML beside the source
-    extends it, options are options of a first run.
+    """Example source code for users: a controller that can replace a component, or a sensor or
+    plant that extends a system.
+
+    place: the component, for a sensor or plant the system, which a TOML beside the source extends;
+    inputs: names of inputs that it needs; outputs: names of its outputs; file: source without
+    ending, in the folder of examples; note: for users who change the source; kind: controller,
+    sensor or plant; options: options of the command line for a first run.
     """
 
     place: str
@@ -195,8 +206,9 @@ class Example(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """Replay in space for results with these variables and parameters; build: from the result and
-    the arrays of the page; several: the same for several runs by label.
+    """Replay in space, for results with these variables and parameters. build: function of the
+    result and the arrays of the page that returns the replay; several: the same for several results
+    by label (None: not supported).
     """
 
     needs: tuple[str, ...]
@@ -206,9 +218,10 @@ class Scene(NamedTuple):
 
 
 class Steering(NamedTuple):
-    """Agent in the place of components: the components, macro steps per action (0: their own
-    period), a quantity whose increase is the cost of a step, conditions that end an episode, and
-    bounds of outputs by name in place of the limits of the actuators.
+    """Task for an agent that replaces components and sets their outputs. open: the components;
+    every: macro steps per action (0: period of the components); cost: quantity whose increase is
+    the cost of a step; ends: conditions that end an episode; bounds: of outputs by name, used in
+    place of the limits of the actuators.
     """
 
     open: tuple[str, ...]
@@ -219,11 +232,11 @@ class Steering(NamedTuple):
 
 
 class Plan(Protocol):
-    """Answer of a planner before a run; histories: by label, for figures."""
+    """Answer of a planner before a run."""
 
     @property
     def histories(self) -> Mapping[str, Result]:
-        """Return the planned histories and the histories for comparison."""
+        """Return the planned time series, and time series for comparison, by label, for figures."""
 
     @property
     def good(self) -> bool:
@@ -237,16 +250,18 @@ class Plan(Protocol):
 class Mission(Checked):
     """Figures, metrics, claims and other parts of one mission.
 
-    figures; overlays (of several runs); phases (quantity against rate); metrics (columns of a
-    comparison); claims (papers with verdicts); watched (metrics shown during a run); scene
-    (replays); rules (safety rules of a result); notes (facts about a result that its numbers do not
-    show); plans: answer of `harness plan` for a system and the changes of run(); bands: default
-    limits of a comparison; definitions: lines below the table that explain its columns; idle:
-    variables with the value from which on nothing is in force; validations: cases with published
-    reference values; exchange: files of other tools; restarts: a parameter that contains a state,
-    another parameter, and its value that enables the state; examples: sources that can replace a
-    component or extend a system; steering: components that an agent replaces, the first choice
-    first; bounds: convex problems whose optimum a run is compared with.
+    figures; overlays: figures of several runs; phases: plots of a quantity against its rate;
+    metrics: columns of a comparison; claims: papers with claims; watched: metrics shown during a
+    run; scene: replays in space; rules: functions that return the findings about safety rules of a
+    result; notes: functions that return facts about a result that its values do not show; plans:
+    functions that answer `harness plan` for a system and the changes of run(); bands: functions
+    that complete the limits of a comparison; definitions: functions that return lines below the
+    table of a comparison, which explain its columns; idle: variables, each with the value from
+    which on nothing applies to it, so that it is not drawn; validations: cases with published
+    reference values; exchange: files of other tools; restarts: (parameter with a start value of a
+    state, other parameter, value that this must have for the start value to be used); examples:
+    sources that can replace a component or extend a system; steering: tasks for agents, the default
+    first; bounds: convex problems with whose optimum a run is compared.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()
@@ -270,14 +285,16 @@ class Mission(Checked):
     bounds: tuple[Bound | PhaseBounds, ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:
-        """Return the limits, completed by the bands that these results suggest."""
+        """Return the limits of a comparison, completed by the functions `bands` of the mission for
+        its results.
+        """
         for band in self.bands:
             given = one(Limits, band, given, results)
         return given
 
 
 def together(missions: Iterable[Mission]) -> Mission:
-    """Return the contents of several missions together, shared entries once."""
+    """Return one mission with the contents of several missions; equal entries appear once."""
     found = list(missions)
     offered: dict[str, Any] = {
         f.name: tuple(dict.fromkeys(x for m in found for x in getattr(m, f.name)))

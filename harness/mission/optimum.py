@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problem of a run, as a mission states it; harness.studies.optimum solves it."""
+"""Convex problem of a run, as a mission states it, and its optimum; harness.studies.optimum solves
+the problem.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,12 @@ from harness.results.result import Array, Result, Rows
 
 
 class Cone(NamedTuple):
-    """Constraint |position rho + velocity v + offset| <= slope . rho + limit at nodes (k,) of the
-    grid: position, velocity (k, m, 3), offset (k, m), slope (k, 3), limit (k,). m = 0: slope . rho
-    + limit >= 0; slope and limit 0: position rho + velocity v + offset = 0.
+    """Constraint of the convex problem at some nodes of its time grid, with position rho and
+    velocity v: |position rho + velocity v + offset| <= slope . rho + limit.
+
+    nodes: indices (k,) of the nodes; position, velocity: matrices (k, m, 3); offset (k, m); slope
+    (k, 3); limit (k,). With m = 0 the constraint is slope . rho + limit >= 0. With slope and limit
+    0 it is position rho + velocity v + offset = 0.
     """
 
     name: str
@@ -28,9 +33,12 @@ class Cone(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """Data of the convex problem: time (n + 1,) [s]; start: rho, v (6,) in N; gradient (n, 3, 3) of
-    gravity [1/s2] and known acceleration (n, 3) [m/s2] in N; axes (n, 3, 3): C_NS in the middle of
-    a step; mass [kg]; box (3,) [N]: largest force per axis, inf: none.
+    """Data of the convex problem for n steps of a time grid, for the motion relative to the target
+    in the inertial frame N. time (n + 1,) [s]; start: relative position rho and velocity v (6,);
+    gradient (n, 3, 3) of gravity [1/s2]; known: further acceleration (n, 3) [m/s2], besides those
+    by gradient and force; axes (n, 3, 3): C_NS, attitude of the servicer in the middle of a step;
+    mass [kg]; box (3,) [N]: largest force per axis of the servicer, inf: no limit; cones:
+    constraints.
     """
 
     time: Array
@@ -45,7 +53,9 @@ class Problem:
 
 @dataclass(frozen=True)
 class Optimum:
-    """Solution: time (n + 1,), rho and v (n + 1, 3) in N, force (n, 3) in S, and impulse [N s]."""
+    """Solution of the convex problem: time (n + 1,) [s], relative position and velocity (n + 1, 3)
+    in N, force (n, 3) [N] in axes of the servicer, and impulse [N s].
+    """
 
     time: Array
     position: Array
@@ -59,12 +69,16 @@ Store = Callable[[Result, Sequence[Optimum]], Path]
 
 
 class Bound(NamedTuple):
-    """Least impulse of a run, for results with these variables and parameters; problem: the convex
-    problem of a result and the step of its grid [s]; positions of both bodies and attitude of the
-    one with thrusters; force and impulse ("": none): outputs of its actuator in axes of that body;
-    follows: further outputs of the actuator with the commands that they follow; grid: default of
-    the step; every: macro steps per row; spent: impulse of a run [N s] (None: of all its force);
-    store: None: the optimum cannot be stored.
+    """Least possible impulse of a run, for results with these variables and parameters (`needs`,
+    `parameters`).
+
+    problem: function of a result and the step of the grid [s] that returns the convex problem;
+    positions: variables with the positions of both bodies; attitude: variable with the attitude of
+    the body with thrusters; force, impulse ("": none): outputs of its actuator, in axes of that
+    body; follows: further outputs of the actuator, each with the command that it follows; grid:
+    default step of the grid [s]; every: macro steps per row; spent: function that returns the
+    impulse of a run [N s] (None: the impulse of all its force); store: function that stores the
+    optimum (None: it cannot be stored).
     """
 
     needs: tuple[str, ...]
@@ -82,9 +96,10 @@ class Bound(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """Phase of a run: convex problem; impulse of the run [N s]; start: parameters of both bodies
-    that begin where the phase begins, with a servicer that does not turn; along: the problem with
-    what is not convex replaced along another path (n + 1, 3) (None: all is convex).
+    """Phase of a run. problem: its convex problem; spent: impulse of the run in the phase [N s];
+    start: parameters with which a simulation of both bodies begins where the phase begins, with a
+    servicer that does not rotate; along: function that returns the problem for a given path (n + 1,
+    3), on which it replaces what is not convex (None: all is convex).
     """
 
     problem: Problem
@@ -94,9 +109,12 @@ class Phase(NamedTuple):
 
 
 class PhaseBounds(NamedTuple):
-    """Least impulses of the phases of a run, for results with these variables and parameters;
-    phases: of a result, for a step of the grids [s] (None: of the mission), by name; positions and
-    velocities of both bodies, attitude, force, every and store as in Bound.
+    """Least possible impulses of the phases of a run, for results with these variables and
+    parameters (`needs`, `parameters`).
+
+    phases: function of a result and the step of the grids [s] (None: the step of the mission) that
+    returns the phases by name; positions, velocities: variables of both bodies; attitude, force,
+    every and store as in Bound.
     """
 
     needs: tuple[str, ...]
