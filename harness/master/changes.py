@@ -61,7 +61,7 @@ NAMED = ("set", "swap", "map", "on", "latency")
 def apply(system: System, **changes: Unpack[Changes]) -> System:
     """Return the system with all changes of the user.
 
-    Order: named parameter set, epoch (which moves the bodies of `[start]`), swapped FMUs, file of
+    Order: named parameter set, epoch (which moves bodies with a `[start]`), swapped FMUs, file of
     parameters, single values, other processors. Raises UsageError for names that do not exist,
     StructureError for a parameter file with mistakes or a swapped FMU that does not fit, FmuError
     for an FMU that does not build for its processor.
@@ -94,8 +94,8 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
 
 
 def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given]) -> Origin:
-    """Return the origin of a system, extended by these changes. is_set: whether `params` is the
-    name of a parameter set, else it is a file.
+    """Return the origin (source and changes) of a system, extended by these changes. is_set:
+    whether `params` is the name of a parameter set, else it is a file.
     """
     swaps = {c: Swap(c, str(fmu), sha256(find_fmu(fmu))) for c, fmu in given["swap"].items()}
     if params is not None:
@@ -179,8 +179,8 @@ def as_in_a_file(error: HarnessError) -> str:
 
 
 def _swapped(system: System, swaps: Given, names: Given) -> System:
-    """Return the system with other FMUs; swaps: FMU by component; names: our names of ports by the
-    names in these FMUs, from --map.
+    """Return the system with other FMUs; swaps: FMU by component; names: names of ports in the
+    system by their names in these FMUs, from --map.
     """
     if unknown := unmapped(swaps, names):
         ports = {base(port) for fmu in swaps.values() for port in _ports_of(fmu)}
@@ -236,7 +236,7 @@ def choose_set(system: System, name: str) -> System:
 
 
 def _with(system: System, parameters: Mapping[str, Parameters]) -> System:
-    """Return the system with the given parameters for the components that `parameters` names."""
+    """Return the system with these parameters, by component; other components are unchanged."""
     found = ((c, parameters.get(c.name, c.parameters)) for c in system.components)
     new = (c if p is c.parameters else replace(c, parameters=p) for c, p in found)
     return replace(system, components=tuple(new))

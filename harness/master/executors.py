@@ -32,7 +32,7 @@ class Clock(NamedTuple):
     step: float
 
     def time(self, k: int) -> float:
-        """Return the communication point of macro step k [s]."""
+        """Return the time [s] at which macro step k begins."""
         return self.start + k * self.step
 
 

@@ -41,7 +41,7 @@ REASONS = {
     TERMINATION: "requested termination",
     EARLY_RETURN: "returned early although that was not allowed",
 }
-"""Reasons why a step of FMI 3.0 ends a run although its status is not an error."""
+"""Reasons why a step of an FMU ends the run although its FMI status is OK or a warning."""
 
 DOING = {
     Verb.SET: "setting inputs failed",
@@ -134,8 +134,8 @@ class Instance:
     # ---- life
 
     def _listen(self) -> None:
-        """Enable only the log categories for errors and warnings. An FMU without log categories is
-        not called.
+        """Enable only the log categories for errors and warnings, except in an FMU of PythonFMU or
+        one without these categories.
         """
         interface = self.node.interface
         categories = [c.name for c in interface.model.logCategories if c.name in HEARD]
@@ -203,7 +203,9 @@ class Instance:
             self._call(function, start, *arguments)
 
     def exit_initialization(self, time: float) -> None:
-        """Leave initialization mode; the FMU then checks its parameters. Raise RunError."""
+        """Leave initialization mode; the FMU then checks its parameters. Raise RunError if it
+        fails.
+        """
         self._call("ExitInitializationMode", time)
         self._stepping = True
 

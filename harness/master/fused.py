@@ -43,7 +43,7 @@ from harness.system.values import base
 _log = logging.getLogger("harness")
 
 MACRO_STEP = "macro_step"
-"""Parameter of the whole FMU: communication steps are whole multiples of this value [s]."""
+"""Parameter of the FMU of a whole system: its steps are whole multiples of this value [s]."""
 
 COMPILER = "cc"
 

@@ -69,8 +69,8 @@ def compiler() -> tuple[str, ...]:
 
 
 def library(fmu: Path, wait: bool = False) -> Path | None:
-    """Return the lane library of a whole system (an FMU) from the cache, None if it is not there.
-    wait: compile a missing library; raise NotFusedError if the compiler fails.
+    """Return the lane library of a whole system (an FMU) from the cache, None if it is not there or
+    width() is 1. wait: compile a missing library; raise NotFusedError if the compiler fails.
     """
     tool, command = _core() / "build" / "lanes.py", shlex.join(compiler())
 

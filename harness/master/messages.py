@@ -37,7 +37,7 @@ from harness.errors import HarnessError, RejectedValueError, UsageError
 from harness.system.values import base
 
 WARNING, DISCARD = 1, 2
-"""fmi2Status values: messages of status DISCARD and above explain a failed call."""
+"""Values of fmi2Status. Messages of status DISCARD and above explain why a call has failed."""
 
 STATISTICS = "logStatistics"
 """Log category of link FMUs for the cost of the steps of a component on its processor."""

@@ -21,7 +21,7 @@ class Running(Protocol):
     steps: int
 
     def result(self) -> Result:
-        """Return everything recorded so far."""
+        """Return the result so far."""
 
 
 Show = Callable[[int], None]

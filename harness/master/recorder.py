@@ -107,7 +107,7 @@ class Recorder:
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """Return everything recorded so far, shape (rows, slots)."""
+        """Return the rows recorded so far, (rows, slots)."""
         whole = self.done // self.every + 1
         return self.table[: whole if self.done < self.steps else None]
 

@@ -79,7 +79,8 @@ class Simulation:
             result = simulation.result()
             other = simulation.run(set={"servicer.mass_0": 120})
 
-    A further run resets the loaded FMUs instead of loading them again and gives the same bits.
+    A further run resets the loaded FMUs instead of loading them again; its results are
+    bit-identical.
     """
 
     def __init__(
@@ -489,7 +490,9 @@ class Simulation:
         return Result(name, time, names, units, rows, texts, *about, modes=modes)
 
     def last(self) -> NDArray[np.float64]:
-        """Return the present values of all slots of the system, recorded or not."""
+        """Return the present values of all slots of the system, including those that are not
+        recorded.
+        """
         if self.recorded is None:
             return self.bus.copy()
         (instance,) = self.instances

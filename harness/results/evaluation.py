@@ -120,7 +120,7 @@ def _fitting(side: Measured, rule: Measured) -> Measured:
 
 
 def _unit(node: Node, parts: Sequence[str | None]) -> str | None:
-    """Return the unit of a part of an expression from the units of its own parts."""
+    """Return the unit of the value of a node from the units of its parts; None if it is unknown."""
     match node:
         case Node("compare" | "not" | "join" | "window"):
             return "1"

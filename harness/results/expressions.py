@@ -314,7 +314,7 @@ def _tree(text: str) -> ast.expr:
     """Return Python's syntax tree of a text in which a number with a unit, `2 deg`, is replaced by
     the call `quantity(2, 'deg')`.
     """
-    with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
+    with warnings.catch_warnings(action="error"):  # as "1if" causes one
         marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
         return ast.parse(marked, mode="eval").body
 
@@ -422,7 +422,9 @@ def _within(number: float) -> float:
 
 
 def _check_call(name: str, given: int) -> None:
-    """Raise ValueError for an unknown function, or a wrong number of arguments."""
+    """Raise ValueError if a function does not exist or has another number of arguments than
+    `given`.
+    """
     known = {name: each.arguments for name, each in FUNCTIONS.items()} | {IMPLIES: ("x", "y")}
     if name not in known:
         raise ValueError(f"there is no function {name}{did_you_mean(name, (*known, *WINDOWED))}")

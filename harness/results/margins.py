@@ -84,9 +84,12 @@ class Requirement:
     truth: 1, 0 or NaN for every row and element; margin: of every row, -inf where the margin of an
     element is NaN; elements: margin of every element; value, which: compared value of the part that
     determines the margin, and index of its unit in `units`; exercised: whether every part that must
-    hold matters in some row. A requirement with windows is evaluated in the first row (`at_start`).
-    It has truth (1 or -1) and margin, and undecided: whether a condition in a window depends on
-    NaN; empty: by window in words, whether a window lies within the run and contains no row.
+    hold matters in some row.
+
+    A requirement with windows is evaluated in the first row (`at_start` is True). It has only truth
+    (1 or -1), margin, undecided (whether a condition in a window depends on NaN) and empty (for
+    every window, with its times as text as the key, whether some window lies within the run and
+    contains no row).
     """
 
     def __init__(self, tree: Node, unit: Callable[[str], str], program: Program) -> None:
@@ -164,21 +167,21 @@ class Requirement:
         return self._add("-", self._number(1), truth)
 
     def _holds(self, truth: int) -> int:
-        """Return the instruction with 1 in every row (rows, 1) in which a condition holds in all
-        elements.
+        """Return the number of the instruction that gives 1 in every row (rows, 1) in which a
+        condition holds in all elements, else 0.
         """
         return self._add("least", self._add("==", truth, self._number(1)))
 
     def _by_row(self, node: Node) -> int:
-        """Return the instruction with the smallest margin (rows, 1) of the elements of every row;
-        -inf where the margin of an element is NaN.
+        """Return the number of the instruction that gives the smallest margin (rows, 1) of the
+        elements of every row; -inf where the margin of an element is NaN.
         """
         least = self._add("least", self._of(node))
         return self._add("where", self._add("isnan", least), self._number(-math.inf), least)
 
     def _of(self, node: Node) -> int:
-        """Return the instruction with the margins (rows, elements) of a condition; NaN where the
-        condition cannot be evaluated.
+        """Return the number of the instruction that gives the margins (rows, elements) of a
+        condition; NaN where the condition cannot be evaluated.
         """
         return self._add("decided", self._margin(node), self._truth(node))
 
@@ -199,12 +202,12 @@ class Requirement:
         return self._where(is_true, 1, -1)
 
     def _exercised(self, node: Node, looked: int, negated: bool = False) -> int:
-        """Return the instruction that gives whether every part of a condition that must hold
-        matters in some row. A part matters in a row unless a condition on time or the premise of
-        implies() alone decides the outcome.
+        """Return the number of the instruction that gives whether every part of a condition that
+        must hold matters in some row. A part matters in a row unless a condition on time or the
+        premise of implies() alone decides the outcome.
 
-        looked: instruction with 1 in the rows in which `node` matters; negated: whether `node` is
-        inside a `not`.
+        looked: number of the instruction that gives 1 in the rows in which `node` matters; negated:
+        whether `node` is inside a `not`.
         """
         if node.is_timing:
             return self._number(not self.guarded)
@@ -225,8 +228,9 @@ class Requirement:
         return self._fold("fmax", [self._number(0), *parts])
 
     def _shown(self, node: Node) -> tuple[int, int]:
-        """Return two instructions: the compared value of the part that determines the margin of a
-        row (the least margin of `and`, the largest of `or`), and the index of its unit in `units`.
+        """Return the numbers of two instructions. The first gives the compared value of the part
+        that determines the margin of a row (the least margin of `and`, the largest of `or`), the
+        second the index of its unit in `units`.
         """
         if node.kind == "not":
             return self._shown(node.parts[0])
@@ -248,9 +252,9 @@ class Requirement:
     # ---- conditions over windows of time
 
     def _over_windows(self, node: Node) -> tuple[int, int]:
-        """Return two instructions for a condition with windows: its margin in every row, and 1
-        where it holds, -1 where it fails. Both are NaN where the window provides no evidence,
-        because it extends beyond the run or contains no row.
+        """Return the numbers of two instructions for a condition with windows. The first gives its
+        margin in every row, the second 1 where it holds, -1 where it fails. Both give NaN where the
+        window provides no evidence, because it extends beyond the run or contains no row.
         """
         if not node.has_window:
             truth = self._truth(node)

@@ -245,8 +245,8 @@ def from_table(given: Mapping[str, Any]) -> Provenance:
 
 
 def _field(name: str, value: Any) -> Any:
-    """Return a field that was read from a file, in its type in Provenance; raise ValueError if it
-    has another type.
+    """Return the value of a field, as read from a file, in the type of this field in Provenance;
+    raise ValueError if it has another type.
     """
     if too_deep(value):
         raise ValueError(f"{name}: lists are nested too deeply")
@@ -303,8 +303,8 @@ def _g(value: float | None) -> str:
 
 
 def differences(ours: Provenance | None, theirs: Provenance | None) -> list[str]:
-    """Return the names of the fields that differ between two runs and influence their values.
-    Hashes are not compared.
+    """Return the names of the fields that differ between two runs and that influence the recorded
+    values. Hashes are not compared.
     """
     if ours is None or theirs is None:
         return []

@@ -125,8 +125,8 @@ def log_inconsistencies(*systems: System) -> None:
 
 
 def _inconsistencies(system: System, graph: Graph) -> Iterator[str]:
-    """Yield a line per condition on parameters that does not hold. Conditions on parameters that a
-    swapped FMU lacks are ignored.
+    """Yield a line per condition on parameters (`consistency`) that does not hold. Conditions on
+    parameters that a swapped FMU lacks are ignored.
     """
     table, nothing = parameters_of(system.name, graph), np.empty((1, 0))
     result = Result(system.name, np.zeros(1), (), (), nothing, parameters=table)

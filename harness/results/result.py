@@ -69,7 +69,7 @@ class Result:
         return np.asarray(self.parameters[name][0])
 
     def __getitem__(self, name: str) -> Array:
-        """Return the history of a variable: (rows,) for a scalar or an element, (rows, n) for a
+        """Return the time series of a variable: (rows,) for a scalar or an element, (rows, n) for a
         vector, (rows, m, n) for a matrix.
 
         Raises KeyError with close matches.
@@ -103,14 +103,14 @@ class Result:
         return self.descriptions[self._first(name)] if self.descriptions else ""
 
     def mode_names(self, name: str) -> tuple[str, ...]:
-        """Return the names of the values 0, 1, .. of a mode, "" for a value that does not occur; ()
-        for other variables.
+        """Return the names of the values 0, 1, .. of a variable whose values have names (a mode),
+        "" for a value that does not occur; () for other variables.
         """
         names = self.modes[self._first(name)] if self.modes else ""
         return tuple(names.split("|")) if names else ()
 
     def mode(self, name: str, value: float) -> str:
-        """Return the name of a value of a mode, or the value."""
+        """Return the name of a value of a mode, or the value as text if it has no name."""
         names = self.mode_names(name)
         known = value in range(len(names)) and names[int(value)]
         return known or f"{value:g}"
@@ -196,7 +196,7 @@ def _vectors(columns: tuple[str, ...]) -> Mapping[str, NDArray[np.intp]]:
 def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
     """Return the indices of the columns of one variable in an array of its shape; group: index of
     the column by indices of the element. Return None if elements are missing or the indices begin
-    at neither 0 nor 1: the elements then have names, the variable has none.
+    at neither 0 nor 1; only single elements can then be read by name.
     """
     whole = grid(group)
     if whole is None or max(whole.first, default=0) > 1:
@@ -314,7 +314,7 @@ def _cells(name: str, _axes: Any, values: Any, about: dict[str, str]) -> tuple[s
 
 
 def _short(value: Any) -> str:
-    """Return a number, or a vector of up to four, as text."""
+    """Return a number, or the first four elements of an array, as text."""
     numbers = value.reshape(-1).tolist()
     shown = ", ".join(f"{number:.4g}" for number in numbers[:4])
     return f"[{shown}{', ...' if len(numbers) > 4 else ''}]" if value.ndim else shown

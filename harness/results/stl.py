@@ -128,7 +128,7 @@ class _Writer:
 
 def _text(node: Node) -> str:
     """Return the text of a node, multiplied by the factor if its unit was converted."""
-    if node.kind == "not" and node.name == IMPLIES:  # its source is the whole implies()
+    if node.kind == "not" and node.name == IMPLIES:  # the source is the whole implies()
         return f"{NOT}{_text(node.parts[0])})"
     if node.kind == "operator" and node.parts[0].source is None:
         return f"{node.parts[0].value!r} * ({node.text})"

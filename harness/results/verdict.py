@@ -26,7 +26,7 @@ class Verdict(Enum):
 
     @property
     def fulfilled(self) -> bool:
-        """Return whether the verdict is positive."""
+        """Return whether the verdict is MET (which equals REPRODUCED and HOLDS) or PARTLY."""
         return self in {Verdict.MET, Verdict.PARTLY}
 
 
@@ -39,11 +39,13 @@ class Kind(Enum):
     RULE = "safety rule"
 
     def word(self, verdict: Verdict) -> str:
-        """Return a verdict in the terms of its kind."""
+        """Return the name of a verdict on a statement of this kind: a requirement is met, a claim
+        reproduced.
+        """
         return WORDS[self].get(verdict) or OPEN[verdict]
 
     def tally(self, verdicts: Iterable[Verdict]) -> list[tuple[Verdict, str, int]]:
-        """Return the verdicts that occur, in the terms of their kind, with their counts."""
+        """Return the verdicts that occur, each with its name for this kind and its count."""
         count = Counter(verdicts)
         return [(each, self.word(each), count[each]) for each in Verdict if count[each]]
 
@@ -59,7 +61,7 @@ WORDS = {
     Kind.RULE: {Verdict.HOLDS: "holds", Verdict.VIOLATED: "violated"},
 }
 OPEN = {Verdict.NOT_EXERCISED: "not exercised", Verdict.NOT_JUDGED: "not judged"}
-"""Names of the verdicts that all kinds share: no decision."""
+"""Names of the verdicts without a decision, which are equal for all kinds."""
 
 
 class Outcome(NamedTuple):

@@ -83,7 +83,7 @@ class Node:
 
     @cached_property
     def constants(self) -> tuple[tuple[Slot, float], ...]:
-        """Return every parameter with its value in the run, without strings."""
+        """Return every parameter except strings, as its slot with its value in the run."""
         given = {setting.variable.name: setting.value for setting in self.settings}
         values = [(slot, given.get(v.name, v.start)) for v, slot in self.parameters]
         return tuple([(slot, float(value)) for slot, value in values if value is not None])
@@ -160,13 +160,17 @@ def _is_uneven(steps: float) -> bool:
 
 
 def rechecked(system: System, known: System, graph: Graph) -> Checked:
-    """Return the result of checked(), reusing unchanged parts of the graph of `known`."""
+    """Return the result of checked() for a system; parts of `graph`, the graph of the system
+    `known`, are reused where the systems agree.
+    """
     graph = rebuilt(system, known, graph)
     return Checked(graph, macro_steps(system.experiment, [c.every for c in system.components]))
 
 
 def rebuilt(system: System, known: System, graph: Graph) -> Graph:
-    """Return the result of build_graph(), reusing unchanged parts of the graph of `known`."""
+    """Return the result of build_graph() for a system; parts of `graph`, the graph of the system
+    `known`, are reused where the systems agree.
+    """
     if not _same_structure(system, known, graph):
         return build_graph(system)
     pairs = list(zip(graph.nodes, system.components, strict=True))
@@ -295,5 +299,7 @@ def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
 
 
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
-    """Return every parameter of every component with its value in the run, without strings."""
+    """Yield every parameter of every component except strings, as its slot with its value in the
+    run.
+    """
     return chain.from_iterable(node.constants for node in graph.nodes)

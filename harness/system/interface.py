@@ -83,7 +83,7 @@ class Interface:
     def _rows(self) -> dict[tuple[int, str], tuple[Variable, ...]]:
         found: dict[tuple[int, str], dict[int, Variable]] = {}
         for v in self.variables.values():
-            found.setdefault((v.reference, v.access), {}).setdefault(v.element, v)  # no alias
+            found.setdefault((v.reference, v.access), {}).setdefault(v.element, v)  # not an alias
         return {key: tuple(row[k] for k in sorted(row)) for key, row in found.items()}
 
     def named(self, causality: str) -> Mapping[str, Variable]:

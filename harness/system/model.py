@@ -133,8 +133,12 @@ class Swap(NamedTuple):
 
 @dataclass(frozen=True)
 class Origin:
-    """Source of a system and the changes made to it; harness.results.provenance describes each
-    entry.
+    """Source of a system and the changes made to it.
+
+    source, sha256: name or path of the source as given, and hash of an .ssp; params, params_sha256:
+    parameter set or file, and hash of a file; set: values by `component.variable`; swaps: FMUs that
+    replaced the FMU of a component; maps: names in the system by names of ports in these FMUs; on:
+    processor by component; latency: macro steps by component.
     """
 
     source: str = ""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Everything that can be wrong with a system, one line each: components, connections, units, open
-inputs, parameters, schedule.
+"""Checks of a whole system, with one line per problem: components, connections, units, open inputs,
+parameters, schedule.
 """
 
 from __future__ import annotations

@@ -46,14 +46,15 @@ def exchange(
     """Return the system with another FMU as component `name`.
 
     The outputs of the FMU must include all outputs that other components read, with equal units.
-    Its inputs get the connections of the inputs with the same names. A further input is connected
-    to the output with its name if there is exactly one. Ports with another name are given in pairs
-    (name in the FMU, name in the system) of scalars or whole vectors. Vectors whose indices are
-    written in another style are found without such pairs. Parameters that the former FMU also has
-    retain their values. Parameters that the system has for FMUs of this model name override them.
-    If the system has none for the model name, a warning names the parameters that are dropped.
-    Raises UsageError (unknown component, FMU or port), FmuError, or StructureError with all missing
-    ports.
+    Inputs of the FMU get the connections of the former inputs with the same names. A further input
+    is connected to the output with its name if there is exactly one. Ports with another name are
+    given in pairs (name in the FMU, name in the system) of scalars or whole vectors. Vectors whose
+    indices are written in another style are found without such pairs.
+
+    The FMU gets the values of all parameters that the former FMU has too. Parameters that the
+    system has for FMUs of this model name override them. If the system has none for the model name,
+    a warning names the parameters that are dropped. Raises UsageError (unknown component, FMU or
+    port), FmuError, or StructureError with all missing ports.
     """
     new = _Exchange(system, existing(system, "--swap", name), find_fmu(fmu), given)
     connections = tuple(new.connections())
@@ -174,8 +175,9 @@ class _Exchange:
         return connections, problems
 
     def _renamed(self) -> Iterator[Connection]:
-        """Yield the connections of the system with the names of ports in the new FMU. One for an
-        input that the FMU has several times is repeated, one for an input that it lacks is dropped.
+        """Yield the connections of the system with the names of ports in the new FMU. A connection
+        to an input of the former FMU is repeated for every input of the new FMU that is mapped to
+        it, and dropped if there is none.
         """
         outputs = self.interface.outputs()
         theirs = {our: their for their, our in self.names.items() if their in outputs}
@@ -193,9 +195,9 @@ class _Exchange:
     # ---- parameters
 
     def system_with_values(self) -> System:
-        """Return the system with the new FMU. Of the parameters of the former FMU it gets those
-        that it has too, under its own names; they are overridden by the parameters that the system
-        has for this FMU.
+        """Return the system with the new FMU. The new FMU gets the values of all parameters that
+        the former FMU has too, under the names in the new FMU. Values that the system has for this
+        FMU override them.
         """
         theirs = {our: their for their, our in self.names.items()}
         known = self.interface.settable()

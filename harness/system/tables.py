@@ -135,7 +135,7 @@ class Assignments:
         self.set(component, name, parse_text(text) if is_text else parse(text))
 
     def over(self, component: str, parameters: Parameters) -> Parameters:
-        """Return the parameters of a component, overridden by the values assigned here."""
+        """Return the parameters of a component, overridden by the values that are assigned here."""
         own = self.parameters[component]
         return {**parameters, **own} if own else parameters
 

@@ -165,7 +165,7 @@ SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
     "W": (1.0, {"kg": 1, "m": 2, "s": -3}),
     "Hz": (1.0, {"s": -1}),
 }
-"""Factor to SI and exponents of the SI units, by symbol."""
+"""Known units by symbol: factor to the SI unit, and exponents of kg, m, s and rad."""
 
 FACTOR = re.compile(r"([A-Za-z%]+|1)\^?(-?\d)?")
 """Regular expression of a symbol with its exponent of one digit, such as `m2` or `s^-1`."""
@@ -188,7 +188,7 @@ def unit(text: str) -> Unit:
 
 
 def _factors(text: str) -> Iterator[tuple[str, int]]:
-    """Yield the symbols of a unit with their exponents."""
+    """Yield the symbols in a unit with their exponents: `m/s2` gives ("m", 1) and ("s", -2)."""
     for place, part in enumerate(text.replace(" ", "").split("/")):
         for each in part.removeprefix("(").removesuffix(")").split("."):
             match = FACTOR.fullmatch(each)

@@ -119,8 +119,8 @@ Value: TypeAlias = "Scalar | Sequence[Value]"
 
 
 def parse(text: str) -> Value:
-    """Return the value of `--set name=text`: a number, a (nested) list or true/false as in TOML;
-    otherwise the text itself.
+    """Return the value of `--set name=text`: a number, true or false, or a (nested) list, read as
+    TOML; otherwise the text itself.
     """
     try:
         number = float(text)
@@ -260,7 +260,8 @@ def coerce(value: Scalar, kind: str, access: str = "") -> Scalar:
     """Return a value in an FMI type (`kind`: Real, Integer, Enumeration, Boolean, String); raise
     ValueError if it does not fit.
 
-    access: type in FMI 3.0 (UInt8, Float32, ...), "" in FMI 2.0.
+    access: type in the names of the FMI functions (Integer, UInt8, Float32, ...), which limits
+    whole numbers; "": 32 bits.
     """
     if kind == "String":
         return _checked_text(str(value).lower() if isinstance(value, bool) else str(value))
@@ -361,7 +362,7 @@ def resting(variable: Variable) -> Scalar:
 
 
 STRUCTURAL = "structuralParameter"
-"""Causality of parameters that determine the sizes of arrays."""
+"""Causality of parameters in FMI 3.0 that determine the sizes of arrays."""
 
 
 def unsettable(variable: Variable, settable: Iterable[str]) -> str:

@@ -25,7 +25,7 @@ OF_FIXED = "parameter_"
 """Prefix of the names of these structs for texts about parameters."""
 STRUCTS = tuple(begin + name for begin in ("", OF_FIXED) for name in ATTRIBUTES.values())
 RESERVED = ("time", "system", "complete", "message", "parameters", "provenance", *STRUCTS)
-"""Names in a .mat that cannot be components."""
+"""Names of variables in a .mat that contain no component."""
 
 
 def write(result: Result, path: Path) -> None:
@@ -62,7 +62,9 @@ def _structs(result: Result) -> dict[str, Any]:
 
 
 def _described(table: Result | None) -> Iterator[tuple[str, Array, dict[str, str]]]:
-    """Yield variables with their attributes, including the names of their elements."""
+    """Yield the variables of a table with values and attributes, including the names of their
+    elements.
+    """
     for name, _, values, about in variables(table):
         elements = in_lines(element_names(name, values.shape[1:]))
         yield name, values, {ELEMENTS: elements, "modes": "", **about}
