@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Analyses of one system by several runs, and of one FMU: comparisons, campaigns, linear models,
-checks.
+"""Analyses of a system by one or many runs (comparisons, campaigns, adaptive studies, least
+impulse), and of a single FMU (checks, linear models, cost on a flight processor).
 """

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Check of a system or an FMU: all problems at once, errors apart from warnings.
+"""Check of a system or an FMU, which reports all problems at once and separates errors from
+warnings.
 
 An error prevents a run, and a run would end with the same error. A warning is a deviation from the
-standard. An FMU checks its parameters when it is initialised, which needs no other FMU, so values
-that it rejects are found before any run.
+standard. An FMU checks its parameters when it is initialised. This needs no other FMU, so rejected
+values are found before any run by initialising each FMU alone.
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ _log = logging.getLogger("harness")
 
 
 class Verdict(NamedTuple):
-    """System or FMU that can be run: a line that states it, and the warnings, one line each."""
+    """Result of a successful check: `text` is the line that states that the system or FMU can be
+    run; `warnings` has one line per deviation from the standard.
+    """
 
     text: str
     warnings: tuple[str, ...] = ()
@@ -62,9 +65,10 @@ class Verdict(NamedTuple):
 def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdict:
     """Return the verdict on a system or FMU, given by name or path.
 
-    strict: warnings are errors; changes: as for run(), and then the changed system is checked
-    instead of all parameter sets. Raises StructureError or FmuError with all problems, warnings
-    included, and UsageError for changes that cannot be made.
+    strict: treat warnings as errors; changes: options of run(). Without changes, the system is
+    checked with each of its parameter sets; with changes, only the changed system is checked.
+    Raises StructureError (system) or FmuError (FMU) with all problems, warnings included, and
+    UsageError for an unknown name or changes that cannot be made.
     """
     systems, fmus = paths.systems(), paths.fmus()
     path = systems.get(name) or fmus.get(name) or Path(name)
@@ -84,8 +88,8 @@ def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdic
 
 
 def machine() -> Iterator[str]:
-    """Yield a line per flight processor: whether this machine can build for it and emulate it, or
-    what it lacks.
+    """Yield one line per flight processor: `ready` if this machine has the compiler and the
+    emulator for it, otherwise which of them is missing.
     """
     for processor in PROCESSORS.values():
         yield missing(processor) or f"{processor.name}: {processor.text}: ready"
@@ -110,8 +114,10 @@ def _load(path: Path) -> None:
 
 
 def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
-    """Check the file, its wiring with every parameter set or with these changes, its FMUs, their
-    values, and its time span.
+    """Return the verdict on a system file; raise StructureError with all problems.
+
+    FMUs, connections, parameter values and time span are checked, with every parameter set or, if
+    there are changes, with these changes only.
     """
     with noted() as notes, examined(path) as (found, problems):
         system = found if problems else rest(apply(found, **changes) if changes else found)
@@ -127,21 +133,25 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
     missing = [name for name in ("step", "stop") if getattr(system.experiment, name) is None]
     counts = (
         f"{len(system.components)} components, {len(system.connections)} connections, "
-        f"{'these changes' if changes else f'{len(set_names(system))} sets'}"
+        f"{'with these changes' if changes else f'{len(set_names(system))} parameter sets'}"
     )
     needed = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
     return Verdict(f"{system.name}: fine ({counts}){needed}", tuple(notes))
 
 
 def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
-    """Yield the errors of time span, FMUs, wiring, and of the values in all parameter sets as far
-    as the FMUs can be read.
+    """Yield one line per error in the time span, FMUs, connections and parameter values of a
+    system. Values of an FMU that cannot be read are not checked.
+
+    chosen: the system with each parameter set whose values are checked.
     """
     experiment = system.experiment
     if experiment.step is not None and experiment.stop is not None:
         periods = [max(1, c.every) for c in system.components]
         yield from _complaints(partial(macro_steps, experiment, periods))
-    there = tuple(c for c in system.components if c.fmu.is_file())  # the reader reports the others
+    there = tuple(
+        c for c in system.components if c.fmu.is_file()
+    )  # examined() reports absent files
     interfaces, unreadable = readable_interfaces(replace(system, components=there))
     yield from unreadable
     for component in system.components:
@@ -165,15 +175,15 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
 
 
 def log_decided(system: System) -> None:
-    """Log the requirements that the start values decide, a line each: they are violated in the
-    first row, or name parameters only.
+    """Log a warning for each requirement whose verdict is the same in every run, because the
+    requirement is not met in the first row or depends on parameters only.
     """
     period = max(max(1, c.every) for c in system.components)
     experiment = system.experiment
     if experiment.step is None:
         return
     stop = experiment.start + period * experiment.step
-    with suppress(HarnessError):  # the run reports it
+    with suppress(HarnessError):  # a run reports the same error
         with noted():
             short = replace(system, experiment=replace(experiment, stop=stop))
             run = simulate(short, patience=PATIENCE)
@@ -181,7 +191,7 @@ def log_decided(system: System) -> None:
         for found in findings(first):
             fixed = all(path.startswith("parameter ") for path in condition(found.text).variables)
             if fixed or found.verdict is verdict.Verdict.NOT_MET:
-                _log.warning("%s; the start values decide it, for any run", found)
+                _log.warning("%s; every run has this verdict: the start values decide it", found)
 
 
 def _complaints(test: Callable[[], object]) -> list[str]:
@@ -198,10 +208,11 @@ def _complaints(test: Callable[[], object]) -> list[str]:
 def rejected(
     systems: Iterable[System], third_party: Collection[str] = (), patience: float = math.inf
 ) -> Iterator[RejectedValueError]:
-    """Yield the rejections of the FMUs of these systems, one error per component and set of values.
+    """Yield an error for each component whose FMU rejects its parameter values. Every component is
+    initialised alone, once per distinct combination of its values.
 
-    third_party: components to try although their FMUs are third-party, each in a separate process;
-    patience: limit for one call into such an FMU [s].
+    third_party: names of components that are initialised although their FMUs are third-party, each
+    in a separate process; patience: limit for one call into such an FMU [s].
     """
     for system in _alone_once(systems, third_party):
         try:
@@ -213,7 +224,10 @@ def rejected(
 
 
 def _alone_once(systems: Iterable[System], third_party: Collection[str]) -> Iterator[System]:
-    """Yield the components that can be tried, once per set of values."""
+    """Yield systems of one component each: one for every component and distinct combination of its
+    values. Components without a readable file are left out, and components with third-party FMUs
+    unless `third_party` names them.
+    """
     tried = set()
     for system in systems:
         for c in system.components:
@@ -227,9 +241,11 @@ def _alone_once(systems: Iterable[System], third_party: Collection[str]) -> Iter
 def always_rejected(
     systems: Iterable[System], given: Mapping[str, Any], varied: Collection[str], patience: float
 ) -> Iterator[HarnessError]:
-    """Yield the values that FMUs reject in every run, because no varied parameter is involved, in
-    terms of the user's input; given: values by name, as typed; varied: names of parameters that
-    vary.
+    """Yield an error for each component that rejects values in every run, because these values do
+    not vary between runs. The error names the values as the user typed them.
+
+    given: fixed values by parameter, as typed; varied: names of the parameters that vary; patience:
+    limit for one call into a third-party FMU [s].
     """
     components = {name.partition(".")[0] for name in given}
     for error in rejected(systems, components, patience):
@@ -238,20 +254,20 @@ def always_rejected(
 
 
 def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessError]:
-    """Yield the problems of components on boards: no answer, another interface, rejected values.
-    Each board is tried up to its initialization, in a separate process.
+    """Yield an error for each of these components whose board does not answer, contains another
+    FMU, or rejects values. Each board is initialised alone, in a separate process.
     """
     for name in components:
         try:
             in_child(_begin, _alone(system, name))
         except (FmuError, RejectedValueError) as error:
             yield error
-        except RunError:  # its reaction to open inputs is irrelevant
+        except RunError:  # a failure with unconnected inputs is no problem of the whole system
             continue
 
 
 def _alone(system: System, name: str) -> System:
-    """Return a system of one component with one macro step."""
+    """Return the system reduced to the named component, for one step of this component."""
     component, experiment = system.component(name), system.experiment
     step = experiment.step or 1.0
     span = replace(experiment, step=step, stop=experiment.start + max(1, component.every) * step)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Comparison of several runs of one system in one table, by the engine of a campaign, with complete
-results.
+"""Comparison of several runs of one system in one table. The worker pool of campaigns executes the
+runs, and every run is stored as a complete results file.
 """
 
 from __future__ import annotations
@@ -49,23 +49,25 @@ from harness.system.model import System
 from harness.system.values import base
 
 ROWS = 20_000
-"""Largest number of rows of a run by default."""
+"""Largest number of rows of a results file if the user gives no `every`."""
 TOGETHER = 4
-"""Fused runs of a task where every worker has several."""
+"""Number of runs per task with the executor `fused`, if there are that many for every worker."""
 TABLE = "comparison.csv"
 WIDTH = 120
+"""Largest width of a table printed as text [columns]."""
 Order = tuple[Variant, Path, int]
-"""Variant with its results file and macro steps per row."""
+"""Run to perform: its variant, the path of its results file, and its macro steps per row."""
 Metrics = Mapping[tuple[str, str], Mapping[str, float]]
-"""Values by (name, unit) of a metric, then by the label of a run."""
+"""Values of metrics: by (name, unit) of the metric, then by the label of the run."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run: its results file, if there are results (the partial file of a run that
-    ended early), and a line that states why it ended early ("": it did not).
+    """Outcome of a run.
 
-    pace: time of a macro step, in the quickest tenth of a second of the run [us].
+    file: its results file, a partial one if the run ended early, None if there are no results;
+    failure: one line that states why the run ended early, "" if it is complete; pace: computing
+    time of a macro step in the fastest tenth of a second of the run [us].
     """
 
     file: Path | None
@@ -75,8 +77,10 @@ class Outcome:
 
 @dataclass(frozen=True)
 class ComparisonRuns:
-    """Data that all runs of a comparison share, and their execution in one process; command: the
-    command line that started them.
+    """Data that all runs of a comparison share, and the code that performs runs in a worker.
+
+    executor: c, python or fused; patience: limit for one call into a third-party FMU [s]; command:
+    command line that started the comparison, None in a Python program.
     """
 
     system: str | Path
@@ -86,17 +90,19 @@ class ComparisonRuns:
 
     @property
     def piece(self) -> int:
-        """Return the runs that a worker is given at once."""
+        """Return the number of runs per task of a worker."""
         return TOGETHER if self.executor == FUSED else 1
 
     def blocks(self, orders: Sequence[Order], workers: int) -> Iterator[Block]:
-        """Yield the runs that are made together where every worker has several, else one by one."""
+        """Yield the runs in blocks, one block per task: of `piece` runs if there are that many for
+        every worker, otherwise of one run.
+        """
         size = self.piece if len(orders) >= self.piece * workers else 1
         for k in range(0, len(orders), size):
             yield Block(k, orders[k : k + size])
 
     def run(self, part: Sequence[Order]) -> list[Outcome]:
-        """Return the outcomes of variants."""
+        """Perform runs and write their results files; return their outcomes in the same order."""
         work_for(self.command)
         with quietly():
             reused = retained(self, lambda: ReusedSimulation(self.system, self.executor))
@@ -111,12 +117,14 @@ class ComparisonRuns:
 
     @staticmethod
     def lost(message: str) -> Outcome:
-        """Return the outcome of a run that has left only a message."""
+        """Return the outcome of a run whose process has ended: it has a message but no results."""
         return Outcome(None, message)
 
 
 def _alike(orders: Sequence[Order]) -> list[Order]:
-    """Return the first orders, which differ in values only."""
+    """Return the longest beginning of a list of orders whose changes differ in parameter values
+    only, so that their runs can be made together.
+    """
     first = kind(orders[0][0].changes)
     return list(takewhile(lambda order: kind(order[0].changes) == first, orders))
 
@@ -127,13 +135,15 @@ def _run(
     patience: float,
     result: Result | None,
 ) -> Outcome:
-    """Return the outcome of a variant, from its result or run alone."""
+    """Write the results file of a variant and return its outcome; perform the run first if
+    `result` is None.
+    """
     variant, path, every = order
     file = ResultFile(path)
     try:
         if result is None:
             result = reused.run(variant.changes, every, patience)
-        with suppress(OSError):  # the table of an earlier comparison
+        with suppress(OSError):  # remove the outdated table of an earlier comparison
             (path.parent / TABLE).unlink()
         file.write(result)
     except RunError as error:
@@ -144,7 +154,7 @@ def _run(
 
 
 def _ended(file: ResultFile, error: RunError) -> Outcome:
-    """Return the outcome of a run that ended early."""
+    """Write the rows of a run that ended early to a partial results file; return its outcome."""
     if error.partial is None:
         return Outcome(None, str(error))
     try:
@@ -156,8 +166,11 @@ def _ended(file: ResultFile, error: RunError) -> Outcome:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Outcomes and results by label, the limits they are held against, the metrics of all:
-    (name, unit) -> label -> value, and which actuator limits were in force, in a line.
+    """Completed comparison.
+
+    outcomes, results: by the label of the run, results only of runs that have some; limits: limits
+    that metrics compare with; metrics: values by (name, unit), then by label; mission: definitions
+    of the metrics; in_force: line that states which parameter set applied, "" if none did.
     """
 
     outcomes: Mapping[str, Outcome]
@@ -168,8 +181,8 @@ class Comparison:
     in_force: str = ""
 
     def text(self, names: Sequence[str] = ()) -> str:
-        """Return the table as text, with the limits in force above and the definitions of its
-        columns below; names: metrics in the table (default: all).
+        """Return the comparison as text: the line `in_force`, the table of metrics, warnings,
+        definitions of the metrics, and the requirements; names: metrics to show (default: all).
         """
         hidden = {
             (m.name, m.unit) for m in self.mission.metrics
@@ -192,8 +205,8 @@ class Comparison:
         return "\n".join(line if "\n" in line else _wrapped(line) for line in lines)
 
     def findings(self) -> list[str]:
-        """Return the table of runs and requirements, and a line for each that is not met or has no
-        verdict.
+        """Return the lines of a table of runs and requirements, then one line for each requirement
+        that a run does not meet or that has no verdict in a run.
         """
         found = {label: findings(result) for label, result in self.results.items()}
         lines: dict[str, list[str]] = {}
@@ -229,13 +242,13 @@ def compare(  # noqa: PLR0913 - options of a comparison
     progress: Callable[[int], None] | None = None,
     executor: str = "c",
 ) -> Comparison:
-    """Run all variants in parallel and compute their metrics; results go to `directory` as
-    LABEL.nc, the table to comparison.csv.
+    """Run all variants in parallel and compute their metrics; write the results of each run to
+    `directory` as LABEL.nc, and the table to comparison.csv.
 
     every: record every N-th macro step (default: such that a run has at most 20 000 rows);
     patience: limit for one call into a third-party FMU [s]; progress: called with the number of
-    completed runs; executor: as for run(). Raises what run() raises before its first
-    step, and ResultsError; a run that fails under way ends early, the others go on.
+    completed runs; executor: as for run(). Raises the errors that run() raises before its first
+    step, and ResultsError. A run that fails later ends early, and the other runs continue.
     """
     known_executor(executor)
     workers = Workers(min(len(variants), os.cpu_count() or 1))
@@ -267,8 +280,9 @@ def compare(  # noqa: PLR0913 - options of a comparison
 
 
 def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence[Variant], str]:
-    """Return the variants with the parameter set that the system has for comparisons, unless they
-    name another, and a line that states it.
+    """Return the variants with the parameter set that the system declares for comparisons, and a
+    line that states this parameter set. If a variant names a parameter set (`--params`), return the
+    variants unchanged, and a line that states the named ones.
     """
     with load(system) as found:
         sets = {s.name: s for s in found.sets}
@@ -292,7 +306,7 @@ def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence
 
 
 def _check(work: ComparisonRuns, variants: Sequence[Variant], file: ResultFile) -> list[int]:
-    """Check all variants before the first run, and return the macro steps of each."""
+    """Check all variants before the first run; return the number of macro steps of each."""
     with load(work.system) as found, logged_once():
         systems = [_applied(found, variant) for variant in variants]
         for changed in systems:
@@ -307,7 +321,9 @@ def _check(work: ComparisonRuns, variants: Sequence[Variant], file: ResultFile) 
 
 
 def _applied(system: System, variant: Variant) -> System:
-    """Return the system of a variant. An error names the option that gave the value."""
+    """Return the system with the changes of a variant. An error for a value that `--vary` gave
+    names `--vary`, not `--set`.
+    """
     try:
         return rest(apply(system, **variant.changes))
     except UsageError as error:
@@ -315,15 +331,15 @@ def _applied(system: System, variant: Variant) -> System:
 
 
 def _as_given(variant: Variant, text: str) -> str:
-    """Return a text with the option that gave each value."""
+    """Return a text with `--vary` in place of `--set` before the parameters that `--vary` gave."""
     for name in variant.varied:
         text = re.sub(rf"--set (?={re.escape(name)}(?!\w))", "--vary ", text)
     return text
 
 
 def _thinning(steps: int) -> int:
-    """Return the macro steps per row for at most ROWS rows, with the end of the run in the last row
-    if possible.
+    """Return the number of macro steps per row with which a run of `steps` macro steps has at most
+    ROWS rows; if possible one that divides `steps`, so that the last row is the end of the run.
     """
     least = math.ceil(steps / ROWS)
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)
@@ -338,8 +354,11 @@ def table(
     about: Mapping[tuple[str, str], str] = {},
     words: Mapping[tuple[str, str], Sequence[str]] = {},
 ) -> str:
-    """Return the table as text, in blocks of at most WIDTH columns, without metrics that no run
-    has; missing values are `-`; about: last line of a heading; words: names of the values 0, 1, ...
+    """Return the table of metrics as text, in blocks at most WIDTH wide, one line per run. Metrics
+    without a value in any run are left out; a missing value is `-`.
+
+    labels: of the runs, in the order of the lines; about: last line of the heading of a metric;
+    words: texts to show instead of the values 0, 1, ... of a metric.
     """
     shown = {
         key: column for key, column in metrics.items() if any(map(math.isfinite, column.values()))
@@ -358,8 +377,8 @@ def table(
 
 
 def verdicts(found: Mapping[str, Sequence[Finding]]) -> str:
-    """Return the table of runs and requirements: verdict and worst value, `-` where a run lacks the
-    requirement.
+    """Return a table as text, with a line per run and a column per requirement: verdict and worst
+    value, `-` if the run does not have the requirement. found: by the label of the run.
     """
     columns: dict[str, list[str]] = {}
     for k, each in enumerate(found.values()):
@@ -370,7 +389,9 @@ def verdicts(found: Mapping[str, Sequence[Finding]]) -> str:
 
 
 def _blocks(first: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
-    """Return a table as text, in blocks of at most WIDTH columns that begin with the first."""
+    """Return a table as text, split into blocks at most WIDTH wide, each of which begins with the
+    column `first`.
+    """
     first = [label.ljust(max(map(len, first))) for label in first]
     blocks = [[first]]
     for texts in columns:
@@ -383,13 +404,13 @@ def _blocks(first: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
 
 
 def _block(columns: Sequence[Sequence[str]]) -> str:
-    """Return columns of equally wide cells as lines."""
+    """Return the lines of a table from its columns, whose cells are padded to one width."""
     return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
 
 
 def _numbers(values: Sequence[float]) -> list[str]:
-    """Return numbers with equal decimals: four digits of the largest, or powers of ten if the
-    smallest would vanish.
+    """Return the numbers of a column as text with equally many decimals, four digits for the
+    largest number; with powers of ten if the smallest would be printed as 0; `-` if not finite.
     """
     sizes = [abs(v) for v in values if math.isfinite(v) and v]
     decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))
@@ -399,8 +420,8 @@ def _numbers(values: Sequence[float]) -> list[str]:
 
 
 def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
-    """Return the columns of a table of write_csv() by heading `name [unit]` and label of the run,
-    and the labels; raise ResultsError if it cannot be read.
+    """Return the values in a file of write_csv(), by heading `name [unit]` and then by label of the
+    run, and the list of labels; raise ResultsError if the file cannot be read.
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
@@ -415,8 +436,8 @@ def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
 
 
 def write_csv(metrics: Metrics, labels: Sequence[str], path: Path) -> None:
-    """Write all metrics with all digits, one line per run; missing values are empty. Raise
-    ResultsError if the file cannot be written.
+    """Write all metrics to a .csv file with all digits, one line per run; a missing value is an
+    empty cell. Raise ResultsError if the file cannot be written.
     """
     with written(path) as target, target.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Linear model of one FMU about an operating point, by central differences over one step of the FMU
-itself.
+"""Linear model of one FMU about an operating point, by central differences over one FMU step.
 
-    x(t+h) = A x(t) + B u(t),   y(t+h) = C x(t+h) + D u(t)       deviations from the operating
-    point, u held
+    x(t+h) = A x(t) + B u(t),   y(t+h) = C x(t+h) + D u(t)
 
-The states of an FMU are the outputs whose start value is a parameter: `x` starts at `x_0`, a
-position at the parameter that a mission names. Outputs that do not follow that parameter (the angle
-of a panel that does not exist) are not states. The FMU is restarted at the operating point with its
-states moved, so nothing but FMI is needed.
+x, u, y: deviations of states, inputs and outputs from the operating point; u is constant over a
+step. The states of an FMU are the outputs whose start value is a parameter: output `x` starts at
+parameter `x_0`, position `r_BN_N` or velocity `v_BN_N` at `r_0_N` or `v_0_N`. An output that does
+not change with its start parameter (the angle of a panel that does not exist) is not a state. For
+each difference the FMU is restarted at the operating point with one state moved, so only standard
+FMI calls are needed.
 """
 
 from __future__ import annotations
@@ -32,13 +32,17 @@ from harness.system.model import Component, Experiment, Parameter, System
 from harness.system.values import base, index
 
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
-"""Distances of the differences, relative to the length of the moved vector, but at least to 1."""
+"""Distances by which states and inputs are moved, relative to the length of the vector that the
+moved element belongs to, or to 1 if the length is smaller.
+"""
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """Matrices A (n, n), B (n, m), C (p, n), D (p, m) at time t [s] for the step h [s], with names,
-    units and operating point.
+    """Linear model with n states, m inputs and p outputs: matrices A (n, n), B (n, m), C (p, n) and
+    D (p, m) at time t [s] for the step h [s].
+
+    states, inputs, outputs: names; units, point: unit and value at the operating point, by name.
     """
 
     A: Array
@@ -54,8 +58,8 @@ class LinearModel:
     point: Mapping[str, float]
 
     def save(self, path: Path) -> None:
-        """Write an .npz: matrices, t, h, and for x, u, y the arrays NAME_names, NAME_units,
-        NAME_0.
+        """Write the model as .npz: arrays A, B, C, D, t and h, and for states x, inputs u and
+        outputs y their names (`x_names`), units (`x_units`) and operating point (`x_0`).
         """
         arrays: dict[str, Any] = {name: getattr(self, name) for name in "ABCDth"}
         for key, names in (("x", self.states), ("u", self.inputs), ("y", self.outputs)):
@@ -69,11 +73,13 @@ class LinearModel:
 def linearize(
     fmu: Path, at: float = 0.0, step: float = 0.1, values: Mapping[str, Any] | None = None
 ) -> LinearModel:
-    """Return the linear model of an FMU after running alone for `at` seconds.
+    """Return the linear model of an FMU at the state that it reaches after running alone for `at`
+    seconds.
 
-    at: operating point [s], a multiple of step; step: h [s]; values: parameters and held inputs by
-    name, as texts or numbers, vectors as lists. Raises UsageError for unknown names, rejected
-    values or a time that is not a multiple of the step, FmuError, RunError.
+    at: time of the operating point [s], a multiple of step; step: step of the model, h [s]; values:
+    parameters and constant inputs by name, as texts or numbers, vectors as lists. Raises UsageError
+    for unknown names, rejected values or a time that is not a multiple of the step, and FmuError
+    and RunError.
     """
     steps = at / step if step > 0 else math.nan
     if not 0 <= steps < 2**53 or abs(steps - round(steps)) > 1e-9 * max(1.0, steps):
@@ -87,13 +93,14 @@ def linearize(
     try:
         with Simulation(alone, set=given) as simulation:
             return _Differences(simulation, at, step).model(round(steps))
-    except UsageError as error:  # the text of the user has no component
+    except UsageError as error:  # show names without the component, as the user typed them
         raise UsageError(str(error).replace(f"--set {name}.", "--set ")) from error
 
 
 def start_parameters(interface: Interface) -> dict[str, str]:
-    """Return the elements of outputs that are states with the parameters of their start values; of
-    two outputs with the same parameter (body and centre of mass) the first.
+    """Return the names of the output elements that may be states, each with the name of its start
+    parameter. Of two outputs with the same start parameter (body and centre of mass) only the first
+    is returned.
     """
     found: dict[str, str] = {}
     for name in interface.outputs():
@@ -108,7 +115,9 @@ def start_parameters(interface: Interface) -> dict[str, str]:
 
 
 class _Differences:
-    """Columns of the matrices of the FMU in a simulation about one operating point."""
+    """Computation of a linear model about one operating point, by repeated runs of a simulation
+    that contains only the FMU.
+    """
 
     def __init__(self, simulation: Simulation, at: float, h: float) -> None:
         self.simulation, self.at, self.h = simulation, at, h
@@ -122,14 +131,14 @@ class _Differences:
         self.inputs = {n: self._begin(n) for n in self.interface.named("input")}
 
     def _begin(self, name: str) -> float:
-        """Return the value of an input as set, else its start value."""
+        """Return the value of an input that the user has set, otherwise its start value."""
         if name in self.component.parameters:
             return float(self.component.parameters[name].value)
         return self.interface.variables[name].start or 0.0
 
     def _run(self, values: Mapping[str, float], start: float, steps: int) -> Array:
-        """Return the outputs after a number of steps from `start` with these values beside the
-        settings.
+        """Return all outputs after a number of steps from the time `start` [s], with these values
+        of parameters and inputs in addition to those that the user has set.
         """
         parameters = {**self.component.parameters, **{n: Parameter(v) for n, v in values.items()}}
         stop = start + max(steps, 1) * self.h
@@ -150,14 +159,17 @@ class _Differences:
         return values | {p: x for state, p, x in everything().restarts if state in values}
 
     def _follows(self, name: str, state: Mapping[str, float]) -> bool:
-        """Return whether the start of the output changes when its start parameter is moved."""
+        """Return whether the initial value of an output changes with its start parameter."""
         moved = state[name] + RELATIVE_STATE * max(1.0, _size(name, state))
         found = self._run({**self._restart(state), self.starts[name]: moved}, self.at, 0)
         return bool(found[self.names.index(name)] != state[name])
 
     def _matrix(self, values: Mapping[str, float], relative: float, moves_state: bool) -> Array:
-        """Return the derivatives of the outputs after one step by each value, a column each:
-        differences at d and d/2, extrapolated.
+        """Return the derivatives of all outputs after one step with respect to each of `values`
+        (outputs, values), by Richardson extrapolation of the differences at distances d and d/2.
+
+        relative: d relative to the length of the vector; moves_state: whether `values` are states,
+        not inputs.
         """
         columns = np.zeros((len(self.names), len(values)))
         for k, (name, value) in enumerate(values.items()):
@@ -173,8 +185,9 @@ class _Differences:
 
     @np.errstate(over="ignore", invalid="ignore")
     def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
-        """Return the central difference; at a lower bound of the variable the one-sided difference
-        of second order.
+        """Return the derivatives of all outputs after one step with respect to one state or input:
+        by a central difference, or by a one-sided difference of second order if the variable would
+        fall below its lower limit.
         """
 
         def after(moved: float) -> Array:
@@ -189,10 +202,12 @@ class _Differences:
         return np.asarray((4 * near - far - 3 * after(value)) / (2 * distance))
 
     def _no_model(self, reason: str) -> RunError:
-        return RunError(self.component.name, self.at, f"{reason}: no linear model")
+        return RunError(self.component.name, self.at, f"there is no linear model: {reason}")
 
     def model(self, steps: int) -> LinearModel:
-        """Return all matrices after `steps` steps; y(t+h) is split into C x(t+h) + D u."""
+        """Return the linear model at the operating point that is reached after `steps` steps. The
+        derivatives of y(t+h) by x(t) and u(t) are converted to C and D of y(t+h) = C x(t+h) + D u.
+        """
         outputs = dict(zip(self.names, self._run({}, 0.0, steps).tolist(), strict=True))
         state = {name: outputs[name] for name in self.starts}
         again = dict(zip(self.names, self._run(self._restart(state), self.at, 0), strict=True))
@@ -201,7 +216,7 @@ class _Differences:
                 raise RunError(
                     self.component.name,
                     self.at,
-                    "a restart from the state of the FMU gives another state: no linear model",
+                    "there is no linear model: the FMU restarted at its state has another state",
                     name,
                 )
         self.state = {name: value for name, value in state.items() if self._follows(name, state)}
@@ -213,7 +228,7 @@ class _Differences:
             c: Array = np.asarray(np.linalg.solve(a.T, by_state.T).T) if rows else by_state
         except np.linalg.LinAlgError as error:
             raise self._no_model(
-                "the matrix A is singular: states after a step do not depend on the states before"
+                "A is singular: some states after a step do not depend on the states before it"
             ) from error
         units = {v.name: v.unit or "" for v in self.interface.variables.values()}
         names = tuple(self.state), tuple(self.inputs), tuple(self.names)
@@ -222,6 +237,8 @@ class _Differences:
 
 
 def _size(name: str, values: Mapping[str, float]) -> float:
-    """Return the length of the vector that a scalar belongs to."""
+    """Return the Euclidean length of the vector that a scalar is an element of, or the absolute
+    value of a scalar that belongs to no vector; values: of all scalars by name.
+    """
     parts = [v for n, v in values.items() if base(n) == base(name) and index(n)]
     return math.hypot(*(parts or [values[name]]))

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bound of a run: the least impulse with which its constraints can be met, as a convex problem in
-the motion relative to the target, whose path and attitude are data.
+"""Least impulse of a run: the smallest impulse with which the servicer can meet the constraints of
+the run. It is the optimum of a convex problem in the motion of the servicer relative to the target;
+path and attitude of the target are taken from the run.
 
     x_{i+1} = A_i x_i + B_i (C_NS,i F_i / m + d_i),   x = (rho, v),   A_i = exp(h [0 1; G_i 0])
     min h sum_i |F_i|_1  or  h sum_i |F_i|,   F_i in axes S, held in N over a step
 
-Constraints are cones |A rho + B v + b| <= c . rho + e at nodes of the grid. A mission states them.
+i: step of the time grid, h: its length, rho and v: relative position and velocity in N, G: gravity
+gradient, d: known acceleration, F: force of the thrusters, m: mass. Constraints are cones
+|A rho + B v + b| <= c . rho + e at nodes of the grid, which the mission states.
 """
 
 from __future__ import annotations
@@ -29,13 +32,15 @@ from harness.ssp.library import load
 from harness.system.model import System
 
 COSTS = ("sum", "norm")
-"""Costs of a step: of every axis on its own, or of the length of the force."""
+"""Costs of a force: the sum of its absolute components, or its Euclidean norm."""
 LATE = 2 / 3
-"""Share of a run from which on optimum and run are reported on their own, too."""
+"""Share of the time span after which the impulses are also reported separately."""
 
 
 def transitions(problem: Problem) -> tuple[Array, Array]:
-    """Return A (n, 6, 6) and B (n, 6, 3) of the steps, from the series of the exponential."""
+    """Return the matrices A (n, 6, 6) and B (n, 6, 3) of the n steps of a problem, from the power
+    series of the matrix exponential.
+    """
     step = np.diff(problem.time)[:, None, None]
     rate = np.zeros((len(step), 6, 6))
     rate[:, :3, 3:], rate[:, 3:, :3] = np.eye(3), problem.gradient
@@ -49,7 +54,10 @@ def transitions(problem: Problem) -> tuple[Array, Array]:
 
 
 def solve(problem: Problem, cost: str = "sum") -> Optimum:
-    """Return the optimum of a problem; raise HarnessError if there is none."""
+    """Return the solution of a convex problem; raise HarnessError if it has none.
+
+    cost: one of COSTS.
+    """
     cp = library("cvxpy", "optimum")
     n = len(problem.time) - 1
     rho, v, force = (cp.Variable((k, 3)) for k in (n + 1, n + 1, n))
@@ -70,12 +78,14 @@ def solve(problem: Problem, cost: str = "sum") -> Optimum:
     task = cp.Problem(cp.Minimize(step @ size), rules)
     task.solve(solver=cp.CLARABEL)
     if task.status != cp.OPTIMAL:
-        raise HarnessError(f"the convex problem has no optimum ({task.status})")
+        raise HarnessError(f"the convex problem has no optimum ({task.status}); try --without NAME")
     return Optimum(problem.time, rho.value, v.value, force.value, float(task.value))
 
 
 def _each(matrices: Array, rows: Any) -> Any:
-    """Return matrices (n, i, j) times rows (n, j)."""
+    """Return the products (n, i) of each of n matrices (n, i, j) with its own row (n, j), as an
+    expression of cvxpy.
+    """
     cp = library("cvxpy", "optimum")
     sparse = library("scipy.sparse", "optimum")
     n, i, j = matrices.shape
@@ -84,6 +94,7 @@ def _each(matrices: Array, rows: Any) -> Any:
 
 
 def _rule(cone: Cone, rho: Any, v: Any) -> Any:
+    """Return a cone as a constraint of cvxpy on positions rho and velocities v (nodes, 3)."""
     cp = library("cvxpy", "optimum")
     here, there = rho[cone.nodes], v[cone.nodes]
     far = cp.sum(cp.multiply(cone.slope, here), axis=1) + cone.limit
@@ -95,12 +106,16 @@ def _rule(cone: Cone, rho: Any, v: Any) -> Any:
     return cp.norm(left, 2, axis=1) <= far
 
 
-# ---- the bound of a run
+# ---- least impulse of a run
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Run, its optimum, and the optimal force in the simulation; cost: one of COSTS."""
+    """Least impulse of a run.
+
+    offered: definition by the mission; run: the run itself; optimum: solution of the convex
+    problem; verified: simulation in which the actuator gives the optimal force; cost: one of COSTS.
+    """
 
     offered: Bound
     run: Result
@@ -108,10 +123,12 @@ class Answer:
     verified: Result
     cost: str
     spent: float
-    """Cost of the run [N s]."""
+    """Impulse of the run by the same cost [N s]."""
 
     def lines(self) -> Iterator[str]:
-        """Yield the ratio, what the verification shows, and the requirements in it."""
+        """Yield the report: impulse of the run relative to the optimum, distance between simulation
+        and plan, and the verdicts on the requirements in the simulation of the optimal force.
+        """
         best = self.optimum.impulse
         ratio = f"{self.spent / best:.3g} times the optimum of {best:.4g} N s"
         yield f"{self.run.system}: {self.spent:.4g} N s, {ratio}{self._late()}"
@@ -119,7 +136,9 @@ class Answer:
         yield from (f"{f.name}: {f.statement}" for f in findings(self.verified))
 
     def _late(self) -> str:
-        """Return what optimum and run spend late, as text, where all force is counted."""
+        """Return the impulses of optimum and run in the last third of the time, as text; "" if the
+        mission counts the impulse of the run in another way than over all force.
+        """
         if self.offered.spent:
             return ""
         time = self.optimum.time
@@ -131,14 +150,19 @@ class Answer:
 
     @property
     def miss(self) -> float:
-        """Return the distance of the verification from the plan at the end [m]."""
+        """Return the distance between the simulation of the optimal force and the optimum at the
+        end [m].
+        """
         own, other = (self.verified[name][-1] for name in self.offered.positions)
         return float(np.linalg.norm(own - other - self.optimum.position[-1]))
 
 
 class PhaseOptimum(NamedTuple):
-    """Impulse of a phase in the run [N s], its optimum, the initial mass [kg], and how far position
-    [m] and velocity [m/s] are off the plan at the end of a simulation of the optimal force.
+    """Least impulse of a phase.
+
+    spent: impulse of the phase in the run [N s]; optimum: solution of its convex problem; mass: at
+    the beginning [kg]; miss: distances of position [m] and velocity [m/s] between a simulation of
+    the optimal force and the optimum at the end of the phase.
     """
 
     spent: float
@@ -148,20 +172,20 @@ class PhaseOptimum(NamedTuple):
 
 
 NOTHING = 1e-6
-"""Velocity increment that counts as none: far below what a solver resolves [m/s]."""
+"""Velocity increment below which an optimum counts as 0, far below the solver's accuracy [m/s]."""
 
 
 @dataclass(frozen=True)
 class PhaseAnswer:
-    """Run and the optima of its phases by name."""
+    """Run and the least impulses of its phases, by name of the phase."""
 
     offered: PhaseBounds
     run: Result
     phases: Mapping[str, PhaseOptimum]
 
     def lines(self) -> Iterator[str]:
-        """Yield the increments of each phase beside its optimum, with the verification, and their
-        sums.
+        """Yield a line per phase, and one for their sum: velocity increment in the run relative to
+        the optimum, and distance between the simulation of the optimal force and the optimum.
         """
         found = [
             (name, p.spent / p.mass, p.optimum.impulse / p.mass) for name, p in self.phases.items()
@@ -176,11 +200,16 @@ class PhaseAnswer:
 
 
 PASSES = 3
-"""Solutions of a phase, each with what is not convex replaced along the path of the one before."""
+"""Number of times that the problem of a phase is solved. From the second time on, constraints that
+are not convex are replaced by convex ones along the best path so far.
+"""
 
 
 def phase_optimum(phase: Phase, cost: str = "sum", without: Collection[str] = ()) -> Optimum:
-    """Return the optimum of a phase, the best of PASSES; raise HarnessError if there is none."""
+    """Return the best of PASSES solutions of a phase; raise HarnessError if it has none.
+
+    cost: one of COSTS; without: names of constraints that are left out.
+    """
     best = solve(_reduced(phase.problem, without), cost)
     for _ in range(PASSES - 1):
         if phase.along is None:
@@ -194,9 +223,9 @@ def phase_optimum(phase: Phase, cost: str = "sum", without: Collection[str] = ()
 def phase_verified(
     system: System, offered: PhaseBounds, phase: Phase, optimum: Optimum
 ) -> tuple[float, float]:
-    """Return how far position [m] and velocity [m/s] are off the plan at the end of a phase: of a
-    simulation of the plants of both bodies alone, in which the actuator gives the optimal force,
-    held in N over a step of the grid.
+    """Return the distances of position [m] and velocity [m/s] between a simulation of the optimal
+    force and the optimum at the end of a phase. The simulation contains only the plants of both
+    bodies. The force is constant in frame N during each step of the grid.
     """
     begin, end = (float(phase.problem.time[k]) for k in (0, -1))
     bodies = {name.partition(".")[0] for name in offered.positions}
@@ -219,7 +248,7 @@ def phase_verified(
 
 
 def _pushes(problem: Problem, optimum: Optimum) -> Array:
-    """Return the optimal force of every step in N (n, 3)."""
+    """Return the optimal force of every step (n, 3) [N], in axes of frame N."""
     return np.asarray(np.einsum("nij,nj->ni", problem.axes, optimum.force))
 
 
@@ -231,12 +260,12 @@ def bound(
     without: Collection[str] = (),
     **changes: Unpack[Changes],
 ) -> Answer | PhaseAnswer:
-    """Return what a run costs at least under its constraints, and the run of the optimal force; of
-    a mission with phases what each of them costs at least.
+    """Run a system and return the least impulse with which its constraints can be met: of the whole
+    run, or of each phase if the mission defines phases.
 
-    cost: `sum` of the axes, or `norm`; grid: step of the problem [s] (None: of the mission);
-    without: constraints by name that are left out. Raises UsageError, the exceptions of run(), and
-    HarnessError if there is no optimum.
+    cost: `sum` of the absolute components of the force, or `norm`; grid: step of the convex problem
+    [s] (None: as the mission defines); without: names of constraints to leave out; changes: as for
+    run(). Raises UsageError, the exceptions of run(), and HarnessError if there is no optimum.
     """
     if cost not in COSTS:
         raise UsageError(f"--cost {cost}: expected {' or '.join(COSTS)}")
@@ -258,7 +287,7 @@ def bound(
         return Answer(chosen, run, best, verified(changed, chosen, problem, best), cost, spent)
 
 
-def _of_phases(  # noqa: PLR0913, PLR0917 - what bound() has found and was given
+def _of_phases(  # noqa: PLR0913, PLR0917 - arguments and results of bound()
     system: System,
     offered: PhaseBounds,
     run: Result,
@@ -276,8 +305,10 @@ def _of_phases(  # noqa: PLR0913, PLR0917 - what bound() has found and was given
 
 
 def store(answer: Answer | PhaseAnswer) -> Path:
-    """Store the optima of a run for reports and comparisons of its case, and return the file; raise
-    UsageError if its mission cannot, ResultsError.
+    """Store the optima of a run for later reports and comparisons, and return the path of the file.
+
+    Raises UsageError if the mission cannot store optima, ResultsError if the file cannot be
+    written.
     """
     if answer.offered.store is None:
         raise UsageError(f"--store: the mission of {answer.run.system} cannot store optima")
@@ -286,18 +317,20 @@ def store(answer: Answer | PhaseAnswer) -> Path:
 
 
 def _fitting(offered: Sequence[Bound | PhaseBounds], result: Result) -> Bound | PhaseBounds:
-    """Return the first bound that fits a result; raise UsageError."""
+    """Return the first definition of a least impulse whose variables and parameters a result has;
+    raise UsageError if there is none.
+    """
     for each in offered:
         if result.holds(*each.needs, parameters=each.parameters):
             return each
-    raise UsageError(f"{result.system}: its mission offers no convex problem")
+    raise UsageError(f"{result.system}: its mission defines no convex problem for this system")
 
 
 def _check(without: Collection[str], problems: Sequence[Problem]) -> None:
-    """Raise UsageError for a name that no constraint has."""
+    """Raise UsageError if `without` contains a name that no constraint of these problems has."""
     names = dict.fromkeys(cone.name for problem in problems for cone in problem.cones)
     if unknown := {*without} - {*names}:
-        raise UsageError(f"--without {min(unknown)}: the constraints are {', '.join(names)}")
+        raise UsageError(f"--without {min(unknown)}: expected one of {', '.join(names)}")
 
 
 def _reduced(problem: Problem, without: Collection[str]) -> Problem:
@@ -314,8 +347,8 @@ def _spent(result: Result, name: str, cost: str, since: float = -np.inf) -> floa
 
 
 def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum) -> Result:
-    """Return the run in which the actuator gives the optimal force, turned into the axes of the
-    servicer, and all other components work as ever.
+    """Return the result of a simulation in which the actuator is replaced by the optimal force,
+    turned into the axes of the servicer. All other components run as in the system.
     """
     push = _pushes(problem, optimum)
     actuator = offered.force.partition(".")[0]
@@ -327,7 +360,7 @@ def verified(system: System, offered: Bound, problem: Problem, optimum: Optimum)
         places = np.searchsorted(problem.time, np.arange(simulation.steps) * h + h / 2) - 1
         before = q.copy()
         for k, i in enumerate(places):
-            middle = (1.5 * q - 0.5 * before) * inverse  # of the step, in which the body turns
+            middle = (1.5 * q - 0.5 * before) * inverse  # attitude in the middle of the step
             force[:] = turned(middle / np.linalg.norm(middle), push[i])
             before = q.copy()
             impulse += np.abs(force) * h

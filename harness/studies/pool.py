@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pool of worker processes on this machine. A worker that is killed, or crashes inside an FMU,
-loses its present task and is replaced. No other user can reach a worker.
+"""Pool of worker processes on this machine. When a worker process is killed or crashes inside an
+FMU, its present task is lost and a new process replaces it. Other users of the machine cannot
+connect to a worker.
 """
 
 from __future__ import annotations
@@ -31,40 +32,45 @@ from harness.master.child import end_with_parent
 _log = logging.getLogger("harness")
 
 RETAINED = 32 << 20
+"""Largest block that malloc of a worker takes from its heap, the maximum of glibc [bytes]."""
 ENVIRONMENT = {
     "MALLOC_ARENA_MAX": 1,
     "MALLOC_TRIM_THRESHOLD_": 8 * RETAINED,
     "MALLOC_MMAP_THRESHOLD_": RETAINED,
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1),
 }
-"""Environment of a worker. It performs one run after the other and retains their memory, so that it
-need not return pages and request them again (glibc retains at most 32 MiB, and separate heaps of
-threads of 64 MiB appear and vanish). There is one worker per processor, so linear algebra has one
-thread.
+"""Environment variables of a worker.
+
+A worker performs one run after the other. The MALLOC variables make malloc reuse the memory of a
+run for the next run instead of returning pages to the operating system and requesting them again;
+all threads share one heap. The other variables limit linear algebra to one thread, because there is
+one worker per processor.
 """
 FILES, FILES_OF_A_PROCESS = 16, 4
-"""Free file descriptors that a start needs: of the server, of a process."""
+"""File descriptors that must be free to start the fork server, and to start one worker process."""
 METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-CRASH = "its process was ended from outside, or by a crash inside an FMU"
-"""Message of a run whose process was ended."""
+"""Method of the package multiprocessing by which workers are started."""
+CRASH = "the process of this run was killed from outside, or crashed inside an FMU"
+"""Message of a run whose process has ended before the run was complete."""
 LOOK_SECONDS = 1.0
-"""Time between two checks for processes that are stopped (SIGSTOP)."""
+"""Time between two checks for processes that are stopped (SIGSTOP) [s]."""
 GRACE_SECONDS = 5.0
-"""Time that a process has to end by itself after Ctrl-C."""
+"""Time that a process has to end by itself after Ctrl-C, before it is killed [s]."""
 
 Ready = Callable[[], AbstractContextManager[object]]
-"""Function that returns the context in which a worker performs its tasks."""
+"""Function that returns the context manager inside which a worker performs its tasks."""
 
 
 class LostWorkerError(Exception):
-    """End of the process of a task."""
+    """Error of a task whose worker process has ended before the task was complete."""
 
 
 class WorkerPool(Executor):
-    """Pool of `count` worker processes, started on entry. A future raises the exception of its
-    task, or LostWorkerError if its process was ended.
+    """Pool of `count` worker processes, started on entry. The future of a task raises the exception
+    of the task, or LostWorkerError if the worker process has ended.
 
-    ready: returns the context in which every worker performs its tasks; a function of a module.
+    ready: returns the context manager inside which each worker performs its tasks. It must be a
+    function at the top level of a module, so that it can be pickled.
     """
 
     def __init__(self, count: int, ready: Ready) -> None:
@@ -77,7 +83,7 @@ class WorkerPool(Executor):
         try:
             with (
                 ExitStack() as files
-            ):  # a fork server without free descriptors ends with a traceback
+            ):  # fail here if too few file descriptors are free, before the fork server fails
                 for _ in range(FILES + FILES_OF_A_PROCESS * len(self._workers)):
                     files.callback(os.close, os.dup(2))
             with held():
@@ -105,21 +111,21 @@ class WorkerPool(Executor):
             self._free.put(worker)
 
     def _watch(self) -> None:
-        """Report every worker that is stopped (SIGSTOP), because its runs wait."""
+        """Log a warning for every worker that is stopped (SIGSTOP), until the pool ends."""
         known: set[int] = set()
         while not self._over.wait(LOOK_SECONDS):
             stopped = {worker.stopped for worker in self._workers} - {0}
             for pid in stopped - known:
-                note = "worker %d is stopped, its runs wait: `kill -CONT %d` continues it"
+                note = "worker process %d is stopped and its runs wait; continue it: kill -CONT %d"
                 _log.warning(note, pid, pid)
             known = stopped
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all processes after their tasks, or at once if `cancel_futures`; kill those that do
-        not react within GRACE_SECONDS.
+        """End all worker processes after the tasks that were submitted. With `cancel_futures`
+        terminate them at once, and kill each process that has not ended within GRACE_SECONDS.
         """
         if cancel_futures:
-            with held():  # a second Ctrl-C waits until the end of the grace period
+            with held():  # a second Ctrl-C takes effect after the grace period
                 self._threads.shutdown(wait=False, cancel_futures=True)
                 end = time.monotonic() + GRACE_SECONDS
                 for worker in self._workers:
@@ -133,7 +139,7 @@ class WorkerPool(Executor):
 
 
 class _Worker:
-    """Worker: a process that is replaced when it ends, and the pipe to it."""
+    """Worker of a pool: a process, which is replaced when it ends, and the pipe to this process."""
 
     def __init__(self, ready: Ready) -> None:
         self._ready = ready
@@ -143,7 +149,7 @@ class _Worker:
         self._starts = threading.Lock()
 
     def begin(self) -> None:
-        """Start a process; raise LostWorkerError after terminate()."""
+        """Start the process; raise LostWorkerError if terminate() has been called."""
         with self._starts, _own_start():
             if self._over:
                 raise LostWorkerError
@@ -156,7 +162,10 @@ class _Worker:
             theirs.close()
 
     def done(self, *work: Any) -> Any:
-        """Return the task's result."""
+        """Return the result of a task: work = (function, arguments, keyword arguments).
+
+        Raises the exception of the task, or LostWorkerError if the process ends.
+        """
         if self._process is None:
             self.begin()
         try:
@@ -172,21 +181,21 @@ class _Worker:
         return value
 
     def terminate(self) -> None:
-        """End the process, and start no other one."""
+        """Terminate the process, and prevent that another one is started."""
         with self._starts:
             self._over = True
             if self._process is not None:
                 self._process.terminate()
 
     def kill(self, end: float) -> None:
-        """Kill the process if it has not ended at this time of the monotonic clock."""
+        """Wait for the process until the time `end` of the monotonic clock [s], then kill it."""
         process, left = self._process, max(0.0, end - time.monotonic())
         if process is not None and not connection.wait([process.sentinel], left):
             process.kill()
 
     @property
     def stopped(self) -> int:
-        """Return the number of the process while it is stopped, as Linux reports it, else 0."""
+        """Return the process id if Linux reports the process as stopped (SIGSTOP), otherwise 0."""
         pid = getattr(self._process, "pid", None) or 0
         try:
             state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(") ")[2][0]
@@ -195,8 +204,8 @@ class _Worker:
         return pid if state == "T" else 0
 
     def end(self) -> None:
-        """End the process after its task; kill it if it is stopped and cannot end by itself. A
-        fork server that is stopped is continued, because it reports the end.
+        """Close the pipe and wait until the process has ended; kill a process that is stopped
+        (SIGSTOP). A stopped fork server is continued, because it reports the end of the process.
         """
         if self._process is not None:
             self._line.close()
@@ -214,10 +223,12 @@ class _Worker:
 
 
 def _serve(line: Any, ready: Ready, environment: Mapping[str, str]) -> None:
-    """Perform the tasks from the pipe until it is closed; the parent process handles Ctrl-C."""
+    """Perform the tasks that arrive in the pipe `line` until the parent process closes it. Ctrl-C
+    is ignored, because the parent process handles it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
-    os.environ.update(environment)  # the fork server has an older environment
+    os.environ.update(environment)  # the fork server was started with an older environment
     with ready():
         while True:
             try:
@@ -240,10 +251,12 @@ def _outcome(work: Callable[..., Any], given: Any, named: Any) -> tuple[Any, Bas
 
 
 def prepare(*modules: str) -> None:
-    """Start the fork server without waiting until it has imported these modules."""
+    """Start the fork server, which imports these modules for all workers; return at once, before
+    the imports are complete.
+    """
     if METHOD != "forkserver":
         return
-    # the folder of its socket would remain if the process were killed
+    # the default folder of the server's socket would remain if this process were killed
     process: Any = multiprocessing.current_process()
     process._config["tempdir"] = str(_private(os.getpid()).path)
     multiprocessing.get_context(METHOD).set_forkserver_preload(list(modules))
@@ -253,8 +266,8 @@ def prepare(*modules: str) -> None:
 
 @cache
 def _private(_: int) -> PrivateFolder:
-    """Return a permanent folder for the socket of the fork server of the process with
-    this number.
+    """Return the folder for the socket of the fork server, which is removed when this process ends.
+    The argument is the id of this process, so that a forked child gets a new folder.
     """
     folder = PrivateFolder()
     atexit.register(folder.close)
@@ -263,11 +276,13 @@ def _private(_: int) -> PrivateFolder:
 
 _ONE = threading.Lock()
 _served = os.getpid()
-"""Number of the process that started the known fork server."""
+"""Id of the process whose fork server this module uses."""
 
 
 def _forget_inherited() -> None:
-    """Forget the fork server of the parent process, which is not a child of this process."""
+    """Forget a fork server that was inherited from the parent process, because a process can use
+    only a fork server that it has started itself.
+    """
     global _served  # noqa: PLW0603 - there is one server
     if _served != os.getpid():
         server: Any = forkserver._forkserver
@@ -277,9 +292,12 @@ def _forget_inherited() -> None:
 
 @contextmanager
 def _own_start() -> Iterator[None]:
-    """Start processes inside the block that do not run the user's script again (their tasks are in
-    our modules and in files that they read), never receive SIGINT, which reaches this process
-    afterwards, and have ENVIRONMENT unless it is set otherwise.
+    """Prepare this process for starting worker processes inside the block.
+
+    Workers started there do not run the user's script again, because their tasks are functions of
+    this package, which import the user's files where needed. They never receive SIGINT; a SIGINT
+    that arrives meanwhile reaches this process after the block. They get the variables of
+    ENVIRONMENT that the user has not set.
     """
     with _ONE, ExitStack() as life:
         life.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Cost of an FMU on a flight processor, and comparison of its bits.
+"""Computing cost of FMUs on emulated flight processors, and bitwise comparison of their outputs
+with this machine.
 
-FMUs of one system perform its default run together, each on an emulated processor of its own. All
-published signals are compared with the run in the simulation. A completed run is stored in the
-cache, so that an interrupted long list can be continued.
+The FMUs that belong to one system run together in the default run of this system, each on its own
+emulated processor. All recorded signals are compared with a run on this machine alone. The outcome
+of every completed run is stored in the cache, so that an interrupted command continues there.
 """
 
 from __future__ import annotations
@@ -36,11 +37,15 @@ from harness.system.model import Origin, System
 from harness.system.swap import find_fmu
 
 PATIENCE = 600.0
-"""Limit for an answer [s]: an emulator on a busy machine is slow, above all while it plans."""
+"""Limit for one answer of an emulator [s]. Guidance that plans a trajectory takes longest on a busy
+machine.
+"""
 
 
 class Place(NamedTuple):
-    """Component as which an FMU is run; swapped: it replaces the FMU of the system."""
+    """Component of a system as which an FMU is run; swapped: whether this FMU replaces a different
+    one that the system has there.
+    """
 
     system: str
     component: str
@@ -57,11 +62,12 @@ def compute_costs(  # noqa: PLR0913 - every one is an option of the command line
     clock: float | None = None,
     notify: Callable[[Row], object] = lambda row: None,
 ) -> list[Row]:
-    """Return a row for every FMU, given by name or path, on every processor.
+    """Run every FMU on every processor, and return a row with its cost for each combination.
 
-    place: `SYSTEM.COMPONENT` to replace (default: found by its name); stop [s]: of the run; clock
-    [Hz]: of the processors; notify: receives every row when it is complete. Raises UsageError,
-    FmuError, RunError.
+    fmus: names or paths; processors: names; place: `SYSTEM.COMPONENT` as which the FMU runs
+    (default: a component with the name of the FMU); stop: end of the run [s] (default: of the
+    system); clock: frequency of the processors [Hz] (default: of each processor); notify: called
+    with every row when it is complete. Raises UsageError, FmuError, RunError.
     """
     if clock is not None and not 0 < clock < math.inf:
         raise UsageError(f"--clock {clock:g}: expected a frequency above 0 [Hz]")
@@ -102,9 +108,11 @@ def _rows(
 def _compared(
     system: System, components: Sequence[str], processor: Processor, here: Callable[[], Result]
 ) -> Any:
-    """Return the comparison of a run with these components on processors, or the stored one of an
-    earlier run with the same files and emulator: compared rows, the first difference, and by
-    component its sizes and costs.
+    """Run these components on emulated processors and compare the run with `here`, unless the cache
+    has the outcome for the same files and emulator.
+
+    here: function that returns the result of the run on this machine alone. Returns the number of
+    compared rows, the first difference ("": none), and (sizes, cost) by component.
     """
     place = f"{processor.name}?timeout={PATIENCE:g}"
     moved = apply(system, on=dict.fromkeys(components, place))
@@ -122,7 +130,9 @@ def _compared(
 
 
 def _costed_run(system: System, linked: Sequence[str] = ()) -> tuple[Result, dict[str, Cost]]:
-    """Return the result of a run, and the cost of the steps of these components."""
+    """Run a system; return its result, and the cost of the steps of the components `linked`, which
+    run on processors.
+    """
     with Simulation(system) as simulation:
         simulation.advance()
         costs = {i.name: cost(i.calls) for i in simulation.instances if i.name in linked}
@@ -130,7 +140,7 @@ def _costed_run(system: System, linked: Sequence[str] = ()) -> tuple[Result, dic
 
 
 def _difference(needed: Result, result: Result) -> str:
-    """Return the first difference of two tables; "" if all bits are equal."""
+    """Return variable and time at which two results first differ in a bit; "" if they are equal."""
     unlike = needed.values.view(np.uint64) != result.values.view(np.uint64)
     if not unlike.any():
         return ""
@@ -139,7 +149,9 @@ def _difference(needed: Result, result: Result) -> str:
 
 
 def _mark(system: System) -> bytes:
-    """Return a key of everything that a run depends on, without the places of files."""
+    """Return a cache key of all data that determine a run: the description of the system and the
+    contents of its FMUs, but not the folders of the files.
+    """
     files = [component.fmu.read_bytes() for component in system.components]
     parts = tuple(replace(c, fmu=Path(c.fmu.name)) for c in system.components)
     text = repr(replace(system, components=parts, declared={}, origin=Origin()))
@@ -147,7 +159,9 @@ def _mark(system: System) -> bytes:
 
 
 def digest(fmu: Path) -> str:
-    """Return the first digits of the hash of the C code of an FMU, without comments."""
+    """Return the first twelve digits of the SHA-256 of the C code of an FMU without comments and
+    repeated blanks.
+    """
     about = hashlib.sha256()
     for name, content in sorted(read_all(fmu).items()):
         if name.startswith("sources/") and name.endswith((".c", ".h")):
@@ -160,10 +174,11 @@ def digest(fmu: Path) -> str:
 
 
 def groups(fmus: Sequence[str], place: str | None) -> list[list[Place]]:
-    """Return the places for FMUs, by name or path, that one run serves: FMUs of a system run
-    together, an FMU that replaces another one runs alone.
+    """Return the places of FMUs, in groups that share one run: the FMUs of one system run together,
+    but an FMU that replaces another one runs alone.
 
-    place: `SYSTEM.COMPONENT` (default: found by the name of the FMU). Raises UsageError.
+    fmus: names or paths; place: `SYSTEM.COMPONENT` (default: a component with the name of the FMU).
+    Raises UsageError.
     """
     found: dict[object, list[Place]] = {}
     for each in _places(fmus, place):
@@ -188,9 +203,9 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
 
 
 def _homes() -> dict[str, tuple[str, str]]:
-    """Return the system and component for an FMU by its name. A component with this FMU is
-    preferred to one that it can replace, then the system with the fewest components, then the first
-    name.
+    """Return for every FMU, by its name, the system and component in which it runs by default: a
+    component that has this FMU rather than one that lists it as an alternative, in the system with
+    the fewest components, the first in the alphabet among equals.
     """
     own: dict[str, tuple[str, str]] = {}
     others: dict[str, tuple[str, str]] = {}
@@ -208,11 +223,12 @@ def _homes() -> dict[str, tuple[str, str]]:
 
 
 class Row(NamedTuple):
-    """FMU on a processor.
+    """Cost of an FMU on a processor, and the comparison with this machine.
 
-    place: its system.component; period: of its steps [s]; clock: of the processor [Hz]; rows:
-    number of compared rows; until: end of the run [s] (None: of the default run); difference: where
-    the bits first differ from this machine ("": nowhere); sources: digest of the C code.
+    place: `SYSTEM.COMPONENT` as which the FMU ran; sizes: of its program; cost: instructions and
+    memory of its steps; period: time between two steps [s]; clock: frequency of the processor [Hz];
+    rows: number of compared rows; until: end of the run [s] (None: of the default run); difference:
+    variable and time at which the bits first differ ("": nowhere); sources: digest of the C code.
     """
 
     fmu: str
@@ -229,13 +245,13 @@ class Row(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Return the share of a period that the longest step takes, at one instruction per
-        cycle.
+        """Return the share of the period that the longest step takes, if the processor executes one
+        instruction per clock cycle.
         """
         return self.cost.largest / self.clock / self.period
 
     def cells(self) -> Iterator[str]:
-        """Yield the cells of the table."""
+        """Yield the cells of this row of the table, in the order of HEAD."""
         s, c = self.sizes, self.cost
         yield from (self.fmu, self.processor, self.place)
         yield from map(_grouped, (s.code, s.constants, s.data + c.memory, c.stack))
@@ -247,7 +263,9 @@ class Row(NamedTuple):
         yield self.sources
 
     def verdict(self) -> str:
-        """Return whether the bits are equal, and for what part of the run."""
+        """Return as text whether all bits are equal, with the number of compared rows, or where
+        they first differ.
+        """
         if self.difference:
             return f"no: {self.difference}"
         span = "" if self.until is None else f" (to {self.until:g} s)"
@@ -265,5 +283,5 @@ def _grouped(number: int) -> str:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the rows as text."""
+    """Return the rows as a table of text with the headings HEAD."""
     return "\n".join(columns([HEAD, *(tuple(row.cells()) for row in rows)]))

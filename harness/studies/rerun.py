@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Repetition of a run from its result alone, and comparison of the bits."""
+"""Repetition of a run from its results file, and bitwise comparison of the new result with it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ _log = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Rerun:
-    """Run to repeat; model: the result to reproduce, None for a run of a campaign."""
+    """Run to repeat: its system, changes, executor and macro steps per row (None: default); model:
+    the earlier result to reproduce, None for a run of a campaign.
+    """
 
     system: str | Path
     changes: Changes
@@ -37,11 +39,12 @@ class Rerun:
 
 
 def again(text: str, system: str | Path | None, changes: Changes) -> Rerun:
-    """Return the run behind a result file or `OUT.zarr#N`, with these changes over its own.
+    """Return the run that a results file or `OUT.zarr#N` records, as a run to repeat.
 
-    system: present path of the .ssp, None: the path in the result. Every difference from the
-    original files is a warning. Raises UsageError (nothing to repeat, the .ssp or an FMU is
-    missing), ResultsError.
+    system: name or present path of the system (None: the recorded path); changes: options of
+    run(), applied after the recorded ones. A warning is logged for every file that differs from the
+    original one. Raises UsageError (nothing to repeat, the system or an FMU is missing) and
+    ResultsError.
     """
     if "#" in text and not is_file(text):
         from harness.studies.campaign.campaign import like  # with Dask and zarr
@@ -52,7 +55,7 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Rerun:
         return Rerun(found, joined(own, changes))
     model = read(Path(text))
     if (earlier := model.provenance) is None:
-        raise UsageError(f"--like {text}: the file does not record what was run")
+        raise UsageError(f"--like {text}: the file has no record of the run that wrote it")
     if not (found := system or earlier.source):
         raise UsageError(
             f"--like {text}: its system was made in Python; give the SYSTEM (name, or path of "
@@ -67,7 +70,9 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Rerun:
 
 
 def _changed(earlier: Provenance, system: str | Path, changes: Changes) -> Iterator[str]:
-    """Yield a line per file that differs from the recorded one."""
+    """Yield a line per file (system, swapped FMUs, parameter set) whose hash is not the recorded
+    one.
+    """
     swaps: Any = changes.get("swap", {})
     files = [(find_system(system), earlier.sha256)]
     files += [(find_fmu(swaps[s.component]), s.sha256) for s in earlier.swaps]
@@ -82,20 +87,24 @@ def _changed(earlier: Provenance, system: str | Path, changes: Changes) -> Itera
 
 
 def agreement(model: Result, result: Result, changed: bool = False) -> tuple[bool, str]:
-    """Return whether a repeated run has the bits of its model, and a line that states it.
+    """Return whether a repeated run has the same bits as the original run, and a line that states
+    the outcome.
 
-    changed: whether the user changed the run; then it is not compared with its model.
+    model: original result; changed: whether the user changed the run. If so, and the provenance of
+    the two results differs, the bits are not compared and the first value is true.
     """
     if names := differences(result.provenance, model.provenance):
         state = "not compared" if changed else "differ"
-        return changed, f"bits {state}: other {', '.join(names)}"
+        return changed, f"bits {state}: the runs differ in {', '.join(names)}"
     if wrong := next(_differing(model, result), None):
         return False, f"the bits differ{wrong}"
     return True, f"the bits agree: {len(model.time)} rows of {len(model.columns)} values"
 
 
 def _differing(model: Result, result: Result) -> Iterator[str]:
-    """Yield rows, names, parameters, times and values of a run that differ from its model."""
+    """Yield a text for every difference of a result from its model: in the number of rows, the
+    variables, the parameters, the times, and the first value that differs.
+    """
     rows = len(model.time)
     if len(result.time) != rows and (model.complete or len(result.time) < rows):
         yield f": {len(result.time)} rows instead of {rows}"
@@ -124,6 +133,6 @@ def _differing(model: Result, result: Result) -> Iterator[str]:
 
 
 def _same(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which values have equal bits; all NaN count as equal."""
+    """Return, by element, whether two arrays have equal bits; any two NaN count as equal."""
     bits = np.ascontiguousarray(a).view(np.uint64) == np.ascontiguousarray(b).view(np.uint64)
     return np.asarray(bits | (np.isnan(a) & np.isnan(b)))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reuse of a simulation by a process that runs a system again and again. Our own FMUs stay loaded;
-a run with third-party FMUs has a process of its own, which ends with the run.
+"""Reuse of a simulation by a process that runs one system many times. The FMUs of this package stay
+loaded between runs. A run with third-party FMUs takes place in a separate process, which ends with
+the run.
 """
 
 from __future__ import annotations
@@ -35,16 +36,20 @@ from harness.system.values import base
 _log = logging.getLogger("harness")
 
 LONG = 5_000_000
-"""Macro steps of many runs from which the library of lanes is compiled for them."""
+"""Number of macro steps of all runs together from which compiling the library of lanes (several
+runs at once in vector registers) is worth its time.
+"""
 ROWS_TOGETHER = 2**30
-"""Bytes of the rows that a process records at once; more than four runs must not exceed them."""
+"""Limit for the recorded rows of the runs that a process makes at once [bytes]. Up to four runs at
+once are allowed to exceed it.
+"""
 
 _retained: dict[Any, ReusedSimulation] = {}
 
 
 def retained(key: object, make: Callable[[], Any]) -> Any:
-    """Return the object that this process retains for all runs of one task, closing the one of an
-    earlier task.
+    """Return the object that this process reuses for all runs with the same key. For a new key,
+    close the object of the earlier key and create a new one by `make`.
     """
     if key not in _retained:
         close()
@@ -54,14 +59,14 @@ def retained(key: object, make: Callable[[], Any]) -> Any:
 
 @atexit.register
 def close() -> None:
-    """Close the retained simulation of this process."""
+    """Close the simulation that this process has retained for further runs, if there is one."""
     while _retained:
         _retained.popitem()[1].close()
 
 
 @contextmanager
 def retaining() -> Iterator[None]:
-    """Close the retained simulation at the end of the block."""
+    """Allow runs inside the block to retain a simulation; close it at the end of the block."""
     try:
         yield
     finally:
@@ -70,7 +75,7 @@ def retaining() -> Iterator[None]:
 
 @contextmanager
 def quietly() -> Iterator[None]:
-    """Suppress warnings inside the block; they were logged before the first run."""
+    """Suppress warnings inside the block, because they were logged once before the first run."""
     level = _log.level
     _log.setLevel(logging.ERROR)
     try:
@@ -86,8 +91,12 @@ def rejected_before(
     patience: float,
     executor: str,
 ) -> list[HarnessError]:
-    """Return the values that FMUs reject in every run of these systems; log the notes on the
-    systems if there are none. fixed, varied: as for always_rejected().
+    """Check systems before their runs: return an error for each component whose FMU rejects values
+    in every run. If there is none, log the warnings on the systems, and compile them if the
+    executor is `fused`.
+
+    ready: systems of the runs, checked; fixed: values by parameter, as typed; varied: names of the
+    parameters that vary; patience: limit for one call into a third-party FMU [s].
     """
     systems = [system for system, _ in ready]
     kinds = {(s.origin.params, *s.origin.swaps.values()): s for s in reversed(systems)}
@@ -106,8 +115,10 @@ def rejected_before(
 
 @contextmanager
 def compiling(system: str | Path, changes: Changes, steps: int) -> Iterator[None]:
-    """Compile the library of lanes of a fused system in the background for runs of so many macro
-    steps together, unless it is there, they are few, or the system has FMUs of third parties.
+    """Compile the library of lanes of a fused system in the background while the block runs. Do
+    nothing if the library exists, the system has third-party FMUs, or the runs are short.
+
+    changes: of one of the runs; steps: macro steps of all runs together, at least LONG to compile.
     """
     if steps < LONG:
         yield
@@ -124,15 +135,15 @@ def compiling(system: str | Path, changes: Changes, steps: int) -> Iterator[None
 
 
 def kind(changes: Changes) -> str:
-    """Return a text of the changes of a run that are not values."""
+    """Return a text that is equal for runs whose changes differ in parameter values only."""
     return repr({name: value for name, value in changes.items() if name != "set"})
 
 
 class ReusedSimulation:
-    """System with its simulation, which is created for the first run that needs it.
+    """System with a simulation that is created for the first run and reused for all later ones.
 
-    pace: time of a macro step in the quickest stretch of the last run [us]; alone, in_lanes: the
-    same of the last run of each kind [s].
+    pace: computing time of a macro step in the fastest part of the last run [us]; _alone and
+    _in_lanes: the same for the last run made alone and the last one made together with others [s].
     """
 
     def __init__(self, system: str | Path, executor: str = "c") -> None:
@@ -162,8 +173,8 @@ class ReusedSimulation:
     ) -> Result:
         """Return the result of one run; raise the errors of `harness.run`.
 
-        patience: limit for one call into a third-party FMU [s]; needed: variables to record
-        (None: all), see Simulation.run_system(). With the executor `fused` the result is a Reading.
+        every: macro steps per row; patience: limit for one call into a third-party FMU [s]; needed:
+        variables to record (None: all). With the executor `fused` the result is a Reading.
         """
         return with_second_try(lambda: self._run(changes, every, patience, needed), self._reopen)
 
@@ -179,8 +190,9 @@ class ReusedSimulation:
         return result
 
     def _changed(self, changes: Changes) -> System:
-        """Return the system of a run. Requirements that all runs share are checked once, unless a
-        swap removes what they need.
+        """Return the system with the changes of a run. Requirements that are the same as in the
+        last run are not checked again, unless the run swaps FMUs: a swap may remove variables that
+        they need.
         """
         given = changes.get("require", ())
         if not given or changes.get("swap"):
@@ -206,20 +218,22 @@ class ReusedSimulation:
     def together(
         self, part: Sequence[Changes], every: int, needed: Collection[str] | None
     ) -> list[Result | None]:
-        """Return the results of runs that differ in values only, in the lanes of vectors; None for
-        a run that has to be made alone, as all have with an FMU of third parties, without a library
-        or with one that is slower. A result is valid until the next call.
+        """Make several runs at once, one in each lane of vector registers, and return a result or
+        None for each. None means that the run must be made alone by run(): a value is rejected, the
+        run does not complete in its lane, an FMU is third-party, or the library of lanes is missing
+        or slower than single runs.
 
-        needed: as for run().
+        part: changes of the runs, which differ in parameter values only; every, needed: as for
+        run(). A result is valid until the next call.
         """
         results: list[Result | None] = [None] * len(part)
         if self.width < 2:
             return results
         begun: dict[int, Simulation] = {}
         for place, changes in enumerate(part):
-            with suppress(HarnessError):  # made alone, the run reports it
+            with suppress(HarnessError):  # the run is then made alone and reports the error
                 changed = rest(self._changed(changes))
-                if begun or isolated.all_ours(changed):  # they all have the same FMUs
+                if begun or isolated.all_ours(changed):  # all runs have the same FMUs
                     begun[place] = self._begun(place, changed, every, needed)
         compiled, complete = self._lanes(), list[bool]()
         if compiled is not None and begun:
@@ -233,7 +247,9 @@ class ReusedSimulation:
 
     @property
     def width(self) -> int:
-        """Return the runs that together() makes at once at present."""
+        """Return the number of runs that together() can make at once: 1 if the library of lanes is
+        missing or slower than single runs.
+        """
         compiled = None if self._in_lanes > self._alone else self._lanes()
         if compiled is None or self._simulation is None:
             return 1
@@ -241,7 +257,7 @@ class ReusedSimulation:
         return min(compiled.width, max(4, fitting))
 
     def _lanes(self) -> Lanes | None:
-        """Return the library of the present compiled system, if it is in the cache."""
+        """Return the library of lanes for the present fused system; None if the cache has none."""
         whole = None if self._simulation is None else self._simulation.fused
         if whole is not None and (self._library is None or self._library[0] is not whole):
             path = library(whole.interface.path)
@@ -251,8 +267,8 @@ class ReusedSimulation:
     def _begun(
         self, place: int, system: System, every: int, needed: Collection[str] | None
     ) -> Simulation:
-        """Return the simulation of a lane after the first macro step of a run. All simulations
-        share the compiled system.
+        """Return the simulation for the lane `place`, after the first macro step of its run. The
+        simulations of all lanes share the compiled system.
         """
         first = self._simulation
         assert first is not None
@@ -271,11 +287,12 @@ class ReusedSimulation:
 
 
 class Reading(Result):
-    """Result that notes which variables are read, for runs that record only some.
+    """Result of a run that recorded only some variables. It notes which variables are read, so that
+    a run can be repeated if one of them was not recorded.
 
-    recorded: the recorded variables; columns, units and descriptions are complete; `last` has the
-    last values of all variables; read: variables that were read, all of them if the whole table was
-    requested.
+    recorded: result with the recorded variables; last: last values of all variables; read: names of
+    the variables read so far, all names after an access to `values`. Columns, units and
+    descriptions include the variables that are not recorded.
     """
 
     recorded: Result
@@ -294,7 +311,7 @@ class Reading(Result):
 
     @property
     def missed(self) -> bool:
-        """Return whether a variable was read that is not recorded."""
+        """Return whether a variable has been read that the run did not record."""
         return not self.read.issubset(map(base, self.recorded.columns))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
@@ -305,10 +322,10 @@ class Reading(Result):
 
     @property
     def values(self) -> Any:
-        """Return the recorded columns, and note that all variables were read."""
+        """Return the rows of the recorded variables, and note that all variables were read."""
         self.read.update(map(base, self.columns))
         return self.recorded.values
 
     @values.setter
     def values(self, _: Any) -> None:
-        """Ignore the assignment; the table is the recorded one."""
+        """Ignore the assignment by the base class, because `values` returns the recorded rows."""

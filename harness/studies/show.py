@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Contents of a system before any run: its components, the variables of a component or FMU to
-connect and to set, and the plan of its mission.
+"""Contents of a system without a run: its components, the inputs, outputs and parameters of a
+component or FMU, and the plan of its mission.
 """
 
 from __future__ import annotations
@@ -28,18 +28,19 @@ from harness.system.model import Parameters, Port, System
 from harness.system.values import Grid, Index, Scalar, base, grid, index
 
 Nested: TypeAlias = "Scalar | list[Nested] | None"
-"""Value of a scalar, vector (list) or matrix (list of rows); None where there is none."""
+"""Value of a scalar, vector (list) or matrix (list of rows); None for a missing value."""
 
 GROUPS = ("input", "output", "parameter")
-"""Causalities that are shown."""
+"""Causalities of the variables that are shown, in this order."""
 
 
 class Signal(NamedTuple):
     """Variable of an FMU: a scalar, or a vector or matrix with all its elements.
 
-    shape: () for a scalar; default: its start value; value: its value in the system, None if it is
-    in no system, is connected, or is an output; low, high: limits that the FMU declares; wires:
-    outputs connected to an input, or inputs connected to an output, as `component.variable`.
+    shape: () for a scalar; default: start value in the FMU; value: value in the system (None: the
+    FMU is in no system, or the variable is connected or an output); low, high: limits that the FMU
+    declares (None: none); text: description; wires: connected outputs of an input, or connected
+    inputs of an output, as `component.variable`.
     """
 
     name: str
@@ -56,8 +57,9 @@ class Signal(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A component of a system; step: its communication step [s]; sample_period: of its software
-    [s], None if it has none.
+    """Component of a system; step: communication step [s], None if the user must give it;
+    sample_period: sample period of its flight software [s], None if the FMU has none; text:
+    description of the FMU.
     """
 
     name: str
@@ -68,8 +70,8 @@ class Part(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A parameter or open input, as `component.name`, with two values; None where a component lacks
-    it.
+    """Parameter or open input, named `component.name`, whose value differs between two systems;
+    before, after: its values, None where the component does not have it.
     """
 
     name: str
@@ -81,19 +83,20 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True)
 class Shown:
-    """Title in one line, and the parts (of a system), signals (of an FMU) or differences."""
+    """Contents to show: a title of one line, and rows, which are the components of a system, the
+    signals of an FMU, or the differences between two systems.
+    """
 
     title: str
     rows: tuple[Part, ...] | tuple[Signal, ...] | tuple[Difference, ...]
 
 
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
-    """Return the components of a system, or the signals of an FMU, alone or as a component of a
-    system.
+    """Return the components of a system, or the signals of one component or of an FMU.
 
-    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: only rows with this
-    word in name or description; changes: as for run(), to see their effect. Raises UsageError, and
-    the errors of load() and apply().
+    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: return only rows with
+    this word in name or description; changes: applied to the system first, as for run(). Raises
+    UsageError, and the errors of load() and apply().
     """
     if (place := of_component(name)) is None:
         found = _of_fmu(name, changes)
@@ -107,13 +110,13 @@ def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) 
 def differences(
     name: str | Path, word: str | None = None, *, before: Changes, after: Changes
 ) -> Shown:
-    """Return the values that differ between two changes of a system or of one of its components.
+    """Return the values that differ between two variants of a system, or of one of its components.
 
-    name: `SYSTEM` or `SYSTEM.component`; word: as for show(); before, after: changes as for run(),
-    none for the values of the system. Raises the errors of show().
+    name: `SYSTEM` or `SYSTEM.component`; word: as for show(); before, after: changes that define
+    the two variants, as for run() (empty: the system itself). Raises the errors of show().
     """
     if (place := of_component(name)) is None:
-        raise UsageError(f"{name or '(nothing)'}: is no system and no SYSTEM.component")
+        raise UsageError(f"{name or '(nothing)'}: expected SYSTEM or SYSTEM.component")
     path, component = place
     with load(path) as system:
         first, second = (rest(apply(system, **changes)) for changes in (before, after))
@@ -203,8 +206,10 @@ def _title(name: str, description: str | None) -> str:
 def _signals(
     interface: Interface, given: Parameters, ends: Mapping[str, Sequence[Port]]
 ) -> Iterator[Signal]:
-    """Yield variables with their elements combined; ends: connected ports by variable. A vector or
-    matrix with missing elements is listed as scalars.
+    """Yield the variables of an FMU, the elements of a vector or matrix combined into one signal. A
+    vector or matrix with missing elements is yielded as scalars.
+
+    given: values of the component in its system; ends: connected ports by variable.
     """
     for causality in GROUPS:
         groups: dict[str, list[str]] = {}
@@ -218,7 +223,7 @@ def _signals(
                 yield from (_signal(e, [e], None, interface, given, ends) for e in elements)
 
 
-def _signal(  # noqa: PLR0913, PLR0917 - data of a signal
+def _signal(  # noqa: PLR0913, PLR0917 - all data that a signal contains
     name: str,
     elements: Sequence[str],
     whole: Grid | None,
@@ -239,7 +244,9 @@ def _signal(  # noqa: PLR0913, PLR0917 - data of a signal
 
 
 def _value(name: str, given: Parameters, interface: Interface) -> Scalar | None:
-    """Return the given value of a variable, or else its start value."""
+    """Return the value of a variable in its system, otherwise its start value in the FMU; None if
+    the FMU has no such variable or start value.
+    """
     variable = interface.variables.get(name)
     if variable is None:
         return None
@@ -247,7 +254,10 @@ def _value(name: str, given: Parameters, interface: Interface) -> Scalar | None:
 
 
 def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
-    """Return values by element as a scalar, list or list of lists; None if there are none."""
+    """Return the values of the elements as a scalar, list or list of rows; None if there are none.
+
+    whole: shape of the vector or matrix (None: a scalar); values: by the name of the element.
+    """
     if whole is None or all(value is None for value in values.values()):
         return next(iter(values.values()))
     table = np.empty(whole.shape, dtype=object)
@@ -261,9 +271,9 @@ def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
-    """Return the plan of a system by its mission; changes: as for run().
+    """Return the plan that the mission of a system computes for it, e.g. its impulses and times.
 
-    Raises UsageError if its mission has no plan, or the errors of run().
+    changes: as for run(). Raises UsageError if the mission has no plan, and the errors of run().
     """
     with load(system) as found:
         own = mission(found.mission) if found.mission else everything()

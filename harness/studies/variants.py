@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Variants of a comparison: every combination of the options with several values, which are factors
-as in a campaign.
+"""Variants of a comparison: all combinations of the values of options that have several. Such an
+option is a factor with listed values, as in a campaign.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ MAX_RUNS = 10_000
 
 @dataclass(frozen=True)
 class Variant:
-    """Run of a comparison: a unique label, and its changes to the system."""
+    """One run of a comparison: a unique label, and the changes of the system."""
 
     label: str
     changes: Changes
     file: str = ""
-    """Label as a unique stem of a file name."""
+    """Stem of the name of the results file: the label, made unique and valid for file systems."""
     varied: frozenset[str] = frozenset()
-    """Parameters that --vary sets, not --set."""
+    """Parameters whose values the user gave by --vary, not by --set."""
 
 
 def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Variant]:
-    """Return all combinations, the last option changing fastest.
+    """Return a variant for every combination of the values of all options; the last option changes
+    fastest. Labels contain only options with several values.
 
-    fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its
-    values separated by commas, for the last three after `component=` or `component.parameter=`; a
-    parameter may also be given as a range first:last:step. Only options with several values appear
-    in the labels. Raises UsageError if there is nothing to compare.
+    fixed: changes common to all variants; varied: pairs of option and text, e.g. ("params", "A,B"),
+    ("swap", "component=FMU1,FMU2"), ("latency", "component=0,1"), ("set", "component.name=1,2") or
+    ("set", "component.name=first:last:step"). Raises UsageError if there is nothing to compare.
     """
     factors = [_factor(option, text) for option, text in varied]
     for name, times in Counter(f.name for f in factors).items():
@@ -63,7 +63,9 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
 
 
 def _factor(option: str, text: str) -> Factor:
-    """Return an option with its values as a factor."""
+    """Return an option and the text of its values as a factor; raise UsageError if a value is
+    missing or given twice.
+    """
     shown = f"--{'vary' if option == 'set' else option}"
     named = option in ("swap", "latency", "set")
     name, given = next(pairs(shown, [text])) if named else ("", text)
@@ -80,20 +82,20 @@ def _factor(option: str, text: str) -> Factor:
 
 
 def _given(factor: str) -> str:
-    """Return the option that gives a factor."""
+    """Return the option by which the user gives a factor, such as `--vary component.parameter`."""
     option, name = option_of(factor)
     return f"--{'vary' if option == 'set' else option} {name}".rstrip()
 
 
 def _range(text: str, place: str) -> Sequence[str]:
-    """Return the numbers of `first:last:step`, both ends included; any other text is a single
-    value.
+    """Return the numbers of a range `first:last:step`, both ends included, as texts; return any
+    other text as the only value. place: option and text for the message of an error.
     """
     parts = text.split(":")
     if len(parts) != 3 and (len(parts) == 1 or not all(map(is_number, parts))):
         return [text]
-    needed = "a range first:last:step that ends at last after whole steps"
-    wrong = UsageError(f"{place}: expected {needed}, not more than the limit of {MAX_RUNS} values")
+    needed = "a range first:last:step, a whole number of steps from first to last"
+    wrong = UsageError(f"{place}: expected {needed}, at most {MAX_RUNS} values")
     try:
         first, last, step = map(float, parts)
         count = round((last - first) / step)
@@ -105,8 +107,10 @@ def _range(text: str, place: str) -> Sequence[str]:
 
 
 def _labels(factor: Factor, several: Sequence[Factor]) -> dict[str, str]:
-    """Return the labels of a factor's values: FMUs and files by their stems unless these are equal,
-    with the component if FMUs of several components are compared.
+    """Return the labels of a factor's values, by value. An FMU file is labelled by its stem unless
+    two stems are equal, preceded by its component if FMUs of several components are compared.
+
+    several: all factors with more than one value.
     """
     option, name = option_of(factor.name)
     if option == "set":
@@ -124,8 +128,8 @@ def _labels(factor: Factor, several: Sequence[Factor]) -> dict[str, str]:
 
 
 def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
-    """Return every variant with the names of ports that its FMUs have; raise UsageError for a name
-    that no FMU has.
+    """Return every variant with only those entries of --map whose ports its swapped FMUs have;
+    raise UsageError for an entry that applies to no variant.
     """
     names = dict(pairs("--map", variants[0].changes.get("map", ())))
     if not names:
@@ -142,8 +146,8 @@ def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
 
 
 def with_files(variants: Sequence[Variant]) -> list[Variant]:
-    """Return every variant with a unique file, also on file systems that do not
-    distinguish cases.
+    """Return every variant with the stem of its results file, which is unique also on file systems
+    that do not distinguish upper and lower case.
     """
     taken: set[str] = set()
     found = []

@@ -99,7 +99,11 @@ def test_a_second_list_reads_no_file_but_to_compare_its_bytes(command, folder, f
 
 
 def test_check_finds_nothing_wrong_with_a_good_system_and_a_good_fmu(command):
-    assert command("check", "demo") == (0, ["demo: fine (3 components, 1 connections, 2 sets)"], [])
+    assert command("check", "demo") == (
+        0,
+        ["demo: fine (3 components, 1 connections, 2 parameter sets)"],
+        [],
+    )
     assert command("check", "gain") == (
         0,
         ["gain.fmu: fine (1 inputs, 1 outputs, 1 parameters)"],

@@ -196,9 +196,12 @@ def test_other_times_parameters_and_schedules_are_other_bits(changed):
         ),
         (
             {"provenance": replace(changed.provenance, schedule=schedule)},
-            "bits differ: other schedule",
+            "bits differ: the runs differ in schedule",
         ),
-        ({"provenance": replace(changed.provenance, step=0.2)}, "bits differ: other step"),
+        (
+            {"provenance": replace(changed.provenance, step=0.2)},
+            "bits differ: the runs differ in step",
+        ),
     ):
         assert agreement(replace(changed, **forged), changed) == (False, line)
     assert agreement(changed, changed)[0]
@@ -226,7 +229,7 @@ def test_a_run_that_is_changed_on_the_way_is_not_held_against_its_model(changed,
     assert main(["run", "--like", str(path), "--set", "servicer.k=1", "-o", str(other)]) == 2
     mass = ["--set", "servicer.mass_0=130"]
     assert main(["run", "--like", str(path), *mass, "-o", str(other)]) == 0
-    assert "bits not compared: other set" in capsys.readouterr().out
+    assert "bits not compared: the runs differ in set" in capsys.readouterr().out
     found = read(other)
     assert found.parameter("servicer.mass_0") == 130
     assert found.parameter("servicer.J_S")[2, 2] == 151
@@ -257,7 +260,7 @@ def test_a_system_or_fmu_that_was_changed_or_is_gone_is_named(tmp_path, caplog):
 def test_without_a_word_on_its_origin_nothing_is_repeated(changed, tmp_path):
     path = tmp_path / "out.nc"
     ResultFile(path).write(replace(changed, provenance=None))
-    with pytest.raises(UsageError, match="the file does not record what was run"):
+    with pytest.raises(UsageError, match="the file has no record of the run"):
         again(str(path), None, {})
     ResultFile(path).write(replace(changed, provenance=replace(changed.provenance, source="")))
     with pytest.raises(UsageError, match="its system was made in Python"):

@@ -571,7 +571,9 @@ DECIDED = {
 @pytest.mark.parametrize("text", DECIDED)
 def test_check_warns_of_a_requirement_that_the_start_values_decide(text):
     verdict = check("sync_approach", require=[text, "guidance.range >= 3 m"])
-    assert verdict.warnings == (f"{DECIDED[text]}; the start values decide it, for any run",)
+    assert verdict.warnings == (
+        f"{DECIDED[text]}; every run has this verdict: the start values decide it",
+    )
 
 
 def test_check_finds_the_start_values_of_a_system_of_several_rates():

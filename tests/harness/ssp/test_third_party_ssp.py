@@ -445,7 +445,8 @@ def test_without_an_experiment_step_and_stop_are_requested_in_one_line(
     assert main(["run", path, "--step", "1", "--stop", "2", "-o", "x.csv"]) == 0
     assert main(["check", path]) == 0
     assert capsys.readouterr().out.endswith(
-        "third_party: fine (2 components, 1 connections, 1 sets), give --step and --stop\n"
+        "third_party: fine (2 components, 1 connections, 1 parameter sets), "
+        "give --step and --stop\n"
     )
     assert main(["list", path]) == 0
     assert "components  count (counter), gain (gain)" in capsys.readouterr().out

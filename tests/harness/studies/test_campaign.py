@@ -497,7 +497,7 @@ def test_a_run_that_ends_every_worker_is_a_failed_run(system, tmp_path):
     assert found.array("status").tolist() == [1, 1, 1, 2]
     assert found.array("mine")[:3].tolist() == [2.0, 4.0, 6.0]
     assert found.array("message")[3] == (
-        "its process was ended from outside, or by a crash inside an FMU"
+        "the process of this run was killed from outside, or crashed inside an FMU"
     )
 
 

@@ -266,7 +266,7 @@ class Ended(ComparisonRuns):
 def test_a_run_whose_process_is_ended_is_reported_in_one_line(system, tmp_path, monkeypatch):
     monkeypatch.setattr("harness.studies.compare.ComparisonRuns", Ended)
     found = simulated(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
-    why = "its process was ended from outside, or by a crash inside an FMU"
+    why = "the process of this run was killed from outside, or crashed inside an FMU"
     assert found.failures == [f"jacobi: {why}", f"gauss-seidel: {why}"]
 
 

@@ -333,9 +333,9 @@ def test_speed_in_the_hill_frame_is_limited_in_the_attempt_only():
 
 
 def test_names_of_constraints_are_checked(capsys):
-    with pytest.raises(UsageError, match=r"--without x: the constraints are corridor, distance"):
+    with pytest.raises(UsageError, match=r"--without x: expected one of corridor, distance"):
         bound("sync_approach", stop=2.0, grid=1.0, without=("x",))
-    with pytest.raises(UsageError, match="offers no convex problem"):
+    with pytest.raises(UsageError, match="defines no convex problem"):
         bound("space_robot", stop=1.0)
     assert main(["bound", "sync_approach", "--stop", "2", "--cost", "cube"]) == 2
     assert "expected sum or norm" in capsys.readouterr().err

@@ -178,7 +178,7 @@ def test_a_process_that_is_stopped_is_reported_once_and_continues(stopped, tmp_p
     _, pid, job = stopped(busy=True)
     until(lambda: caplog.messages, "note")
     assert caplog.messages == [
-        f"worker {pid} is stopped, its runs wait: `kill -CONT {pid}` continues it"
+        f"worker process {pid} is stopped and its runs wait; continue it: kill -CONT {pid}"
     ]
     os.kill(pid, signal.SIGCONT)
     (tmp_path / "go").touch()

@@ -215,4 +215,4 @@ def test_wrong_use_of_differences_is_one_line(folder, capsys, options):
 
 def test_an_fmu_has_no_differences(folder, capsys):
     assert main(["show", "source", "--changed"]) == 2
-    assert "is no system and no SYSTEM.component" in capsys.readouterr().err
+    assert "expected SYSTEM or SYSTEM.component" in capsys.readouterr().err
