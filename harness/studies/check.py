@@ -149,9 +149,8 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
     if experiment.step is not None and experiment.stop is not None:
         periods = [max(1, c.every) for c in system.components]
         yield from _complaints(partial(macro_steps, experiment, periods))
-    there = tuple(
-        c for c in system.components if c.fmu.is_file()
-    )  # examined() reports absent files
+    # examined() has reported components whose file is missing
+    there = tuple(c for c in system.components if c.fmu.is_file())
     interfaces, unreadable = readable_interfaces(replace(system, components=there))
     yield from unreadable
     for component in system.components:

@@ -168,9 +168,10 @@ def _ended(file: ResultFile, error: RunError) -> Outcome:
 class Comparison:
     """Completed comparison.
 
-    outcomes, results: by the label of the run, results only of runs that have some; limits: limits
-    that metrics compare with; metrics: values by (name, unit), then by label; mission: definitions
-    of the metrics; in_force: line that states which parameter set applied, "" if none did.
+    outcomes, results: by the label of the run, results only of runs that have some; limits: bands
+    of position and attitude errors for metrics of settling; metrics: values by (name, unit), then
+    by label; mission: definitions of the metrics; in_force: line that states which parameter set
+    applied, "" if none did.
     """
 
     outcomes: Mapping[str, Outcome]

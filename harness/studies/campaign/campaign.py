@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Campaign from its table to its dataset: plan, store, blocks, bands."""
+"""Execution of a campaign from its table to its dataset: it checks the table, performs the runs in
+blocks, stores them, computes percentile bands and evaluates the conditions on the campaign.
+"""
 
 from __future__ import annotations
 
@@ -35,14 +37,16 @@ from harness.studies.reuse import compiling
 _log = logging.getLogger("harness")
 
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 8, 200, 2_000_000
-"""Smallest number of blocks of a campaign; largest numbers of runs and of macro steps of a block:
-some seconds of work, which a kill or Ctrl-C loses.
+"""Smallest number of blocks of a campaign; largest numbers of runs and of macro steps in a block. A
+block takes some seconds, which are lost if the campaign is interrupted.
 """
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Number of completed runs, of all runs, and of completed runs that have failed."""
+    """Progress of a campaign: number of completed runs, of all planned runs, and of failed runs
+    among the completed ones.
+    """
 
     done: int
     runs: int
@@ -51,19 +55,21 @@ class Progress:
 
 @dataclass(frozen=True)
 class Campaign:
-    """Dataset of a campaign, complete or partial."""
+    """Campaign that has run, completely or in part, with its dataset."""
 
     path: Path
     store: Store
 
     def summary(self) -> str:
-        """Return success, metrics, rank correlations, failures and the worst runs as text."""
+        """Return a summary as text: share of successful runs, statistics of the metrics, rank
+        correlations with the factors, failed runs and worst runs.
+        """
         return text(self.store, str(self.path))
 
     @property
     def data(self) -> Any:
-        """Return the dataset as an xarray.Dataset: runs with labelled factors, metrics and
-        margins.
+        """Return the dataset as an xarray.Dataset with the dimension `run`, which contains
+        factors, metrics and margins with units and descriptions.
         """
         import xarray
 
@@ -81,18 +87,19 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     notify: Callable[[str], None] = lambda _: None,
     **where: Any,
 ) -> Campaign:
-    """Run a campaign into a Zarr dataset.
+    """Perform the runs of a campaign and store them in a Zarr dataset.
 
     definition: path of a campaign TOML, or its table; output: OUT.zarr; resume: continue an
     interrupted campaign; require: conditions such as `lower(success) >= 99 %`; strict: the values
-    in `[expected]` must hold, or, without that table, every run must succeed; progress:
-    called after every block; notify: called with each note; where: workers (processes, default: one
-    per processor, 0: this process), and clusters as `harness campaign` takes them.
+    in `[expected]` must hold, or, without that table, every run must succeed; progress: called
+    after every block; notify: called with each note for the user; where: fields of Workers, such as
+    workers=4 (default: one process per processor, 0: this process).
 
     Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
-    Raises UsageError, StructureError with all that is wrong before the first run, ResultsError, and
-    RequirementError if a condition is not met or the success of a run could not be evaluated
-    (`partial` is the campaign, which is complete). A run that fails is a row of the dataset.
+    Raises before the first run UsageError, or StructureError with all problems of the table. Raises
+    ResultsError if the dataset cannot be written, and after the last run RequirementError if a
+    condition is not met or the success of a run could not be evaluated; its attribute `partial` is
+    the completed Campaign. A run that fails raises nothing: it is a row of the dataset.
     """
     who = Workers(**where)
     who.check()
@@ -117,8 +124,8 @@ def _begun(
     pool: AbstractContextManager[RunBlocks],
     life: ExitStack,
 ) -> tuple[Store, CompletedBlocks]:
-    """Return the dataset, locked until the end of `life`, and the iterator of its
-    missing blocks.
+    """Create or reopen the dataset, locked until the end of `life`, and start the missing runs;
+    return the dataset and the iterator of completed blocks.
     """
     plan, task = read
     laid = list(fields(plan, task))
@@ -132,13 +139,13 @@ def _begun(
     run_blocks = life.enter_context(pool)
     block = task.block(min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // task.steps))
     completed = run_blocks(task, _blocks(plan, block, range(0, plan.runs, block)))
-    store = Store.create(path, plan, block, laid)  # while the first runs are in progress
+    store = Store.create(path, plan, block, laid)  # meanwhile the first runs are made
     life.enter_context(store.alone())
     return store, completed
 
 
 def _reject_conditions(task: Task, require: Sequence[str]) -> None:
-    """Raise UsageError for conditions that this campaign cannot evaluate."""
+    """Raise UsageError with all conditions that this campaign cannot evaluate."""
     success = [SUCCESS] if SUCCESS in task.metrics else []
     units = {n: metrics.unit(text, task.kinds) for n, text in task.table.metrics.items()}
     if wrong := list(gate.wrong(require, [*task.requirements, *success], units)):
@@ -146,9 +153,12 @@ def _reject_conditions(task: Task, require: Sequence[str]) -> None:
 
 
 def _evaluated(found: Campaign, require: Sequence[str], strict: bool) -> Campaign:
+    """Return a completed campaign; raise RequirementError if a condition is not met, a success
+    could not be evaluated, or files have changed during the campaign.
+    """
     problems = [*filter(None, [unjudged(found.store)])]
     if names := differing(found.store.plan().sources):
-        problems.append(f"changed while the campaign ran: {some(names)}; its runs may differ")
+        problems.append(f"{some(names)}: changed while the campaign ran, so runs may differ")
     problems += gate.failures(found.store, require, strict)
     if problems:
         error = RequirementError("\n".join(problems))
@@ -163,7 +173,9 @@ def _write(
     completed: CompletedBlocks,
     progress: Callable[[Progress], None] | None,
 ) -> None:
-    """Write the completed runs block by block."""
+    """Write blocks into the dataset as they are completed, and call `progress` after each. End
+    early if the stopping rule `until` is decided.
+    """
     status, rule = store.array("status"), plan.table.until
     missed = np.where(status == PENDING, PENDING, _missed(store) if rule else 1)
     done, failed = int((status != 0).sum()), int((status == FAILED).sum())
@@ -183,18 +195,21 @@ def _write(
 
 
 def _missed(store: Store) -> NDArray[np.int8]:
-    """Return 1 for every run that has succeeded, else 2."""
+    """Return by run: 1 if it has succeeded, otherwise 2."""
     succeeded = store.array(SUCCESS) == 1 if SUCCESS in store.names("metric") else False
     return np.where(succeeded, 1, 2)
 
 
 def _decided(rule: Until, missed: NDArray[np.int8]) -> int | None:
-    """Return the number of runs, counted without gaps, after which a campaign is decided."""
+    """Return the number of first runs after which the stopping rule is decided, None if it is not.
+    Only runs before the first pending one count; missed: by run PENDING, 1 (success) or 2.
+    """
     gap = np.flatnonzero(missed == PENDING)
     return rule.decided((missed[: gap[0] if len(gap) else None] == 2).tolist())
 
 
 def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
+    """Yield blocks of `size` runs that begin at these runs, with the changes of each run."""
     for first in firsts:
         runs = range(first, min(first + size, plan.runs))
         yield Block(first, [plan.changes(plan.values(run)) for run in runs])
@@ -204,10 +219,11 @@ def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
 
 
 def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Changes]:
-    """Return system and changes of one run of a dataset, `OUT.zarr#1234`, for run(); system:
-    present path of the .ssp, None: the path in the dataset.
+    """Return the system and the changes with which run() repeats one run of a dataset.
 
-    Raises UsageError (no such run, or the dataset is of another system) or ResultsError.
+    text: dataset and number of the run, `OUT.zarr#1234`; system: name or present path of the system
+    (None: the path in the dataset). Raises UsageError (no such run, or the dataset belongs to
+    another system) or ResultsError.
     """
     name, mark, number = text.rpartition("#")
     if not mark or not number.isdigit():
@@ -226,6 +242,6 @@ def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Chang
         _log.warning(text, name, number, store.path.name)
     if system is not None and plan.system.read_bytes() != find_system(system).read_bytes():
         raise UsageError(
-            f"--like {text}: is a run of {name_of(plan.system)}, not of {Path(system).stem}"
+            f"--like {text}: this run is of {name_of(plan.system)}, not of {Path(system).stem}"
         )
     return system or plan.system, plan.changes(store.values(int(number)))

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Workers of a campaign: processes of this machine, or of Dask, by the address of a scheduler or as
-jobs of SLURM.
+"""Workers of a campaign: processes on this machine, workers of a Dask scheduler at an address, or
+Dask workers started as SLURM jobs.
 
-Any client of a Dask scheduler can run code as its user. All its connections are therefore under TLS
-with certificates on both sides, made for one campaign or named by the user, and no page is served.
+Any client of a Dask scheduler can run code as the user who started it. Therefore all connections
+use TLS with certificates on both sides, which are made for one campaign or named by the user, and
+the web pages of Dask are not served.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from harness.errors import UsageError
 from harness.files.output import PrivateFolder
 
 SETTINGS = {
-    # Dask samples itself, by default fifty times a second, which takes a tenth of a processor
+    # by default Dask profiles itself fifty times a second, which takes a tenth of a processor
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
@@ -31,18 +32,20 @@ SETTINGS = {
 }
 """Settings of Dask for the scheduler in this process."""
 MEMORY_GB = 2
-"""Memory of a SLURM job per core, unless jobqueue.yaml sets it."""
+"""Memory of a SLURM job per core [GB], unless jobqueue.yaml sets it."""
 OPEN = "without TLS anybody on the network can run code as this user"
+"""Reason in messages on schedulers without TLS."""
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Location of a campaign: a number of workers (0: this process alone; None: one per processor),
-    or a scheduler by its address, or SLURM.
+    """Options that determine where a campaign runs.
 
-    tls_ca, tls_cert, tls_key: PEM files for the latter two: certificate of the authority, own
-    certificate, its key (None: with the certificate); insecure: the scheduler may be without TLS;
-    lanes: whether a worker makes several fused runs at once.
+    workers: number of processes on this machine (0: only the main process, None: one per
+    processor), or number of SLURM jobs; scheduler: address of a Dask scheduler; slurm: start
+    workers as SLURM jobs; tls_ca, tls_cert, tls_key: PEM files for scheduler and slurm:
+    certificate of the authority, own certificate, its key (None: in the file of the certificate);
+    insecure: accept a scheduler without TLS; lanes: let a worker make several fused runs at once.
     """
 
     workers: int | None = None
@@ -56,17 +59,19 @@ class Workers:
 
     @property
     def elsewhere(self) -> bool:
-        """Return whether the workers are not processes started on this machine."""
+        """Return whether the runs are made by Dask workers (scheduler or SLURM), not by processes
+        that the campaign starts on this machine.
+        """
         return self.scheduler is not None or self.slurm
 
     @property
     def processes(self) -> int:
-        """Return the number of processes on this machine."""
+        """Return the number of workers: as given, otherwise one per processor of this machine."""
         return self.workers or os.cpu_count() or 1
 
     def check(self) -> None:
-        """Raise UsageError for contradictory options, or for a scheduler that is open to
-        everybody.
+        """Raise UsageError for options that contradict each other, or for a scheduler without TLS
+        unless `insecure` accepts it.
         """
         if self.scheduler is not None and self.slurm:
             raise UsageError("--scheduler and --slurm are mutually exclusive")
@@ -90,8 +95,8 @@ class Workers:
             )
 
     def credentials(self) -> Any:
-        """Return the credentials from files, else from the configuration of Dask, None if there are
-        none; raise UsageError if they cannot be used.
+        """Return the TLS credentials of the given files, otherwise those in the configuration of
+        Dask, None if there are none. Raise UsageError if they cannot be used.
         """
         from distributed.security import Security
 
@@ -119,15 +124,17 @@ class Workers:
 
 @contextmanager
 def connected(workers: Workers, notify: Callable[[str], None]) -> Iterator[Any]:
-    """Yield a client of dask.distributed with its cluster; notify: receives notes for the user."""
+    """Yield a client of dask.distributed that is connected to the scheduler, or to a new cluster of
+    SLURM jobs, which ends with the block. notify: called with each note for the user.
+    """
     from dask import config
     from distributed import Client
 
-    for name in list(logging.root.manager.loggerDict):  # its messages do not concern our user
+    for name in list(logging.root.manager.loggerDict):  # hide the messages of Dask
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as life:
-        # others can write into Dask's default folder, from which workers import
+        # workers import files from this folder; other users can write into the default one of Dask
         private = str(life.enter_context(PrivateFolder()))
         life.enter_context(config.set({**SETTINGS, "temporary-directory": private}))
         security, target = workers.credentials(), workers.scheduler
@@ -148,9 +155,12 @@ def connected(workers: Workers, notify: Callable[[str], None]) -> Iterator[Any]:
 
 
 def _jobs(workers: Workers, security: Any, life: ExitStack) -> Any:
-    """Return a cluster of jobs from jobqueue.yaml, by default of one core. Every core gets a
-    separate process, because a process performs one run at a time. Without credentials from the
-    user new ones are made in a folder that only this user may enter, beside the logs of the jobs.
+    """Return a Dask cluster of SLURM jobs, configured by the user's jobqueue.yaml; a job has one
+    core by default. Every core gets a separate process, because a process performs one run at a
+    time.
+
+    security: TLS credentials of the user (None: new ones are made in a folder of the working
+    directory that only this user may enter); life: ends the cluster and removes the folder.
     """
     from dask import config
 
@@ -159,7 +169,7 @@ def _jobs(workers: Workers, security: Any, life: ExitStack) -> Any:
     try:
         from dask_jobqueue.slurm import SLURMCluster
     except ImportError as error:
-        raise UsageError('--slurm: needs pip install "servicing-fmus[slurm]"') from error
+        raise UsageError('--slurm: run pip install "servicing-fmus[slurm]" first') from error
     from harness.studies.campaign import nodes
 
     def setting(name: str, otherwise: Any) -> Any:
@@ -187,8 +197,8 @@ def _jobs(workers: Workers, security: Any, life: ExitStack) -> Any:
 
 
 def _made(folder: Path) -> Any:
-    """Return new credentials for one campaign, in files of a folder that only this user
-    may enter.
+    """Return new TLS credentials for one campaign, written as PEM files into a folder that only
+    this user may enter.
     """
     from distributed.security import Security
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Check of the table of a campaign, which returns its plan or reports all problems before
-any run.
+"""Check of the table of a campaign before any run. It returns the plan of the campaign, or reports
+all problems of the table at once.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from harness.system.values import base, plain
 
 
 def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table of a campaign, from its .toml or as given; raise UsageError,
-    StructureError.
+    """Return the table of a campaign as plain data, given as its .toml or as a table. Raise
+    UsageError or StructureError if the file cannot be read.
     """
     given = definition if isinstance(definition, Mapping) else read_toml(Path(definition))
     return {name: plain(value) for name, value in given.items()}
@@ -45,10 +45,10 @@ def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
 def read_plan(
     definition: str | Path | Mapping[str, Any], path: Path | None = None
 ) -> tuple[Plan, Task]:
-    """Return the plan of a table, or of its .toml, and the data that all its runs share; path: the
-    file that contains the table.
+    """Check a campaign; return its plan, and the data that all its runs share.
 
-    Raises UsageError (no such file or system) or StructureError with all problems.
+    definition: path of the .toml, or the table; path: file that contains the table, for a given
+    table. Raises UsageError (no such file or system), or StructureError with all problems.
     """
     if not isinstance(definition, Mapping):
         path = Path(definition)
@@ -64,7 +64,9 @@ def read_plan(
 
 
 def _sound(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries with their declared types, also inside nested tables."""
+    """Return only those entries of a table, and of the tables inside it, that have the declared
+    types, so that the remaining checks can continue after a wrong entry.
+    """
 
     def fits(name: str, given: Any) -> bool:
         return not any(problems({"system": "", name: given}, Table))
@@ -80,14 +82,16 @@ def _sound(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Draft:
-    """Plan that is being checked, with the problems found so far (one line each)."""
+    """Plan that is being checked, with the list of the problems found so far, one line each."""
 
     def __init__(self, plan: Plan, problems: list[str]) -> None:
         self.plan, self.table, self.problems = plan, plan.table, problems
 
     @contextmanager
     def _about(self, name: str) -> Iterator[None]:
-        """Attribute errors inside the block to an entry."""
+        """Add errors raised inside the block to the problems, each after the name of an entry of
+        the table.
+        """
         try:
             yield
         except HarnessError as error:
@@ -100,7 +104,9 @@ class _Draft:
         self.problems += [line for line in lines if line not in self.problems]
 
     def task(self) -> Task | None:
-        """Return the data that all runs share; None if this check finds a problem of the file."""
+        """Check the whole table against its system, and add all problems found to `problems`;
+        return the data that all runs share, None if the entries have problems by themselves.
+        """
         table, system, declared = self.table, self.plan.system, len(self.problems)
         self.problems += wrong_names(table)
         take_mission(system)
@@ -122,7 +128,7 @@ class _Draft:
             return None if len(self.problems) > declared else self._task(loaded, found)
 
     def _consistent(self) -> None:
-        """Check entries that depend on each other."""
+        """Check that entries which refer to each other agree, such as `worst` and the metrics."""
         table = self.table
         named = {f"expected.{name}": name for name in table.expected if name != SUCCESS}
         if isinstance(table.worst, str) and table.worst:
@@ -140,8 +146,8 @@ class _Draft:
         listed = any(f.list or f.range for f in table.factors.values())
         if table.until and (listed or "runs" in self.plan.definition):
             self.problems.append(
-                "until: cannot be combined with `runs`, `list` or `range`, because it sets the "
-                "number of draws"
+                "until: cannot be combined with `runs`, `list` or `range`, because it determines "
+                "the number of runs"
             )
         if self.plan.definition.get("record") and "step" in table.factors:
             self.problems.append(
@@ -151,6 +157,7 @@ class _Draft:
     # ---- against the system
 
     def _fits(self, system: System, factors: Sequence[Factor]) -> None:
+        """Check that the system accepts fixed changes, requirements, factors and seeds."""
         fixed: Any = dict(self.plan.definition.get("fixed", {}))
         start = self._applied("fixed", system, fixed)
         further = dict(self.table.requirements)
@@ -170,12 +177,15 @@ class _Draft:
             self._applied(f"seeds.{name}", start, changes_of({name: 1}))
 
     def _applied(self, name: str, system: System, changes: Changes) -> System | None:
+        """Return the system with changes, None if they cause a problem of the entry `name`."""
         with self._about(name):
             return apply(system, **changes)
         return None
 
     def _task(self, system: System, found: Mapping[str, BaseMetric]) -> Task | None:
-        """Check every structure, and the metrics and histories against the first one."""
+        """Return the data that all runs share. Before that, check the system in every structure
+        (combination of swaps and other options), and metrics and histories in the first structure.
+        """
         structures: dict[int, tuple[System, Checked]] = {}
         for run in self.plan.structures():
             with self._about(f"run {run}"):
@@ -207,7 +217,7 @@ class _Draft:
         return Task(*common, kinds, first.requirements, begin, step, steps, read)
 
     def _names(self, kinds: Result) -> None:
-        """Check that the variables which metrics and histories name exist."""
+        """Check that the system has all variables that metrics and recorded histories name."""
         named = [(_place(n), v) for n, t in self.table.texts.items() for v in metrics.variables(t)]
         named += [("record.histories", name) for name in self.table.record.histories]
         named += [("record.bands", name) for name in self.table.record.bands]
@@ -219,12 +229,13 @@ class _Draft:
     def _measurable(
         self, structures: Sequence[tuple[System, Checked]], found: Mapping[str, BaseMetric]
     ) -> frozenset[str] | None:
-        """Report metrics that no run can have, and a success that some run cannot have; return the
-        variables that metrics, requirements and histories read, None if only runs can show it.
+        """Add problems for metrics that have a value in no structure, and for a success that has
+        none in some structure. Return the names of the variables that metrics, requirements and
+        histories read, None if a user's function may read any variable.
         """
         sizes = {
             (s.graph.slots, s.steps): (system, s) for system, s in structures
-        }  # equal sizes give equal results
+        }  # structures with equal variables and steps have the same metrics
         results = [_blank(*each, self.table.every) for each in sizes.values()]
         texts = self.table.texts
         for name, text in texts.items():
@@ -238,12 +249,12 @@ class _Draft:
 
 
 def _place(metric: str) -> str:
-    """Return the place of a metric in the table."""
+    """Return the name of the entry that defines a metric: `success` or `metrics.NAME`."""
     return metric if metric == SUCCESS else f"metrics.{metric}"
 
 
 def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
-    """Return whether a value is a text, and its shape, (-1,) if it has none."""
+    """Return whether a listed value is a text, and its shape, (-1,) for rows of unequal length."""
     try:
         return isinstance(choice, str), np.shape(choice)
     except ValueError:
@@ -251,7 +262,9 @@ def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
 
 
 def _blank(system: System, found: Checked, every: int) -> Reading:
-    """Return a result with as many rows as a run, all values 1, for a first check of metrics."""
+    """Return a result with the rows and variables of a run and all values 1, on which metrics can
+    be tried before any run.
+    """
     steps = recorded(found.steps, every)
     begin, step = system.experiment.start, system.experiment.step or 0.0
     time = begin + step * np.asarray(steps, dtype=np.float64)
@@ -264,8 +277,9 @@ def _blank(system: System, found: Checked, every: int) -> Reading:
 
 
 def _table(slots: Sequence[Slot], parameters: Result, values: Any = None) -> Result:
-    """Return a result with names, units and texts of the slots, before the first run; values: its
-    rows, None: one row without meaning.
+    """Return a result with the names, units and descriptions of the slots, before the first run.
+
+    slots: variables of a system; values: (rows, slots), None: one row without meaning.
     """
     names, units, texts, modes = columns(slots)
     values = np.empty((1, len(slots))) if values is None else values

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Execution of many runs: in this process, or distributed over workers.
 
-An engine receives blocks and yields their rows in any order. Runs of a worker that was killed are
-repeated one by one, and a run that kills its worker again is lost.
+A function of this module receives blocks of runs and yields the rows of each block when it is
+complete, in any order. If a worker process ends, the runs of its task are repeated one by one. A
+run whose worker ends again gets a row without results.
 """
 
 from __future__ import annotations
@@ -21,39 +22,43 @@ from harness.studies.pool import CRASH, LostWorkerError, WorkerPool, prepare
 from harness.studies.reuse import retaining
 
 AHEAD = 3
-"""Blocks per worker that are in progress or wait."""
+"""Number of blocks per worker that are in progress or wait in the queue."""
 
 
 class Work(Protocol):
-    """Data that all runs share and workers receive, and the function that performs runs."""
+    """Data that all runs share, which is sent to workers, with the function that performs runs."""
 
     @property
     def piece(self) -> int:
-        """Return the runs that a worker is given at once."""
+        """Return the number of runs per task of a worker."""
 
     def run(self, part: Sequence[Any]) -> list[Any]:
-        """Return the rows of runs, one after the other in one process."""
+        """Perform runs one after the other in this process; return their rows in the same order."""
 
     def lost(self, message: str) -> Any:
-        """Return the row of a run that has left only a message."""
+        """Return the row of a run whose worker process has ended: a message without results."""
 
 
 class Block(NamedTuple):
-    """Runs that are stored together."""
+    """Consecutive runs that are stored together: index of the first run, and the order of each run
+    (its changes, or other data that the Work needs).
+    """
 
     first: int
     orders: Sequence[Any]
 
 
 CompletedBlocks = Iterator[tuple[int, list[Any]]]
-"""First run and rows of every completed block."""
+"""Iterator over completed blocks: index of the first run, and the rows of all runs of the block."""
 RunBlocks = Callable[[Any, Iterable[Block]], CompletedBlocks]
-"""Function that runs all blocks of a Work; it can be called repeatedly."""
+"""Function that takes a Work and its blocks, and performs all runs; it can be called repeatedly."""
 
 
 class Executing(NamedTuple):
-    """Executor with its present number of workers, the smallest number, and the exception that a
-    lost worker raises.
+    """Executor of tasks on workers.
+
+    there: function that returns the present number of workers; least: their smallest number; ended:
+    exception of a task whose worker process has ended.
     """
 
     executor: Executor
@@ -63,7 +68,9 @@ class Executing(NamedTuple):
 
 
 def prestart(workers: Workers, module: str) -> None:
-    """Pre-start the fork server of local workers; module: imported by the workers."""
+    """Start the fork server early if the workers are processes on this machine; module: name of the
+    module that the workers need, which the server imports.
+    """
     if workers.workers != 0 and not workers.elsewhere:
         prepare(module)
 
@@ -72,10 +79,11 @@ def prestart(workers: Workers, module: str) -> None:
 def worker_pool(
     workers: Workers, notify: Callable[[str], None] = lambda _: None
 ) -> Iterator[RunBlocks]:
-    """Yield a function that runs blocks. Processes of this machine may still be starting.
+    """Yield a function that performs blocks of runs on the workers. Worker processes may still be
+    starting when the block is entered.
 
-    notify: receives notes for the user. Raises UsageError (a scheduler that does not answer, no
-    SLURM).
+    notify: called with each note for the user. Raises UsageError if the scheduler does not answer
+    or SLURM is not available.
     """
     least = workers.processes
     if workers.elsewhere:
@@ -99,15 +107,16 @@ def _here(work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
 
 
 def _spread(pool: Executing, work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
-    """Start the first blocks at once, and return the iterator of completed blocks."""
+    """Submit the first blocks at once, before the returned iterator of completed blocks is used."""
     spread = _Spread(pool, work, blocks)
     spread.fill()
     return spread.completed()
 
 
 class _Spread:
-    """Blocks in progress: a few per worker ahead, so that memory does not grow. The last blocks are
-    run in pieces, so that all workers end together.
+    """Blocks in progress on the workers. Only AHEAD blocks per worker are submitted at a time, so
+    that memory does not grow. The last blocks are split into pieces, so that all workers finish at
+    nearly the same time.
     """
 
     def __init__(self, pool: Executing, work: Work, blocks: Iterable[Block]) -> None:
@@ -115,11 +124,13 @@ class _Spread:
         self.left = last_in_pieces(blocks, pool.least, work.piece)
         self.jobs: dict[Future[list[Any]], tuple[Block, int, Sequence[Any]]] = {}
         self.begun: dict[int, dict[int, list[Any]]] = {}
-        """Rows of blocks in progress by first run of the block and place of the piece."""
+        """Rows of the blocks in progress, by the first run of the block and then by the index of
+        the piece in the block.
+        """
         self.over: SimpleQueue[Future[list[Any]]] = SimpleQueue()
 
     def fill(self) -> None:
-        """Submit blocks until AHEAD per worker are in progress or waiting."""
+        """Submit blocks until AHEAD blocks per worker are in progress or wait in the queue."""
         count = AHEAD * self.pool.there() - len(self.begun)
         for block, piece in islice(self.left, max(0, count)):
             self.begun[block.first] = {}
@@ -133,7 +144,7 @@ class _Spread:
         return self.pool.executor.submit(self.work.run, part)
 
     def completed(self) -> CompletedBlocks:
-        """Yield completed blocks, and submit others in their place."""
+        """Yield blocks as they are completed, and submit the next ones in their place."""
         while self.jobs:
             job = self.over.get()
             block, place, part = self.jobs.pop(job)
@@ -145,8 +156,8 @@ class _Spread:
                 yield block.first, [row for place in sorted(rows) for row in rows[place]]
 
     def _rows(self, job: Future[list[Any]], part: Sequence[Any]) -> list[Any]:
-        """Return the rows of a part of a block. If its worker was killed, its runs are repeated one
-        by one.
+        """Return the rows of a completed part of a block. If the worker process has ended before
+        the part was complete, repeat its runs one by one.
         """
         try:
             return job.result()
@@ -161,8 +172,8 @@ class _Spread:
 
 
 def last_in_pieces(blocks: Iterable[Block], count: int, piece: int) -> Iterator[tuple[Block, int]]:
-    """Yield blocks with the runs per task: a whole block, except for the last `count` blocks, which
-    are split into pieces.
+    """Yield every block with the number of its runs per task: all of its runs, but `piece` runs for
+    the last `count` blocks.
     """
     left = iter(blocks)
     last = deque(islice(left, count))

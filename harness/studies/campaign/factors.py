@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Factors: the differences between the runs of a campaign, and their values from numbers between 0
-and 1.
+"""Factors: the parameters and options in which the runs of a campaign differ, and their values for
+numbers between 0 and 1.
 
-Every draw is the inverse of a distribution function, so random, Latin hypercube and Sobol numbers
-serve all factors alike.
+A random factor applies the inverse of its distribution function to these numbers, so random, Latin
+hypercube and Sobol numbers can be used for all factors.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from harness.results.result import Array
 from harness.system.tables import Number
 
 SMALLEST = 2.0**-53
-"""Smallest distance of numbers from 0 and 1, where a normal draw is infinite."""
+"""Smallest distance of the numbers from 0 and 1, at which a normal draw would be infinite."""
 LEAST_PROBABILITY = 1e-300
-"""Smallest probability that `within` may have."""
+"""Smallest probability of the interval `within` of a normal distribution."""
 MAX_VALUES = 1_000_000
 """Largest number of listed values of one factor."""
 
@@ -37,7 +37,9 @@ NONE: Any = None
 
 
 class Draw(NamedTuple):
-    """Function that turns `numbers` numbers between 0 and 1 into one value."""
+    """Draw of a random factor: `value` takes an array of as many numbers between 0 and 1 as
+    `numbers` states, and returns one value of the factor.
+    """
 
     numbers: int
     value: Callable[[Array], Any]
@@ -45,10 +47,11 @@ class Draw(NamedTuple):
 
 @dataclass(frozen=True)
 class Factor:
-    """Parameter or option that varies: listed values, or a draw.
+    """Parameter or option that varies between runs, with either listed values (`choices`) or a
+    random `draw`.
 
-    name: `component.parameter`, or a change: `swap.C`, `latency.C`, `params`, `algorithm`, `step`,
-    `stop`.
+    name: `component.parameter`, or an option of run(): `swap.COMPONENT`, `latency.COMPONENT`,
+    `params`, `algorithm`, `step`, `stop`.
     """
 
     name: str
@@ -57,7 +60,7 @@ class Factor:
 
 
 class Range(Struct, frozen=True):
-    """Equally spaced values."""
+    """Equally spaced values: `count` numbers from `first` to `last`, both included."""
 
     first: Number
     last: Number
@@ -67,8 +70,8 @@ class Range(Struct, frozen=True):
 
 
 class Normal(Struct, frozen=True):
-    """Normal distribution: independent elements of deviation sigma, which `within` can limit, or
-    a vector with a covariance.
+    """Normal distribution: independent elements with standard deviation sigma, or a vector with a
+    covariance; within: limits [low, high] of independent elements.
     """
 
     mean: Numbers
@@ -95,9 +98,11 @@ class Normal(Struct, frozen=True):
         return Draw(m.size, value)
 
     def _probabilities(self, m: Array, s: Array) -> tuple[Any, Any, Any]:
-        """Return a side, 1 or -1, the distribution function at the lower end of `within`, and its
-        increase to the upper end. An interval above the mean is mirrored (side -1): the function is
-        exact in the lower tail only.
+        """Return by element: the sign 1 or -1, the distribution function at the lower end of
+        `within`, and its increase up to the upper end. m: means; s: standard deviations.
+
+        An interval above the mean is mirrored at the mean (sign -1), because numbers near 1 cannot
+        represent the distribution function of the upper tail precisely.
         """
         if self.within is None:
             return 1.0, 0.0, 1.0
@@ -110,7 +115,7 @@ class Normal(Struct, frozen=True):
         return side, low, width
 
     def _correlated(self) -> Draw:
-        """Return the draw x = mean + L z, L L^T = covariance."""
+        """Return the draw x = mean + L z with L L^T = covariance and a standard normal z."""
         _demand(self.within is None, "`within` only with sigma, not with a covariance")
         m = np.asarray(self.mean, dtype=np.float64)
         _demand(m.ndim == 1, f"a vector as mean, not {self.mean}")
@@ -126,7 +131,7 @@ class Normal(Struct, frozen=True):
 
 
 class LogNormal(Struct, frozen=True):
-    """Log-normal: x = median exp(sigma z)."""
+    """Log-normal distribution: x = median exp(sigma z), with a standard normal number z."""
 
     median: Numbers
     sigma: Numbers
@@ -144,7 +149,7 @@ class LogNormal(Struct, frozen=True):
 
 
 class Uniform(Struct, frozen=True):
-    """Uniform between both."""
+    """Uniform distribution between low and high."""
 
     low: Numbers
     high: Numbers
@@ -157,7 +162,9 @@ class Uniform(Struct, frozen=True):
 
 
 class Rotation(Struct, frozen=True):
-    """Rotation vector phi = sigma z [rad]; with an attitude q the quaternion q * exp(phi / 2)."""
+    """Random rotation: the rotation vector phi = sigma z [rad] with a standard normal vector z (3,)
+    or, if an attitude q is given, the quaternion q * exp(phi / 2), scalar first.
+    """
 
     sigma: Numbers
     attitude: Vector = NONE
@@ -175,11 +182,11 @@ class Rotation(Struct, frozen=True):
 
 
 class Inertia(Struct, frozen=True):
-    """Inertia of a body: second moments P_i = tr(J)/2 - J_i times exp(spread z), axes turned by a
-    rotation vector of deviation `axes` [rad].
+    """Random inertia matrix of a body with the nominal principal moments J_i (`principal`).
 
-    Every drawn inertia is positive definite and satisfies the triangle inequality, because all P_i
-    are positive.
+    The second moments P_i = tr(J)/2 - J_i are multiplied by exp(spread z). The principal axes are
+    turned by a random rotation vector with standard deviation `axes` [rad]. Every drawn inertia is
+    positive definite and satisfies the triangle inequality, because all P_i are positive.
     """
 
     principal: Vector
@@ -208,7 +215,7 @@ class Inertia(Struct, frozen=True):
 
 
 class Varied(Struct, frozen=True):
-    """Factor in the file of a campaign: exactly one of these entries."""
+    """Table of a factor in the file of a campaign. It must contain exactly one of these entries."""
 
     list: Values = NONE
     range: Range | None = None
@@ -220,12 +227,12 @@ class Varied(Struct, frozen=True):
 
 
 CHOICES = ("list", "range")
-"""Kinds of factors that are listed, not drawn."""
+"""Entries of a factor that list its values, unlike the random distributions."""
 
 
 def factor(name: str, table: Varied | Mapping[str, Any]) -> Factor:
-    """Return a factor from its table, e.g. {normal = {mean = 1.0, sigma = 0.1}}; raise ValueError
-    with its problem.
+    """Return the factor that a table defines, e.g. {normal = {mean = 1.0, sigma = 0.1}}; raise
+    ValueError with the problem of a wrong table.
     """
     entries = asdict(convert(table, Varied))
     given = {kind: each for kind, each in entries.items() if each is not None}
@@ -243,13 +250,15 @@ def factor(name: str, table: Varied | Mapping[str, Any]) -> Factor:
 
 
 def _demand(holds: Any, words: str) -> None:
-    """Raise ValueError unless a rule holds for all elements."""
+    """Raise ValueError("expected " + words) unless `holds` is true for all elements."""
     if not np.all(holds):
         raise ValueError(f"expected {words}")
 
 
 def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
-    """Return two numbers or vectors as vectors of equal length."""
+    """Return two numbers or vectors as vectors of equal length; a number is repeated. Raise
+    ValueError if two vectors differ in length.
+    """
     x, y = np.atleast_1d(np.asarray(a, np.float64)), np.atleast_1d(np.asarray(b, np.float64))
     _demand(len({x.size, y.size} - {1}) <= 1, f"vectors of one length, not {a} and {b}")
     size = max(x.size, y.size)
@@ -257,7 +266,7 @@ def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
 
 
 def _shaped(values: Array, *given: Any) -> Any:
-    """Return a number if numbers were given, else a list."""
+    """Return `values` as a list if one of the given entries is a list, otherwise as a number."""
     return values.tolist() if any(np.ndim(g) for g in given) else float(values[0])
 
 
@@ -270,41 +279,43 @@ def normal_quantile(p: Array) -> Array:
 
 _quantiles = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])
 _normal_below = np.vectorize(lambda z: math.erfc(-z / math.sqrt(2)) / 2, otypes=[np.float64])
-"""Distribution function; erfc() is exact in the lower tail too."""
+"""Standard normal distribution function, by erfc(), which is precise in the lower tail too."""
 
 
 def _exponential(phi: Array) -> Array:
-    """Return the quaternion of a rotation vector, scalar first."""
+    """Return the unit quaternion, scalar first, of a rotation vector [rad]."""
     angle = float(np.linalg.norm(phi))
     return np.array([math.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * math.pi)) * phi)])
 
 
 def _product(a: Array, b: Array) -> Array:
-    """Return the product of quaternions, scalar first."""
+    """Return the product of two quaternions, scalar first."""
     vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
     return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
 
 
 def _matrix(q: Array) -> Array:
-    """Return the rotation matrix of a quaternion, scalar first."""
+    """Return the rotation matrix (3, 3) of a unit quaternion, scalar first."""
     x = np.array([[0, -q[3], q[2]], [q[3], 0, -q[1]], [-q[2], q[1], 0]])
     return np.asarray(np.eye(3) + 2 * q[0] * x + 2 * x @ x)
 
 
 def _symmetric(j: Array) -> list[list[float]]:
-    """Return the matrix with bit-identical elements on both sides of the diagonal."""
+    """Return a nearly symmetric matrix (3, 3) as rows, with the bits of its upper triangle in both
+    triangles.
+    """
     return [[float(j[min(a, b), max(a, b)]) for b in range(3)] for a in range(3)]
 
 
 # ---- numbers for all draws of a campaign, and the seeds of its runs
 
 LARGEST_SEED = 2**31
-"""Upper limit of seeds: every FMU stores smaller ones exactly."""
+"""Upper limit of seeds. Every FMU can represent the smaller ones exactly."""
 
 
 def _random(n: int, d: int, seed: int) -> Array:
-    """Return random numbers. Row k depends on seed and k alone: a longer campaign begins with the
-    runs of a shorter one.
+    """Return independent random numbers (n, d). Row k depends on seed and k only, so that a longer
+    campaign begins with the runs of a shorter one.
     """
     rows = (np.random.default_rng([seed, k]).random(d) for k in range(n))
     return np.array(list(rows)).reshape(n, d)
@@ -327,15 +338,18 @@ SAMPLERS: dict[str, Callable[[int, int, int], Array]] = {
     "latin-hypercube": _latin_hypercube,
     "sobol": _sobol,
 }
+"""Functions (n, d, seed) that return numbers between 0 and 1 (n, d), by name of the sampler."""
 
 
 def numbers(sampler: str, n: int, d: int, seed: int) -> Array:
-    """Return numbers between 0 and 1, (n, d), never 0 or 1."""
+    """Return the numbers of a sampler for n draws of d numbers each (n, d), above 0 and below 1."""
     if d == 0:
         return np.empty((n, 0))
     return np.clip(SAMPLERS[sampler](n, d, seed), SMALLEST, 1 - SMALLEST)
 
 
 def run_seed(seed: int, k: int, place: int) -> int:
-    """Return the seed of draw k for the parameter in this place of the list."""
+    """Return the seed in draw k for the parameter with index `place` in the list `seeds`; seed: of
+    the campaign.
+    """
     return int(np.random.default_rng([seed, k, place + 1]).integers(LARGEST_SEED))

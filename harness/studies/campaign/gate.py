@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Conditions on a campaign: `[expected]` of its file, and conditions of the user on shares and
-metrics, `lower(success) >= 99 %`. Both determine the exit status by harness.results.verdict.
+"""Conditions on a whole campaign, which determine the exit status of the command: the table
+`[expected]` of its file, and conditions that the user gives by --require, such as
+`lower(success) >= 99 %`.
 
-A condition is a requirement over a table with a row per complete run instead of a row per instant.
-A metric alone must fulfil it in each run, `percentile(miss, 95) <= 10 cm` evaluates all runs.
-`success` is the share of successful runs, `met(NAME)` the share of runs that met a requirement,
-`lower(NAME)` the lower bound of the 95 % interval of either.
+A condition is evaluated like a requirement on a time series, but with a row per complete run
+instead of a row per instant. `miss <= 1 m` must hold for the metric `miss` in each run, and
+`percentile(miss, 95) <= 10 cm` is one value of all runs. `success` is the share of successful runs,
+`met(NAME)` the share of runs that met the requirement NAME, and `lower(NAME)` the lower bound of
+the 95 % interval of such a share.
 """
 
 from __future__ import annotations
@@ -33,14 +35,17 @@ from harness.studies.campaign.worker import COMPLETE
 TOKEN = re.compile(
     rf"{QUANTITY.pattern}|\b(?P<bound>met|lower)\(\s*(?P<share>\w+)\s*\)|(?<![\w.])(?P<name>[^\W\d]\w*)(?![\w(.])"
 )
-"""A quantity, a share of the runs, or the name of a metric."""
+"""Regular expression for parts of a condition: a number with its unit, a share `met(NAME)` or
+`lower(NAME)`, or a name, which may be a metric.
+"""
 MET, LOWER, METRIC = "parameter met", "parameter lower", "metric"
-"""First parts of the variables of an expression that are shares and metrics."""
+"""Prefixes of the variables in a translated condition: shares, lower bounds of shares, metrics."""
 
 
 def wrong(texts: Sequence[str], shares: Collection[str], units: Mapping[str, str]) -> Iterator[str]:
-    """Yield a line per condition that a campaign cannot evaluate; shares: success and names of
-    requirements; units: units of the metrics by name.
+    """Yield one line per condition that the campaign cannot evaluate.
+
+    shares: names of requirements, and `success` if it is defined; units: of the metrics by name.
     """
     for text in texts:
         try:
@@ -50,8 +55,10 @@ def wrong(texts: Sequence[str], shares: Collection[str], units: Mapping[str, str
 
 
 def failures(store: Store, required: Sequence[str], strict: bool) -> list[str]:
-    """Return the lines that give the exit status 1; strict: also what the campaign expects, or, if
-    it expects nothing, that every run succeeds.
+    """Return one line per condition that is not met and therefore gives the exit status 1.
+
+    required: conditions of the user; strict: include the entries of `[expected]`, or, if there are
+    none, the condition that every run succeeds.
     """
     shares = summary.requirements(store)
     if (found := summary.success(store)) is not None:
@@ -63,8 +70,8 @@ def failures(store: Store, required: Sequence[str], strict: bool) -> list[str]:
 
 
 def _every_run(store: Store, found: Share | None) -> Outcome:
-    """Return the verdict on the success of all runs, or, where nothing defines success, on their
-    completion.
+    """Return the verdict on the condition that every run succeeds, or, if the campaign does not
+    define success (found is None), that every run completes.
     """
     what, found = (SUCCESS, found) if found else ("completion", summary.completion(store))
     open_ = Verdict.NOT_EXERCISED if found.unjudged else Verdict.MET
@@ -72,7 +79,9 @@ def _every_run(store: Store, found: Share | None) -> Outcome:
 
 
 def _table(store: Store, shares: Mapping[str, Share]) -> Result:
-    """Return the metrics of all complete runs, by number, with the shares as parameters."""
+    """Return the metrics of all complete runs as a Result, so that conditions can be evaluated like
+    requirements: a row per run, with the number of the run as its time, and shares as parameters.
+    """
     found = summary.metric_columns(store)
     runs = np.flatnonzero((status := store.array("status")) == COMPLETE)
     units = tuple(str(store.group[name].attrs.get("units", "")) for name in found)
@@ -86,7 +95,7 @@ def _table(store: Store, shares: Mapping[str, Share]) -> Result:
 
 
 def _demanded(text: str, table: Result, shares: Mapping[str, Share]) -> Outcome:
-    """Return the verdict on a condition of the user."""
+    """Return the verdict on a condition of the user; table: see _table(); shares: by name."""
     units = {n.partition(".")[2]: u for n, u in zip(table.columns, table.units, strict=True)}
     expression = _expression(text, shares, units)
     parts = [name.partition(".") for name in condition(expression).variables]
@@ -103,7 +112,9 @@ def _demanded(text: str, table: Result, shares: Mapping[str, Share]) -> Outcome:
 
 
 def _detail(found: Finding) -> str:
-    """Return the worst value with its run, or why there is none."""
+    """Return the worst value of a condition with the number of its run, or the reason why there is
+    none, as text.
+    """
     if found.value is None or found.verdict is Verdict.NOT_EXERCISED:
         return (
             found.reason
@@ -117,14 +128,16 @@ def _detail(found: Finding) -> str:
 
 
 def _outcome(text: str, verdict: Verdict, *details: object) -> Outcome:
+    """Return the verdict on a condition with a line that contains the details."""
     head = f"{Kind.REQUIREMENT.word(verdict).upper()}: {text}"
     line = "; ".join(filter(None, [head, *map(str, details)]))
     return Outcome(Kind.REQUIREMENT, text, verdict, line)
 
 
 def _expression(text: str, shares: Collection[str], units: Mapping[str, str]) -> str:
-    """Return a condition as a requirement over `parameter(met.success)` and `metric.miss`; raise
-    ValueError if the campaign cannot evaluate it.
+    """Return a condition of the user, `success >= 99 %` or `miss <= 1 m`, as a requirement on the
+    table of _table(), `parameter(met.success) >= 99 %` or `metric.miss <= 1 m`. Raise ValueError if
+    the campaign cannot evaluate it.
     """
     known = {f"{METRIC}.{normalize('NFKC', name)}": unit for name, unit in units.items()}
     known |= {f"{kind}.{name}": "1" for kind in (MET, LOWER) for name in shares}
@@ -148,7 +161,7 @@ def _expression(text: str, shares: Collection[str], units: Mapping[str, str]) ->
             raise ValueError(f"{path} is a time series; use a metric or a requirement")
     if tree.has_window:
         raise ValueError(
-            "a condition on a campaign has no window of time; put it into [requirements]"
+            "a window of time is valid only in a requirement; put it into [requirements]"
         )
     resolved(tree, known.__getitem__)
     return expression

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arrays of the dataset of a campaign, their CF attributes `units` and `long_name`, and the names
-that it can hold.
+"""Layout of the dataset of a campaign: its arrays with the CF attributes `units` and `long_name`,
+and a check that names of metrics, factors and variables can be names of arrays.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from harness.studies.campaign.plan import SUCCESS, Plan, Table
 from harness.studies.campaign.worker import PENDING, VERDICTS, Task
 
 Labels = Mapping[str, Any]
+"""Attributes of an array by name."""
 
 STATUS: Labels = {
     "long_name": "status of the run",
@@ -47,14 +48,19 @@ EXPERIMENT = {
 
 
 def of_variable(name: str, kinds: Result | None) -> Labels:
-    """Return the labels of a variable of a result, none if it has no such variable."""
+    """Return unit and description of a variable as attributes; {} if `kinds` has no such variable.
+
+    kinds: result that has the units and descriptions of the variables.
+    """
     if kinds is None or name not in kinds:
         return {}
     return _known({"units": kinds.unit(name), "long_name": kinds.description(name)})
 
 
 def _of_metric(name: str, task: Task) -> Labels:
-    """Return the unit that follows from the text of a metric, and the text itself."""
+    """Return the attributes of the array of a metric: its unit, which follows from its text, and
+    the text itself.
+    """
     text = task.table.texts.get(name, "all requirements are met")
     unit = "1" if name == SUCCESS else metrics.unit(text, task.kinds)
     return {"role": "metric", **_known({"units": unit, "long_name": text})}
@@ -69,14 +75,19 @@ SCRATCH = "history_of_"
 OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile",
        "requirement", "requirement_text", "verdict", "margin", "margin_units", "numbers",
        "generation")  # fmt: skip
-"""Arrays that every dataset may have."""
+"""Names of arrays that the layout itself uses, so metrics cannot have them."""
 LONGEST = 200
-"""Largest number of bytes of a name: an array is a folder, and a history has a prefix."""
+"""Largest number of bytes of a name. An array is a folder, whose name may have a prefix, and file
+systems limit names to 255 bytes.
+"""
 
 
 class Field(NamedTuple):
-    """One array: its axes by name, the first one `run` if it has a value per run; values: its
-    initial content.
+    """Array of a dataset to be created.
+
+    kind: type of the elements; axes: name of each dimension, the first of which is `run` if the
+    array has an entry per run; fill: value of elements that are not written; about: attributes;
+    values: initial content (None: filled later).
     """
 
     name: str
@@ -89,7 +100,9 @@ class Field(NamedTuple):
 
 
 def fields(plan: Plan, task: Task) -> Iterator[Field]:
-    """Yield all arrays of a campaign, first the arrays of every run, last its bands."""
+    """Yield all arrays of the dataset of a campaign, except for percentile bands, which are created
+    after the last run.
+    """
     n, kinds, names = plan.runs, task.kinds, task.kinds.columns
     yield Field("status", np.int8, (n,), ("run",), PENDING, STATUS)
     yield Field("message", str, (n,), ("run",), "")
@@ -131,7 +144,7 @@ def _of_requirements(n: int, task: Task) -> Iterator[Field]:
 
 
 def _of_histories(n: int, task: Task) -> Iterator[Field]:
-    """Yield the arrays of recorded histories and their time."""
+    """Yield the arrays of recorded histories, and the array of the times of their rows."""
     for name in task.table.recorded:
         label = name if name in task.table.record.histories else SCRATCH + name
         width = task.kinds[name].reshape(1, -1).shape[1]
@@ -153,8 +166,8 @@ def _texts(name: str, values: Sequence[str], axis: str) -> Field:
 
 
 def wrong_names(table: Table) -> Iterator[str]:
-    """Yield a line per metric, factor or variable whose name the dataset cannot hold, or which has
-    two meanings.
+    """Yield one line per metric, factor or recorded variable whose name cannot be the name of an
+    array, or is the name of two different arrays.
     """
     varied, recorded = (*table.factors, *table.seeds), table.recorded
     alike = Counter(normalize("NFKC", name) for name in table.metrics)
@@ -164,7 +177,7 @@ def wrong_names(table: Table) -> Iterator[str]:
         if alike[normalize("NFKC", name)] > 1
     )
     yield from (
-        f"seeds.{name}: is a factor already; remove one of them"
+        f"seeds.{name}: is also in [factors] or twice in seeds; remove one of the entries"
         for name, n in Counter(varied).items()
         if n > 1
     )
@@ -185,7 +198,7 @@ def wrong_names(table: Table) -> Iterator[str]:
 
 
 def _holds(name: str) -> bool:
-    """Return whether an array can have a name: every array is a folder, and / separates folders."""
+    """Return whether a name can be the name of an array, which is a folder in the dataset."""
     strange = {"", ".", "..", "zarr.json"} & {name} or name.startswith("__")
     letters = name.isprintable() and not {"/", "\\"} & {*name}
     return letters and not strange and len(name.encode()) <= LONGEST

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Metrics that a campaign records for every run: built-in metrics, expressions, functions of the
-user.
+"""Metrics that a campaign records for every run. The text of a metric is the name of a built-in
+metric of a mission, an expression, or a function of the user.
 
-Expressions follow harness.results.expressions, `last(norm(servicer.r_SN_N))`. A function is
-`FILE.py:NAME` and takes the Result.
+An expression is written like `last(norm(servicer.r_SN_N))`, see harness.results.expressions. A
+function is written as `FILE.py:NAME`; it takes the Result of a run and returns a number.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from harness.results.verdict import OPEN, Verdict
 
 
 def metric(text: str, folder: Path) -> BaseMetric:
-    """Return the metric that a text defines; raise ValueError if there is none.
+    """Return the metric that a text defines; raise ValueError if the text is no metric.
 
-    folder: folder of the files with functions.
+    folder: folder in which the file of a user's function is searched.
     """
     if offered := offering(text):
         return offered[1]
@@ -44,7 +44,9 @@ def metric(text: str, folder: Path) -> BaseMetric:
 
 
 def read(name: str, text: str, folder: Path) -> BaseMetric:
-    """Return a named metric. `success` is a requirement, true in every row, or a function."""
+    """Return the metric with a name and a text. The metric named `success` is 1 if its text holds
+    as a requirement in every row; it may be a function of the user instead.
+    """
     if name != "success" or not is_condition(text):
         return metric(text, folder)
     condition(text)
@@ -52,17 +54,18 @@ def read(name: str, text: str, folder: Path) -> BaseMetric:
 
 
 def is_condition(text: str) -> bool:
-    """Return whether a success is stated as a requirement, not as a function of a file."""
+    """Return whether the text of `success` is a requirement, not a function of the user."""
     return bool(text) and not file_of(text)
 
 
 def file_of(text: str) -> str:
-    """Return the file of a function, "" of any other metric."""
+    """Return the file in the text `FILE.py:NAME` of a user's function, "" for any other metric."""
     file = text.rpartition(":")[0]
     return file if file.endswith(".py") else ""
 
 
 def _succeeded(text: str, result: Result) -> bool:
+    """Return whether a run meets a requirement; raise ValueError if it has no verdict."""
     found = finding(result, "success", text)
     if found.verdict in OPEN:
         raise ValueError(found.reason)
@@ -70,8 +73,9 @@ def _succeeded(text: str, result: Result) -> bool:
 
 
 def offering(text: str) -> tuple[str, Metric] | None:
-    """Return the first available mission that has a built-in metric of this name, and the metric;
-    None for an expression and a function. Only missions up to that one are imported.
+    """Return the built-in metric with this name, and before it the name of its mission; None if the
+    text is an expression, a function, or no known name. Missions are imported one by one until one
+    has the metric.
     """
     if file_of(text) or is_expression(text):
         return None
@@ -81,7 +85,7 @@ def offering(text: str) -> tuple[str, Metric] | None:
 
 @lru_cache(maxsize=256)
 def is_expression(text: str) -> bool:
-    """Return whether a text is an expression, which the name of a built-in metric is not."""
+    """Return whether a text is an expression; the name of a built-in metric is none."""
     try:
         return bool(parsed(text))
     except ValueError:
@@ -89,19 +93,21 @@ def is_expression(text: str) -> bool:
 
 
 def _expression(text: str) -> Node:
-    """Return the tree of an expression; raise ValueError with close names of metrics."""
+    """Return the tree of an expression; raise ValueError if the text is none, with the names of
+    built-in metrics that are spelled like it.
+    """
     if is_expression(text):
         return parsed(text)
     return parsed(text, [m.name for m in everything().metrics], "metric")
 
 
 def variables(text: str) -> tuple[str, ...]:
-    """Return the variables that an expression names; none for a built-in metric or a function."""
+    """Return the variables in the text of an expression, () for a built-in metric or a function."""
     return () if offering(text) or file_of(text) else _expression(text).outputs
 
 
 def unit(text: str, kinds: Result) -> str:
-    """Return the unit of a metric, "" if it is unknown; kinds: a result with the units of the
+    """Return the unit of a metric, "" if it is unknown; kinds: result that has the units of all
     variables.
     """
     if offered := offering(text):
@@ -112,7 +118,9 @@ def unit(text: str, kinds: Result) -> str:
 
 
 def _function(file: Path, name: str) -> Callable[[Result], Any]:
-    """Return a function of a file of the user."""
+    """Return the function `name` of a Python file of the user; raise ValueError if the file cannot
+    be imported or has no such function.
+    """
     if not file.is_file():
         raise ValueError(f"{file}: no such file")
     place = importlib.util.spec_from_file_location(file.stem, file)
@@ -134,7 +142,9 @@ def _function(file: Path, name: str) -> Callable[[Result], Any]:
 def measured(
     metrics: Mapping[str, BaseMetric], result: Result
 ) -> tuple[dict[str, float], dict[str, str]]:
-    """Return all metrics of a run, NaN for one that does not exist, and the reasons by name."""
+    """Return the values of all metrics of a run by name, NaN for a metric without a value, and the
+    reason for each NaN by name.
+    """
     values, reasons, limits = {}, {}, cache(partial(_limits, result))
     for name, each in metrics.items():
         values[name], reason = value(each, result, limits)
@@ -144,30 +154,36 @@ def measured(
 
 
 def _limits(result: Result) -> Limits:
-    """Return the limits of a comparison of this one run."""
+    """Return the bands of position and attitude errors with which the mission of a run evaluates
+    its metrics.
+    """
     return of_result(result).limits(Limits(), {"": result})
 
 
 def value(
     each: Callable[..., Any], result: Result, limits: Callable[[], Limits] | None = None
 ) -> tuple[float, str]:
-    """Return a metric of a result, or NaN and the reason; limits: of a built-in metric."""
+    """Return the value of a metric and "", or NaN and the reason why it has no value.
+
+    limits: function that returns the error bands for a built-in metric (None: use _limits()).
+    """
     try:
         with np.errstate(all="ignore"), catch_warnings():
-            simplefilter("ignore", RuntimeWarning)  # numpy warns of the mean of no values
+            simplefilter("ignore", RuntimeWarning)  # numpy warns if there is no value to average
             given = (limits() if limits else _limits(result),) if isinstance(each, Metric) else ()
             return one_number(each(result, *given)), ""
-    except (Exception, SystemExit) as error:  # of a function of the user
+    except (Exception, SystemExit) as error:  # a user's function may raise anything
         plain = isinstance(error, KeyError | ValueError | HarnessError) and error.args
         text = str(error.args[0]) if plain else f"{type(error).__name__}: {error}"
         return math.nan, " ".join(text.split())[:200]
 
 
 def rejection(text: str, each: BaseMetric, results: Sequence[Result], all_of_them: bool) -> str:
-    """Return why no run can have a metric; "" if a run can have it, and for a function, which only
-    a run can check.
+    """Return the reason why a metric can have no value in a campaign, "" if there is none. The
+    function of a user is not checked, because only a run can check it.
 
-    results: results of every structure; all_of_them: every run must have the metric.
+    results: one result without meaningful values per structure (combination of FMUs and options);
+    all_of_them: reject a metric that lacks a value in one structure, not only in all of them.
     """
     if file_of(text):
         return ""
@@ -176,5 +192,6 @@ def rejection(text: str, each: BaseMetric, results: Sequence[Result], all_of_the
 
 
 def _lacking(each: BaseMetric, result: Result) -> str:
+    """Return a text with the variables that a metric needs and a result lacks, "" if none."""
     lacks = each.lacks(result)
     return f"the system lacks what the metric needs: {', '.join(lacks)}" if lacks else ""

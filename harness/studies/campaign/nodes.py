@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Scheduler and worker of Dask without the HTTP servers that they open by default."""
+"""Scheduler and worker classes of Dask without the HTTP servers that Dask opens by default."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class _WithoutPages:
 
 
 class Scheduler(_WithoutPages, distributed.Scheduler):
-    """A scheduler without pages."""
+    """Scheduler of Dask without web pages."""
 
 
 class Worker(_WithoutPages, distributed.Worker):

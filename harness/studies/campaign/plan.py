@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plan of a campaign: the permitted contents of its file, and every run by its number.
+"""Plan of a campaign: the permitted entries of its file, and the values of the factors in each run.
 
-Listed values are combined as a grid, the last factor changing fastest. Drawn values differ between
-draws and are the same in every cell of the grid. Run i is cell i % cells of draw i // cells.
+Factors with listed values form a grid of all combinations (cells), the last factor changing
+fastest. For each draw, the random factors get new values, and the whole grid is run with them. Run
+i is cell i % cells of draw i // cells.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ from harness.studies.campaign.stopping import Until
 from harness.system.tables import Count, Number, Positive, Text, Whole
 
 MAX_RUNS = 10_000_000
-"""Largest number of runs of one campaign; their values are drawn at once."""
+"""Largest number of runs of one campaign, because the values of all runs are drawn at once."""
 SUCCESS = "success"
-"""Name of the metric that is true for a run that has succeeded; one that failed has not."""
+"""Name of the metric that is 1 for a run that has succeeded, and 0 otherwise, also if it failed."""
 Values = dict[str, Any]
 """Values of all factors of a run by name."""
 
@@ -44,7 +45,7 @@ Texts = Annotated[list[Text], Meta(description="a list of texts")]
 
 
 class Fixed(Struct, frozen=True):
-    """Changes of run() that a campaign may fix."""
+    """Table `[fixed]` of a campaign: options of run() that are the same in all runs."""
 
     params: Text = ""
     set: Pairs = {}
@@ -59,12 +60,15 @@ class Fixed(Struct, frozen=True):
 
 
 CHANGES = {each.name: each.type for each in msgspec.structs.fields(Fixed)}
+"""Types of the options of run() by name."""
 NAMED = {"swap": Text, "latency": Whole}
-"""Changes of one component each, as factors."""
+"""Types of the options that can be a factor for one component, such as `swap.COMPONENT`."""
 
 
 class Record(Struct, frozen=True):
-    """Recorded histories: `histories` of every run, `bands` over all runs, in `rows` rows."""
+    """Table `[record]` of a campaign: variables whose history is recorded in every run, variables
+    whose percentile bands over all runs are recorded, and about how many rows both have.
+    """
 
     histories: Texts = []
     bands: Texts = []
@@ -72,8 +76,13 @@ class Record(Struct, frozen=True):
 
 
 class Table(Struct, frozen=True):
-    """Table in the file of a campaign; expected: smallest and largest expected mean of a metric
-    over all runs; coordinates: number per run of an analysis; the last entries: tables of analyses.
+    """Whole table in the file of a campaign.
+
+    runs: number of draws; every: macro steps per row; patience: limit for one call into a
+    third-party FMU [s]; seeds: parameters that get a different seed in each draw; worst: metric by
+    which the worst runs are listed; until: stopping rule in place of `runs`; expected: smallest and
+    largest expected mean of a metric over all runs; coordinates: number of standard normal
+    coordinates per run of an analysis; sensitivity to tune: tables of analyses.
     """
 
     system: Text
@@ -117,12 +126,12 @@ class Table(Struct, frozen=True):
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """Return the variables with recorded histories."""
+        """Return the variables whose histories are recorded, at least until their bands exist."""
         return tuple(dict.fromkeys((*self.record.histories, *self.record.bands)))
 
     @property
     def texts(self) -> dict[str, str]:
-        """Return the expressions of all metrics by name, including `success` if it is defined."""
+        """Return the texts of all metrics by name, including `success` if the table defines it."""
         return {**self.metrics, **({SUCCESS: self.success} if self.success else {})}
 
 
@@ -130,7 +139,9 @@ class Table(Struct, frozen=True):
 
 
 class Source(NamedTuple):
-    """Path of a file or name of a package, and the hash of its content or its version."""
+    """File or package on which the runs depend: `place` is a path or the name of a package, `state`
+    the hash of the file or the version of the package.
+    """
 
     place: str
     state: str
@@ -138,8 +149,10 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Checked campaign. definition: the table of its file; folder: folder of the files that the
-    table names; sources: see harness.studies.campaign.sources.
+    """Campaign whose table has been checked, with the values of the factors in each run.
+
+    definition: the table; folder: folder of the files that the table names; sources: files and
+    packages on which the runs depend, by name.
     """
 
     definition: Mapping[str, Any]
@@ -148,25 +161,27 @@ class Plan:
 
     @cached_property
     def table(self) -> Table:
-        """Return the table of the definition."""
+        """Return the definition as a Table, with default values for missing entries."""
         return msgspec.convert(self.definition, Table)
 
     @cached_property
     def system(self) -> Path:
-        """Return the path of the .ssp or TOML; a relative path may start at the folder of the
-        campaign.
+        """Return the path of the file of the system (.ssp or TOML). A relative path is searched in
+        the folder of the campaign first.
         """
         beside = self.folder / self.table.system
         return find_system(beside if beside.exists() else self.table.system)
 
     @cached_property
     def digest(self) -> str:
-        """Return the hash of all that decides the runs."""
+        """Return the hash of all data that determine the runs, see `decisive`."""
         return hashlib.sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
 
     @cached_property
     def decisive(self) -> dict[str, str]:
-        """Return what decides the runs: entries of the table as text, then the sources."""
+        """Return all data that determine the runs as texts by name: the entries of the table, then
+        the hashes and versions of the sources.
+        """
         found = {}
         for name, given in self.definition.items():
             tables = isinstance(given, Mapping) and given
@@ -176,29 +191,33 @@ class Plan:
 
     @property
     def fixed(self) -> Changes:
-        """Return the changes common to all runs, with the requirements of the campaign."""
+        """Return the changes common to all runs: the table `[fixed]` and the requirements of the
+        campaign.
+        """
         changes: dict[str, Any] = dict(self.definition.get("fixed", {}))
         if self.table.requirements:
             changes["require"] = dict(self.table.requirements)
         return changes  # type: ignore[return-value]
 
     def with_entries(self, **entries: Any) -> Plan:
-        """Return the plan with other entries of its table, which are not checked again."""
+        """Return the plan with some entries of its table replaced. They are not checked."""
         return replace(self, definition={**self.definition, **entries})
 
     @cached_property
     def factors(self) -> tuple[Factor, ...]:
-        """Return all factors without the seeds."""
+        """Return all listed and random factors, without the seeds."""
         return tuple(factor(name, given) for name, given in self.table.factors.items())
 
     @cached_property
     def listed(self) -> list[Factor]:
-        """Return the factors of the grid."""
+        """Return the factors with listed values, which form the grid."""
         return [f for f in self.factors if f.draw is None]
 
     @cached_property
     def groups(self) -> dict[str, range]:
-        """Return the places of the numbers of each drawn factor in a draw."""
+        """Return for each random factor, by name, the indices of its numbers among all numbers of a
+        draw.
+        """
         places, first = {}, 0
         for each in self.factors:
             if each.draw is not None:
@@ -208,12 +227,12 @@ class Plan:
 
     @property
     def cells(self) -> int:
-        """Return the number of combinations of the listed values."""
+        """Return the number of cells of the grid: combinations of the listed values."""
         return math.prod(len(f.choices) for f in self.listed)
 
     @property
     def runs(self) -> int:
-        """Return the number of runs."""
+        """Return the planned number of runs: cells of the grid times draws."""
         until = self.table.until
         return self.cells * (until.runs if until else self.table.runs)
 
@@ -224,24 +243,24 @@ class Plan:
         return numbers(self.table.sampler, draws, width, self.table.seed)
 
     def values(self, run: int) -> Values:
-        """Return the values of all factors of a run, the seeds among them."""
+        """Return the values of all factors in a run by name, including the seeds."""
         draw, cell = divmod(run, self.cells)
         return self._cell(cell) | self.of_numbers(self._numbers[draw]) | self.seeds_of(draw)
 
     def of_numbers(self, numbers: NDArray[np.float64]) -> Values:
-        """Return the values of the drawn factors for numbers between 0 and 1."""
+        """Return the values of all random factors for the numbers of a draw, between 0 and 1."""
         draws = {f.name: f.draw for f in self.factors if f.draw}
         return {
             n: draws[n].value(numbers[each.start : each.stop]) for n, each in self.groups.items()
         }
 
     def seeds_of(self, draw: int) -> Values:
-        """Return the seeds of a draw."""
+        """Return the seeds in a draw, by the parameter that receives each."""
         return {n: run_seed(self.table.seed, draw, k) for k, n in enumerate(self.table.seeds)}
 
     def structures(self) -> list[int]:
-        """Return runs of the first draw, one per combination of factors that change more than
-        values.
+        """Return the numbers of runs that together cover all structures: one run of the first draw
+        for each combination of the listed factors that are options, such as swaps, not parameters.
         """
         shape = [len(f.choices) for f in self.listed]
         ways = [range(len(f.choices)) if kind_of(f.name) else (0,) for f in self.listed]
@@ -253,25 +272,25 @@ class Plan:
         return {f.name: f.choices[int(k)] for f, k in zip(self.listed, places, strict=True)}
 
     def whole(self, name: str) -> bool:
-        """Return whether all values of a factor are whole numbers."""
+        """Return whether all values of a factor are whole numbers, as all seeds are."""
         choices = next((f.choices for f in self.factors if f.name == name), ())
         listed = bool(choices) and all(isinstance(choice, int) for choice in choices)
         return listed or name in self.table.seeds
 
     def changes(self, values: Values) -> Changes:
-        """Return the arguments of run() for a run with these values."""
+        """Return the keyword arguments of run() for a run with these values of the factors."""
         return joined(self.fixed, changes_of(values))
 
 
 def kind_of(name: str) -> Any:
-    """Return the type of the values of a factor that changes more than values of parameters, else
-    None.
+    """Return the type of the values of a factor that is an option of run(), such as `step` or
+    `swap.COMPONENT`; None for a factor that is a parameter.
     """
     return CHANGES.get(name) or NAMED.get(name.partition(".")[0])
 
 
 def changes_of(values: Values) -> Changes:
-    """Return the arguments of run() for values of factors alone."""
+    """Return the keyword arguments of run() for values of factors, without the fixed changes."""
     varied: dict[str, Any] = {}
     for name, value in values.items():
         option, key = option_of(name)
@@ -283,8 +302,8 @@ def changes_of(values: Values) -> Changes:
 
 
 def option_of(factor: str) -> tuple[str, str]:
-    """Return the kind of change of a factor, and its target: ("swap", C), ("set", C.NAME), ("stop",
-    "").
+    """Return the option of run() that a factor changes, and the entry of this option: ("set",
+    "component.parameter"), ("swap", "component") or ("stop", "").
     """
     if factor in CHANGES:
         return factor, ""

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files and packages that decide the runs of a campaign beside its table: the system with all that
-it extends, FMUs, parameter files, start files, the Python of metrics and missions. A dataset
-records the hash or version of each, and only a campaign with equal ones can resume it.
+"""Sources of a campaign: all files and packages that influence the results of its runs, apart from
+its table. These are the file of the system and the files that it extends, FMUs, files of parameters
+and start values, Python files of metrics and missions, and packages.
+
+A dataset records the hash or version of each source. A campaign can be resumed only if its sources
+are unchanged.
 """
 
 from __future__ import annotations
@@ -24,19 +27,22 @@ from harness.system.model import System
 from harness.system.swap import find_fmu
 
 PACKAGES = ("servicing-fmus", "numpy", "scipy")
+"""Packages whose versions are recorded."""
 SUFFIXES = (".py", *EXTENSION_SUFFIXES)
 INSTALLED = tuple(
     sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")
 )
-"""Folders of Python and of installed packages."""
+"""Folders of Python itself and of installed packages, whose modules are not recorded."""
 
 
 def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, Source]:
-    """Return all sources by name; loaded: the system of the plan; changed: the system with the
-    changes of every structure of the campaign.
+    """Return all sources of a campaign by name.
+
+    loaded: system of the plan; changed: the system with the changes of each structure (combination
+    of FMUs and options) of the campaign.
     """
     files = [plan.system, *(Path(start) for start in loaded.starts.values() if is_file(start))]
-    if plan.system.suffix == ".toml":  # an .ssp holds its FMUs
+    if plan.system.suffix == ".toml":  # an .ssp contains its FMUs, so its hash covers them
         files += [*chain(plan.system), *(component.fmu for component in loaded.components)]
     for origin in (system.origin for system in changed):
         files += [find_fmu(swap.fmu) for swap in origin.swaps.values()]
@@ -54,8 +60,8 @@ def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, 
 
 
 def named(files: Iterable[Path]) -> dict[str, Source]:
-    """Return files by their names, with as many of their folders as make them unique. A campaign
-    that was moved as a whole has the same sources.
+    """Return files as sources, by a name that is unique: the file name, with as many parent folders
+    as needed. Without the full path, a campaign that was moved with its files has equal sources.
     """
     found: dict[str, Source] = {}
     for path in (file.resolve() for file in files):
@@ -67,13 +73,13 @@ def named(files: Iterable[Path]) -> dict[str, Source]:
 
 
 def differing(then: Mapping[str, Source]) -> list[str]:
-    """Return the names of the files and packages that are no longer as they were."""
+    """Return the names of the sources whose hash or version now differs from the recorded one."""
     known = {n: source for n, source in then.items() if not is_folder(source.place)}
     return [name for name, source in known.items() if _state(source.place) != source.state]
 
 
 def _state(place: str) -> str:
-    """Return the hash of a file or folder, or the version of a package, "" if it is not there."""
+    """Return the version of a package, or the hash of a file or folder; "" if it does not exist."""
     try:
         if place in PACKAGES:
             return version(place)
@@ -83,8 +89,8 @@ def _state(place: str) -> str:
 
 
 def _imported(file: Path) -> Iterator[Path]:
-    """Yield a file of Python and all that it imports, also in functions, from its folder, the
-    working directory and the folders of sys.path that hold neither Python nor installed packages.
+    """Yield a Python file and all files that it imports, directly, indirectly, or inside functions.
+    Modules of Python, of installed packages and of the harness are not included.
     """
     found, waiting = set[Path](), [file]
     folders = [file.parent, Path.cwd(), *(Path(p) for p in sys.path if not p.startswith(INSTALLED))]
@@ -97,8 +103,8 @@ def _imported(file: Path) -> Iterator[Path]:
 
 
 def _names(file: Path, folders: Sequence[Path]) -> Iterator[tuple[str, Sequence[Path]]]:
-    """Yield the modules that a file imports, and attributes that may be modules, with the folders
-    in which they are searched.
+    """Yield the dotted names that a Python file imports, each with the folders in which it is to be
+    searched. A name of `from module import name` may be a module or a mere attribute.
     """
     try:
         tree = ast.parse(file.read_bytes() if file.suffix == ".py" else b"")
@@ -114,7 +120,9 @@ def _names(file: Path, folders: Sequence[Path]) -> Iterator[tuple[str, Sequence[
 
 
 def _modules(name: str, folders: Sequence[Path]) -> Iterator[Path]:
-    """Yield the files of a module and of the packages above it, without the harness."""
+    """Yield the files of a module `a.b.c` and of its packages `a` and `a.b` in these folders;
+    nothing for modules of the harness.
+    """
     for part in name.split(".") if name.partition(".")[0] != "harness" else ():
         stems = [folder / stem for folder in folders for stem in (part, f"{part}/__init__")]
         yield from filter(Path.is_file, (Path(f"{s}{end}") for s in stems for end in SUFFIXES))
@@ -122,7 +130,9 @@ def _modules(name: str, folders: Sequence[Path]) -> Iterator[Path]:
 
 
 def _package(folder: Path) -> Iterator[Path]:
-    """Yield the Python of the outermost package that a folder belongs to, or of the folder."""
+    """Yield all Python files of the outermost package that contains a folder, or of the folder
+    itself if it is no package. Hidden files and folders are left out.
+    """
     while all((each / "__init__.py").is_file() for each in (folder, folder.parent)):
         folder = folder.parent
     for file in folder.rglob("*.py"):

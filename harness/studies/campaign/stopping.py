@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Number of runs: intervals and tests of a probability, and stopping rules that stay valid however
-often they are evaluated.
+"""Number of runs that a campaign needs: confidence interval of a probability, number of runs for a
+proof, and a stopping rule that is valid even if it is evaluated after every run.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from msgspec import Meta, Struct
 from harness.system.tables import Count, Flag
 
 LEAST = 1e-6
-"""Smallest share in `until`: 1 - p of a smaller one may round to 1, and the test needs log(1 - p).
+"""Smallest share that `until` accepts. For a much smaller probability p, 1 - p would be rounded to
+1, but the test needs log(1 - p).
 """
 Share = Annotated[
     float, Meta(ge=LEAST, lt=1, description=f"a number between 0 and 1, at least {LEAST:g}")
@@ -22,9 +23,10 @@ Share = Annotated[
 
 
 def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the two-sided interval of a probability from the failures in a number of runs that was
-    fixed beforehand (Clopper & Pearson 1934). It is too narrow if it is evaluated repeatedly to
-    decide when to stop.
+    """Return the two-sided confidence interval of a failure probability (Clopper & Pearson 1934).
+
+    The number of runs must have been fixed beforehand. The interval is too narrow if it is computed
+    repeatedly to decide when to stop.
     """
     from scipy.special import betaincinv
 
@@ -37,9 +39,10 @@ def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple
 
 
 def wilks(probability: float, confidence: float, failures: int = 0) -> int:
-    """Return the smallest number of runs, of which at most `failures` may fail, that proves a
-    failure probability below `probability` (Wilks 1941): P(at most `failures` of n) <= 1 -
-    confidence.
+    """Return the smallest number of runs n that proves a failure probability below `probability` if
+    at most `failures` of the runs fail (Wilks 1941).
+
+    For a true failure probability of `probability`, P(at most `failures` of n) <= 1 - confidence.
     """
     from scipy.special import bdtr
 
@@ -54,19 +57,22 @@ def wilks(probability: float, confidence: float, failures: int = 0) -> int:
 
 
 CLAIM = 5.0
-"""Ratio of the probability that Wald's test rejects to the one for which it is sharpest."""
+"""Ratio p0 / p1 of the two failure probabilities that Wald's test distinguishes: p0 is the required
+limit, and the test needs the fewest runs if the true probability is p1.
+"""
 
 
 def wald(failures: int, runs: int, probability: float, confidence: float) -> bool | None:
-    """Return whether runs fail with less than a probability: True, False, or None if it is
-    undecided.
+    """Return whether the failure probability is below `probability`: True, False, or None if the
+    runs do not decide it.
 
-    The likelihood ratio of p1 = probability / CLAIM against p0 = probability,
+    The test compares p1 = probability / CLAIM with p0 = probability by the likelihood ratio
 
-        (p1 / p0)^failures ((1 - p1) / (1 - p0))^(runs - failures),
+        (p1 / p0)^failures ((1 - p1) / (1 - p0))^(runs - failures).
 
-    exceeds 1 / (1 - confidence) at any time with at most 1 - confidence if p0 is true, and its
-    inverse does if p1 is (Wald 1945, Ville 1939), so the test may be evaluated after every run.
+    If p0 is true, the probability that the ratio ever exceeds 1 / (1 - confidence) is at most
+    1 - confidence. If p1 is true, the same holds for the inverse of the ratio (Wald 1945, Ville
+    1939). Therefore the test may be evaluated after every run.
     """
     p0, p1 = probability, probability / CLAIM
     ratio = failures * math.log(p1 / p0) + (runs - failures) * math.log((1 - p1) / (1 - p0))
@@ -77,9 +83,9 @@ def wald(failures: int, runs: int, probability: float, confidence: float) -> boo
 class Until(Struct, frozen=True):
     """Stopping rule of a campaign: `until = {success = 0.99, confidence = 0.95}`.
 
-    success: the share of successes to be exceeded; fixed: stop after the number of runs without a
-    failure that Wilks requires, otherwise when Wald's test has decided; most: largest number of
-    runs of the test.
+    success: share of successful runs to prove; confidence: of the proof; fixed: make the number of
+    runs that Wilks requires without a failure, otherwise stop when Wald's test has decided; most:
+    largest number of runs for Wald's test (0: twenty times the number of Wilks).
     """
 
     success: Share
@@ -89,13 +95,13 @@ class Until(Struct, frozen=True):
 
     @property
     def runs(self) -> int:
-        """Return the largest number of runs."""
+        """Return the number of runs to plan, which the rule can only reduce."""
         least = wilks(1 - self.success, self.confidence)
         return least if self.fixed else self.most or 20 * least
 
     def decided(self, failed: Sequence[bool]) -> int | None:
-        """Return the number of runs, in order, after which the test is decided; None if
-        it is not.
+        """Return the number of first runs after which Wald's test is decided, None if all runs do
+        not decide it; failed: whether each run failed, in order.
         """
         if self.fixed:
             return None
@@ -107,7 +113,7 @@ class Until(Struct, frozen=True):
         return None
 
     def verdict(self, failures: int, runs: int) -> str:
-        """Return the conclusion from a number of failures in a number of runs, in a line."""
+        """Return one line that states the rule and whether the runs prove it."""
         needed = f"success above {100 * self.success:g} % at {100 * self.confidence:g} %"
         if self.fixed:
             shown = failures == 0 and runs >= self.runs

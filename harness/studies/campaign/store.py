@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Dataset of a campaign: a Zarr group that xarray opens, one line per run.
+"""Dataset of a campaign: a Zarr group with one entry per run in each array, which xarray opens.
 
-It appears with all its arrays or not at all. It is written block by block, and a block is a chunk
-with a checksum, so that nothing waits in memory, no chunk is written twice, and a lost chunk is
-detected. The status of the runs of a block is written last: pending runs are repeated after an
-interruption.
+It is created with all its arrays or not at all. Runs are written in blocks. A block is one chunk of
+each array, with a checksum, so that no rows wait in memory, no chunk is written twice, and a lost
+chunk is detected. The status of the runs of a block is written last. After an interruption, runs
+whose status is pending are repeated.
 """
 
 from __future__ import annotations
@@ -33,21 +33,27 @@ from harness.studies.campaign.worker import PENDING, Row
 from harness.system.tables import Count
 
 Columns = Mapping[str, Sequence[Any]]
+"""Entries of consecutive runs, by name of the array."""
 PERCENTILES = np.array([5.0, 25.0, 50.0, 75.0, 95.0])
+"""Percentages of the recorded bands."""
 AXIS = Field("percentile", np.float64, PERCENTILES.shape, ("percentile",), values=PERCENTILES)
 COMPRESSED = 4096
-"""Smallest size [bytes] of a chunk that is compressed; for less it costs more than it saves."""
+"""Smallest size of a chunk that is compressed [bytes]; for less, compression is not worth it."""
 MAKING = "unfinished_"
-"""Prefix of the name of an array that is not complete."""
+"""Prefix of the name of an array that is being written or removed."""
 SCHEMA = 1
-"""Version of the layout of a dataset, see docs/release.md; datasets without a number have 1."""
+"""Version of the layout of a dataset, see docs/release.md. A dataset without this number has 1."""
 DAMAGES = (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError)
 """Exceptions that zarr raises for an array that it cannot read."""
 
 
 class About(Struct, frozen=True):
-    """Attributes of a dataset; block: runs that are written together; decided: all its runs are
-    complete, fewer than were planned.
+    """Attributes of a dataset.
+
+    definition: table of the campaign as JSON; folder: of the files that the table names; system:
+    its name; block: number of runs that are written together; repeat: command that repeats a run;
+    sources: see Plan; decided: the campaign or study has ended early, so its runs are complete
+    although more were planned.
     """
 
     definition: str
@@ -61,7 +67,9 @@ class About(Struct, frozen=True):
 
 
 class Labels(Struct, frozen=True):
-    """Attributes of an array."""
+    """Attributes of an array of a dataset; role: factor, metric, history or band; whole: all values
+    of a factor are whole numbers.
+    """
 
     role: str = ""
     units: str = ""
@@ -70,18 +78,19 @@ class Labels(Struct, frozen=True):
 
 
 class Store:
-    """Open dataset."""
+    """Open dataset of a campaign or study, at `path`; group: the Zarr group in it."""
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
-        self._seen: dict[str, Any] = {}  # opened arrays: opening costs as much as writing
+        self._seen: dict[str, Any] = {}  # open arrays: opening takes as long as writing
 
     # ---- create and open
 
     @classmethod
     def create(cls, path: Path, plan: Plan, block: int, laid: Iterable[Field]) -> Store:
-        """Return a new dataset of these arrays with every run pending; raise UsageError if it
-        exists.
+        """Create a dataset in which every run is pending; raise UsageError if the path exists.
+
+        block: number of runs that are written together; laid: arrays of the dataset.
         """
         import zarr
 
@@ -105,7 +114,7 @@ class Store:
 
     @classmethod
     def open(cls, path: Path) -> Store:
-        """Return an existing dataset; raise ResultsError if it is not one."""
+        """Open an existing dataset; raise ResultsError if the path is no dataset of a campaign."""
         import zarr
 
         try:
@@ -125,8 +134,11 @@ class Store:
     def resumed(
         cls, path: Path, plan: Plan, laid: Iterable[Field], life: ExitStack, kind: str = ""
     ) -> Store:
-        """Return the dataset of an interrupted campaign, or study of a kind, locked until the end
-        of `life`. Lost runs are pending again. Raises UsageError if the definition has changed.
+        """Reopen the dataset of an interrupted campaign or study, locked until the end of `life`;
+        set lost runs to pending.
+
+        laid: arrays that the dataset should have; kind: of a study, such as `worst` ("": campaign).
+        Raises UsageError if the definition or a source has changed.
         """
         store = cls.open(path)
         if kind and store.group.attrs.get("kind") != kind:
@@ -144,15 +156,17 @@ class Store:
 
     @property
     def about(self) -> About:
-        """Return the attributes; raise ValueError if their types are wrong."""
+        """Return the attributes of the dataset; raise ValueError if their types are wrong."""
         return msgspec.convert(dict(self.group.attrs), About)
 
     def _folders(self) -> list[str]:
-        """Return the names of all arrays, readable or not."""
+        """Return the names of all arrays, including those that cannot be read."""
         return sorted(each.name for each in self.path.iterdir() if each.is_dir())
 
     def _array(self, name: str) -> Any:
-        """Return an array, None if it cannot be read. Chunks of fill values are written too."""
+        """Return an array by name, None if it cannot be read. Later writes to it also store chunks
+        that contain only the fill value, so that each complete block has its chunks.
+        """
         from zarr import config
 
         if not (self.path / name / "zarr.json").is_file():
@@ -166,8 +180,8 @@ class Store:
         return self._seen[name]
 
     def _arrays(self) -> Iterator[tuple[str, Any]]:
-        """Yield all complete arrays by name; raise ResultsError if one is damaged. An array that
-        the running campaign removes meanwhile is not damaged.
+        """Yield name and array of all complete arrays; raise ResultsError if one is damaged. An
+        array that another process removes meanwhile does not count as damaged.
         """
         for name in self._folders():
             if name.startswith(MAKING):
@@ -194,6 +208,9 @@ class Store:
             ) from error
 
     def _lay_out(self, field: Field, block: int) -> Any:
+        """Create an array and return it, replacing an existing one. With an axis `run`, a chunk
+        contains `block` runs.
+        """
         from zarr import config
         from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -221,28 +238,32 @@ class Store:
 
     @cached_property
     def block(self) -> int:
-        """Return the runs per block."""
+        """Return the number of runs per block."""
         return self.about.block
 
     @property
     def runs(self) -> int:
-        """Return the number of runs of the campaign."""
+        """Return the number of runs in the dataset, including pending ones."""
         return int(self.group["status"].shape[0])
 
     def blocks(self) -> Iterator[slice]:
-        """Yield the runs of every block."""
+        """Yield the slice of run numbers of every block."""
         for first in range(0, self.runs, self.block):
             yield slice(first, min(first + self.block, self.runs))
 
     def pending(self) -> Iterator[int]:
-        """Return the first runs of the blocks that are not complete."""
+        """Return an iterator over the first run of each block with pending runs."""
         status = self.array("status")
         return (part.start for part in self.blocks() if (status[part] == PENDING).any())
 
     def write(
         self, first: int, values: Sequence[Values], rows: Sequence[Row], further: Columns
     ) -> None:
-        """Write a block of runs with further arrays, its status last; raise ResultsError."""
+        """Write the entries of consecutive runs into all arrays, `status` last.
+
+        first: number of the first run; values: of the factors, by run; rows: records of the runs;
+        further: entries of other arrays. Raises ResultsError.
+        """
         columns = {**further, **{n: [v[n] for v in values] for n in values[0]}, **_columns(rows)}
         for name in self._histories:
             empty = np.full(self._array(name).shape[1:], np.nan)
@@ -259,7 +280,9 @@ class Store:
         array[place] = np.array(values, dtype=object if text else array.dtype)
 
     def shorten(self, runs: int) -> None:
-        """Remove all runs after the first `runs`, which are not needed; raise ResultsError."""
+        """Reduce the dataset to its first `runs` runs, because the campaign or study needs no more;
+        raise ResultsError if it cannot be written.
+        """
         with naming(self.path):
             for name in self._of_runs():
                 self._array(name).resize((runs, *self._array(name).shape[1:]))
@@ -273,9 +296,10 @@ class Store:
     # ---- after an interruption
 
     def mend(self, laid: Iterable[Field]) -> None:
-        """Mark runs that a kill or a power failure has lost as pending, so that they are repeated.
+        """Repair the dataset after an interruption: create missing arrays again, and set the status
+        of runs whose chunks are missing or damaged to pending, so that they are repeated.
 
-        Raises ResultsError.
+        laid: arrays that the dataset should have. Raises ResultsError if it cannot be written.
         """
         with naming(self.path):
             for left in self.path.rglob("*.partial"):
@@ -297,17 +321,20 @@ class Store:
                     self._put("status", part, [PENDING] * (part.stop - part.start))
 
     def _fits(self, field: Field) -> bool:
-        """Return whether an array exists with its layout."""
+        """Return whether the array exists with the shape and chunk length that it should have."""
         if (array := self._array(field.name)) is None:
             return False
         chunk = min(self.block, field.shape[0])
         return bool(array.shape == field.shape and array.chunks[0] == chunk)
 
     def _of_runs(self) -> list[str]:
+        """Return the names of the arrays that have an entry per run."""
         return [n for n, a in self._arrays() if (a.metadata.dimension_names or [""])[0] == "run"]
 
     def _whole(self, name: str, part: slice) -> bool:
-        """Return whether the chunk of a block exists with the checksum that was written with it."""
+        """Return whether the chunk of an array for a block of runs exists and has the checksum that
+        was written with it.
+        """
         array = self._array(name)
         place = (part.start // self.block, *[0] * (array.ndim - 1))
         try:
@@ -323,12 +350,16 @@ class Store:
         return [n for n, a in self._arrays() if a.attrs.get("role") == role]
 
     def units(self) -> dict[str, str]:
-        """Return the units of factors, metrics and histories that have one, by name."""
+        """Return the units of all arrays except for dimensionless ones, by name of the factor,
+        metric or variable.
+        """
         given = {n.removesuffix("_band"): a.attrs.get("units", "") for n, a in self._arrays()}
         return {name: unit for name, unit in given.items() if unit not in {"", "1"}}
 
     def array(self, name: str) -> Any:
-        """Return all values of one array, texts as str; raise ResultsError if it is damaged."""
+        """Return all values of an array; raise ResultsError if it is damaged. Texts are returned as
+        an array of str objects.
+        """
         values = np.asarray(self._read(name, ...))
         return values if values.dtype.kind in "fiu" else np.array(list(map(str, values)), object)
 
@@ -339,7 +370,9 @@ class Store:
             raise self._damaged(name) from error
 
     def values(self, run: int) -> Values:
-        """Return the values of all factors of a run, as they were drawn."""
+        """Return the values of all factors of a run by name, with the types that they had in the
+        run: text, int, float or lists of floats.
+        """
         return {name: self._value(name, run) for name in self.names("factor")}
 
     def _value(self, name: str, run: int) -> Any:
@@ -351,8 +384,8 @@ class Store:
 
     @property
     def system(self) -> str:
-        """Return the system as an argument of `harness run`: its name, or the path of a TOML as
-        given.
+        """Return the system as an argument of `harness run`: its name, or the path of its TOML as
+        the file of the campaign gives it.
         """
         given = str(self.definition()[0].get("system", ""))
         return given if given.endswith(".toml") else self.about.system
@@ -368,7 +401,9 @@ class Store:
     # ---- bands
 
     def finish(self) -> None:
-        """Compute the percentile bands and remove their source arrays; raise ResultsError."""
+        """Compute the percentile bands of all recorded histories, and remove histories that were
+        recorded for their bands only; raise ResultsError if the dataset cannot be written.
+        """
         with naming(self.path):
             for name in self.names("history"):
                 plain = name.removeprefix(SCRATCH)
@@ -383,6 +418,9 @@ class Store:
                     shutil.rmtree(gone)
 
     def _bands(self, source: Any, plain: str) -> None:
+        """Write the bands of a history (runs, rows, elements) into a new array with the prefix
+        MAKING; plain: name of the variable.
+        """
         if "percentile" not in self.group:
             self._lay_out(AXIS, self.block)
         _, rows, width = source.shape
@@ -390,7 +428,7 @@ class Store:
         about = {**source.attrs, "role": "band"}
         field = Field(f"{MAKING}{plain}_band", np.float64, shape, axes, about=about)
         band = self._lay_out(field, self.block)
-        step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # some 32 MB at once
+        step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # rows of about 32 MB
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # rows that no run has reached
             for first in range(0, rows, step):
@@ -399,7 +437,9 @@ class Store:
 
 
 def _columns(rows: Sequence[Row]) -> Columns:
-    """Return the recorded data of runs by the names of arrays, without histories and status."""
+    """Return the entries of all arrays from the records of runs, except for factors, histories and
+    status.
+    """
     columns: dict[str, list[Any]] = {"message": [row.message for row in rows]}
     columns |= {"end_time": [row.time for row in rows], "last": [row.last for row in rows]}
     columns |= {name: [row.metrics[name] for row in rows] for name in rows[0].metrics}
@@ -410,6 +450,6 @@ def _columns(rows: Sequence[Row]) -> Columns:
 
 
 def reject_existing(path: Path) -> None:
-    """Raise UsageError if a path exists."""
+    """Raise UsageError if the path of a new dataset already exists."""
     if path.exists():
         raise UsageError(f"{path}: already exists; continue with --resume, or remove it")

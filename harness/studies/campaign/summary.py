@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Summary of a campaign: its rate of success, its metrics, the influential factors, and the most
-informative runs.
+"""Summary of a campaign from its dataset: share of successful runs, statistics of the metrics,
+factors that influence them, failed runs and worst runs.
 """
 
 from __future__ import annotations
@@ -22,19 +22,21 @@ from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, VERDICTS
 from harness.system.units import with_unit
 
 Z95 = 1.959963984540054
-"""Quantile of the normal distribution for 95 %, two-sided."""
+"""Quantile of the standard normal distribution for a two-sided interval of 95 %."""
 WORST = 10
+"""Number of worst runs in the summary."""
 LISTED = 100
-"""Runs without success that the summary lists; page and dataset have all."""
+"""Largest number of runs without success that the summary lists; page and dataset contain all."""
 DRAWN = 8
-"""Factors in the figures of a metric."""
+"""Largest number of factors in the figures of one metric."""
 SHOWN = 5
-"""Factors in the summary per metric."""
+"""Largest number of factors per metric in the summary."""
 PERCENTILES = (5, 50, 95)
+"""Percentages of the percentiles in the table of metrics."""
 
 
 def wilson(successes: int, n: int) -> tuple[float, float]:
-    """Return the interval of a probability estimated by successes of n trials (Wilson 1927).
+    """Return the 95 % interval of a probability, given the successes in n trials (Wilson 1927).
 
     centre = (p + z^2 / 2n) / (1 + z^2 / n)
     half   = z sqrt(p (1 - p) / n + z^2 / 4n^2) / (1 + z^2 / n)
@@ -49,7 +51,9 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
 
 
 def rank_correlation(x: Array, y: Array) -> float:
-    """Return Spearman's rank correlation of the rows where both exist; NaN if one does not vary."""
+    """Return Spearman's rank correlation of x (rows,) and y (rows,), without rows in which one of
+    them is not finite; NaN if fewer than three rows remain or one of them is constant.
+    """
     both = np.isfinite(x) & np.isfinite(y)
     a, b = mean_ranks(x[both]), mean_ranks(y[both])
     if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
@@ -58,8 +62,9 @@ def rank_correlation(x: Array, y: Array) -> float:
 
 
 def effect(x: Array, y: Array) -> float:
-    """Return the change of y over the middle 90 % of x by the line of least squares, as a share of
-    the mean of |y|. A rank correlation of 1 may belong to a change that does not matter.
+    """Return the change of y between the 5 and 95 % percentiles of x on the line of least squares,
+    relative to the mean of |y|. It shows whether a change is large enough to matter, which a rank
+    correlation does not show.
     """
     both = np.isfinite(x) & np.isfinite(y)
     x, y = x[both], y[both]
@@ -70,16 +75,17 @@ def effect(x: Array, y: Array) -> float:
 
 
 def mean_ranks(x: Array) -> Array:
-    """Return ranks from 1 on; equal values have the mean of their ranks (scipy.stats takes half a
-    second to import).
+    """Return the ranks of the elements of x, from 1 on; equal elements get the mean of their ranks.
+    It replaces a function of scipy.stats, whose import takes half a second.
     """
     _, place, count = np.unique(x, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(count) - (count - 1) / 2)[place])
 
 
 def factor_columns(store: Store) -> dict[str, Array]:
-    """Return the numbers of all factors, one column per element, by name. A matrix that is
-    symmetric in every run has the columns of its upper triangle. Texts are in categories().
+    """Return the values of all numeric factors as columns (runs,) by name, one column per element
+    of a vector or matrix. Of a matrix that is symmetric in every run, only the upper triangle is
+    returned. Factors with texts are in categories().
     """
     columns = {}
     for name in store.names("factor"):
@@ -96,16 +102,16 @@ def factor_columns(store: Store) -> dict[str, Array]:
 
 
 def categories(store: Store) -> dict[str, NDArray[Any]]:
-    """Return the factors whose values are texts, such as the FMUs of a swap, by name, if they have
-    more than one value.
+    """Return the factors whose values are texts, such as swapped FMUs, and differ between runs:
+    values (runs,) by name.
     """
     texts = {n: store.array(n) for n in store.names("factor")}
     return {n: x for n, x in texts.items() if x.dtype.kind not in "fiu" and len(np.unique(x)) > 1}
 
 
 def metric_columns(store: Store) -> dict[str, Array]:
-    """Return the metrics of all runs by name, without the success; NaN for failed runs, whose
-    values until the failure are not comparable.
+    """Return the values (runs,) of all metrics except `success` by name. Values of failed runs are
+    NaN, because they describe a shorter run.
     """
     complete = store.array("status") == COMPLETE
     names = (name for name in store.names("metric") if name != SUCCESS)
@@ -113,7 +119,7 @@ def metric_columns(store: Store) -> dict[str, Array]:
 
 
 def varying_factors(store: Store) -> dict[str, Array]:
-    """Return the columns of the factors that have more than one value."""
+    """Return the columns of factor_columns() whose values differ between runs."""
 
     def varies(x: Array) -> bool:
         return bool(np.isfinite(x).any() and np.ptp(x[np.isfinite(x)]) > 0)
@@ -122,7 +128,9 @@ def varying_factors(store: Store) -> dict[str, Array]:
 
 
 def is_grid(factors: Mapping[str, Array]) -> bool:
-    """Return whether the runs are all combinations of the values of two factors, once each."""
+    """Return whether there are two factors, and the runs contain every combination of their values
+    exactly once; factors: columns (runs,) by name.
+    """
     if len(factors) != 2:
         return False
     pairs = np.stack(list(factors.values()), axis=1)
@@ -131,8 +139,10 @@ def is_grid(factors: Mapping[str, Array]) -> bool:
 
 
 def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> dict[str, Array]:
-    """Return the most influential factors for a metric, by the size of their rank correlation,
-    without factors that may correlate by chance.
+    """Return at most `count` factors with the largest absolute rank correlation with a metric, the
+    largest first, without factors whose correlation may be due to chance.
+
+    factors: columns (runs,) by name; column: values of the metric (runs,).
     """
     size = {n: abs(rank_correlation(x, column)) for n, x in factors.items()}
     least = chance(len(factors), int(np.isfinite(column).sum()))
@@ -141,9 +151,10 @@ def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> d
 
 
 def chance(factors: int, runs: int) -> float:
-    """Return the size that the largest rank correlation of this number of factors without effect
-    exceeds in one campaign of twenty (Fieller et al. 1957: artanh(r) is normal, of variance 1.06 /
-    (runs - 3)).
+    """Return the absolute rank correlation up to which a factor may correlate by chance.
+
+    If none of the factors has an effect, their largest correlation exceeds this value in only one
+    campaign of twenty (Fieller et al. 1957: artanh(r) is normal with variance 1.06 / (runs - 3)).
     """
     if runs <= 3 or not factors:
         return 1.0
@@ -152,15 +163,15 @@ def chance(factors: int, runs: int) -> float:
 
 
 def left_out(metric: str, factors: Mapping[str, Array], column: Array) -> str:
-    """Return how many factors of a metric are left out because of chance, "" if none is."""
+    """Return a line that states how many factors ranked() leaves out for a metric, "" if none."""
     runs = int(np.isfinite(column).sum())
     count = len(factors) - len(ranked(factors, column, len(factors)))
-    within = f"within {chance(len(factors), runs):.2f}, which is chance in {runs} runs"
+    within = f"correlate by at most {chance(len(factors), runs):.2f}, as by chance in {runs} runs"
     return f"{metric}: {count} of {len(factors)} factors {within}" if count else ""
 
 
 def text(store: Store, shown: str) -> str:
-    """Return the summary as text; shown: name of the dataset in the commands."""
+    """Return the summary of a campaign as text; shown: path of the dataset, as commands name it."""
     status = store.array("status")
     failed = int((status == FAILED).sum())
     count = int((status == COMPLETE).sum()) + failed
@@ -172,7 +183,7 @@ def text(store: Store, shown: str) -> str:
     factors = _varied(store, status != 0)
     if metrics and factors:
         head = (
-            "rank correlation with the factors (size: change over 5 to 95 % of the factor / mean)"
+            "rank correlation with factors (change from 5 to 95 % of the factor, relative to mean)"
         )
         lines += ["", head, *_ranks(metrics, factors)]
     lines += _failures(store, shown)
@@ -181,8 +192,8 @@ def text(store: Store, shown: str) -> str:
 
 
 def _varied(store: Store, over: NDArray[np.bool_]) -> dict[str, Array]:
-    """Return the columns of the factors that differ between runs, without seeds, whose order has
-    no meaning.
+    """Return the columns of factor_columns() that differ between the runs `over`, without seeds,
+    because a rank correlation with a seed has no meaning.
     """
     seeds = store.definition()[0].get("seeds", ())
     columns = {n: c for n, c in factor_columns(store).items() if n not in seeds}
@@ -190,8 +201,10 @@ def _varied(store: Store, over: NDArray[np.bool_]) -> dict[str, Array]:
 
 
 class Share(NamedTuple):
-    """Number of runs that succeeded or met a requirement, and of runs with a verdict; missed:
-    indices of runs that failed; unjudged: indices of runs without a verdict.
+    """Share of runs that succeeded or met a requirement.
+
+    met: number of these runs; evaluated: number of runs with a verdict; missed, unjudged: indices
+    of the runs that did not succeed, and of the runs without a verdict.
     """
 
     met: int
@@ -201,7 +214,7 @@ class Share(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Return the share of the runs with a verdict; NaN if there are none."""
+        """Return the share of successes among the runs with a verdict; NaN if there are none."""
         return self.met / self.evaluated if self.evaluated else math.nan
 
     def interval(self) -> tuple[float, float]:
@@ -209,7 +222,9 @@ class Share(NamedTuple):
         return wilson(self.met, self.evaluated)
 
     def short(self) -> str:
-        """Return number, share and interval in a few characters, "-" without a verdict."""
+        """Return the share as short text such as `48/50 (87-99 %)`, with its 95 % interval; "-" if
+        no run has a verdict.
+        """
         low, high = (100 * bound for bound in self.interval())
         return f"{self.met}/{self.evaluated} ({low:.0f}-{high:.0f} %)" if self.evaluated else "-"
 
@@ -224,8 +239,10 @@ class Share(NamedTuple):
 def _share(
     status: Array, met: NDArray[np.bool_], missed: NDArray[np.bool_], among: Any = True
 ) -> Share:
-    """Return the share of successes. A failed run meets nothing, regardless of its rows; among: the
-    runs that count.
+    """Return the share of successes. A run with status FAILED counts as missed in any case.
+
+    met, missed: whether each run has succeeded and whether it has not; neither: it has no verdict;
+    among: mask of the runs that count (True: all).
     """
     complete, failed = (status == COMPLETE) & among, (status == FAILED) & among
     met, missed = complete & met, (complete & missed) | failed
@@ -235,13 +252,15 @@ def _share(
 
 
 def completion(store: Store) -> Share:
-    """Return how many runs have completed."""
+    """Return the share of runs that have completed without failing."""
     status = store.array("status")
     return _share(status, status == COMPLETE, status == FAILED)
 
 
 def success(store: Store, among: Any = True) -> Share | None:
-    """Return the success of a campaign, None if it is not defined; among: the runs that count."""
+    """Return the share of successful runs, None if the campaign does not define success; among:
+    mask of the runs that count (True: all).
+    """
     if SUCCESS not in store.names("metric"):
         return None
     column = store.array(SUCCESS)
@@ -249,8 +268,8 @@ def success(store: Store, among: Any = True) -> Share | None:
 
 
 def requirements(store: Store, among: Any = True) -> dict[str, Share]:
-    """Return how often each requirement was met, by name. A requirement that is not exercised is
-    not judged; among: the runs that count.
+    """Return the share of runs that met each requirement, by name. A run that did not exercise a
+    requirement has no verdict on it; among: mask of the runs that count (True: all).
     """
     if "requirement" not in store.group:
         return {}
@@ -261,7 +280,9 @@ def requirements(store: Store, among: Any = True) -> dict[str, Share]:
 
 
 def by_category(store: Store) -> dict[str, dict[str, dict[str, Share]]]:
-    """Return success and requirements by factor, then by its value, then by name."""
+    """Return the shares of success and requirements separately for each value of each factor with
+    texts: by factor, then by value, then by `success` or requirement.
+    """
     found: dict[str, dict[str, dict[str, Share]]] = {}
     for factor, texts in categories(store).items():
         for value in np.unique(texts):
@@ -272,7 +293,9 @@ def by_category(store: Store) -> dict[str, dict[str, dict[str, Share]]]:
 
 
 def _groups(store: Store) -> Iterator[str]:
-    """Yield a table per factor of texts: its values in rows, requirements in columns."""
+    """Yield the lines of a table per factor with texts: a row per value of the factor, a column per
+    requirement.
+    """
     for factor, rows in by_category(store).items():
         heads = [*next(iter(rows.values()))]
         if heads:
@@ -282,12 +305,15 @@ def _groups(store: Store) -> Iterator[str]:
 
 
 def unjudged(store: Store) -> str:
-    """Return why the `success` of the campaign has no verdict on some run, "" if it has all."""
+    """Return a line that states in how many runs `success` has no verdict, and why in the first of
+    these; "" if there are none or the file of the campaign does not define `success`.
+    """
     own = "success" in store.definition()[0]
     return _unjudged(store, SUCCESS, success(store)) if own else ""
 
 
 def _unjudged(store: Store, name: str, found: Share | None) -> str:
+    """Return a line that states in how many runs a share has no verdict, and why; "" if in none."""
     if found is None or not found.unjudged:
         return ""
     why, word = _why(store, found.unjudged[0], name), "cannot be evaluated"
@@ -299,13 +325,16 @@ def _unjudged(store: Store, name: str, found: Share | None) -> str:
 
 
 def _why(store: Store, run: int, name: str) -> str:
-    """Return why a metric of a complete run has no value, if the reason was recorded."""
+    """Return the recorded reason, in parentheses, why a metric or requirement has no value in a
+    run; "" if none was recorded.
+    """
     name = name.removeprefix("requirement ")
     reasons = dict(part.partition(": ")[::2] for part in store.array("message")[run].splitlines())
     return f" ({one_line(reasons[name])})" if name in reasons else ""
 
 
 def _shares(store: Store) -> Iterator[str]:
+    """Yield the lines on success, the stopping rule and requirements."""
     shares = {SUCCESS: success(store)}
     shares |= {f"requirement {name}": share for name, share in requirements(store).items()}
     rule = store.plan().table.until
@@ -320,7 +349,7 @@ def _shares(store: Store) -> Iterator[str]:
 
 
 def lacking(store: Store) -> Iterator[str]:
-    """Yield a line per metric that is missing or infinite in complete runs."""
+    """Yield a line per metric that has no value, or an infinite one, in some complete runs."""
     complete = store.array("status") == COMPLETE
     for name, column in metric_columns(store).items():
         for word, found in (("no value", np.isnan(column)), ("infinite", np.isinf(column))):
@@ -330,8 +359,8 @@ def lacking(store: Store) -> Iterator[str]:
 
 
 def expectations(store: Store) -> Iterator[Outcome]:
-    """Yield the outcome of every entry of `[expected]`: a bound on the mean of a metric, or on the
-    share of `success`. It is as expected only if all runs have a finite value.
+    """Yield the verdict on every entry of `[expected]`, which bounds the mean of a metric or the
+    share of `success`. An entry is met only if all completed runs have a finite value.
     """
     for name, (low, high) in store.definition()[0].get("expected", {}).items():
         mean, lacks = _mean(store, name)
@@ -344,8 +373,8 @@ def expectations(store: Store) -> Iterator[Outcome]:
 
 
 def _mean(store: Store, name: str) -> tuple[float, str]:
-    """Return the mean of a metric over all completed runs, or the share of `success`, and in how
-    many of them it is not a finite number.
+    """Return the mean of a metric over all runs that have ended, or the share of `success`, and a
+    text that states in how many of these runs the value is missing or infinite.
     """
     if name == SUCCESS and (share := success(store)) is not None:
         count, runs = {"not judged": len(share.unjudged)}, share.evaluated + len(share.unjudged)
@@ -360,6 +389,7 @@ def _mean(store: Store, name: str) -> tuple[float, str]:
 
 
 def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
+    """Yield the lines of the table of statistics, a line per metric."""
     shown = {name: with_unit(name, units) for name in metrics}
     width = max(map(len, shown.values()))
     heads = ("mean", "std", "least", *(f"{p} %" for p in PERCENTILES), "most")
@@ -371,13 +401,16 @@ def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[s
 
 
 def statistics(values: Array) -> list[float]:
-    """Return mean, standard deviation, minimum, percentiles and maximum of finite values."""
+    """Return mean, standard deviation, minimum, the percentiles of PERCENTILES, and maximum of the
+    finite values.
+    """
     finite = values[np.isfinite(values)]
     middle = np.percentile(finite, PERCENTILES)
     return [finite.mean(), finite.std(), finite.min(), *middle, finite.max()]
 
 
 def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterator[str]:
+    """Yield a line per metric with its most influential factors: rank correlation and effect."""
     for name, column in metrics.items():
         best = ranked(factors, column, SHOWN)
         found = [
@@ -391,7 +424,7 @@ def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterat
 
 
 def failures(store: Store) -> dict[int, str]:
-    """Return the reason of every run that failed or did not succeed, by its number."""
+    """Return the reason why each run failed or did not succeed, by the number of the run."""
     found, messages = success(store), store.array("message")
     runs = found.missed if found else np.flatnonzero(store.array("status") == FAILED).tolist()
     reasons = {run: messages[run].splitlines() or [f"{SUCCESS}: not met"] for run in runs}
@@ -402,7 +435,9 @@ def failures(store: Store) -> dict[int, str]:
 
 
 def failures_by_category(store: Store) -> dict[int, str]:
-    """Return failures(), ordered by the values of categories, with these before each reason."""
+    """Return failures() in the order of the values of factors with texts, which precede each
+    reason.
+    """
     found, groups = failures(store), categories(store)
     names = {
         run: ", ".join(f"{name} = {texts[run]}" for name, texts in groups.items()) for run in found
@@ -412,6 +447,7 @@ def failures_by_category(store: Store) -> dict[int, str]:
 
 
 def _failures(store: Store, shown: str) -> Iterator[str]:
+    """Yield the reason for each run without success, and the command that repeats the run."""
     found = failures_by_category(store)
     for run, why in list(found.items())[:LISTED]:
         yield f"failed: run {run}: {one_line(why)}"
@@ -424,8 +460,8 @@ def _failures(store: Store, shown: str) -> Iterator[str]:
 
 
 def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
-    """Return metric and numbers of the ten worst runs: largest first, or smallest if the campaign
-    has `worst = "-metric"`.
+    """Return the metric that ranks the worst runs, and the numbers of the WORST worst runs: those
+    with the largest values, or the smallest ones if the campaign has `worst = "-metric"`.
     """
     needed = store.plan().table.worst
     given = needed if needed and isinstance(needed, str) else next(iter(metrics))
@@ -436,6 +472,7 @@ def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
 
 
 def _worst(store: Store, metrics: Mapping[str, Array], shown: str) -> Iterator[str]:
+    """Yield the value of each of the worst runs, and the command that repeats the run."""
     name, found = worst(store, metrics)
     yield f"worst by {with_unit(name, store.units())}"
     system = store.system

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Work of one process: runs of a block, one after the other, with a reused simulation.
+"""Work of one process of a campaign: it performs the runs of a block with a reused simulation, and
+returns a row of the dataset for each run.
 
-A run that fails is a row like the others: its message, the time, the last state. The same code runs
-in this process, on the processors of this machine and in a cluster.
+A run that fails gives a row too, with its message, the time of failure and the last values of all
+variables. The same code runs in the main process, in worker processes and in a cluster.
 """
 
 from __future__ import annotations
@@ -32,24 +33,26 @@ from harness.studies.campaign.plan import SUCCESS, Table
 from harness.studies.reuse import Reading, ReusedSimulation, kind, quietly, retained
 
 PENDING, COMPLETE, FAILED = 0, 1, 2
-"""Numbers of the status of a run in a dataset."""
+"""Values of the array `status` of a dataset: the run is not done, complete, or has failed."""
 VERDICTS = (Verdict.NOT_JUDGED, Verdict.MET, Verdict.NOT_MET, Verdict.NOT_EXERCISED)
-"""Verdicts on a requirement by their number in a dataset."""
+"""Verdicts on a requirement; the array `verdict` of a dataset contains indices of this tuple."""
 
 PIECE_STEPS = 100_000
-"""Macro steps that a worker is given at once: a tenth of a second or more, against some
-milliseconds for handing them over.
+"""Number of macro steps per task of a worker. They take a tenth of a second or more, while sending
+a task takes some milliseconds.
 """
 
 TOGETHER = 8
-"""Most runs that the lanes of vectors make at once, on any processor."""
+"""Largest number of runs that lanes of vector registers can make at once, on any processor."""
 
 
 class Row(NamedTuple):
-    """Record of one run. message: why it failed, or a line per metric without a value and per
-    requirement that is not met; verdicts: on the requirements, as indices of VERDICTS; margins:
-    distances to failing, -inf for a failed run; histories: (rows, elements) by variable, NaN beyond
-    the end.
+    """Record of one run.
+
+    status: PENDING, COMPLETE or FAILED; message: why the run failed, or a line per requirement that
+    is not met and per metric without a value; time: of the last row [s]; last: last values of all
+    variables; verdicts, margins: by requirement, as indices of VERDICTS and as distances to failing
+    (-inf for a failed run); histories: (rows, elements) by variable, NaN after the end of the run.
     """
 
     status: int
@@ -64,12 +67,14 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """Data that all runs of a campaign share, as plain data, and their execution in one process.
+    """Data that all runs of a campaign share, which can be sent to workers, and the code that
+    performs runs in a worker.
 
-    key: of the plan; kinds: names, units and texts of variables and parameters; requirements: texts
-    by name of the requirements evaluated in every run; steps: macro steps of the longest run, of
-    `step` s from `start` s on; needed: variables that a run is expected to read (None: unknown);
-    lanes: whether several runs may be made together, with equal bits.
+    key: hash of the plan; folder: of the files that the table names; kinds: result without
+    meaningful values, for names, units and descriptions of variables and parameters; requirements:
+    texts by name; start, step: of the time span [s]; steps: macro steps of the longest run; needed:
+    variables that metrics and requirements read (None: unknown); lanes: whether a worker may make
+    several runs at once, which does not change a bit.
     """
 
     key: str
@@ -85,64 +90,67 @@ class Task:
     lanes: bool = True
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the data that a worker needs: the names of the variables without units and
-        texts.
+        """Return the data to send to a worker, without the units and descriptions of variables,
+        which a worker does not need.
         """
         names = replace(self.kinds, units=(), descriptions=(), parameters=None)
         return {**self.__dict__, "kinds": names}
 
     @cached_property
     def metrics(self) -> tuple[str, ...]:
-        """Return the metrics of a run, including success if it is defined."""
+        """Return the names of the metrics of every run, including `success` if the table or a
+        requirement defines it.
+        """
         success = [SUCCESS] if self.requirements else []
         return tuple(dict.fromkeys((*self.table.texts, *success)))
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
-        """Return the numbers of the rows of which histories are recorded."""
+        """Return the indices of the rows of a result that recorded histories contain."""
         rows = len(recorded(self.steps, self.table.every))
         return recorded(rows - 1, max(1, -(-rows // self.table.record.rows)))
 
     def in_lanes(self, wanted: bool, notify: Callable[[str], None]) -> Task:
-        """Return the task with the decision on lanes; notify: receives a line that states how many
-        runs are made at once.
+        """Return the task with lanes switched on if they are `wanted` and possible: with executor
+        `fused` on a processor with vector registers. notify: called with a line that states how
+        many runs are made at once.
         """
         lanes = wanted and self.table.executor == FUSED and width() > 1
         if lanes:
             notify(
-                f"up to {width()} runs at once in the lanes of vectors, where their library is "
-                "compiled"
+                f"every worker makes up to {width()} runs at once in lanes of vector registers, if "
+                "their library is compiled"
             )
         return replace(self, lanes=lanes)
 
     @property
     def piece(self) -> int:
-        """Return the runs that a worker is given at once."""
+        """Return the number of runs per task of a worker."""
         return self.block(PIECE_STEPS // self.steps)
 
     def block(self, runs: int) -> int:
-        """Return the number of runs of a block, about `runs`: of fused runs a multiple of the runs
-        that the lanes of vectors can make at once.
+        """Return the number of runs of a block: `runs`, but at least 1. With executor `fused` it is
+        rounded down to a multiple of TOGETHER, at least TOGETHER, so that all lanes are in use.
         """
         size = TOGETHER if self.table.executor == FUSED else 1
         return max(size, runs - runs % size)
 
     def run(self, part: Sequence[Changes]) -> list[Row]:
-        """Return the records of runs, one after the other."""
+        """Perform runs in this process, and return their records in the same order."""
         with quietly():
             runner: _Runner = retained(self.key, lambda: _Runner(self))
             return runner.rows(part)
 
     def lost(self, message: str, time: float = math.nan) -> Row:
-        """Return the record of a run that has left only a message."""
+        """Return the record of a run that failed without any row; time: of the failure [s]."""
         last = np.full(len(self.kinds.columns), np.nan)
         nothing, count = dict.fromkeys(self.metrics, math.nan), len(self.requirements)
         return Row(FAILED, message, time, last, nothing, (0,) * count, (-math.inf,) * count, {})
 
 
 class _Runner(ReusedSimulation):
-    """Reused simulation of this process with its metrics; needed: variables that the runs so far
-    have read or are expected to read, None if unknown.
+    """Reused simulation of this process, with the metrics to compute for each run; needed: names of
+    variables that metrics and requirements are expected to read or have read (None: unknown).
     """
 
     def __init__(self, task: Task) -> None:
@@ -154,8 +162,8 @@ class _Runner(ReusedSimulation):
         super().__init__(task.system, task.table.executor)
 
     def rows(self, part: Sequence[Changes]) -> list[Row]:
-        """Return the records of runs, in their order; runs that differ in values only are made
-        together.
+        """Perform runs and return their records in the same order. Runs that differ in parameter
+        values only are made at once where the task allows it.
         """
         rows: dict[int, Row] = {}
         kinds = [kind(changes) for changes in part]
@@ -175,8 +183,8 @@ class _Runner(ReusedSimulation):
 
 
 def _run(runner: _Runner, changes: Changes, result: Result | None) -> Row:
-    """Return the record of a run, from its result or made alone. Repeat the run with all variables
-    if it read one that is not recorded.
+    """Return the record of a run, which is performed first if `result` is None. If metrics read a
+    variable that the run did not record, repeat the run with all variables.
     """
     task, table = runner.task, runner.task.table
     try:
@@ -189,7 +197,7 @@ def _run(runner: _Runner, changes: Changes, result: Result | None) -> Row:
         if isinstance(result, Reading):
             runner.needed = frozenset(result.read).union(runner.needed or ())
         return row
-    except InterruptionError as error:  # Ctrl-C ends the campaign, not this run alone
+    except InterruptionError as error:  # Ctrl-C ends the whole campaign
         raise KeyboardInterrupt from error
     except RunError as error:
         if error.partial is not None:
@@ -230,7 +238,9 @@ def _row(runner: _Runner, status: int, message: str, result: Result) -> Row:
 
 
 def _all_met(found: Sequence[Finding]) -> tuple[float, str]:
-    """Return whether all requirements of a run are met, NaN and the reason if this is unknown."""
+    """Return 1 if all requirements of a run are met and 0 if one is not met, with an empty text;
+    return NaN and the reason if a requirement has no verdict.
+    """
     if any(f.verdict is Verdict.NOT_MET for f in found):
         return 0.0, ""
     missing = next((f for f in found if f.verdict is not Verdict.MET), None)
@@ -238,7 +248,9 @@ def _all_met(found: Sequence[Finding]) -> tuple[float, str]:
 
 
 def _last(task: Task, result: Result) -> Array:
-    """Return the last row in the columns of the campaign; a swapped FMU may have others."""
+    """Return the last row of a result (columns,), in the order of the dataset's columns; NaN for
+    variables that this run lacks, because a swapped FMU may have other variables.
+    """
     last = result.last if isinstance(result, Reading) else result.values[-1]
     if result.columns == task.kinds.columns:
         return np.array(last)
@@ -247,6 +259,7 @@ def _last(task: Task, result: Result) -> Array:
 
 
 def _thinned(task: Task, history: Array) -> Array:
+    """Return the recorded rows of a history (rows, elements), NaN after the end of the run."""
     flat = history.reshape(len(history), -1)
     rows = [row for row in task.rows if row < len(flat)]
     full = np.full((len(task.rows), flat.shape[1]), np.nan)

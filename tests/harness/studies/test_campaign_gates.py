@@ -160,7 +160,7 @@ def test_runs_that_failed_have_no_metrics_and_count_by_their_number(holding):
     ("text", "why"),
     [
         ("time < 3", "time is a time series; use a metric or a requirement"),
-        ("always(m < 3, 2 s)", "a condition on a campaign has no window of time"),
+        ("always(m < 3, 2 s)", "a window of time is valid only in a requirement"),
         ("metric.k < 3", "metric.k is a time series"),
         ("parameter(twice.k) < 3", "parameter twice.k is a time series"),
         ("1 < m < 3", "an expression cannot contain"),

@@ -190,10 +190,12 @@ def test_every_other_name_is_held(tmp_path):
 def test_a_seed_is_not_a_factor_too_and_is_given_once(tmp_path):
     noise = "target.omega_TN_T_0"
     assert rejected(tmp_path, seeds=["servicer.mass_0"]) == [
-        "seeds.servicer.mass_0: is a factor already; remove one of them"
+        "seeds.servicer.mass_0: is also in [factors] or twice in seeds; remove one of the entries"
     ]
     twice = rejected(tmp_path, seeds=[noise, noise])
-    assert f"seeds.{noise}: is a factor already; remove one of them" in twice
+    assert (
+        f"seeds.{noise}: is also in [factors] or twice in seeds; remove one of the entries" in twice
+    )
 
 
 def test_two_metrics_whose_names_are_one_in_expressions_are_rejected(tmp_path):
