@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Analyses with adaptive runs: sensitivity, worst case, probability of failure, boundary, tuning.
+"""Analyses (studies) that choose further runs from the results of earlier ones: sensitivity, worst
+case, probability of failure, boundary of failure, tuning.
 
-A method is a generator that does not depend on the simulation. It yields standard normal
-coordinates (rows, d), one row per run, and receives their margins (rows,), negative for a failure,
--inf for a failed run. Its return value is its estimate. `evaluator.py` runs coordinates
-with the worker pool of a campaign. `driver.py` stores every run in the dataset of a campaign, which
-supplies the answers again when an interrupted analysis is resumed.
+The method of an analysis is a generator that does not depend on the simulation. It yields standard
+normal coordinates (rows, d), one row per run, and receives the margins of a requirement in these
+runs (rows,), which are negative where it fails and -inf for a failed run. Its return value is its
+estimate. `evaluator.py` performs the runs with the worker pool of a campaign. `driver.py` stores
+every run in the dataset of a campaign, from which a resumed analysis takes the margins of earlier
+runs.
 """
 
 from __future__ import annotations

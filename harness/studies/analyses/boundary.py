@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Boundary of failure in two factors: a map that is refined where the verdict changes."""
+"""Boundary in the plane of two factors beyond which a requirement fails, by a grid of runs that is
+refined where the verdict changes.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,19 @@ from harness.studies.analyses.study import Boundary, Study, begun, prepared
 from harness.studies.campaign.factors import normal_quantile
 
 COARSE, GENERATION = np.array([0.001, 0.3, 0.5, 0.7, 0.999]), 12
-"""Rows and columns of the first grid, as probabilities; largest number of runs of a generation."""
+"""Values of both factors in the first grid, as numbers between 0 and 1 that give a factor by its
+inverse distribution function; largest number of runs that are requested together.
+"""
 
 
 def located(runs: int) -> Generator[Array, Array, tuple[Array, Array]]:
-    """Return points (rows, 2) between 0 and 1, and their margins.
+    """Return the points of at most this number of runs (rows, 2), in numbers between 0 and 1, and
+    their margins (rows,).
 
-    After a coarse grid, runs are placed midway between neighbours (edges of the Delaunay
-    triangulation): first the longest edges between different verdicts, then edges between equal
-    verdicts that are long enough to contain a boundary, given the steepest slope so far.
+    After a coarse grid, runs are placed in the middle between neighbouring points, which are edges
+    of the Delaunay triangulation: first of the longest edges between different verdicts, then of
+    edges between equal verdicts that may cross a boundary if the margin changes along them as
+    steeply as on the steepest edge so far.
     """
     from scipy.spatial import Delaunay
 
@@ -42,7 +48,11 @@ def located(runs: int) -> Generator[Array, Array, tuple[Array, Array]]:
 
 
 def _worthwhile(places: Array, margins: Array, edges: NDArray[np.intp]) -> Array:
-    """Return the midpoints of the edges to run, the most useful first, none close to another."""
+    """Return the midpoints (rows, 2) of the edges in which a run is useful, the most useful first,
+    without points close to one another.
+
+    places, margins: of the runs so far; edges: indices of the two runs of each edge (edges, 2).
+    """
     a, b = places[edges[:, 0]], places[edges[:, 1]]
     length = np.linalg.norm(a - b, axis=1)
     finite = np.isfinite(margins)
@@ -63,10 +73,11 @@ def _worthwhile(places: Array, margins: Array, edges: NDArray[np.intp]) -> Array
 
 
 def boundary(definition: Any, output: str | Path, **how: Any) -> Study:
-    """Map where a requirement fails over two factors; all others are nominal.
+    """Map where a requirement fails in the plane of two factors; all other factors have their
+    medians.
 
     definition: path of a campaign TOML with a table [boundary], or the table itself; output:
-    OUT.zarr; how: as for sensitivity(). Raises UsageError, StructureError.
+    OUT.zarr; how: options as for sensitivity(). Raises UsageError, StructureError.
     """
     entry, evaluator = prepared(Boundary, definition, how)
     ((name, k),) = evaluator.columns(entry.of, slope=False, most=1).items()
@@ -76,7 +87,7 @@ def boundary(definition: Any, output: str | Path, **how: Any) -> Study:
         raise UsageError(f"boundary.factors: expected two scalar factors of {', '.join(small)}")
     if entry.runs < (least := len(COARSE) ** 2):
         raise UsageError(
-            f"boundary.runs: expected at least {least}, the coarse grid; got {entry.runs}"
+            f"boundary.runs: expected at least {least} (the first grid of runs), got {entry.runs}"
         )
     places = [evaluator.groups[f][0] for f in chosen]
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Driver of an analysis from its file to its dataset: it requests runs, stores them, and supplies
-stored runs again.
+"""Driver of an analysis: it performs the runs that the method requests, stores them in the dataset,
+and supplies the margins.
 
-Margins of a generation are given in the order of its rows, so results are bit-identical for any
-number of workers. A resumed analysis runs its generator from the start, with stored runs from the
+A generation is a set of runs that the method requests together. It receives their margins in the
+order of its request, so results are bit-identical for any number of workers. A resumed analysis
+starts its method from the beginning, and the driver takes the margins of completed runs from the
 dataset.
 """
 
@@ -32,13 +33,15 @@ from harness.studies.campaign.worker import FAILED, PENDING, Row
 T = TypeVar("T")
 
 LARGEST_BLOCK, BLOCK_STEPS = 200, 500_000
-"""Largest numbers of runs and of macro steps of a block, which is written together: some seconds of
-work, which a kill loses.
+"""Largest numbers of runs and of macro steps in a block, whose runs are written together. A block
+takes some seconds, which are lost if the process is killed.
 """
 
 
 class _Record(NamedTuple):
-    """Run that waits for its block: generation, run, coordinates, values of factors, record."""
+    """Completed run that is not yet written: its generation and number, coordinates (d,), values of
+    the factors, and record.
+    """
 
     generation: int
     run: int
@@ -48,7 +51,9 @@ class _Record(NamedTuple):
 
 
 def run_method(method: Generator[Array, Array, T], evaluate: Callable[[Array], Array]) -> T:
-    """Run a method, evaluate the runs that it requests, and return the result of the method."""
+    """Run a method to its end and return its estimate; evaluate: function from the coordinates that
+    the method yields to the margins that it receives.
+    """
     try:
         z = next(method)
         while True:
@@ -59,10 +64,11 @@ def run_method(method: Generator[Array, Array, T], evaluate: Callable[[Array], A
 
 
 class Driver:
-    """Dataset of an analysis and its runs.
+    """Driver of one analysis, which performs its runs and writes its dataset.
 
-    completed: runs so far; nominal: margins of the nominal run, which is run 0; unjudged: runs
-    without evidence so far, by requirement.
+    path, kind: of the dataset; completed: number of runs so far; nominal: margins (requirements,)
+    of run 0, the nominal run; unjudged: number of runs so far whose margin is no evidence, by
+    requirement; failed: number of failed runs.
     """
 
     def __init__(
@@ -100,14 +106,16 @@ class Driver:
         columns: int | list[int],
         placed: Callable[[Array], Array] = lambda z: z,
     ) -> T:
-        """Return the return value of a method that receives the margins of one or several
-        requirements; placed: function from the points of the method to coordinates of runs.
+        """Run a method to its end and return its estimate.
+
+        columns: indices of the requirements whose margins the method receives; placed: function
+        from the points that the method yields to coordinates of runs (rows, d).
         """
         return run_method(method, lambda z: self.evaluate(placed(z))[:, columns])
 
     def evaluate(self, numbers: Array) -> Array:
-        """Return the margins (rows, requirements) of coordinates (rows, d), stored or from new
-        runs.
+        """Return the margins (rows, requirements) for coordinates (rows, d), from the dataset if
+        the runs are stored there, otherwise from new runs. The rows are one generation.
         """
         first, last = self.completed, self.completed + len(numbers)
         if last > self.store.runs and not self.store.about.decided:
@@ -132,7 +140,9 @@ class Driver:
         return margins
 
     def _run(self, numbers: Array, runs: list[int]) -> Array:
-        """Return the margins of new runs, at most a block, and store full blocks."""
+        """Perform new runs, at most as many as a block has; return their margins, and write the
+        runs of blocks that are complete.
+        """
         values = list(map(self.evaluator.values, numbers, runs))
         rows = self.evaluator.run(values)
         self.failed += sum(row.status == FAILED for row in rows)
@@ -147,7 +157,7 @@ class Driver:
             self.progress(Progress(done, self.store.runs, self.failed))
 
     def _write(self, end: int) -> None:
-        """Write the waiting runs before `end`, consecutive ones together."""
+        """Write the waiting runs with numbers below `end`, consecutive runs together."""
         part = [record for record in self._waiting if record.run < end]
         self._waiting = self._waiting[len(part) :]
         for _, each in groupby(enumerate(part), lambda placed: placed[1].run - placed[0]):
@@ -161,7 +171,7 @@ class Driver:
                 self.store.write(stretch[0].run, values, rows, further)
 
     def _reject_other(self, run: int, z: Array) -> None:
-        """Raise UsageError if a run of the dataset differs from the requested one."""
+        """Raise UsageError if a stored run has other coordinates than the requested row z (d,)."""
         if self._numbers[run].tobytes() != np.ascontiguousarray(z).tobytes():
             raise UsageError(
                 f"{self.path}: cannot resume: run {run} was generated with different package "
@@ -169,6 +179,7 @@ class Driver:
             )
 
     def _first(self) -> str:
+        """Return the message of the first failed run as text for an error, "" if there is none."""
         messages = [f.row.message for f in self._waiting if f.row.status == FAILED]
         messages += [m for m in self.store.array("message") if m]
         return f"; first message: {one_line(messages[0])}" if messages else ""
@@ -176,7 +187,9 @@ class Driver:
     # ---- finish
 
     def finish(self, estimate: dict[str, Any]) -> Store:
-        """Write the waiting runs, remove unused rows, and store the estimate."""
+        """Write the waiting runs, remove planned runs that were not needed, and store the estimate
+        as plain data; return the dataset.
+        """
         self._write(self.completed)
         if not self.store.about.decided:
             self.store.shorten(self.completed)
@@ -185,7 +198,7 @@ class Driver:
         return self.store
 
     def close(self) -> None:
-        """Store the waiting runs and unlock the dataset."""
+        """Write the waiting runs and unlock the dataset."""
         try:
             self._write(self.store.runs)
         finally:
@@ -193,5 +206,5 @@ class Driver:
 
 
 def write_estimate(store: Store, estimate: dict[str, Any]) -> None:
-    """Store the estimate as JSON, arrays of numpy as lists."""
+    """Store an estimate as the JSON attribute `estimate` of a dataset, arrays as lists."""
     store.group.attrs["estimate"] = json.dumps(estimate, default=lambda value: value.tolist())

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Evaluator of margins for standard normal coordinates, for optimisers and analyses.
+"""Evaluator that performs runs for standard normal coordinates and returns the margins of their
+requirements, for optimisers and analyses.
 
     with harness.Evaluator("my.toml", workers=4) as evaluator:
         margins = evaluator(np.zeros((1, evaluator.d)))     # (rows, requirements)
 
-Coordinate k of a row determines the draw of its factor, z = Phi^-1(u). Zeros are the medians of all
-draws, the nominal run.
+A row contains the coordinates z of all random factors of one run. A coordinate determines the
+number u between 0 and 1 from which its factor is drawn, u = Phi(z). A row of zeros gives the median
+of every factor: the nominal run.
 """
 
 from __future__ import annotations
@@ -36,20 +38,21 @@ from harness.studies.campaign.worker import Row
 from harness.studies.reuse import compiling
 
 LARGEST = 50
-"""Largest number of runs that a worker receives at once."""
+"""Largest number of runs per task of a worker."""
 UNUSED = ("record", "sampler", "until", "expected", "success")
-"""Entries of a campaign that analyses ignore."""
+"""Entries in the file of a campaign that analyses ignore."""
 
 
 class Evaluator:
-    """Margins of runs for rows of standard normal coordinates, with the worker pool of a campaign.
+    """Function from standard normal coordinates to the margins of the requirements, which performs
+    a run for each row of coordinates with the worker pool of a campaign.
 
-    d: coordinates of a row; groups: their indices by factor; names: requirements, in the order of
-    the columns of margins. definition: path of the .toml of a campaign, or the table itself;
-    workers, lanes: as for campaign(); file: file of a table, in whose folder the files that it
-    names are.
+    d: number of coordinates of a row; groups: their indices by factor; names: requirements in the
+    order of the columns of the margins. definition: path of the .toml of a campaign, or the table
+    itself; workers, lanes, notify: as for campaign(); file: path that a given table belongs to, in
+    whose folder the files that the table names are searched.
 
-    Raises UsageError and StructureError with all problems before the first run.
+    Raises UsageError, or StructureError with all problems of the table, before the first run.
     """
 
     def __init__(
@@ -88,7 +91,7 @@ class Evaluator:
         self._run_blocks: RunBlocks | None = None
 
     def reserve(self, runs: int, read: Iterable[Path] = ()) -> None:
-        """Reserve this number of runs in a dataset; read: files that decide them too."""
+        """Plan a dataset with this number of runs; read: further files on which the runs depend."""
         plan = self.plan.with_entries(runs=runs, coordinates=self.d)
         self.plan = replace(plan, sources={**plan.sources, **named(read)})
         self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
@@ -96,11 +99,11 @@ class Evaluator:
     def columns(
         self, of: str | Sequence[str], slope: bool, most: int | None = None
     ) -> dict[str, int]:
-        """Return the columns of the margins by requirement: of those named, or of all, at most
-        `most`.
+        """Return the indices of requirements among the columns of the margins, by requirement.
 
-        slope: the method needs a margin that changes gradually. Raises UsageError for an unknown
-        requirement, or one without a slope.
+        of: name or names of the requirements ("": all); slope: reject requirements whose margin is
+        not a number that changes gradually; most: largest number of requirements (None: any).
+        Raises UsageError for an unknown or rejected requirement.
         """
         if not self.names:
             raise UsageError(
@@ -115,9 +118,9 @@ class Evaluator:
             text = self.task.requirements[name]
             if slope and not has_slope(text):
                 raise UsageError(
-                    f"of: the margin of {name} ({text}) has no slope for a search to follow; "
-                    "compare "
-                    f'quantities with < or >, or estimate a probability with method = "random"'
+                    f"of: the margin of {name} ({text}) does not change gradually, as a search "
+                    "needs; "
+                    f'compare quantities with < or >, or use [probability] with method = "random"'
                 )
         return {name: self.names.index(name) for name in names[:most]}
 
@@ -133,8 +136,8 @@ class Evaluator:
         self._life.close()
 
     def __call__(self, numbers: Array) -> Array:
-        """Return the margins (rows, requirements) of coordinates (rows, d): -inf for a failed run,
-        NaN for a requirement that was not exercised.
+        """Perform a run for each row of coordinates (rows, d); return the margins (rows,
+        requirements): -inf for a failed run, NaN for a requirement without a verdict.
         """
         numbers = np.asarray(numbers, dtype=np.float64)
         if numbers.ndim != 2 or numbers.shape[1] != self.d:
@@ -144,7 +147,9 @@ class Evaluator:
         return margins_of(self.run([self.values(z, k) for k, z in enumerate(numbers)]))
 
     def moved(self, numbers: Array, count: int = 5) -> str:
-        """Return the factors that a row of coordinates moves most, in standard deviations."""
+        """Return as text the `count` factors that a row of coordinates (d,) moves farthest from
+        their medians, with the distances in standard deviations.
+        """
         names: list[str] = []
         for name, places in self.groups.items():
             elements = [f"{name}[{k + 1}]" for k in range(len(places))]
@@ -153,7 +158,7 @@ class Evaluator:
         return ", ".join(f"{names[k]} {numbers[k]:+.1f} sigma" for k in order)
 
     def run(self, values: Sequence[Values]) -> list[Row]:
-        """Return the records of runs for values of the factors, in their order."""
+        """Perform a run for each dictionary of factor values; return the records in this order."""
         if self._run_blocks is None:
             raise UsageError(
                 "Evaluator: use it in a with block, `with Evaluator(...) as evaluator:`"
@@ -166,27 +171,31 @@ class Evaluator:
         return [row for k in sorted(completed) for row in completed[k]]
 
     def values(self, z: Array, run: int) -> Values:
-        """Return the values of all factors for a row of coordinates, and the seeds of the run."""
+        """Return the values of all factors for a row of coordinates z (d,), including the seeds for
+        the run with this number.
+        """
         from scipy.special import ndtr
 
         u = np.clip(ndtr(z), SMALLEST, 1 - SMALLEST)
         return self.plan.of_numbers(u) | self.plan.seeds_of(run)
 
     def changes(self, z: Array, run: int) -> Changes:
-        """Return the keyword arguments of run() for a row of coordinates."""
+        """Return the keyword arguments of harness.run() for a row of coordinates z (d,) and the
+        seeds for the run with this number.
+        """
         return self.plan.changes(self.values(z, run))
 
 
 def exercised(y: Array) -> Array:
-    """Return margins with inf instead of NaN, so that a run without a margin is never the worst."""
+    """Return margins with inf in place of NaN, so that a run without verdict is never the worst."""
     return np.where(np.isnan(y), np.inf, y)
 
 
 def unjudged(y: Array) -> NDArray[np.bool_]:
-    """Return which margins are no evidence: NaN (without a verdict) or infinite."""
+    """Return by element whether a margin is no evidence for an estimate: NaN or plus infinity."""
     return np.isnan(y) | np.isposinf(y)
 
 
 def margins_of(rows: list[Row]) -> Array:
-    """Return margins (rows, requirements), -inf of a run that failed."""
+    """Return the margins (rows, requirements) in records of runs; -inf for a failed run."""
     return np.array([row.margins for row in rows], dtype=np.float64)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Probability of a failure by random runs or by subset simulation (Au & Beck 2001) with the chains
-of Papaioannou et al. 2015. A run fails where its margin is negative.
+"""Probability that a requirement fails (negative margin), by random runs or by subset simulation
+(Au & Beck 2001) with the Markov chains of Papaioannou et al. 2015.
 
-Subset simulation follows decreasing margins. A failure towards which the margin does not decrease
-can be found only by the random runs at the beginning. Importance sampling gives no evidence of
-a region without a centre. With a share of random runs as a remedy (a defensive mixture), its bound
-is no lower than the bound by these runs alone. Therefore it is not offered.
+Subset simulation moves from level to level towards smaller margins. It can miss failures towards
+which the margin does not decrease; only the random runs of its first level can find these.
+Importance sampling is not offered: it shows nothing about a failure region in which none of its
+sampling distributions is centred. If a share of its runs is random as a remedy (a defensive
+mixture), its upper bound is no lower than the bound by these random runs alone.
 """
 
 from __future__ import annotations
@@ -25,18 +26,18 @@ from harness.studies.analyses.study import Probability, Study, begun, prepared, 
 from harness.studies.campaign.stopping import clopper_pearson
 
 P0 = 0.1
-"""Share of the runs of a level that is below the limit of the next one."""
+"""Share of the runs of a level with the smallest margins, from which the next level starts."""
 ACCEPTED, WIDTH = 0.44, 0.6
-"""Target acceptance rate of the chains; their first step in standard deviations."""
+"""Target acceptance rate of the Markov chains; width of their first step in standard deviations."""
 REPEATS, LEAST = 5, 50
-"""Number of independent simulations; smallest number of runs per level of each."""
+"""Number of independent subset simulations; smallest number of runs per level of each."""
 T95 = 2.7764451051977987
-"""Quantile of Student's distribution for 95 %, two-sided, of four degrees of freedom."""
+"""Quantile of Student's t distribution with four degrees of freedom, two-sided 95 %."""
 
 
 class Level(NamedTuple):
-    """Level of a subset simulation: its limit of the margin, the probability of a smaller margin,
-    and the share of accepted proposals.
+    """Level of a subset simulation: limit of the margin, probability p of a margin below this
+    limit, and share of accepted proposals of the chains that led to this level.
     """
 
     limit: float
@@ -45,9 +46,9 @@ class Level(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Probability of a failure with its 95 % interval and coefficient of variation; runs: number
-    of runs; levels: of all repetitions; parts: probability of each repetition; warning: reason
-    not to trust it.
+    """Estimated probability p of a failure with its 95 % interval (low, high) and coefficient of
+    variation (cov). runs: number of runs; levels, parts: levels and probability of each repeated
+    subset simulation; warning: reason not to trust the estimate, "" if there is none.
     """
 
     p: float
@@ -65,8 +66,9 @@ Chains = Generator[Array, Array, tuple[Array, Array, float]]
 
 
 def random(d: int, seed: int, runs: int, abreast: int = 200) -> Method:
-    """Return the estimate of random runs with the interval of Clopper and Pearson for a fixed
-    number of runs.
+    """Return the estimate by independent random runs, with the interval of Clopper and Pearson.
+
+    d: number of coordinates; runs: their fixed number; abreast: runs that are requested together.
     """
     failures = 0
     for first in range(0, runs, abreast):
@@ -83,8 +85,8 @@ def random(d: int, seed: int, runs: int, abreast: int = 200) -> Method:
 
 
 class Sampled(NamedTuple):
-    """Result of one subset simulation: probability and coefficient of variation, levels, runs, and
-    whether it reached a failure.
+    """Result of one subset simulation: probability p, its coefficient of variation (cov), levels,
+    number of runs, and whether its levels reached a failure (a negative margin).
     """
 
     p: float
@@ -97,15 +99,15 @@ class Sampled(NamedTuple):
 def one_subset(
     d: int, seed: Sequence[int], n: int, most: int = 20
 ) -> Generator[Array, Array, Sampled]:
-    """Return the result of one subset simulation with n runs per level and at most
-    `most` levels.
+    """Return the result of one subset simulation in d coordinates, with n runs per level and at
+    most `most` levels. It ends at a level that reaches failures, or does not reach smaller margins.
     """
     rng = np.random.default_rng(list(seed))
     count = int(n * P0)
     z = rng.standard_normal((n, d))
     y = exercised((yield z))
     levels, variance, accepted = list[Level](), 0.0, 1.0
-    chains = np.arange(n)[:, None]  # rows of each chain: n chains of one run
+    chains = np.arange(n)[:, None]  # indices of the runs of each chain: n chains of one run
     p = 1.0
     while True:
         order = np.argsort(y, kind="stable")
@@ -126,11 +128,11 @@ def one_subset(
 
 
 def _level(rng: np.random.Generator, z: Array, y: Array, limit: float, n: int) -> Chains:
-    """Return n rows below a limit: parallel chains from the seeds z, whose width adapts to the
-    acceptance rate.
+    """Return coordinates (n, d) and margins (n,) of runs with margins up to a limit, and the share
+    of accepted proposals. Markov chains start in parallel from the runs z with margins y.
 
-    v = sqrt(1 - s^2) z + s w, with w normal, preserves the normal distribution; v is accepted where
-    y(v) <= limit.
+    A proposal v = sqrt(1 - s^2) z + s w, with w standard normal, preserves the normal distribution.
+    It is accepted if its margin is at most `limit`. The width s adapts to the acceptance rate.
     """
     rows, values, width, taken = [z], [y], WIDTH, []
     for k in range(1, n // len(z)):
@@ -147,8 +149,8 @@ def _level(rng: np.random.Generator, z: Array, y: Array, limit: float, n: int) -
 
 
 def _variance(below: NDArray[np.bool_], p: float) -> float:
-    """Return the squared coefficient of variation of the share p of rows (chains, length) below a
-    limit.
+    """Return the squared coefficient of variation of the share p of runs below a limit, with the
+    correlation of the runs within each chain; below: by chain and position in it.
     """
     chains, length = below.shape
     n = chains * length
@@ -163,39 +165,42 @@ def _variance(below: NDArray[np.bool_], p: float) -> float:
 
 
 def per_level(runs: int) -> int:
-    """Return the runs per level, a multiple of ten, with which repetitions down to about 1e-6 meet
-    a budget.
+    """Return the number of runs per level, a multiple of ten, with which REPEATS subset simulations
+    of six levels, which reach probabilities of about 1e-6, need at most `runs` runs.
     """
     return 10 * int(runs / REPEATS / (1 + 5 * (1 - P0)) / 10)
 
 
 def _most(runs: float, n: int) -> int:
-    """Return the number of levels of n runs that a budget of runs allows."""
+    """Return the largest number of levels, with n runs each, that need at most `runs` runs."""
     return 1 + int((runs - n) / (n * (1 - P0)) + 1e-9)
 
 
 def subset(d: int, seed: int, runs: int) -> Method:
-    """Return the estimate of independent repetitions of subset simulation, with the interval of
-    their scatter. The interval of a single one is too short if its levels lead elsewhere.
+    """Return the estimate by REPEATS independent subset simulations in d coordinates, with an
+    interval from their scatter. The interval of a single simulation would be too short if its
+    levels led away from some failures.
     """
     n, found = per_level(runs), list[Sampled]()
-    for k in range(REPEATS):  # unused runs go to the next repeats
+    for k in range(REPEATS):  # runs that a repeat has not used are available to the next ones
         left = runs - sum(each.runs for each in found)
         found.append((yield from one_subset(d, [seed, k], n, _most(left / (REPEATS - k), n))))
     return pooled(found)
 
 
 def pooled(found: Sequence[Sampled]) -> Estimate:
-    """Return the estimate of independent repetitions."""
+    """Return the common estimate of independent subset simulations. If one did not reach a failure,
+    it is an upper bound with a warning.
+    """
     parts = tuple(each.p for each in found)
     runs, levels = sum(e.runs for e in found), tuple(e.levels for e in found)
     if not all(each.reached for each in found):
         limits = [each.levels[-1].limit for each in found]
         warning = (
-            f"{sum(e.reached for e in found)} of {len(found)} repeats reached a failure, the "
+            f"only {sum(e.reached for e in found)} of {len(found)} repeats reached a failure; the "
             "others "
-            f"ended at a margin of {max(limits):.4g} with a probability of {max(parts):.2g}: "
-            f"p is an upper bound"
+            f"ended at margins up to {max(limits):.4g} with probabilities up to {max(parts):.2g}, "
+            f"so p is an upper bound"
         )
         return Estimate(max(parts), 0.0, max(parts), math.inf, runs, levels, parts, warning)
     scatter = float(np.log(parts).std(ddof=1))
@@ -211,10 +216,10 @@ def pooled(found: Sequence[Sampled]) -> Estimate:
 
 
 def probability(definition: Any, output: str | Path, **how: Any) -> Study:
-    """Estimate how probable it is that a requirement fails.
+    """Estimate the probability that a requirement fails, and store the runs in a dataset.
 
     definition: path of a campaign TOML with a table [probability], or the table itself; output:
-    OUT.zarr; how: as for sensitivity(). Raises UsageError, StructureError.
+    OUT.zarr; how: options as for sensitivity(). Raises UsageError, StructureError.
     """
     entry, evaluator = prepared(Probability, definition, how)
     slope = entry.method == "subset"
@@ -241,8 +246,8 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _verdict(estimate: Estimate, below: float, complete: bool) -> str:
-    """Return whether a probability is below the required one; complete: all runs have a
-    margin.
+    """Return `met`, `NOT MET` or `undecided` for the condition that the probability is below a
+    limit; complete: whether every run has a margin, without which it cannot be met.
     """
     if estimate.low > below:
         return "NOT MET"

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Sensitivity to factors: elementary effects (Morris 1991), variance-based indices (Sobol 1993,
-Saltelli et al. 2010), dependence in completed runs (HSIC, Gretton et al. 2005).
+"""Sensitivity of margins to factors: elementary effects (Morris 1991), variance-based indices
+(Sobol 1993, Saltelli et al. 2010), and statistical dependence in completed runs (HSIC,
+Hilbert-Schmidt independence criterion, Gretton et al. 2005).
 
 A factor is a group of coordinates that move together, so that a vector or an inertia is one factor.
 """
@@ -27,23 +28,24 @@ from harness.studies.campaign.worker import PENDING
 
 Method = Generator[Array, Array, "Effects"]
 Group = Sequence[int]
-"""Coordinates of one factor."""
+"""Indices of the coordinates of one factor."""
 
 LEVELS, STEP = np.array([0.125, 0.375]), 0.5
-"""Morris moves numbers between 0 and 1 by STEP, from one of the lower levels up or back."""
+"""Method of Morris: a number between 0 and 1 is moved by STEP, from one of LEVELS up or back."""
 RESAMPLED = 200
-"""Number of resamples of a bootstrap and of permutations of a test."""
+"""Number of resamples of a bootstrap, and of permutations of a significance test."""
 ROWS = 500
 """Largest number of rows that HSIC evaluates: its matrices are (ROWS, ROWS)."""
 
 
 class Effects(NamedTuple):
-    """Effects of factors on a margin, one element per factor.
+    """Effects of factors on a margin; all arrays have one element per factor.
 
-    value: mean absolute effect (Morris, in the unit of the margin), total index (Sobol), R2 (HSIC);
-    low, high: 95 % interval (HSIC: value itself); first: first-order index (Sobol); p: probability
-    of such a value for a factor without effect (HSIC); failed: runs without a finite margin, which
-    count as the smallest one.
+    method: morris, sobol or given (HSIC); value: mean absolute effect in the unit of the margin
+    (Morris), total index (Sobol), R2 (HSIC); low, high: 95 % interval of the value (HSIC: the value
+    itself); first: first-order index (Sobol); p: probability that a factor without effect has at
+    least this value (HSIC); failed: number of runs without a finite margin, which count as runs
+    with the smallest finite margin.
     """
 
     method: str
@@ -56,15 +58,21 @@ class Effects(NamedTuple):
 
 
 def with_finite(y: Array) -> tuple[Array, int]:
-    """Return margins with the smallest finite one in place of others, and how many these are."""
+    """Return margins with the smallest finite margin in place of NaN and infinite ones, and the
+    number of replaced margins.
+    """
     finite = np.isfinite(y)
     least = y[finite].min() if finite.any() else 0.0
     return np.where(finite, y, least), int((~finite).sum())
 
 
 def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Method:
-    """Return the mean absolute effect of each factor over paths of k + 1 runs, each of which moves
-    one factor after the other, in random order: mu* = mean |y_after - y_before| / STEP.
+    """Return the mean absolute effects by the method of Morris: mu* = mean |y_after - y_before| /
+    STEP.
+
+    groups: indices of the coordinates of each of the k factors; d: number of coordinates; paths:
+    number of paths. A path has k + 1 runs, between which one factor after the other is moved, in
+    random order.
     """
     rng = np.random.default_rng(seed)
     rows, moved = zip(*(_path(groups, d, rng) for _ in range(paths)), strict=True)
@@ -76,7 +84,9 @@ def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Method:
 
 
 def _path(groups: Sequence[Group], d: int, rng: np.random.Generator) -> tuple[Array, Any]:
-    """Return the coordinates of the runs of one path, and the order in which its factors move."""
+    """Return the numbers between 0 and 1 for the runs of one path (k + 1, d), and the order in
+    which its k factors are moved.
+    """
     low, up = rng.choice(LEVELS, d), rng.random(d) < 0.5
     order = rng.permutation(len(groups))
     rows = [low + STEP * up]
@@ -87,7 +97,9 @@ def _path(groups: Sequence[Group], d: int, rng: np.random.Generator) -> tuple[Ar
 
 
 def _resampled(effects: Array) -> tuple[Array, Array]:
-    """Return the 95 % interval of the mean over rows, by bootstrap."""
+    """Return the limits (factors,) of the 95 % interval of the mean effects over all paths, by
+    bootstrap; effects: (paths, factors).
+    """
     rng = np.random.default_rng(len(effects))
     rows = rng.integers(len(effects), size=(RESAMPLED, len(effects)))
     low, high = np.percentile(effects[rows].mean(axis=1), (2.5, 97.5), axis=0)
@@ -95,9 +107,13 @@ def _resampled(effects: Array) -> tuple[Array, Array]:
 
 
 def sobol(groups: Sequence[Group], d: int, n: int, seed: int) -> Method:
-    """Return first-order and total indices from n (k + 2) runs, n a power of two.
+    """Return the first-order indices S and the total indices T of k factors, from n (k + 2) runs.
 
-    S = mean(f_B (f_AB - f_A)) / V,   T = mean((f_A - f_AB)^2) / 2 V.
+    S = mean(f_B (f_AB - f_A)) / V,   T = mean((f_A - f_AB)^2) / 2 V,
+
+    with the margins f_A and f_B of two independent samples of n runs, f_AB of sample A with one
+    factor from B, and the variance V. groups: indices of the coordinates of each factor; d: number
+    of coordinates; n: a power of two.
     """
     from scipy.stats.qmc import Sobol
 
@@ -120,13 +136,14 @@ def _indices(f_a: Array, f_b: Array, f_ab: Array) -> tuple[Array, Array]:
 
 
 def hsic(groups: Sequence[Group], x: Array, y: Array) -> Effects:
-    """Return the dependence of margins y (rows,) on factors with coordinates x (rows, d) of
-    completed runs.
+    """Return the dependence of margins y (rows,) on each factor in completed runs with coordinates
+    x (rows, d); groups: indices of the coordinates of each factor.
 
     R2 = HSIC(x, y) / sqrt(HSIC(x, x) HSIC(y, y)),   HSIC = trace(K_x H K_y H), H = I - 1/n,
 
-    with Gaussian kernels as wide as the median distance, of the ranks of y, so that neither a
-    discontinuity nor a failed run (the lowest rank) dominates; p by permutations.
+    with Gaussian kernels as wide as the median distance. Ranks are used in place of the margins y,
+    so that neither a discontinuity nor a failed run (lowest rank) dominates. The p value is the
+    share of random permutations of y that give at least this R2.
     """
     rng = np.random.default_rng(0)
     if len(y) > ROWS:
@@ -140,7 +157,9 @@ def hsic(groups: Sequence[Group], x: Array, y: Array) -> Effects:
 
 
 def _dependence(k_x: Array, k_y: Array, orders: Sequence[Any]) -> tuple[float, float]:
-    """Return R2 of two kernel matrices, and the share of permutations in which it is as large."""
+    """Return R2 of two centred kernel matrices (rows, rows), and its p value: the share of the
+    permutations `orders` for which it is at least as large.
+    """
     size = np.sqrt((k_x * k_x).sum() * (k_y * k_y).sum()) or 1.0
     value = (k_x * k_y).sum() / size
     by_chance = np.array([(k_x * k_y[np.ix_(o, o)]).sum() / size for o in orders])
@@ -148,7 +167,7 @@ def _dependence(k_x: Array, k_y: Array, orders: Sequence[Any]) -> tuple[float, f
 
 
 def _kernel(x: Array) -> Array:
-    """Return the centred Gaussian kernel matrix of rows."""
+    """Return the centred Gaussian kernel matrix (rows, rows) of the points x (rows, elements)."""
     squares = np.zeros((len(x), len(x)))
     for each in x.T:
         squares += np.subtract.outer(each, each) ** 2
@@ -161,12 +180,12 @@ def _kernel(x: Array) -> Array:
 
 
 def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -> Study:
-    """Rank the factors of a campaign by their effect on each requirement.
+    """Estimate the effect of each factor of a campaign on the margin of each requirement.
 
     definition: path of a campaign TOML with a table [sensitivity], or the table itself; or the
-    dataset of a complete campaign, which needs no further run and no output. output: OUT.zarr;
-    how: workers, lanes, resume, progress, `notify` as for campaign(). Raises UsageError,
-    StructureError.
+    OUT.zarr of a complete campaign, whose runs are evaluated without further runs. output: OUT.zarr
+    of the new runs; how: workers, lanes, resume, progress and notify as for campaign(). Raises
+    UsageError, StructureError.
     """
     if not isinstance(definition, Mapping) and Path(definition).suffix == ".zarr":
         return Study(Path(definition), of_dataset(Path(definition)))
@@ -194,8 +213,8 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
 
 
 def _count(entry: Sensitivity, factors: int) -> tuple[int, int]:
-    """Return the number of paths, or of Sobol points, and the runs of each; raise UsageError if
-    there are too few.
+    """Return the number of paths (Morris) or points (Sobol) for the requested runs, and the runs
+    that each of them needs; raise UsageError if there are fewer than two paths.
     """
     per = factors + (1 if entry.method == "morris" else 2)
     count = max(1, entry.runs // per)
@@ -210,8 +229,8 @@ def _count(entry: Sensitivity, factors: int) -> tuple[int, int]:
 
 
 def _signs(groups: list[list[int]], numbers: Array, y: Array) -> list[float]:
-    """Return, per factor, the rank correlation of a margin with the coordinate of the factor that
-    it depends on most.
+    """Return for each factor the rank correlation of the margins y (rows,) with the coordinate of
+    the factor that has the largest absolute correlation; numbers: coordinates (rows, d).
     """
     signs = []
     for group in groups:
@@ -223,11 +242,13 @@ def _signs(groups: list[list[int]], numbers: Array, y: Array) -> list[float]:
 # ---- analysis of a completed campaign
 
 LEAST = 50
-"""Smallest number of runs of an analysis."""
+"""Smallest number of completed runs that a campaign must have for this analysis."""
 
 
 def of_dataset(path: Path) -> Store:
-    """Return the dataset with the dependence of every margin on every factor as its estimate."""
+    """Compute the dependence of every margin on every factor in the runs of a completed campaign,
+    and store it as the estimate in its dataset; return the dataset.
+    """
     store = Store.open(path)
     if "margin" not in store.group:
         raise UsageError(
@@ -255,8 +276,8 @@ def of_dataset(path: Path) -> Store:
 
 
 def _scaled(values: Any, completed: NDArray[np.bool_]) -> Array:
-    """Return the numbers (runs, elements) of a factor in completed runs, with mean 0 and deviation
-    1.
+    """Return the values of a factor in completed runs (runs, elements), scaled to mean 0 and
+    standard deviation 1. Texts are numbered first.
     """
     if values.dtype.kind not in "fiu":
         values = np.unique(values, return_inverse=True)[1]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Common parts of the analyses: their tables, such as `[worst]` in the file of a campaign, with all
-problems, preparation, stored results, and text.
+"""Common parts of the analyses (studies): the entries of their tables, such as `[worst]` in the
+file of a campaign, their preparation, and the stored estimate with its text.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ Share = Annotated[float, Meta(gt=0, lt=1, description="a probability, above 0 an
 
 
 class Sensitivity(msgspec.Struct):
-    """Entries of [sensitivity]; `of` names the requirements, as in the tables of all studies."""
+    """Entries of [sensitivity]. In the tables of all studies, `of` names the requirements ("": all,
+    or the first if the study has only one), and `runs` is the budget of runs.
+    """
 
     of: Names = ""
     method: Method = "morris"
@@ -41,7 +43,9 @@ class Sensitivity(msgspec.Struct):
 
 
 class Worst(msgspec.Struct):
-    """Entries of [worst]."""
+    """Entries of [worst]; box: largest absolute coordinate in standard deviations; searches: number
+    of independent searches, among which `runs` is divided.
+    """
 
     of: Names = ""
     runs: Count = 200
@@ -50,7 +54,7 @@ class Worst(msgspec.Struct):
 
 
 class Probability(msgspec.Struct):
-    """Entries of [probability]; below: required upper limit, 0: none."""
+    """Entries of [probability]; below: limit that the probability must not exceed (0: no limit)."""
 
     of: Text = ""
     method: Estimator = "subset"
@@ -59,7 +63,7 @@ class Probability(msgspec.Struct):
 
 
 class Boundary(msgspec.Struct):
-    """Entries of [boundary]."""
+    """Entries of [boundary]; factors: names of two scalar factors ([]: the only two)."""
 
     of: Text = ""
     factors: list[str] = []
@@ -67,7 +71,10 @@ class Boundary(msgspec.Struct):
 
 
 class Tune(msgspec.Struct):
-    """Entries of [tune]."""
+    """Entries of [tune]; gains: parameters to tune, written like factors; draws: number of random
+    draws with which every candidate is evaluated; archive: dataset of a study whose worst runs are
+    evaluated too ("": none); box: largest absolute coordinate of a gain in standard deviations.
+    """
 
     of: Names = ""
     gains: dict[str, Any] = {}
@@ -78,25 +85,31 @@ class Tune(msgspec.Struct):
 
 
 TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability, Boundary, Tune)}
-"""Tables of studies by their names in the file of a campaign."""
+"""Types of the tables of studies, by the name of the table in the file of a campaign."""
 
 
 class Study(Campaign):
-    """Completed study. estimate: its values by requirement, as plain data."""
+    """Completed study with its dataset and its estimate."""
 
     @property
     def kind(self) -> str:
-        """Return sensitivity, worst, probability, boundary, tune or given."""
+        """Return the kind of the study: sensitivity, worst, probability, boundary, tune, or given
+        (sensitivity from the runs of a completed campaign).
+        """
         return str(self.store.group.attrs["kind"])
 
     @property
     def estimate(self) -> dict[str, Any]:
-        """Return the estimate as plain data."""
+        """Return the estimate as plain data: values by requirement under `of`, number of runs
+        without evidence by requirement under `unjudged`, and further entries of the method.
+        """
         found: dict[str, Any] = json.loads(self.store.group.attrs["estimate"])
         return found
 
     def summary(self) -> str:
-        """Return the estimate as text, with the number of runs that are no evidence."""
+        """Return the estimate as text, with the numbers of failed runs and of runs that are no
+        evidence for it.
+        """
         status = self.store.array("status")
         lines = [f"{len(status)} runs, {int((status == FAILED).sum())} failed"]
         for name, found in self.estimate["of"].items():
@@ -113,7 +126,10 @@ class Study(Campaign):
 
     @property
     def verdict(self) -> bool:
-        """Return whether the estimate gives the exit status 0."""
+        """Return whether the exit status of the study is 0: `worst` has found neither a failure nor
+        a run without a verdict, or the limit `below` of `probability` is met. It is always 0 for
+        the other kinds.
+        """
         found = self.estimate["of"]
         if self.kind == "worst":
             unjudged = any(self.estimate["unjudged"][name] for name in found)
@@ -122,7 +138,9 @@ class Study(Campaign):
 
 
 def entries(kind: type[T], table: Mapping[str, Any]) -> T:
-    """Return the table of an analysis; raise StructureError with all its problems."""
+    """Return the entries for an analysis, such as `[worst]`, in the table of a campaign; raise
+    StructureError with all problems of these entries. kind: class of the entries.
+    """
     name = kind.__name__.lower()
     if wrong := list(problems(table.get(name, {}), kind, name)):
         raise StructureError(wrong)
@@ -138,8 +156,11 @@ def begun(
     how: Mapping[str, Any],
     *read: Path,
 ) -> Iterator[Driver]:
-    """Yield the driver of a study that needs `runs` runs besides the nominal one; read: datasets of
-    other studies that determine its runs.
+    """Yield the driver of a study with its dataset open, and close both after the block.
+
+    kind: name of the study; runs: number of planned runs besides the nominal one; output: OUT.zarr;
+    how: options of the study, such as `resume`; read: datasets of other studies on which its runs
+    depend.
     """
     evaluator.reserve(1 + runs, read)
     resume, show = how.get("resume", False), how.get("progress")
@@ -148,19 +169,22 @@ def begun(
 
 
 def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T, Evaluator]:
-    """Return the entries of an analysis with its evaluator."""
+    """Return the entries of the table of an analysis, and the evaluator of its runs.
+
+    kind: class of the entries; definition: path of a campaign TOML or its table; how: options.
+    """
     entry = entries(kind, table_of(definition))
     return entry, Evaluator(definition, notify=how.get("notify", print), **where(how))
 
 
 def where(how: Mapping[str, Any]) -> dict[str, Any]:
-    """Return workers and lanes of a study."""
+    """Return the options `workers` and `lanes` of a study, with default values."""
     return {"workers": how.get("workers"), "lanes": how.get("lanes", True)}
 
 
 def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
-    """Report the requirements that the nominal run fails; raise UsageError if it does not exercise
-    one.
+    """Report each of these requirements that the nominal run does not meet; raise UsageError if the
+    nominal run does not exercise one. of: indices of the margins by requirement.
     """
     for name, k in of.items():
         margin = driver.nominal[k]
@@ -177,14 +201,15 @@ def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
 # ---- estimates as text
 
 SHOWN = 8
-"""Largest number of influential factors in the text."""
+"""Largest number of factors that the text of a sensitivity lists with their effects."""
 SMALL = 0.03
-"""Share of all effects below which a factor does not matter."""
+"""Share of the sum of all effects up to which the effect of a factor counts as small."""
 UNJUDGED = "are no evidence: not exercised, not judged or with an infinite margin"
+"""End of a line on runs that an estimate does not use."""
 
 
 def of_unit(value: float | None, unit: str) -> str:
-    """Return a margin as readable text."""
+    """Return a margin with its unit as text, small lengths in mm and angles in degrees."""
     if value is None or np.isnan(value):
         return "no margin"
     if np.isneginf(value):
@@ -198,6 +223,7 @@ def of_unit(value: float | None, unit: str) -> str:
 
 
 def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
+    """Yield the lines on the effects of the factors on the margin of a requirement."""
     factors, method, unit = study.estimate["factors"], study.estimate["method"], study.unit(name)
     words = {"morris": "share of the mean effects", "sobol": "total index"}
     yield f"{name}: {words.get(method, 'dependence R2 (HSIC of ranks)')}"
@@ -219,7 +245,9 @@ def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
 
 
 def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
-    """Return the effect of factor k in the numbers of the method."""
+    """Return the effect of factor k as text, with the values that the method gives: `morris` share
+    and effect, `sobol` total index with interval, HSIC R2 with its p value.
+    """
     value = found["value"][k]
     if found.get("p"):
         return f"{value:.3f}  p {found['p'][k]:.3f}"
@@ -231,6 +259,7 @@ def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
 
 
 def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
+    """Yield the lines on the worst run of a requirement and its repetitions."""
     unit, runs = study.unit(name), found["runs"]
     nominal = of_unit(found["nominal"], unit)
     if found["margin"] < 0:
@@ -264,12 +293,15 @@ def _not_met(margin: float) -> str:
 
 
 def _no_failure(found: Any) -> bool:
-    """Return whether the worst run and its repetitions meet the requirement."""
+    """Return whether the requirement is met in the worst run, and in its repetitions with the macro
+    step of the system and with other seeds.
+    """
     margins = [found["margin"], found["own step"], *found.get("other seeds", ())]
     return all(margin >= 0 for margin in margins)
 
 
 def _probability(name: str, found: Any, _: Study) -> Iterator[str]:
+    """Yield the lines on the probability that a requirement fails."""
     interval = f"95 %: {found['low']:.2g} to {found['high']:.2g}"
     by = f"by {found['method']}, {found['runs']} runs"
     yield f"{name}: p = {found['p']:.3g} ({interval}) {by}"
@@ -290,6 +322,7 @@ def _probability(name: str, found: Any, _: Study) -> Iterator[str]:
 
 
 def _boundary(name: str, found: Any, study: Study) -> Iterator[str]:
+    """Yield the lines on the ranges of two factors in which a requirement fails."""
     store = study.store
     margins = store.array("margin")[:, store.array("requirement").tolist().index(name)]
     failed = margins < 0
@@ -302,6 +335,9 @@ def _boundary(name: str, found: Any, study: Study) -> Iterator[str]:
 
 
 def _tuned(name: str, found: Any, _: Study) -> Iterator[str]:
+    """Yield the lines on the worst margins before and after tuning, and the options that set the
+    tuned gains.
+    """
     for k, each in enumerate(name.split(", ")):
         yield (
             f"{each}: worst margin {found['start'][k]:+.4g} before, {found['best'][k]:+.4g} after; "
@@ -319,3 +355,4 @@ LINES = {
     "boundary": _boundary,
     "tune": _tuned,
 }
+"""Functions that yield the text on one requirement, by the kind of the study."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tuning of gains for the best worst margin. Each candidate is evaluated with the same draws and
-the worst runs of an archive.
+"""Tuning of gains: search for the gains with the largest worst margin. Every candidate is evaluated
+with the same random draws of the factors, and with the worst runs of an earlier study (archive).
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import PENDING
 
 ARCHIVED = 12
-"""Number of worst runs of an archive with which every candidate is evaluated."""
+"""Number of worst runs of the archive with which every candidate is evaluated."""
 
 
 class Tuned(NamedTuple):
-    """Coordinates (d,) of the best candidate; worst margins (requirements,) of the start and of the
-    best candidate over the draws of the search, and over as many unseen draws.
+    """Result of tuning: coordinates (d,) of the best candidate, and worst margins (requirements,)
+    of the median gains (start) and of the best candidate, over the draws of the search and over
+    other draws that the search has not used (unseen).
     """
 
     numbers: Array
@@ -38,7 +39,12 @@ class Tuned(NamedTuple):
 
 
 def _archived(path: Path, of: list[str], evaluator: Evaluator, factors: Mapping[str, Any]) -> Array:
-    """Return the worst runs of a study of the same factors, with zeros for the gains."""
+    """Return the coordinates (runs, d) of the worst runs in the dataset of an earlier study, with
+    zeros for the gains.
+
+    of: requirements whose margins rank the runs; factors: table of the campaign, which must be the
+    same in the study. Raises UsageError.
+    """
     store = Store.open(path)
     names, there = store.array("requirement").tolist(), store.array("status") != PENDING
     chosen = [names.index(n) for n in of if n in names]
@@ -59,7 +65,11 @@ def _archived(path: Path, of: list[str], evaluator: Evaluator, factors: Mapping[
 def _tuned(
     draws: Array, unseen: Array, gains: list[int], inner: Generator[Array, Array, Any]
 ) -> Generator[Array, Array, Tuned]:
-    """Return the best candidate and the start, then both over unseen draws."""
+    """Run the method of tuning, a generator as described in harness.studies.analyses.
+
+    draws, unseen: coordinates (runs, d) with zeros for the gains; gains: indices of the coordinates
+    of the gains; inner: search for the smallest negated worst margin over the gains.
+    """
     start = yield draws
     best, least = yield from _best(draws, start, gains, inner)
     both = np.concatenate([unseen, unseen])
@@ -74,8 +84,11 @@ def _tuned(
 def _best(
     draws: Array, start: Array, gains: list[int], inner: Generator[Array, Array, Any]
 ) -> Generator[Array, Array, tuple[Array, Array]]:
-    """Return gains and worst margins of the best candidate. Candidates are compared by their worst
-    margin over all draws and requirements, in units of the median margin of the start.
+    """Return the coordinates of the gains, and the worst margins (requirements,), of the best
+    candidate of the search `inner`; start: margins (draws, requirements) of the median gains.
+
+    Candidates are compared by their worst margin over all draws and requirements. The margins of a
+    requirement are divided by the median of their absolute values at the start.
     """
     finite = [np.abs(y[np.isfinite(y)]) for y in start.T]
     scale = np.array([np.median(y) if y.any() else 1.0 for y in finite])
@@ -98,7 +111,9 @@ def _best(
 
 
 def _finite(y: Array) -> Array:
-    """Return margins, -inf for runs without a finite one, so that these favour no candidate."""
+    """Return margins with -inf in place of NaN and infinite ones, so that a run without a margin
+    cannot make a candidate better.
+    """
     return np.where(np.isfinite(y), y, -np.inf)
 
 
@@ -106,10 +121,10 @@ def _finite(y: Array) -> Array:
 
 
 def tune(definition: Any, output: str | Path, **how: Any) -> Study:
-    """Search for the gains with the largest worst margin.
+    """Search for the gains whose worst margin over all draws and requirements is largest.
 
     definition: path of a campaign TOML with a table [tune], or the table itself; output: OUT.zarr;
-    how: as for sensitivity(). Raises UsageError, StructureError.
+    how: options as for sensitivity(). Raises UsageError, StructureError.
     """
     installed("cma", "verify")
     table = table_of(definition)

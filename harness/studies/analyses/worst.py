@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Search for the worst case: the smallest margin in a box of the coordinates, by the evolution
-strategy CMA-ES (Hansen & Ostermeier 2001). The result is a bound, not a proof that nothing is
-worse.
+"""Search for the worst case: the run with the smallest margin of a requirement, in a box of the
+standard normal coordinates, by the evolution strategy CMA-ES (Hansen & Ostermeier 2001). A search
+does not prove that no run is worse.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from harness.studies.reuse import ReusedSimulation
 Method = Generator[Array, Array, "Found"]
 
 LEAST_GENERATION = 12
+"""Smallest number of runs per generation of a search."""
 SEEDS = 10
-"""Further seeds of sensors with which the worst run is repeated."""
+"""Number of further seeds with which the worst run is repeated if the campaign has seeds."""
 CLOSE = 0.1
-"""Share of the distance between worst and nominal margin by which the worst margin may change with
-the macro step of the system.
+"""Largest change of the worst margin, when its run is repeated with the system's own macro step,
+that is not reported, as a share of the distance between the worst and the nominal margin.
 """
 
 
 class Found(NamedTuple):
-    """Worst run of a search: its coordinates (d,), its margin, its index and the index of the first
-    failure (-1: none) among the runs.
+    """Worst run of a search: coordinates (d,), margin, index among the runs of the search (place),
+    and index of the first run with a negative margin (-1: none).
     """
 
     numbers: Array
@@ -46,13 +47,13 @@ class Found(NamedTuple):
 
 
 def generation(d: int) -> int:
-    """Return the runs per generation of a search in d coordinates."""
+    """Return the number of runs per generation of a search in d coordinates."""
     return max(LEAST_GENERATION, 4 + int(3 * math.log(d)))
 
 
 def search(d: int, seed: int, runs: int, box: float = 3.0) -> Method:
-    """Return the smallest margin that a number of runs finds within |z| <= box, starting from the
-    centre. A search that has converged starts again elsewhere.
+    """Return the worst run that a search finds with this number of runs, in d coordinates with
+    |z_k| <= box. It starts at z = 0; after it has converged, it starts again at a random point.
     """
     rng = np.random.default_rng(seed)
     rows, margins = np.empty((0, d)), np.empty(0)
@@ -66,7 +67,7 @@ def search(d: int, seed: int, runs: int, box: float = 3.0) -> Method:
             engine.tell(list(z), _ranked(y))
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
-    if runs > len(margins):  # too few for a generation: random runs about the best so far
+    if runs > len(margins):  # too few left for a generation: random runs about the worst so far
         spread = rng.standard_normal((runs - len(margins), d)) / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
@@ -78,8 +79,8 @@ def search(d: int, seed: int, runs: int, box: float = 3.0) -> Method:
 
 
 def _engine(start: Array, box: float, rng: np.random.Generator) -> Any:
-    """Return a CMA-ES with a separate random generator, because its own would seed numpy's global
-    one.
+    """Return a CMA-ES optimiser that draws from `rng`. Its built-in generator would change the seed
+    of numpy's global generator.
     """
     import cma  # type: ignore[import-untyped]
     from threadpoolctl import ThreadpoolController
@@ -89,7 +90,7 @@ def _engine(start: Array, box: float, rng: np.random.Generator) -> Any:
         "popsize": generation(len(start)),
         "randn": lambda *shape: rng.standard_normal(shape),
         "seed": math.nan,
-        # threads of a BLAS use 0.1 s of processor time after every call
+        # one thread, because idle BLAS threads use 0.1 s of processor time after every call
         "CMA_eigenmethod": ThreadpoolController().wrap(limits=1)(np.linalg.eigh),
         "verbose": -9,
         "verb_log": 0,
@@ -99,7 +100,9 @@ def _engine(start: Array, box: float, rng: np.random.Generator) -> Any:
 
 
 def _ranked(y: Array) -> list[float]:
-    """Return the margins, with failed runs below all others."""
+    """Return the margins as finite numbers for the optimiser: failed runs (-inf) below all others,
+    runs without a verdict (inf) above them.
+    """
     finite = y[np.isfinite(y)]
     low = float(finite.min() - 1 - np.ptp(finite)) if len(finite) else -1.0
     high = float(finite.max() + 1) if len(finite) else 1.0
@@ -111,11 +114,11 @@ def _ranked(y: Array) -> list[float]:
 
 
 def worst(definition: Any, output: str | Path, **how: Any) -> Study:
-    """Search for the smallest margin of each requirement.
+    """Search for the run with the smallest margin, for each requirement. The worst runs and the
+    nominal run are repeated, and their results with all rows are stored as OUT_worst/NAME.nc.
 
     definition: path of a campaign TOML with a table [worst], or the table itself; output: OUT.zarr;
-    the worst runs and the nominal one are repeated with all rows into OUT_worst/NAME.nc; how: as
-    for sensitivity(). Raises UsageError, StructureError.
+    how: options as for sensitivity(). Raises UsageError, StructureError.
     """
     installed("cma", "verify")
     entry, evaluator = prepared(Worst, definition, how)
@@ -142,7 +145,9 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
-    """Return the worst run of a requirement, from searches of equal length with one seed each."""
+    """Return the worst run of a requirement as the entries of its estimate, from searches with
+    equally many runs and different seeds; column: index of the requirement.
+    """
     first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
     each = entry.runs // entry.searches
     results = [
@@ -167,8 +172,8 @@ def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
 
 
 def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
-    """Run the worst cases and the nominal case with the macro step of the system itself, and write
-    their results.
+    """Repeat the worst runs and the nominal run with the macro step of the system, write their
+    results, and add to the estimates `found` whether the margins differ.
     """
     evaluator, folder = driver.evaluator, _folder(output)
     folder.mkdir(parents=True, exist_ok=True)
@@ -182,7 +187,7 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
                 result = reused.run(changes, 1, evaluator.plan.table.patience)
             except InterruptionError as error:
                 raise KeyboardInterrupt from error
-            except HarnessError as error:  # as in the search, a value that is rejected is a failure
+            except HarnessError as error:  # a run with a rejected value counts as failed
                 result = getattr(error, "partial", result)
             if result is not None:
                 save(result, folder / f"{_file(name)}.nc")
@@ -196,13 +201,13 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
 
 
 def _folder(output: Path) -> Path:
-    """Return the folder of the results that _confirm() writes."""
+    """Return the folder for the results of the worst runs and the nominal run, beside OUT.zarr."""
     return output.with_name(f"{output.stem}_worst")
 
 
 def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
-    """Return the files of the nominal run and of the worst run of each requirement, beside the
-    dataset of a search, as far as they exist.
+    """Return the existing results files of the nominal run and of the worst run of each
+    requirement, by label; path: OUT.zarr of the search.
     """
     files = {"nominal": "nominal"} | {f"worst {n}": _file(n) for n in requirements}
     found = {label: _folder(path) / f"{name}.nc" for label, name in files.items()}
@@ -210,4 +215,5 @@ def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
 
 
 def _file(name: str) -> str:
+    """Return the name of a requirement with `_` for all characters unsafe in file names."""
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
