@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems as environments of Gymnasium, and policies as FMUs.
+"""Systems as environments of Gymnasium for reinforcement learning, and trained networks as FMUs.
 
-A system enters with the components that an agent replaces. Observations, rewards and the end of an
-episode leave, in the language of requirements, so that what is learned is what is evaluated. The
-package is above the studies because an episode starts as a run of a campaign does.
+The input is a system, with the components that an agent replaces. The outputs are observations,
+rewards and the ends of episodes. Rewards and ends are defined by the same expressions and
+requirements as in other runs, so an agent is trained on the criteria by which runs are evaluated.
+The package may import the studies, because an episode can start like a run of a campaign.
 
-Its import registers an id for every system of the available missions, `servicing/SyncApproach-v0`
-for `sync_approach`, with actions in -1 to 1;
-`gymnasium.make("harness.learning:servicing/SyncApproach-v0")` imports it.
+The import of this package registers a Gymnasium id for every system of the available missions, such
+as `servicing/SyncApproach-v0` for `sync_approach`, with actions between -1 and 1.
+`gymnasium.make("harness.learning:servicing/SyncApproach-v0")` imports the package by itself.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Environment whose third-party FMUs run in a child process: a crash ends an episode, not the
-training.
+"""Environment that runs in a child process, for systems with third-party FMUs. If an FMU crashes,
+only the episode ends, not the training.
 """
 
 from __future__ import annotations
@@ -25,19 +25,27 @@ from harness.ssp.library import load
 
 
 def trusted(system: str | Path, how: Mapping[str, Any]) -> bool:
-    """Return whether all FMUs of an environment are of the project."""
+    """Return whether all FMUs of an environment belong to this package, so that none can crash.
+
+    how: arguments of the environment.
+    """
     given: Changes = {"swap": how.get("swap", ()), "map": how.get("map", ())}
     with load(system) as found:
         return all_ours(apply(found, **given))
 
 
 def environment(system: str | Path, **how: Any) -> Environment | Apart:
-    """Return an environment, in a child process if one of its FMUs is third-party."""
+    """Return an environment, which runs in a child process if one of its FMUs is third-party.
+
+    how: arguments as for harness.environment().
+    """
     return Environment(system, **how) if trusted(system, how) else Apart(system, **how)
 
 
 class Apart(gymnasium.Env[Array, Array], EzPickle):
-    """Environment as seen from the parent, see harness.environment()."""
+    """Environment in a child process, with the methods and arguments of Environment. Every call is
+    sent to the child.
+    """
 
     metadata = Environment.metadata
 
@@ -50,7 +58,7 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         self._run: int | None = None
 
     def _begin(self) -> None:
-        """Start the child, which creates the environment; raise its errors."""
+        """Start the child process, which creates the environment; raise its errors."""
         self._life.close()
         self._pipe, theirs = Pipe()
         child = Child(_serve, theirs, *self._order, open_files=(theirs.fileno(),))
@@ -66,7 +74,9 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         return self._answer()
 
     def _answer(self) -> Any:
-        """Return the answer of the child; raise its error, or FmuError if it has ended."""
+        """Return the answer of the child process to the last call; raise the error that the call
+        raised there, or FmuError if the process has ended.
+        """
         if self._pipe in wait([self._pipe, self._child.process.sentinel]):
             try:
                 error, value = self._pipe.recv()
@@ -83,19 +93,19 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode, in a new process if the last one has ended."""
+        """Begin an episode, in a new child process if the earlier one has ended."""
         super().reset(seed=seed)
         if not self._child.process.is_alive():
             self._begin()
-            if seed is None and self._run is not None:  # the new process does not know it
+            if seed is None and self._run is not None:  # unknown to the new process
                 options = {"run": self._run + self._order[1].get("stride", 1), **(options or {})}
         self._observation, info = self._call("reset", seed=seed, options=options)
         self._run = info.get("run")
         return self._observation, info
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Hold an action for `every` macro steps. If the child process ends, the episode is
-        terminated.
+        """Apply an action for `every` macro steps. If the child process ends, the episode is
+        terminated, with the last observation and reward 0.
         """
         try:
             found: tuple[Array, float, bool, bool, dict[str, Any]] = self._call("step", action)
@@ -105,24 +115,29 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         return found
 
     def result(self) -> Result:
-        """Return the episode so far as the result of a run; raise FmuError without a process."""
+        """Return the episode so far as the result of a run; raise FmuError if the child process has
+        ended.
+        """
         found: Result = self._call("result")
         return found
 
     def render(self) -> Any:
-        """Return a picture."""
+        """Return a picture of the present state, see Environment.render()."""
         return self._call("render")
 
     def close(self) -> None:
-        """End the child."""
+        """End the child process."""
         self._life.close()
 
 
 SHOWN = ("observation_space", "action_space", "observation_names", "action_names", "every")
+"""Attributes of the environment that are copied from the child process."""
 
 
 def _serve(_: Send, pipe: Connection, system: Any, how: dict[str, Any]) -> None:
-    """Answer calls of methods until the parent closes the pipe."""
+    """Create the environment in the child process, and perform the calls that arrive in the pipe
+    until the parent process closes it. Answers are pairs of an error or None, and a value.
+    """
 
     def answer(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
         value: Any = None

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A system as an environment of Gymnasium: an agent in the place of some components.
+"""Environment of Gymnasium for a system, in which an agent replaces some components (the open
+components).
 
-One step of the environment sets the outputs of these components and performs macro steps up to the
-instant at which the components would read their inputs again. An episode under the actions that a
-component has recorded is the run of the system, bit for bit.
+One step of the environment sets the outputs of the open components and performs macro steps up to
+the instant at which these components would read their inputs again. If the agent repeats the
+outputs that the components had in a run of the system, the episode equals this run bit for bit.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from harness.system.model import System
 
 
 class Environment(gymnasium.Env[Array, Array], EzPickle):
-    """Environment of one system, see harness.environment()."""
+    """Environment of one system; harness.environment() explains the arguments."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
 
@@ -92,7 +93,11 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
     def _simulate(
         self, found: System, usual: Steering, every: int, record: int, changes: Mapping[str, Any]
     ) -> None:
-        """Prepare the simulation and save its start, to which a reset returns."""
+        """Create the simulation, initialise it and save its state, to which reset() returns.
+
+        usual: defaults of the mission; every, record: macro steps per action and per recorded row
+        (0: default).
+        """
         given: Any = {**changes, "open": usual.open}
         self._changes: Changes = joined(self._plan.fixed, given) if self._plan else given
         self.every = every or usual.every or max(found.component(n).every for n in usual.open)
@@ -112,8 +117,10 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode; with `factors` run k of the campaign: options {"run": k}, or the seed,
-        or the run after the last one.
+        """Begin an episode; return the first observation and further data.
+
+        If the environment has a campaign (`factors`), the episode starts as its run k: k is
+        options["run"], otherwise the seed, otherwise `stride` runs after the last episode's run.
         """
         super().reset(seed=seed)
         plan, given = self._plan, (options or {}).get("run", seed)
@@ -140,11 +147,13 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self._constants = self._given()
 
     def _given(self) -> list[float]:
-        """Return what the scoring takes from the parameters of the episode."""
+        """Return the parameter values of this episode that the scoring needs."""
         return self.scoring.values.constants(x for _, x in constants(self.simulation.graph))
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Hold an action for `every` macro steps."""
+        """Apply an action for `every` macro steps; return observation, reward, whether the episode
+        was terminated, whether it reached the stop time, and further data.
+        """
         try:
             self.simulation.forward(self.put(self.spaces.commands(action), self.simulation.step))
         except RunError as error:
@@ -160,22 +169,26 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return self._observation(), reward, lost, over and not lost, info
 
     def ending(self, values: Sequence[float]) -> dict[str, Any]:
-        """Return what ended the episode, and the verdicts of its requirements."""
+        """Return the reasons for which the episode ended (`ended`, if it did not reach the stop
+        time), and its verdicts by requirement (`requirements`).
+
+        values: of the scoring in the last row.
+        """
         ended = self.scoring.ended(values) + ([self._error] if self._error else [])
         found = {f.name: f for f in findings(self.result())}
         return {"requirements": found} | ({"ended": ended} if ended else {})
 
     def put(self, command: Array, now: int) -> int:
-        """Set the outputs of the open components in macro step `now`, and return the macro step to
-        which they are held.
+        """Set the outputs of the open components at macro step `now` to a command (outputs,), and
+        return the macro step until which they stay constant.
         """
         for port, part in self._ports:
             port[:] = command[part]
         return min(now + self.every, self.simulation.steps)
 
     def failed(self, stretch: Stretch) -> bool:
-        """Note how far the macro steps of a vector came and return whether an FMU failed, which
-        ends the episode.
+        """Return whether an FMU has failed, which ends the episode; stretch: macro steps that a
+        vector of environments has performed for this environment.
         """
         if stretch.stop.status:
             try:
@@ -185,8 +198,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return bool(self._error)
 
     def values(self) -> tuple[float, ...]:
-        """Return the values of the scoring in the last recorded row: what is evaluated is what is
-        recorded.
+        """Return the values of the scoring (Scoring.values) in the last recorded row. Rows between
+        recorded ones are not evaluated.
         """
         recorder, clock = self.simulation.recorder, self.simulation.clock
         done, every = recorder.done, recorder.every
@@ -200,7 +213,9 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return self.spaces.seen(self.simulation.bus)
 
     def render(self) -> Any:
-        """Return a picture (height, width, 3) of the bodies and their paths so far."""
+        """Return a picture (height, width, 3) of the bodies and their paths so far, None if no
+        render mode was chosen.
+        """
         if self.render_mode is None:
             return None
         result, arrays = self.result(), Arrays()
@@ -208,7 +223,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
             if result.holds(*scene.needs, parameters=scene.parameters):
                 title = f"{self.simulation.time:.6g} s"
                 return picture(scene.build(result, arrays), arrays.take, title)
-        raise UsageError(f"{result.system}: its mission has no replay to render")
+        raise UsageError(f"{result.system}: its mission defines no scene that can be rendered")
 
     def result(self) -> Result:
         """Return the episode so far as the result of a run."""
@@ -216,33 +231,43 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return replace(found, values=found.values.copy())
 
     def policy(self, layers: Sequence[tuple[Array, Array]], activation: str = "tanh") -> Policy:
-        """Return a network as a policy with the ports of the open component, see Policy. Raises
-        UsageError with several open components, or for a name that is none in C.
+        """Return a neural network as a policy with the inputs and outputs of the open component.
+
+        layers: weights (outputs, inputs) and biases (outputs,) of every layer; activation: of the
+        hidden layers. Raises UsageError if there are several open components, or if the name of a
+        variable is not a valid name in C.
         """
         period = self.every * (self.simulation.system.experiment.step or 0.0)
         ports = self.spaces.of_policy(self.simulation, self._start.values[0], period)
         return Policy(ports, [(np.asarray(w), np.asarray(b)) for w, b in layers], activation)
 
     def close(self) -> None:
-        """Free the FMUs."""
+        """Free the FMUs and end the simulation."""
         self._life.close()
 
 
 def _shield(columns: Sequence[str], name: str) -> tuple[list[str], str]:
-    """Return the conditions with which a shield ends an episode, and what it changes in an action
-    ("": nothing); raise UsageError if there is no such component.
+    """Return the variables by which a shield (safety monitor or filter) ends an episode, and the
+    variable that states how far it changed the action ("": none).
+
+    columns: variables of the system; name: of the shield ("": none). Raises UsageError if the
+    system has no such component.
     """
     abort, change = f"{name}.abort", f"{name}.intervention"
     if name and not {abort, change} & {*columns}:
         raise UsageError(
-            f"shield {name}: the system has no such component that aborts or intervenes; "
-            "systems with a filter are called NAME_filtered"
+            f"shield {name}: the system has no such component with an output `abort` or "
+            "`intervention`; systems with a filter are called NAME_filtered"
         )
     return [abort] if abort in columns else [], change if change in columns else ""
 
 
 def _usual(system: System, given: Sequence[str]) -> Steering:
-    """Return the defaults of the mission for these components; raise UsageError if it has none."""
+    """Return the defaults that the mission has for an agent in the place of these components.
+
+    given: open components (empty: those that the mission suggests). Raises UsageError if none are
+    given and the mission suggests none.
+    """
     offered = mission(system.mission) if system.mission else None
     names = {c.name for c in system.components}
     for usual in offered.steering if offered else ():

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rewards and ends of episodes: one program of the requirements, the reward, the cost and the
-conditions, evaluated in the recorded row.
+"""Rewards and ends of episodes. The expressions of requirements, reward, cost and conditions are
+compiled into one program, which is evaluated in each recorded row.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from harness.results.result import Result
 from harness.results.rows import RowProgram
 
 Weights = Mapping[str, float] | float
-"""Factors of violated requirements: one for all, or by name."""
+"""Weights of violated requirements in the reward: one number for all, or numbers by requirement."""
 
 
 class Scoring:
-    """Values of a row: the reward without the cost, the cost so far, whether the episode is over,
-    the intervention of a shield, whether each of the `ends` holds, and the margins of the
-    `requirements`.
+    """Scoring of an episode. `values` is a program that returns for a recorded row, in this order:
+    the reward without the cost, the cost so far, whether the episode is over, the intervention of
+    the shield, whether each of the conditions `ends` holds, and the margins of `requirements`.
     """
 
     def __init__(
@@ -36,8 +36,12 @@ class Scoring:
         ends: tuple[Sequence[str] | None, Sequence[str]],
         intervention: str,
     ) -> None:
-        """Compile what is evaluated; worth: reward, cost, weights; ends: names of requirements and
-        conditions (None: all requirements), and further ones. Raises UsageError.
+        """Compile the program.
+
+        result: has the variables of the system; requirements: texts by name; worth: expression of
+        the reward, expression of the cost, weights of the requirements; ends: requirements and
+        conditions that end an episode as chosen by the user (None: all requirements), and further
+        ones; intervention: variable of the shield. Raises UsageError.
         """
         self._result, self._program = result, Program()
         add, zero = self._program.add, self._program.number(0)
@@ -62,30 +66,37 @@ class Scoring:
         self.values = RowProgram(result, self._program, wanted)
 
     def ended(self, values: Sequence[float]) -> list[str]:
-        """Return which of the ends hold."""
+        """Return the requirements and conditions that have ended the episode; values: of a row."""
         return [text for text, holds in zip(self.ends, values[4:], strict=False) if holds]
 
     def margins(self, values: Any) -> dict[str, Any]:
-        """Return the margins of the requirements by name; values of one row, or a column each."""
+        """Return the margins by requirement; values: all values of one row, or of several rows with
+        an array (rows,) per value.
+        """
         return dict(zip(self.requirements, values[4 + len(self.ends) :], strict=True))
 
     def _margin(self, tree: Node) -> int:
+        """Add the margin of a requirement to the program; return its number in the program."""
         return Requirement(tree, partial(unit_in, self._result), self._program).margin
 
     def _violation(self, margin: int, weight: float) -> int:
-        """Return the margin below 0 times the weight; a row without evidence counts as FAR."""
+        """Add min(margin, 0) times a weight to the program, with the margin at least -FAR; return
+        its number in the program. margin: number of the margin in the program.
+        """
         add, number = self._program.add, self._program.number
         below = add("fmin", add("fmax", margin, number(-FAR)), number(0))
         return add("*", below, number(weight))
 
     def _value(self, text: str) -> int:
-        """Return the number of the value of an expression, the least element of a vector."""
+        """Add the value of an expression to the program, of a vector the smallest element; return
+        its number in the program. Raises UsageError.
+        """
         try:
             tree = fitted(self._result, text)
             if not is_per_row(tree):
-                raise UsageError(f"{text}: depends on other rows than the present one")
+                raise UsageError(f"{text}: must depend on the present row only, not on other times")
             for name in tree.variables:
-                history(self._result, name)  # raises KeyError with close names
+                history(self._result, name)  # raises KeyError for an unknown name
             table = self._program.add("table", self._program.expression(tree))
             return self._program.add("least", table)
         except (ValueError, KeyError) as error:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers that an agent reads and sets in a simulation: their places, units, bounds and scales, and
-the spaces that they form.
+"""Variables that an agent observes and sets in a simulation, with units, bounds and scales, and the
+observation and action spaces that they form.
 """
 
 from __future__ import annotations
@@ -24,17 +24,21 @@ from harness.system.values import base, elements_of, with_arrays
 from harness.system.wiring import split
 
 FAR = 1e12
-"""Bound of an observation for which the FMU declares none."""
+"""Absolute bound of a variable for which the FMU declares none."""
 
 Bound = float | tuple[float, float]
-"""Bounds of an action: -x to x, or the least and the largest value."""
+"""Bounds of an action: x for -x to x, or the smallest and the largest value."""
 
 Limits = Sequence[Mapping[str, Bound]]
-"""Bounds by name: of the user, of actuators, of the mission; the first that is there counts."""
+"""Tables of bounds by name: given by the user, of the actuators, and of the mission. The first
+table that has a bound applies.
+"""
 
 
 class Signal(NamedTuple):
-    """One number that an agent reads or sets: its name, unit, place, and bounds."""
+    """Scalar that an agent observes or sets: its name, unit, wire in the graph of the system, and
+    bounds.
+    """
 
     name: str
     unit: str
@@ -44,8 +48,8 @@ class Signal(NamedTuple):
 
 
 def _observed(simulation: Simulation, names: Sequence[str]) -> list[Signal]:
-    """Return what is observed: these variables, or all connected inputs of the open
-    components.
+    """Return the scalars that the agent observes: elements of the named variables, or, if there are
+    no names, of all connected inputs of the open components. Raises UsageError.
     """
     nodes = {n.component.name: n for n in simulation.graph.nodes}
     if not names:
@@ -67,8 +71,8 @@ def _observed(simulation: Simulation, names: Sequence[str]) -> list[Signal]:
 
 
 def _acted(simulation: Simulation, names: Sequence[str], limits: Limits) -> list[Signal]:
-    """Return what the agent sets: these outputs of the open components, or outputs of which
-    other components read an element.
+    """Return the scalars that the agent sets: elements of the named outputs of open components, or,
+    if there are no names, of all their outputs that other components read. Raises UsageError.
     """
     without, nodes = simulation.system.without, simulation.graph.nodes
     read = {
@@ -96,8 +100,11 @@ def _acted(simulation: Simulation, names: Sequence[str], limits: Limits) -> list
 
 
 def actuator_limits(system: System) -> dict[str, Bound]:
-    """Return limits of actuators, `component.name_max` or its elements, in the parameter set for
-    comparisons; without the component for outputs that reach an actuator through others.
+    """Return the parameters `component.name_max` of a system and their elements, which are the
+    limits of its actuators, with the parameter set for comparisons.
+
+    The same limits are also returned under `name_max`, for outputs that reach an actuator through
+    other components.
     """
     changed = apply(system, params=system.compared) if system.compared else system
     values = ((slot.name, x) for slot, x in constants(build_graph(changed)))
@@ -112,8 +119,11 @@ def _signal(name: str, wire: Wire) -> Signal:
 
 
 def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> Signal:
-    """Return an action with its bounds: given by name, or declared by the FMUs, or the limit
-    `X_max` of the component that reads `X_cmd`.
+    """Return an output that the agent sets, with its bounds: the intersection of the limits that
+    the FMUs declare and of the first entry in `limits` for this output or for the parameter `X_max`
+    of the component that reads it as `X_cmd`. Raises UsageError if it is unbounded.
+
+    reader: component that reads the output ("": none), and its input.
     """
     signal, (component, target) = _signal(name, wire), reader
     whole = base(target.name)
@@ -126,7 +136,7 @@ def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> 
     high = min(most, signal.high, FAR if target.high is None else target.high)
     if high >= FAR or low <= -FAR:
         raise UsageError(
-            f"{name}: no limit is known; give one: bounds={{{base(name)!r}: 1.0}} [{signal.unit}]"
+            f"{name}: has no bounds; give some: bounds={{{base(name)!r}: 1.0}} [{signal.unit}]"
         )
     return signal._replace(low=low, high=high)
 
@@ -135,7 +145,12 @@ def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> 
 
 
 class Spaces:
-    """Numbers that an agent observes and sets in simulations of one system."""
+    """Variables that an agent observes and sets in simulations of one system.
+
+    observed, acted: their names with units; observation, action: spaces of Gymnasium; sizes: number
+    by which each observation is divided; low, high: bounds of the commands; scaled: whether actions
+    lie between -1 and 1.
+    """
 
     def __init__(
         self,
@@ -144,7 +159,11 @@ class Spaces:
         limits: Limits,
         scale: Mapping[str, float] | None,
     ) -> None:
-        """Look up the names of what is observed and set; scale: see harness.environment()."""
+        """Look up the variables.
+
+        names: variables to observe and outputs to set (empty: default); scale: number by which an
+        observation is divided, by variable (None: do not scale actions either). Raises UsageError.
+        """
         seen, acted = _observed(simulation, names[0]), _acted(simulation, names[1], limits)
         self.observed = [f"{s.name} [{s.unit}]" for s in seen]
         self.acted = [f"{s.name} [{s.unit}]" for s in acted]
@@ -162,30 +181,34 @@ class Spaces:
         self.variables = list(dict.fromkeys(base(s.name) for s in acted))
 
     def seen(self, buses: Array) -> Array:
-        """Return observations (..., n) from buses (..., slots)."""
+        """Return the observations (..., n) for the signals of simulations (..., slots)."""
         found: Array = buses[..., self._slots] * self._factors + self._offsets
         return found
 
     def commands(self, actions: Any) -> Array:
-        """Return the commanded numbers (..., n) of actions."""
+        """Return the output values (..., n), in their units, that actions (..., n) demand."""
         given = np.asarray(actions, dtype=np.float64)
         if self.scaled:
             given = self.low + 0.5 * (given + 1.0) * (self.high - self.low)
         return given
 
     def ports(self, simulation: Simulation) -> list[tuple[Array, slice]]:
-        """Return the arrays of a simulation to which the parts of a command are written."""
+        """Return for each output variable the array of the simulation that it is written to, and
+        its slice of a command (n,).
+        """
         found = [simulation.port(name).reshape(-1) for name in self.variables]
         last = np.cumsum([port.size for port in found]).tolist()
         return [(p, slice(n - p.size, n)) for p, n in zip(found, last, strict=True)]
 
     def of_policy(self, simulation: Simulation, values: Array, period: float) -> Ports:
-        """Return the ports of a policy in the place of the open component; values: of the slots at
-        the start. Raises UsageError with several open components, or for a name that is none in C.
+        """Return the inputs and outputs of a policy that replaces the open component.
+
+        values: of all slots at the start; period: time between two actions [s]. Raises UsageError
+        if there are several open components, or if a name is not a valid name in C.
         """
         opened, nodes = simulation.system.without, simulation.graph.nodes
         if len(opened) > 1:
-            raise UsageError(f"a policy takes the place of one component, not of {len(opened)}")
+            raise UsageError(f"open: a policy replaces one component, not {len(opened)}")
         seen, acted = _ports(self.observed), _ports(self.acted)
         read = {wire.slot for node in nodes for wire in node.inputs}
         commanded = {name for name, _, _ in acted}
@@ -201,13 +224,16 @@ class Spaces:
 
 
 def _ports(names: Sequence[str]) -> list[tuple[str, str, int]]:
-    """Return variables with their units and numbers of elements, without their components."""
+    """Return variables as (name, unit, number of elements), without the name of their component.
+
+    names: of their elements, with units. Raises UsageError for a name that is not valid in C.
+    """
     found: dict[str, tuple[str, str, int]] = {}
     for text in names:
         name, _, unit = text.rpartition(" ")
         variable = base(name).partition(".")[2]
         if not variable.isidentifier() or found.get(variable, (name,))[0] not in (name, variable):
-            raise UsageError(f"{name}: cannot be a port of a policy, which is written in C")
+            raise UsageError(f"{name}: a policy is C code, in which this is no unique, valid name")
         count = found.get(variable, ("", "", 0))[2] + 1
         found[variable] = variable, unit.strip("[]"), count
     return list(found.values())

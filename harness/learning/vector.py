@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Several environments of one system in this process, stepped by one call into C."""
+"""Vector of several environments of one system in this process, whose macro steps are performed by
+one call into C.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from harness.results.result import Array
 
 
 def environments(num_envs: int, system: str | Path, **how: Any) -> VectorEnv[Array, Array, Array]:
-    """Return a vector of environments; each with third-party FMUs has a child process."""
+    """Return a vector of environments of one system. If the system has third-party FMUs, each
+    environment runs in a child process.
+    """
     if trusted(system, how):
         return Environments(num_envs, system=system, **how)
     one = partial(environment, system, stride=num_envs, **how)
@@ -27,15 +31,15 @@ def environments(num_envs: int, system: str | Path, **how: Any) -> VectorEnv[Arr
 
 
 class Environments(VectorEnv[Array, Array, Array]):
-    """Vector of environments. One that has ended begins its next episode in the next step, whose
-    action it ignores.
+    """Vector of environments. An environment whose episode has ended ignores the next action and
+    begins a new episode instead.
     """
 
     metadata = {**Environment.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(self, num_envs: int, **arguments: Any) -> None:
-        """Create the environments; with `factors` number i begins with run i, and then takes every
-        num_envs-th run.
+        """Create the environments. With a campaign (`factors`), the episodes of environment i start
+        as the runs i, i + num_envs, i + 2 num_envs, ... of the campaign.
         """
         self.num_envs = num_envs
         self.envs = [Environment(**arguments, stride=num_envs) for _ in range(num_envs)]
@@ -55,7 +59,9 @@ class Environments(VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in every environment; seed: of the first one, or of each."""
+        """Begin an episode in every environment; seed: of the first environment, which the others
+        count up from, or a list with one seed per environment.
+        """
         seeds: list[int | None] = [None] * self.num_envs
         if isinstance(seed, list):
             seeds = seed
@@ -69,7 +75,10 @@ class Environments(VectorEnv[Array, Array, Array]):
         return np.array(observations), self._infos({}, enumerate(infos))
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Hold the actions for `every` macro steps."""
+        """Apply one action per environment for `every` macro steps; return by environment:
+        observations, rewards, whether the episode was terminated, whether it reached the stop time,
+        and further data.
+        """
         begun, commands = self._over, self._spaces.commands(actions)
         first = [env.simulation.step for env in self.envs]
         for env, stretch, command, now, ended in zip(
@@ -102,16 +111,18 @@ class Environments(VectorEnv[Array, Array, Array]):
     def _infos(
         self, infos: dict[str, Any], single: Iterable[tuple[int, dict[str, Any]]]
     ) -> dict[str, Any]:
-        """Return the infos of all environments and of single ones together, as arrays."""
+        """Return further data of all environments, extended by the data of single environments, in
+        the form of Gymnasium: arrays with an element per environment.
+        """
         for i, info in single:
             infos = self._add_info(infos, info, i)
         return infos
 
     def render(self) -> tuple[Any, ...]:
-        """Return a picture of every environment."""
+        """Return a picture of every environment, see Environment.render()."""
         return tuple(env.render() for env in self.envs)
 
     def close_extras(self, **_: Any) -> None:
-        """Free the FMUs."""
+        """Free the FMUs of all environments."""
         for env in self.envs:
             env.close()

@@ -249,7 +249,7 @@ def test_wrong_names_are_errors():
         environment("ppc_tracking", observe=["servicer.r_SN"])
     with pytest.raises(UsageError, match=r"act controller.F.*no output"):
         environment("ppc_tracking", act=["controller.F"])
-    with pytest.raises(UsageError, match=r"no limit is known"):
+    with pytest.raises(UsageError, match=r"has no bounds; give some"):
         environment("ppc_tracking", act=["controller.z_att"])
     with pytest.raises(UsageError, match="other rows"):
         environment("ppc_tracking", reward="max(guidance.range)")
