@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Firmware for a processor from the sources inside FMUs, with the board's end of the protocol; the
-processors, from processors.toml, and a check for their tools.
+"""Firmware for flight processors, built from the source code inside FMUs and the board's side of
+the link protocol. Also the list of processors (processors.toml) and a check for their tools.
 """
 
 from __future__ import annotations
@@ -26,11 +26,16 @@ from harness.system.interface import Interface, read_interface, unpacked_sources
 
 
 SPECS = "picolibc.specs"
-"""Specs of gcc for the C library picolibc: start-up code and linker script."""
+"""Specs file of gcc that selects the C library picolibc, its start-up code and linker script."""
 
 
 class Processor(NamedTuple):
-    """Processor; processors.toml explains its entries."""
+    """Processor for which firmware can be built.
+
+    text: description; tools: prefix of the compiler's name; flags: of the compiler; flash, ram:
+    first address and size [bytes]; emulator: command; packages: Debian packages that provide the
+    tools; clock: frequency of flight boards of this kind [Hz].
+    """
 
     name: str
     text: str
@@ -44,7 +49,7 @@ class Processor(NamedTuple):
 
     @property
     def compiler(self) -> str:
-        """Return the name of its gcc."""
+        """Return the name of the gcc for this processor."""
         return f"{self.tools}gcc"
 
 
@@ -60,19 +65,21 @@ PROCESSORS = {name: _processor(name, entries) for name, entries in tomllib.loads
 
 
 def find_processor(name: str) -> Processor:
-    """Return the processor with that name if its tools are installed; raise UsageError with what is
-    missing.
+    """Return the processor with this name; raise UsageError if there is none, or if a tool for it
+    is not installed.
     """
     if name not in PROCESSORS:
         near, known = did_you_mean(name, PROCESSORS), ", ".join(PROCESSORS)
-        raise UsageError(f"{name}: there is no such processor{near}; {known}")
+        raise UsageError(f"{name}: there is no such processor{near}; known: {known}")
     if lacking := missing(PROCESSORS[name]):
         raise UsageError(lacking)
     return PROCESSORS[name]
 
 
 def missing(processor: Processor) -> str:
-    """Return the tools that a machine lacks for a processor, as one line; "" if it lacks none."""
+    """Return one line that states which tools for a processor are not installed and how to install
+    them; "" if all are installed.
+    """
     tools = (processor.compiler, f"{processor.tools}objcopy", processor.emulator[0])
     lacking = [tool for tool in tools if shutil.which(tool) is None]
     if processor.compiler not in lacking and not _has_library(processor):
@@ -85,8 +92,8 @@ def missing(processor: Processor) -> str:
 
 @cache
 def _has_library(processor: Processor) -> bool:
-    """Return whether gcc finds the specs of the library. Without them it prints their name
-    unchanged.
+    """Return whether gcc finds the specs file of picolibc. If not, it prints the name of the file
+    without a folder.
     """
     command = [processor.compiler, f"-print-file-name={SPECS}"]
     found = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
@@ -101,27 +108,28 @@ FLAGS = (
     *("-ffunction-sections", "-fdata-sections"),
     "-DLONGEST_CALL=64",
 )
-"""Flags of the compiler: the first line as for every other machine, for the same bits; the second
-so that the image contains only used functions; LONGEST_CALL so that an instance stores calls of at
-most 64 bytes, 2 kB in all instead of 20.
+"""Flags of the compiler. The first line is the same as on every other machine, for equal bits. The
+second line lets the linker leave out unused functions. LONGEST_CALL limits each call that an
+instance stores to 64 bytes, so that it needs 2 kB for them instead of 20 kB.
 """
 
 LIBRARY = f"--specs={SPECS}"
 HEADERS = f"-isystem{Path(fmpy.__file__).parent / 'c-code'}"
 
 BOARD = ("board.c", "firmware.c", "memory.c", "soft_double.c")
+"""Source files of the board's side of the link, in fmus/core/link."""
 
 
 class Part(NamedTuple):
-    """Component of a firmware."""
+    """Component that a firmware contains: its name in the system, and its FMU."""
 
     name: str
     fmu: Path
 
 
 class Sizes(NamedTuple):
-    """Bytes of an FMU in the image: code, constants, variables; library: code of the C and
-    mathematical libraries in the whole firmware.
+    """Size of an FMU in a firmware [bytes]: machine code, constants, and variables (data); library:
+    machine code of the C and mathematical libraries in the whole firmware.
     """
 
     code: int
@@ -135,34 +143,38 @@ KINDS = {
     **dict.fromkeys(("rodata", "srodata"), "constants"),
     **dict.fromkeys(("data", "sdata", "bss", "sbss"), "data"),
 }
-"""Kind of content of the sections of an image, by the beginning of their names."""
+"""Field of Sizes to which a section of the firmware counts, by the first part of its name."""
 
 
 @cache
 def software() -> dict[str, str]:
-    """Return the functions of FMI 2.0 for the members of struct Software (board.h), in order."""
+    """Return the names of FMI 2.0 functions by the member of struct Software (board.h) that points
+    to each, in the order of the members.
+    """
     header = (link_sources() / "board.h").read_text(encoding="utf-8")
     return {member: name for name, member in re.findall(r"(fmi2\w+)TYPE \*(\w+);", header)}
 
 
 def functions(interface: Interface) -> dict[str, str]:
-    """Return the functions of an FMU that a board calls, by the member of struct Software."""
+    """Return the names of the functions of an FMU that a board calls, by the member of struct
+    Software (board.h). Functions for saved states are included only if the FMU supports them.
+    """
     model = interface.model.coSimulation
     saves = model.canGetAndSetFMUstate and model.canSerializeFMUstate
     return {m: name for m, name in software().items() if saves or "FMUstate" not in name}
 
 
 def build(parts: Sequence[Part], processor: Processor) -> bytes:
-    """Return the firmware of these components as an ELF file.
+    """Return the content of an ELF file with the firmware for these components.
 
-    Raises FmuError (no sources, or they do not compile for this processor).
+    Raises FmuError if an FMU has no source code, or if it does not compile for the processor.
     """
     with TemporaryDirectory(prefix="harness-firmware-") as place:
         return _linked(parts, processor, Path(place)).read_bytes()
 
 
 def sizes(fmu: Path, processor: Processor) -> Sizes:
-    """Return the size of an FMU in the firmware, without the board's end of the protocol; raise the
+    """Return the size of an FMU in a firmware, without the board's side of the link; raise the
     errors of build().
     """
     with TemporaryDirectory(prefix="harness-firmware-") as place:
@@ -171,7 +183,9 @@ def sizes(fmu: Path, processor: Processor) -> Sizes:
 
 
 def _linked(parts: Sequence[Part], processor: Processor, folder: Path) -> Path:
-    """Return the path of firmware.elf in the folder, beside the map of the linker."""
+    """Build the firmware and return the path of firmware.elf in the folder; the linker writes
+    firmware.map beside it.
+    """
     objects = [_component(i, part, processor, folder) for i, part in enumerate(parts)]
     (folder / "components.c").write_text(_table(parts, processor), encoding="utf-8")
     board = [*(link_sources() / name for name in BOARD), folder / "components.c"]
@@ -185,12 +199,12 @@ def _linked(parts: Sequence[Part], processor: Processor, folder: Path) -> Path:
 
 
 _PLACED = re.compile(r"^ (\.\S+)\n? +0x[0-9a-f]+\s+(0x[0-9a-f]+) (\S+)$", re.MULTILINE)
-"""A section in the map of GNU ld: its name, its size, the file that it comes from."""
+"""Section in the map file of GNU ld: its name, its size, and the object file that contains it."""
 
 
 def _sizes(text: str) -> Sizes:
-    """Return the sums over the sections of the FMU, and of the libraries that the firmware needs,
-    by kind.
+    """Return the total sizes of the sections of the first FMU and of the libraries; text: map file
+    of the linker.
     """
     placed = text[text.index("Linker script and memory map") :]
     found = dict.fromkeys(Sizes._fields, 0)
@@ -208,19 +222,19 @@ def _compiler(processor: Processor) -> list[str]:
 
 
 def _memory(processor: Processor) -> Iterator[str]:
-    """Yield the symbols that picolibc's linker script requires."""
+    """Yield linker flags that define the processor's memory for the linker script of picolibc."""
     for kind, (start, size) in (("flash", processor.flash), ("ram", processor.ram)):
         yield f"-Wl,--defsym=__{kind}={start:#x}"
         yield f"-Wl,--defsym=__{kind}_size={size:#x}"
 
 
 def _component(number: int, part: Part, processor: Processor, folder: Path) -> Path:
-    """Return one object of all sources of an FMU, which exports only its FMI functions, under
-    unique names.
+    """Compile all sources of an FMU into one object file, and return its path. The object exports
+    only the FMI functions, with the prefix `c0_` for component 0, so that names are unique.
     """
     interface = read_interface(part.fmu)
     if interface.fmi != 2:
-        raise FmuError(f"{part.name}: {part.fmu.name} is of FMI 3.0, a board speaks FMI 2.0")
+        raise FmuError(f"{part.name}: {part.fmu.name} is of FMI 3.0, but boards need FMI 2.0")
     place = folder / f"component{number}"
     sources = unpacked_sources(part.fmu, place)
     if not sources:
@@ -245,7 +259,9 @@ def _component(number: int, part: Part, processor: Processor, folder: Path) -> P
 
 
 def _run(command: Sequence[object], why: str) -> None:
-    """Run a compiler; raise FmuError with its first error line."""
+    """Run a tool of the compiler; raise FmuError with `why` and the first error line if it fails,
+    UsageError if it cannot be started.
+    """
     try:
         done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     except OSError as error:
@@ -255,7 +271,9 @@ def _run(command: Sequence[object], why: str) -> None:
 
 
 def _table(parts: Sequence[Part], processor: Processor) -> str:
-    """Return components.c, the table of the software of a board for board.h."""
+    """Return the text of components.c, which defines the table `software` of board.h: a row with
+    the FMI functions of each component.
+    """
     lines = ['#include "board.h"', "const char target_name[] = " + _quoted(processor.name) + ";"]
     rows = []
     for i, part in enumerate(parts):
@@ -271,6 +289,7 @@ def _table(parts: Sequence[Part], processor: Processor) -> str:
 
 
 def _quoted(text: str) -> str:
+    """Return a text as a string literal of C."""
     escaped = "".join(
         c if c.isalnum() or c in " _-{}.[]" else f"\\{ord(c) & 255:03o}" for c in text
     )

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Places at which a component runs: the text after the equals sign of `--on component=...`.
+"""Places at which a component can run: the text after the equals sign of `--on component=...`.
 
-    cortex-m7                          an emulated processor of its own
-    cortex-m7:obc                      a processor shared by all components that name `obc`
-    tcp://host:port, unix:///path      a board that listens there
+    cortex-m7                          an emulated processor for this component alone
+    cortex-m7:obc                      an emulated processor for all components that name `obc`
+    tcp://host:port, unix:///path      a board that listens at this address
     serial:///dev/ttyACM0?baud=921600  a board on a serial line
 
-Options follow a question mark: timeout, retries, deadline, late, slot. An FMU represents the
-component in the system: the description of the component, the library of the link, and the settings
-of the link.
+Options follow a question mark: timeout, retries, deadline, late, slot. In the system, a link FMU
+represents the component. It consists of the model description of the component, the library of the
+link, and the settings of the link.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from harness.spelling import did_you_mean, is_number
 from harness.system.model import System
 
 LATE = ("wait", "hold", "stop")
+"""Values of the option `late`: reaction of the link to an answer after the deadline."""
 
 
 def _seconds(text: str) -> bool:
@@ -52,12 +53,13 @@ OPTIONS = {
     "baud": ("a number", _count),
     "late": ("wait, hold or stop", LATE.__contains__),
 }
-"""Options of a place: the expected value in words, and a function that checks a text."""
+"""Options of a place by name: the expected value in words, and a function that checks a value."""
 
 
 class Place(NamedTuple):
-    """Place of a component; processor: name of an emulated processor, else ""; group: name of a
-    shared processor; settings: for the link.
+    """Place of a component; processor: name of an emulated processor, "" for a board; group: name
+    that the components on a shared processor have in common, "" for a processor that is not shared;
+    settings: of the link, by name.
     """
 
     processor: str
@@ -66,7 +68,9 @@ class Place(NamedTuple):
 
 
 def read_place(component: str, text: str) -> Place:
-    """Return a place from the text of the user; raise UsageError."""
+    """Return the place that the user has given for a component by `--on component=text`; raise
+    UsageError if the text is wrong.
+    """
     name, _, query = text.partition("?")
     written = f"--on {component}={text}"
     settings = _options(written, query)
@@ -76,13 +80,16 @@ def read_place(component: str, text: str) -> Place:
     if processor not in PROCESSORS:
         near = did_you_mean(processor, PROCESSORS)
         known = f"{', '.join(PROCESSORS)}, tcp://HOST:PORT, unix:///PATH or serial:///DEVICE"
-        raise UsageError(f"{written}: there is no such processor{near}; {known}")
+        raise UsageError(f"{written}: there is no such processor{near}; expected {known}")
     if group and settings.get("late") == "hold":
         raise UsageError(f"{written}: late=hold does not apply to a group; omit `:{group}`")
     return Place(processor, group, settings)
 
 
 def _options(written: str, query: str) -> dict[str, str]:
+    """Return the options in the text after the question mark; written: option as typed, for
+    messages. Raises UsageError.
+    """
     given = dict(parse_qsl(query, keep_blank_values=True))
     for name, value in given.items():
         if name not in OPTIONS:
@@ -94,8 +101,10 @@ def _options(written: str, query: str) -> dict[str, str]:
 
 
 def _address(written: str, name: str) -> dict[str, str]:
-    """Return the settings of an address as typed, because urlsplit() drops line breaks silently."""
-    with suppress(ValueError):  # of a port or a host that is none
+    """Return the settings of the link to a board at an address; raise UsageError if the address is
+    wrong. Control characters are rejected, because urlsplit() drops line breaks silently.
+    """
+    with suppress(ValueError):  # raised for a wrong host or port
         if not name.isprintable():
             raise ValueError(name)
         url = urlsplit(name)
@@ -107,9 +116,10 @@ def _address(written: str, name: str) -> dict[str, str]:
 
 
 def move(system: System, places: Mapping[str, Place]) -> System:
-    """Return the system with link FMUs for these components; their parameters and connections stay.
+    """Return the system with the FMUs of these components replaced by link FMUs. Parameters and
+    connections are unchanged.
 
-    Raises UsageError (missing tools), FmuError (an FMU that does not build for the processor).
+    Raises UsageError if tools are missing, FmuError if an FMU cannot be built for its processor.
     """
     fmus = {c.name: c.fmu for c in system.components}
     moved = {n: substitute(fmus[n], p.settings) for n, p in places.items() if not p.processor}
@@ -124,7 +134,9 @@ def move(system: System, places: Mapping[str, Place]) -> System:
 
 
 def _processors(places: Mapping[str, Place]) -> dict[tuple[str, str], list[str]]:
-    """Return components by the processor on which they run; without a group each has its own."""
+    """Return the names of the components on each emulated processor, by (name of the processor,
+    group). A component without a group has a processor for itself.
+    """
     found: dict[tuple[str, str], list[str]] = {}
     for name, place in places.items():
         if place.processor:
@@ -134,24 +146,28 @@ def _processors(places: Mapping[str, Place]) -> dict[tuple[str, str], list[str]]
 
 FIRMWARE = "resources/firmware.elf"
 SETTINGS = "resources/link.txt"
+"""Files in a link FMU: firmware for the emulator, settings of the link."""
 
 PIPES = "enable=on,target=native,arg=%/to_board,arg=%/from_board"
-"""Semihosting of the emulator: the firmware opens the two pipes that its command line names."""
+"""Semihosting option of the emulator. Its arguments name the two pipes that the firmware opens."""
 
 QUIET = ("-display", "none", "-monitor", "none", "-serial", "none")
+"""Options with which the emulator has no display, monitor and serial line."""
 
 
 def substitute(fmu: Path, settings: Mapping[str, str]) -> Path:
-    """Return the link FMU for a component at the address in the settings."""
+    """Return the path of the link FMU for a component on a board with the address in settings."""
     return _made(fmu, list(settings.items()), b"")
 
 
 def on_processor(
     parts: Sequence[Part], processor: Processor, group: str, settings: Mapping[str, str]
 ) -> list[Path]:
-    """Return the link FMUs for components that share one emulated processor, in order.
+    """Return the paths of the link FMUs for the components of one emulated processor, in the order
+    of `parts`.
 
-    group: "" for a component alone, else a name that the links of one processor share.
+    group: name that the components of a shared processor have in common, "" for one component;
+    settings: of the link.
     """
     firmware = _firmware(parts, processor)
     word = hashlib.sha256(firmware + group.encode()).hexdigest()[:16] if group else ""
@@ -166,7 +182,9 @@ def on_processor(
 
 
 def _firmware(parts: Sequence[Part], processor: Processor) -> bytes:
-    """Return the firmware, built or from the cache for the same sources and tools."""
+    """Return the firmware for these components, from the cache if it was built before from the same
+    FMUs, link sources and description of the processor.
+    """
     tools = b"".join(file.read_bytes() for file in sorted(link_sources().glob("*.[ch]")))
     contents = [f"{part.name}\0".encode() + part.fmu.read_bytes() for part in parts]
     key = b"\0".join([repr(processor).encode(), tools, *contents])
@@ -178,15 +196,18 @@ def _firmware(parts: Sequence[Part], processor: Processor) -> bytes:
 
 
 def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
+    """Return the path of a link FMU in the cache; lines: settings of the link; firmware: b"" for a
+    board. Raises UsageError.
+    """
     library = built("link")
     if library is None:
-        raise UsageError("links to other processors are for Linux and macOS only")
+        raise UsageError("--on: links to other processors are available on Linux and macOS only")
     root = parsed(read_entry(fmu, "modelDescription.xml"))
     name = root.find("CoSimulation").get("modelIdentifier")
     settings = [("guid", root.get("guid")), *lines]
     for _, value in settings:
         if any(c in value for c in "\r\n\0"):
-            raise UsageError(f"{value!r}: cannot be written in one line")
+            raise UsageError(f"--on: {value!r}: expected a text without line breaks and NUL")
     content = {
         "modelDescription.xml": describe(root),
         SETTINGS: "".join(f"{key}={value}\n" for key, value in settings).encode(),
@@ -202,12 +223,12 @@ LACKING = (
     *("providesDirectionalDerivative", "canInterpolateInputs"),
     *("needsExecutionTool", "maxOutputDerivativeOrder"),
 )
-"""Capabilities that a link lacks."""
+"""Attributes of CoSimulation in a model description for capabilities that a link FMU lacks."""
 
 
 def describe(root: etree._Element) -> bytes:
-    """Return the description of the representing FMU: the same variables, without sources and
-    without capabilities that a link lacks.
+    """Return the model description of a link FMU from the model description of the component: the
+    same variables, without source files and without capabilities that a link lacks.
     """
     model = root.find("CoSimulation")
     etree.strip_elements(root, "SourceFiles", "ModelExchange")
