@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers of a page: every array once, in single precision, and of each curve no more points than a
-screen shows, with every peak.
+"""Numbers that a page contains: every array once, in single precision, and curves that are thinned
+to the number of points that a screen can show, without loss of peaks.
 
-The rows are divided into groups of equal length. Of each group the rows with the least and the
-largest value are drawn: at every zoom the curve reaches as far up and down as the curve of all
-rows.
+To thin a curve, its rows are divided into groups of equal length, and the rows with the smallest
+and the largest value of each group are drawn. So the curve reaches as far up and down as the curve
+of all rows.
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ from harness.results.result import Array, Result, Rows
 
 
 class Sample(NamedTuple):
-    """Array of a history at instants of a replay: the instruction that gives the history, what is
-    taken `over` the rows from one instant to the next (REDUCED, or "row": the first of them), and
-    the instants [s].
+    """Array of a variable or expression at the instants of a replay.
+
+    history: number of the instruction that gives its values in all rows; over: value for an
+    instant, computed over all rows up to the next instant (a key of REDUCED), or taken from the row
+    of the instant ("row"); time: instants [s].
     """
 
     history: int
@@ -33,10 +35,10 @@ class Sample(NamedTuple):
 
 
 class Arrays:
-    """Arrays by short names, which curves and bodies refer to.
+    """Arrays of a page by short names (`a0`, `a1`, ...), by which curves and bodies refer to them.
 
-    program: the expressions behind curves and samples, from which a live page computes them again;
-    samples: by the name of the array.
+    content: shape and base64 data of each array; program: instructions from which a live page
+    computes curves and samples again; samples: by the name of their array.
     """
 
     def __init__(self) -> None:
@@ -46,7 +48,9 @@ class Arrays:
         self.samples: dict[str, Sample] = {}
 
     def store(self, values: Any, source: Any = None) -> str:
-        """Return the name of an array of any shape; equal arrays of one source have one name."""
+        """Store an array of any shape and return its name. Arrays with equal values and equal
+        `source` are stored once.
+        """
         with np.errstate(over="ignore"):
             single = np.ascontiguousarray(values, dtype="<f4")
         data = single.tobytes()
@@ -58,7 +62,9 @@ class Arrays:
         return self._names[digest]
 
     def sample(self, result: Result, rows: Rows, text: str, over: str = "row") -> str:
-        """Return the name of the array of an expression at rows of a result, see Sample."""
+        """Store the values of a variable or expression at the rows of the instants of a replay, and
+        return the name of the array; over: see Sample.
+        """
         values = np.asarray(value_of(result, text))
         reduces = over != "row"
         found = REDUCED[over].reduceat(values, rows, axis=0) if reduces else values[rows]
@@ -71,8 +77,8 @@ class Arrays:
         return name
 
     def instruction(self, result: Result, text: str, element: int | None = None) -> int:
-        """Return the number of the instruction that gives the history of a variable or an
-        expression, or one of its elements.
+        """Return the number of the instruction that computes a variable or an expression, or one of
+        its elements, in all rows of a run.
         """
         add, is_history = self.program.add, True
         if text in result:
@@ -87,21 +93,21 @@ class Arrays:
         return found if element is None else add("element", found, constant=(element, text))
 
     def take(self, name: str) -> NDArray[np.float32]:
-        """Return an array as stored for the page, in single precision."""
+        """Return the array with this name, in single precision as the page contains it."""
         stored = self.content[name]
         flat = np.frombuffer(base64.b64decode(stored["data"]), dtype="<f4")
         return flat.reshape(stored["shape"])
 
 
 REDUCED = {"mean": np.add, "least": np.minimum, "largest": np.maximum}
-"""Reductions of the rows from one instant to the next, by name."""
+"""Functions that reduce the rows from one instant of a replay to the next, by name."""
 
 
 def thinned_rows(values: Array, points: int) -> Rows:
-    """Return the rows of a history (rows,) that are drawn, in order, about `points` at most.
+    """Return the indices of about `points` rows of a history (rows,) that are drawn, in order.
 
-    These are the first and the last row, and of every group of rows the least, the largest and the
-    first that is not finite, so that gaps of the curve remain.
+    These are the first and the last row, and from each group of rows the smallest value, the
+    largest value and the first value that is not finite, so that gaps of the curve remain.
     """
     count = len(values)
     if count <= points:
@@ -119,25 +125,30 @@ def thinned_rows(values: Array, points: int) -> Rows:
 
 
 NUMBERS = 2_000_000
-"""Approximate number of characters of a page for the numbers of curves."""
+"""Approximate number of characters in a page for the numbers of all curves."""
 PER_POINT = 8 * 4 / 3
-"""Characters of a point: two numbers of four bytes, four characters for three."""
+"""Characters per point: two numbers of four bytes, in base64 with four characters for three bytes.
+"""
 
 
 def points_of(curves: int, least: int, most: int) -> int:
-    """Return the number of points per curve with which this number of curves fits a page."""
+    """Return the number of points per curve, between `least` and `most`, with which `curves` curves
+    need about NUMBERS characters.
+    """
     return int(np.clip(NUMBERS / PER_POINT / max(1, curves), least, most))
 
 
 class Canvas:
-    """Numbers of the plots of a page; points: largest number of points of a curve."""
+    """Thinning and storage of the curves of a page; arrays: storage; points: largest number of
+    points per curve; thinned: whether a curve has been drawn with fewer points than it has rows.
+    """
 
     def __init__(self, arrays: Arrays, points: int) -> None:
         self.arrays, self.points = arrays, points
         self.thinned = False
 
     def curve(self, time: Array, values: Array, name: str, **look: Any) -> dict[str, Any]:
-        """Return one history with its extremes."""
+        """Return a curve over time, thinned without loss of peaks; look: colour, line style, ..."""
         return {
             "name": name,
             **self._drawn(time, values, thinned_rows(values, self.points)),
@@ -145,22 +156,25 @@ class Canvas:
         }
 
     def source(self, result: Result, begin: float, **parts: int) -> dict[str, Any]:
-        """Return the instructions from which a live page computes a curve again: x (the time, if it
-        is not given) and y, from the time `begin` [s] on.
+        """Return the entry of a curve with the instructions from which a live page computes it for
+        another run.
+
+        begin: time of the first point [s]; parts: numbers of the instructions for y and x (x: time,
+        if not given).
         """
         time = self.arrays.instruction(result, "time")
         return {"source": {"x": time, "begin": float(begin)} | parts}
 
     def plane(self, x: Array, y: Array, **look: Any) -> dict[str, Any]:
-        """Return a curve in a plane with the extremes of both coordinates."""
+        """Return a curve y over x, thinned without loss of the peaks of both coordinates."""
         return self._drawn(x, y, self.rows_of(x, y)) | look
 
     def line(self, x: Any, y: Any, **look: Any) -> dict[str, Any]:
-        """Return a curve of all its points."""
+        """Return a curve with all its points, without thinning."""
         return {"x": self.arrays.store(x), "y": self.arrays.store(y), **look}
 
     def rows_of(self, x: Array, y: Array) -> Rows:
-        """Return the rows of a curve in a plane that are drawn."""
+        """Return the indices of the rows at which a curve y over x is drawn."""
         if len(x) <= self.points:
             return np.arange(len(x))
         half = self.points // 2

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Page of a campaign: success, metrics, the most important factors, bands over time, and the worst
-and failed runs. The page of a study has further plots: effects as a tornado diagram, the search and
-its thirty worst runs, the probability against the limit.
+"""Page of a campaign: success, metrics, the most influential factors, percentile bands over time,
+worst runs and failed runs. The page of a study has further plots: effects of factors as a tornado
+diagram, margins and worst runs of a search, and probabilities of the levels of subset simulation.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
 from harness.system.units import with_unit
 
 POINTS = 3000
-"""Limit of the points of an edge of a band, and of the runs that a plot shows as dots."""
+"""Largest number of points on each edge of a band, and of runs that a plot shows as dots."""
 STATES = {"complete": COMPLETE, "failed": FAILED, "pending": PENDING}
+"""Values of the array `status` by the word that the page shows."""
 
 
 def of_dataset(path: Path) -> str:
-    """Return the page of the Zarr dataset of a campaign as text; raise ResultsError if the dataset
-    cannot be read.
+    """Return the page of a campaign or study as HTML text; path: its Zarr dataset. Raises
+    ResultsError if the dataset cannot be read.
     """
     store = Store.open(path)
     try:
@@ -64,7 +65,7 @@ def _page(store: Store, path: Path) -> str:
 
 
 def _texts(store: Store) -> dict[str, Any]:
-    """Return texts and tables for the template."""
+    """Return the texts and tables that the template campaign.html needs, by name."""
     status, (metrics, factors) = store.array("status"), _shown(store)
     return {
         "count": {state: int((status == value).sum()) for state, value in STATES.items()},
@@ -82,19 +83,21 @@ def _texts(store: Store) -> dict[str, Any]:
 
 
 def _worst(store: Store) -> dict[str, Any]:
-    """Return the metric by which the worst runs are chosen, and its value in these runs."""
+    """Return the metric that ranks the worst runs, and its value in each of these runs, for the
+    template.
+    """
     metrics = _finite(store)
     worst, runs = summary.worst(store, metrics) if metrics else ("", [])
     return {"worst": worst, "worst_runs": {run: metrics[worst][run] for run in runs}}
 
 
 def _finite(store: Store) -> dict[str, Array]:
-    """Return the metrics that are finite in at least one run."""
+    """Return the values (runs,) of the metrics that are finite in at least one run."""
     return {n: x for n, x in summary.metric_columns(store).items() if np.isfinite(x).any()}
 
 
 def _figures(canvas: Canvas, store: Store) -> Iterator[Shown]:
-    """Yield the figures of all sections."""
+    """Yield the figures of all sections of the page."""
     yield "study", "study", "", list(study_plots(canvas, store))
     with PAGE.used():
         for section, _, drawing in drawings(store, PAGE):
@@ -102,9 +105,12 @@ def _figures(canvas: Canvas, store: Store) -> Iterator[Shown]:
 
 
 def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
-    """Yield section of the page, name of the file and figure of matplotlib: histograms of the
-    metrics, each metric against the most important factors, by the values of a factor of texts, or
-    over a grid of two, bands over time.
+    """Draw the figures of a campaign with matplotlib; yield for each the section of the page, the
+    stem of a file name, and the figure.
+
+    The figures are histograms of the metrics; each metric over the two factors of a grid, or
+    against the most influential factors; each metric by the values of a factor with texts; and
+    percentile bands over time.
     """
     metrics, factors = _shown(store)
     if metrics:
@@ -124,7 +130,9 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
 
 
 def pictures(path: Path, folder: Path, ending: str, style: Style) -> list[Path]:
-    """Draw the figures of a dataset into files, and return them; raise ResultsError."""
+    """Draw the figures of a campaign into files in a folder, and return their paths; path: Zarr
+    dataset; ending: of the files, such as `png`. Raises ResultsError.
+    """
     store = Store.open(path)
     with style.used():
         return [
@@ -134,6 +142,7 @@ def pictures(path: Path, folder: Path, ending: str, style: Style) -> list[Path]:
 
 
 def _bands(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
+    """Yield the figures of percentile bands over time, as drawings() does."""
     units = store.units()
     for stored in store.names("band"):
         band, plain = store.array(stored), stored.removesuffix("_band")
@@ -144,8 +153,8 @@ def _bands(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
 
 
 def _shown(store: Store) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return the metrics that are finite in at least one run, and the factors that vary, by name
-    and unit.
+    """Return the values (runs,) of the metrics that are finite in at least one run, and of the
+    factors that vary, by name with unit.
     """
     units = store.units()
     both = (_finite(store), summary.varying_factors(store))
@@ -157,18 +166,20 @@ def _shown(store: Store) -> tuple[dict[str, Array], dict[str, Array]]:
 
 
 WORST = 30
-"""Runs that the plot of standard normal coordinates shows."""
+"""Number of worst runs in the plot of standard normal coordinates."""
 DECADES = 1e-12
-"""Lowest probability of a diagram."""
+"""Smallest probability on the logarithmic axis of a plot; smaller ones are drawn there."""
 
 
 def study_text(store: Store, path: Path) -> str:
-    """Return the summary of a study, "" of a plain campaign; path: of the dataset in commands."""
+    """Return the summary of a study as text, "" for a campaign that is no study; path: of the
+    dataset, as commands in the text name it.
+    """
     return "" if _estimate(store) is None else Study(path, store).summary()
 
 
 def study_plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
-    """Yield the plots of a study."""
+    """Yield the plots of a study, none for a campaign that is no study."""
     if (estimate := _estimate(store)) is None:
         return
     names = [str(n) for n in store.array("requirement")]
@@ -184,13 +195,16 @@ def study_plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
 
 
 def confirmed_runs(store: Store, path: Path) -> dict[str, Result]:
-    """Return the nominal run and the worst runs of a search by label, if their files exist."""
+    """Return the results of the nominal run and the worst runs of a search for the worst case, by
+    label, as far as their files exist; path: of the dataset.
+    """
     if store.group.attrs.get("kind") != "worst" or (estimate := _estimate(store)) is None:
         return {}
     return {label: read(file) for label, file in confirmed(path, estimate["of"]).items()}
 
 
 def _estimate(store: Store) -> Any:
+    """Return the estimate of a study, None for a campaign that is no study."""
     given = store.group.attrs.get("estimate")
     return None if given is None else json.loads(given)
 
@@ -200,7 +214,9 @@ def _line(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
 
 
 def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
-    """Return the effects as bars, the largest on top, with their intervals as lines."""
+    """Return a plot of the effects of the factors as bars, the largest on top, with their 95 %
+    intervals as lines.
+    """
     order = np.argsort(found["value"])[-SHOWN:]
     curves = []
     for place, k in enumerate(order):
@@ -214,7 +230,9 @@ def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
 
 
 def _convergence(canvas: Canvas, name: str, store: Store, column: int, found: Any) -> Plot:
-    """Return the margins of all runs of a search, and the worst margin so far."""
+    """Return a plot of the margins of all runs of a search in their order, and of the worst margin
+    so far; column: index of the requirement.
+    """
     label = f"margin of {name} [{store.array('margin_units')[column] or '1'}]"
     last = found["run"] - found["place"] + found["runs"]
     y = store.array("margin")[:, column][last - found["runs"] : last]
@@ -228,7 +246,9 @@ def _convergence(canvas: Canvas, name: str, store: Store, column: int, found: An
 
 
 def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
-    """Return the standard normal coordinates of the worst runs, failed runs in another colour."""
+    """Return a plot of the standard normal coordinates of the worst runs, a line per run. Runs that
+    do not meet the requirement have another colour; column: index of the requirement.
+    """
     numbers, margins = store.array("numbers"), store.array("margin")[:, column]
     axis = np.arange(1, numbers.shape[1] + 1)
     curves = [
@@ -240,7 +260,9 @@ def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
 
 
 def _levels(canvas: Canvas, name: str, repeats: Any) -> Plot:
-    """Return the probability that the margin is below a limit, for each repeat."""
+    """Return a plot of the probability that the margin is below a limit, a line for each repeated
+    subset simulation.
+    """
     curves = []
     for k, levels in enumerate(repeats):
         limits, p = np.array([level[:2] for level in levels], dtype=float).T

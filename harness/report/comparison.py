@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Page of a comparison: its table, all runs in the same plots and in the same replay."""
+"""Page of a comparison: its table of metrics, and all runs together in the same plots and in the
+same replay.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,8 @@ from harness.studies.variants import Variant, with_files
 
 
 def of_folder(folder: Path) -> str:
-    """Return the page of the folder of `harness compare` as text; raise ResultsError if its table
-    or one of its results cannot be read.
+    """Return the page of a comparison as HTML text; folder: that `harness compare` has written.
+    Raises ResultsError if the table or one of the results cannot be read.
     """
     columns, labels = read_csv(folder / TABLE)
     results = _results(folder, labels)
@@ -55,7 +57,9 @@ def of_folder(folder: Path) -> str:
 
 
 def _by_requirement(results: Mapping[str, Result]) -> dict[str, dict[str, Finding]]:
-    """Return the findings of all runs by name of the requirement and label of the run."""
+    """Return the findings on all requirements, by name of the requirement, then by label of the
+    run.
+    """
     found: dict[str, dict[str, Finding]] = {}
     for label, result in results.items():
         for each in findings(result):
@@ -64,20 +68,24 @@ def _by_requirement(results: Mapping[str, Result]) -> dict[str, dict[str, Findin
 
 
 def canvas_of(results: Mapping[str, Result], arrays: Arrays) -> Canvas:
-    """Return a canvas with so few points per curve that the figures of all runs fit a page."""
+    """Return a canvas whose number of points per curve limits the size of a page of these runs."""
     return Canvas(arrays, points_of(sum(map(_curves, results.values())), 150, 1500))
 
 
 def side_by_side(
     results: Mapping[str, Result], arrays: Arrays, figures: Iterable[Shown]
 ) -> dict[str, Any]:
-    """Return the data of a page with several runs: one replay, figures by section, labels."""
+    """Return the data for the scripts of a page with several runs: one common replay, the figures
+    by section, and the labels of the runs.
+    """
     scene = replay_several(results, arrays) if results else None
     return {"scene": scene, "figures": sections(figures), "runs": list(results)}
 
 
 def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
-    """Return the results by label, partial ones of runs that ended early."""
+    """Return the results of a comparison by label, the partial result for a run that ended early;
+    raise ResultsError if there are none.
+    """
     found = {}
     for variant in with_files([Variant(label, {}) for label in labels]):
         files = (folder / f"{variant.file}{ending}" for ending in (".nc", ".partial.nc"))
@@ -97,7 +105,9 @@ def _curves(result: Result) -> int:
 def figures(
     canvas: Canvas, results: Mapping[str, Result], section: str = "figures"
 ) -> Iterator[Shown]:
-    """Yield the overlaid figures that fit at least one run and are not empty."""
+    """Yield the figures in which all runs are drawn over one another, if at least one run has their
+    variables and they are not empty; section: of the page.
+    """
     colours = {label: f"C{k}" for k, label in enumerate(results)}
     with PAGE.used():
         for figure, runs in compared(results)[0]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Live page: report of a run, its system as a WebAssembly module, sliders, and the instructions
-from which the page computes requirements, headline values, curves and arrays of the replay from the
-rows of another run.
+"""Live page: a report that contains its system as a WebAssembly module, and sliders for parameters.
+When a slider is moved, the page runs the system again in the browser, and computes requirements,
+headline values, curves and the replay from the new rows by the instructions that it contains.
 
 A curve or a headline value that a Python function of a mission computes has no instructions. After
 a slider has been moved, it still shows the run in the file, and the page labels it so.
@@ -44,14 +44,14 @@ from harness.system.tables import Number, Text, problems, read_toml
 Data = dict[str, Any]
 
 STEPS = 200
-"""Steps of a slider; the slider of a switch has one."""
+"""Number of steps of a slider. A parameter with the limits 0 and 1 is a switch and has one step."""
 
 
 class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Question of a lesson.
+    """Exercise of a lesson.
 
-    solved: requirement that the rows meet once the sliders are right; settings: sliders with which
-    they do.
+    solved: requirement that a run meets if the sliders are right; settings: values of the sliders
+    with which a run meets it.
     """
 
     question: Text
@@ -62,9 +62,9 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Lesson(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Text, equations and exercises beside the sliders of a live page.
+    """Lesson of a live page: title, text, equations and exercises beside the sliders.
 
-    system, params: the run that the lesson begins with (params "": the values of the system).
+    system, params: system and parameter set of the first run (params "": the values of the system).
     """
 
     title: Text
@@ -76,7 +76,9 @@ class Lesson(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_lesson(path: Path) -> Lesson:
-    """Return the lesson of a TOML file; raise UsageError or StructureError with all problems."""
+    """Return the lesson that a TOML file defines; raise UsageError if the file cannot be read, or
+    StructureError with all problems of its entries.
+    """
     table = read_toml(path)
     given = table.get("exercises")
     exercises = given if isinstance(given, list) else []
@@ -89,10 +91,10 @@ def read_lesson(path: Path) -> Lesson:
 
 
 def of_run(result: Result, lesson: Lesson | None = None) -> str:
-    """Return the live page of one run as text; it contains the system.
+    """Return the live page of one run, which contains its system, as HTML text.
 
     Raises UsageError if the result does not name its system, HarnessError if the compiler is
-    missing or the system cannot be one module.
+    missing or the system cannot be compiled into one module.
     """
     known = result.provenance
     if known is None or not known.source:
@@ -125,8 +127,11 @@ def _page(result: Result, system: System, lesson: Lesson | None = None) -> str:
 
 
 def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Data:
-    """Return the instructions behind requirements, exercises, curves and samples. The instants of
-    samples are row numbers of the run, each list once.
+    """Return the instructions from which the page computes requirements, exercises, curves and
+    arrays of the replay (samples) from the rows of another run.
+
+    A sample refers by index to a list of row numbers, which are its instants; equal lists are
+    contained once.
     """
     known, arrays, lists = result.provenance, canvas.arrays, dict[tuple[int, ...], int]()
     wanted = known.requirements if known else ()
@@ -146,8 +151,9 @@ def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Da
 
 
 def headline_values(result: Result, program: Program) -> Iterator[tuple[Metric, float, int | None]]:
-    """Yield metrics with their value and the instruction that gives it, None if only a function
-    does. A metric that another run may have has the value NaN.
+    """Yield each metric with its value in the result, and the number of the instruction that
+    computes it from another run (None: only a Python function computes it). The value is NaN if the
+    result lacks the metric but another run may have it.
     """
     for metric, value in run.metrics(result):
         if text := metric.expression(result, Limits()):
@@ -157,7 +163,9 @@ def headline_values(result: Result, program: Program) -> Iterator[tuple[Metric, 
 
 
 def requirement(result: Result, program: Program, name: str, text: str) -> Data:
-    """Return a requirement for the page, or why it cannot be evaluated."""
+    """Return a requirement as data for the page, with the reason under `rejected` if the page
+    cannot evaluate it.
+    """
     about = {"name": name, "text": text}
     try:
         condition(text)
@@ -171,6 +179,7 @@ def requirement(result: Result, program: Program, name: str, text: str) -> Data:
 
 
 def _simulation(result: Result, system: System, found: Checked, module: Module) -> Data:
+    """Return the data with which the page runs the system: time span, columns, parameters."""
     if missing := [name for name in result.columns if name not in module.outputs]:
         raise UsageError(
             f"the result contains {missing[0]}, which is not an output of the system as it is now; "
@@ -190,7 +199,9 @@ def _simulation(result: Result, system: System, found: Checked, module: Module) 
 
 
 def _about(result: Result) -> Data:
-    """Return the checksum of the rows, and the columns of variables and parameters."""
+    """Return the checksum of the rows, with which the page compares bits, and the columns and
+    values of variables and parameters.
+    """
     table = result.parameters
     return {
         "sha256": hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest(),
@@ -201,14 +212,14 @@ def _about(result: Result) -> Data:
 
 
 def _names(table: Result) -> Data:
-    """Return shape and columns of every variable and of every element."""
+    """Return [shape, indices of the columns] by name, for every variable and for every element."""
     found: Data = {name: [[], [i]] for i, name in enumerate(table.columns)}
     vectors = table.vectors.items()
     return found | {name: [list(c.shape), c.ravel().tolist()] for name, c in vectors}
 
 
 def _slider(result: Result, module: Module, slider: Slider) -> Data:
-    """Return a slider for the template, with its value in the run."""
+    """Return a slider as data for the template, with the value of its parameter in the run."""
     place = module.names.index(slider.name)
     value = float(module.values[place])
     table = result.parameters

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Models of the user in the replay: `[scene.models]` of a system's TOML names a glTF file per body.
+"""Three-dimensional models of the user in the replay: `[scene.models]` in the TOML of a system
+names a glTF file per body.
 
-glTF is in metres. Its axes are taken as the body axes, its origin as the centre of mass. The page
-contains the triangles with one colour per material, no textures and no animation, and needs no
-other file.
+The unit of glTF is the metre. The axes of the file are used as the body axes, and its origin as the
+centre of mass. The page contains the triangles with one colour per material, but no textures and no
+animation, so it needs no other file.
 """
 
 from __future__ import annotations
@@ -25,14 +26,15 @@ from harness.ssp.extends import extended
 Scene = dict[str, Any]
 
 LARGEST = 64 * 1024**2
-"""Largest size of a model file in bytes."""
+"""Largest size of a model file [bytes]."""
 MOST = 60_000
-"""Largest number of triangles of all models: 48 characters each, half of the page."""
+"""Largest number of triangles of all models. They need 48 characters each, about half of the page.
+"""
 
 
 class Mesh(NamedTuple):
-    """Triangles of one colour: corners (3 triangles, 3) [m], body axes; tint: red, green, blue
-    in sRGB, None without a material.
+    """Triangles of one colour. corners: three rows for each triangle (3 * triangles, 3) [m], body
+    axes; tint: red, green and blue from 0 to 1 in sRGB, None without a material.
     """
 
     corners: Array
@@ -40,7 +42,9 @@ class Mesh(NamedTuple):
 
 
 def named(result: Result) -> dict[str, Path]:
-    """Return model files by body from the TOML of the system, {} if it is not available."""
+    """Return the model files by body that the TOML of the system names, {} if the TOML is not
+    available; result: a run of the system.
+    """
     source = _source(result)
     if source is None:
         return {}
@@ -49,6 +53,7 @@ def named(result: Result) -> dict[str, Path]:
 
 
 def _source(result: Result) -> Path | None:
+    """Return the path of the TOML of the system of a result, None if it is not available."""
     known = result.provenance
     if known is None or not known.source:
         return None
@@ -60,9 +65,10 @@ def _source(result: Result) -> Path | None:
 
 
 def with_models(scene: Scene, files: Mapping[str, Path], arrays: Arrays) -> Scene:
-    """Return the scene with models in place of the parts of bodies; parts on joints remain.
+    """Return a scene in which models replace the parts of bodies; parts on joints remain.
 
-    Raises UsageError: a body that the scene lacks, a file that is not glTF, too many triangles.
+    files: glTF file by body. Raises UsageError if the scene has no such body, a file is not glTF,
+    or there are too many triangles.
     """
     known = [body["name"] for body in scene["bodies"]]
     for name in files:
@@ -73,7 +79,7 @@ def with_models(scene: Scene, files: Mapping[str, Path], arrays: Arrays) -> Scen
     if count > MOST:
         raise _error(
             ", ".join(files),
-            f"{count} triangles, at most {MOST} fit; simplify the model",
+            f"has {count} triangles, more than the limit of {MOST}; simplify the model",
         )
     bodies = [_with_model(body, meshes.get(body["name"]), arrays) for body in scene["bodies"]]
     return scene | {"bodies": bodies}
@@ -91,8 +97,8 @@ def _with_model(body: Scene, meshes: tuple[Mesh, ...] | None, arrays: Arrays) ->
 
 
 def meshes_of(body: str, path: Path) -> tuple[Mesh, ...]:
-    """Return the triangles of a glTF file with the transformations of all nodes; raise UsageError
-    if the file cannot be used.
+    """Return the triangles of a glTF file, with the transformations of all nodes applied; raise
+    UsageError if the file cannot be used. body: name for the message.
     """
     try:
         stamp = paths.stamp(path)
@@ -103,7 +109,7 @@ def meshes_of(body: str, path: Path) -> tuple[Mesh, ...]:
         raise _error(body, f"{path}: cannot be read ({error.strerror or error})") from error
     except HarnessError:
         raise
-    except Exception as error:  # of the reader of a third-party format
+    except Exception as error:  # the library that reads glTF may raise anything
         raise _error(body, f"{path}: is not a glTF file ({reason_of(error)[:200]})") from error
 
 
@@ -123,12 +129,12 @@ def _read(path: Path, _stamp: Any) -> tuple[Mesh, ...]:
 
 def _meshes(scene: Any) -> Iterator[Mesh]:
     for part in scene.dump():
-        if len(getattr(part, "faces", ())):  # else lines or points
+        if len(getattr(part, "faces", ())):  # not lines or points
             yield Mesh(np.asarray(part.triangles, dtype=float).reshape(-1, 3), _colour(part.visual))
 
 
 def _colour(visual: Any) -> tuple[float, float, float] | None:
-    """Return the base colour, which is linear in glTF, as sRGB."""
+    """Return the base colour of a material in sRGB (linear in glTF), None without a material."""
     factor = getattr(getattr(visual, "material", None), "baseColorFactor", None)
     if factor is None:
         return None

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plots as data, thinned, as the page draws them: figures, read back from the axes of matplotlib so
-that each is described once, phase plots and all variables. Views in space are left to the replay.
+"""Plots of a page as data with thinned curves: figures, phase plots, and all variables. Figures are
+drawn with matplotlib and read back from its axes, so that each is defined only once. Axes in three
+dimensions are left out, because the page has a replay.
 
 A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
-the run: then its zoom is linked), `log`, `levels` (height and text), `shade` ([begin, end, text])
-and `curves`. A curve names its arrays and its look: `colour` is a number of the palette,
-or "ink"; `dash` a style of Plotly; `group` the run it belongs to.
+the run; all such plots zoom together), `log` (logarithmic y), `levels` (horizontal lines: height
+and text), `shade` (vertical bands: [begin, end, text]) and `curves`. A curve contains the names of
+its arrays, and its look: `colour` is an index of the palette or "ink", `dash` a line style of
+Plotly, `group` the run that the curve belongs to.
 """
 
 from __future__ import annotations
@@ -28,23 +30,26 @@ from harness.system.values import base
 
 Plot = dict[str, Any]
 Shown = tuple[str, str, str, list[Plot]]
-"""Section of a page, name and title of a figure, and its plots."""
+"""Figure of a page: section, name and title of the figure, and its plots."""
 
 PAGE = Style("page", sheets=("screen.mplstyle", "page.mplstyle"))
-"""Style of figures that a page reads back."""
+"""Style in which figures are drawn before their axes are read back for a page."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
-"""Styles of the elements of a vector, so that curves differ not only in colour."""
+"""Line styles of the elements of a vector, so that curves differ in more than colour."""
 DECADES = 3.0
-"""Number of powers of ten from which on a positive history is drawn on a logarithmic axis."""
+"""Number of powers of ten above which a positive history gets a logarithmic axis."""
 QUATERNION = ("q0", "q1", "q2", "q3")
+"""Labels of the elements of a quaternion."""
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
-"""Labels of the time axis and their seconds."""
+"""Labels of a time axis, with the length of their unit [s]."""
 NOTE = "axes fraction"
-"""Coordinates of notes in a corner of axes."""
+"""Coordinate system of matplotlib in which figures place notes in a corner of their axes."""
 
 
 def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
-    """Return figures by section, figures of one name as one; figures without plots are left out."""
+    """Return the figures of a page by section. Figures with the same section and name are combined
+    into one, and figures without plots are left out.
+    """
     figures: dict[tuple[str, str], dict[str, Any]] = {}
     for section, name, title, plots in found:
         figure = figures.setdefault((section, name), {"name": name, "title": title, "plots": []})
@@ -60,8 +65,9 @@ def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
 
 
 def painted(canvas: Canvas, drawing: Any, result: Result | None = None) -> list[Plot]:
-    """Return the plane axes of a figure of matplotlib, from top to bottom; result: the only run
-    that it shows.
+    """Return a plot for each two-dimensional axes of a matplotlib figure, from top to bottom.
+
+    drawing: the figure; result: the run that it shows (None: several runs).
     """
     return [_plot(canvas, axes, result) for axes in plane(drawing)]
 
@@ -82,7 +88,9 @@ def _plot(canvas: Canvas, axes: Any, result: Result | None) -> Plot:
 
 
 def _scales(axes: Any, timed: bool) -> Plot:
-    """Return the kinds of axes, limits that were set, and ticks that are words."""
+    """Return the entries of a plot for its axes: logarithmic or not, equal scales, limits that the
+    figure sets, and ticks that are words; timed: whether x is time.
+    """
     found: Plot = {"log": axes.get_yscale() == "log", "equal": axes.get_aspect() == 1.0}
     if not axes.get_autoscaley_on():
         found["range"] = [float(limit) for limit in axes.get_ylim()]
@@ -95,14 +103,17 @@ def _scales(axes: Any, timed: bool) -> Plot:
 
 
 def _levels(axes: Any) -> list[Plot]:
-    """Return the horizontal lines across the whole axes."""
+    """Return height and text of the horizontal lines that span the axes from left to right."""
     other = [line for line in axes.get_lines() if line.get_transform() != axes.transData]
     flat = [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
     return [{"y": float(line.get_ydata()[0]), "text": _named(line)} for line in flat]
 
 
 def _shade(axes: Any, seconds: float) -> list[Any]:
-    """Return begin, end and name of the bands that span the axes from top to bottom."""
+    """Return [begin, end, name] of the vertical bands that span the axes from top to bottom.
+
+    seconds: factor from the unit of x to the unit of the page.
+    """
     spans = (bar for bar in axes.patches if bar.get_data_transform() != axes.transData)
     return [
         [seconds * bar.get_x(), seconds * (bar.get_x() + bar.get_width()), _named(bar)]
@@ -111,8 +122,8 @@ def _shade(axes: Any, seconds: float) -> list[Any]:
 
 
 def _named(drawn: Any) -> str:
-    """Return the label of a drawn object, "" without one; a line of one of several runs begins with
-    the label of the run.
+    """Return the label of a drawn object, "" if it has none. In a figure of several runs it begins
+    with the label of the run.
     """
     label, run = str(drawn.get_label()), drawn.get_gid()
     if run is not None:
@@ -121,7 +132,9 @@ def _named(drawn: Any) -> str:
 
 
 def _lines(canvas: Canvas, axes: Any, seconds: float, result: Result | None) -> Iterator[Plot]:
-    """Yield lines and markers; seconds: of the unit of time, 0: x is something else."""
+    """Yield the lines and markers of axes as curves; seconds: length of the unit of time on the x
+    axis [s], 0 if x is not time; result: the run that the axes show (None: several runs).
+    """
     for line in axes.get_lines():
         if line.get_transform() != axes.transData:
             continue
@@ -138,6 +151,7 @@ def _lines(canvas: Canvas, axes: Any, seconds: float, result: Result | None) -> 
 
 
 def _look(line: Any, points: int) -> Plot:
+    """Return colour, line style, marker and run of a line of matplotlib."""
     look = {"colour": place_of(line.get_color()), "dash": _dash(line)}
     if line.get_linestyle() in ("None", " ", ""):
         many = "point" if line.get_alpha() is None else "dot"
@@ -148,7 +162,9 @@ def _look(line: Any, points: int) -> Plot:
 
 
 def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
-    """Yield fields of colours, bands and bars; unit: factor from x to the unit of the page."""
+    """Yield the images, filled areas and bars of axes as curves; unit: factor from the unit of x to
+    the unit of the page.
+    """
     yield from (_image(canvas, image, unit) for image in axes.images)
     for area in axes.collections:
         if hasattr(area, "get_coordinates"):
@@ -170,7 +186,7 @@ def _image(canvas: Canvas, image: Any, unit: float) -> Plot:
 
 
 def _mesh(canvas: Canvas, mesh: Any, name: str) -> Plot:
-    """Return a field of colours over columns and rows."""
+    """Return a mesh of coloured cells as an image with the edges of its columns and rows."""
     columns, rows = (mesh.get_coordinates()[..., k] for k in (0, 1))
     field = canvas.arrays.store(np.ma.filled(mesh.get_array(), np.nan))
     places = {"columns": columns[0].tolist(), "rows": rows[:, 0].tolist()}
@@ -183,20 +199,20 @@ def _filled(canvas: Canvas, corners: Any, area: Any, colour: Any) -> Plot:
 
 
 def _dash(line: Any) -> str:
-    """Return the lengths of dashes and gaps, or "solid"."""
+    """Return the line style for Plotly: lengths of dashes and gaps as `4px,2px`, or "solid"."""
     _, lengths = line._unscaled_dash_pattern
     return ",".join(f"{length:g}px" for length in lengths) if lengths else "solid"
 
 
 def _corners(outline: Any) -> Any:
-    """Return an outline without the points between two others of the same height."""
+    """Return an outline (points, 2) without the points whose two neighbours have the same y."""
     y = outline[:, 1]
     inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)
     inner[[0, -1]] = False
     return outline[~inner]
 
 
-# ---- plots of the page alone
+# ---- plots without a figure of matplotlib
 
 
 def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
@@ -205,7 +221,9 @@ def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
 
 
 def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
-    """Return every variable by component: constants with their value, the others as plots."""
+    """Return all variables of a result by component: constant variables with their value, all
+    other variables as plots.
+    """
     components: dict[str, dict[str, Any]] = {}
     for name in result.names:
         values = result[name]
@@ -220,6 +238,7 @@ def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 
 
 def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
+    """Return the plot of a variable over time, without values that mean that it is idle."""
     flat, arrays = values.reshape(len(values), -1), canvas.arrays
     bound = dict(of_result(result).idle).get(name)
     if bound is not None:
@@ -240,6 +259,7 @@ def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
 
 
 def _labels(result: Result, name: str, values: Array) -> list[str]:
+    """Return the labels of the elements of a variable: axes, parts of a quaternion, or indices."""
     if values.ndim == 1:
         return [""]
     if values.ndim == 2 and values.shape[1] == 3:
@@ -250,18 +270,20 @@ def _labels(result: Result, name: str, values: Array) -> list[str]:
 
 
 def spans(values: Array) -> bool:
-    """Return whether values are positive and span DECADES powers of ten."""
+    """Return whether all finite values are positive and span more than DECADES powers of ten."""
     finite = values[np.isfinite(values)]
     if not finite.size or finite.min() <= 0:
         return False
     return bool(np.log10(finite.max()) - np.log10(finite.min()) > DECADES)
 
 
-# ---- a quantity against its rate, for every result that holds both
+# ---- phase plots: a quantity against its rate
 
 
 def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
-    """Yield the phase plots of a result whose quantities change."""
+    """Yield the phase plots that the mission defines for the variables of a result, without those
+    in which a quantity is constant.
+    """
     for phase in of_result(result).phases:
         if not result.holds(*phase.needs):
             continue

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Page of one run: figures by section, all signals, the replay, and texts and numbers for
-`page/run.html`: state, metrics, verdicts, margins, parameters.
+"""Page of one run: its figures by section, all signals and the replay as data, and the texts and
+tables of the template `page/run.html` (state, metrics, verdicts, margins, parameters).
 """
 
 from __future__ import annotations
@@ -38,24 +38,26 @@ SECTIONS = {
     "poincare": "phases",
     **dict.fromkeys(ACTUATORS, "actuators"),
 }
-"""Sections of the page by figure; others are in `figures`."""
+"""Sections of the page by the name of a figure. All other figures are in the section `figures`."""
 
 
 def canvas_of(result: Result, arrays: Arrays) -> Canvas:
-    """Return a canvas with so few points per curve that all curves of a run fit a page; each is
-    drawn about twice.
+    """Return a canvas whose number of points per curve limits the size of the page of a run, if
+    every column of the result is drawn about twice.
     """
     return Canvas(arrays, points_of(2 * len(result.columns), 200, 2400))
 
 
 def of_run(result: Result) -> str:
-    """Return the page of one run as text."""
+    """Return the page of one run as HTML text."""
     canvas = canvas_of(result, Arrays())
     return render("run.html", canvas, content(canvas, result), **texts(result))
 
 
 def content(canvas: Canvas, result: Result) -> dict[str, Any]:
-    """Return replay, figures and signals as data; their numbers are in the arrays of the canvas."""
+    """Return figures, replay and signals as data for the scripts of the page; their arrays are
+    stored in the canvas.
+    """
     has_duration = len(result.time) > 1
     return {
         "figures": sections(_figures(canvas, result)) if has_duration else [],
@@ -65,7 +67,7 @@ def content(canvas: Canvas, result: Result) -> dict[str, Any]:
 
 
 def _figures(canvas: Canvas, result: Result) -> Iterator[Shown]:
-    """Yield the figures of the result."""
+    """Yield the phase plots, and the figures that the mission defines for this result."""
     yield "phases", "phases", "", list(phases(canvas, result))
     with PAGE.used():
         for figure in figures_of(result):
@@ -75,11 +77,11 @@ def _figures(canvas: Canvas, result: Result) -> Iterator[Shown]:
 
 
 WORST_FIRST = ("bad", "fair", "none", "idle", "good")
-"""Styles of verdicts in the order of the head of the page."""
+"""Styles of verdicts (CSS classes) in the order in which the head of the page shows them."""
 
 
 def texts(result: Result) -> dict[str, Any]:
-    """Return texts and tables for the template."""
+    """Return the texts and tables that the template run.html needs, by name."""
     given = result.provenance.set if result.provenance else ()
     return {
         "result": result,
@@ -103,13 +105,13 @@ def message(result: Result) -> str:
 
 
 def notes(result: Result) -> list[str]:
-    """Return the notes about a run, a line each."""
+    """Return the notes about a run, one line each: of its mission, and on missing data."""
     found = [*notes_of(result), *remarks(result), missing(result), gaps(result)]
     return [line for line in found if line]
 
 
 def gaps(result: Result) -> str:
-    """Return a line about variables that cannot be drawn in all rows, "" if there are none."""
+    """Return a line with the variables that have values which cannot be drawn, "" if none has."""
     rows = len(result.time)
     bad = {name: rows - int(drawable_rows(result[name]).sum()) for name in result.names}
     names = listed([f"{name} in {count} of {rows} rows" for name, count in bad.items() if count])
@@ -118,13 +120,15 @@ def gaps(result: Result) -> str:
 
 
 def headline(result: Result) -> tuple[str, str]:
-    """Return what a run is, and how it ended, in one sentence each."""
+    """Return two sentences for the head of the page: the description of the system with the end
+    time, and how the run ended, with values that the mission watches and counts of verdicts.
+    """
     text = result.system
     if result.system in paths.systems():
         with load(result.system) as system:
             text = system.description or text
     if not len(result.time):
-        return text, "Nothing was recorded."
+        return text, "The run has no recorded rows."
     end = f"{result.time[-1]:g} s"
     shown = [m for m in of_result(result).watched if not m.lacks(result)]
     values = [f"{m.name} {value}" for m in shown if (value := m.text(result))][:3]
@@ -137,8 +141,8 @@ def headline(result: Result) -> tuple[str, str]:
 
 
 def chips(result: Result) -> list[tuple[str, str]]:
-    """Return style and text of the verdicts with the number of rules, requirements and claims that
-    have each, worst first.
+    """Return the badges in the head of the page, worst first, as style and text: state of the run,
+    and counts such as `2 requirements not met` of rules, requirements and claims.
     """
     given = judgements(result)
     found = [("none", "complete") if result.complete else ("bad", "incomplete")]
@@ -156,15 +160,17 @@ def chips(result: Result) -> list[tuple[str, str]]:
 
 
 def cell(value: float, words: Sequence[str] = ()) -> str:
-    """Return a metric as text; words: meaning of its values 0, 1, ..."""
+    """Return the value of a metric as text, "-" if it is not finite; words: texts for its values
+    0, 1, ...
+    """
     if words and 0 <= value < len(words):
         return words[int(value)]
     return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
 def metrics(result: Result) -> Iterator[tuple[Metric, float]]:
-    """Yield the metrics of harness compare whose variables this run has, with their values; NaN if
-    the run has no such value.
+    """Yield the metrics of a comparison whose variables the result has, with their values, NaN for
+    a metric without a value in this run.
     """
     offered = of_result(result)
     limits = offered.limits(Limits(), {"": result}) if len(result.time) else Limits()

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Replay as data: bodies with their parts, positions and attitudes at chosen rows, and zones that
-belong to a body or to a frame.
+"""Scene of a replay as data: bodies with their parts, and their positions and attitudes at selected
+instants, and further parts such as zones.
 
-Positions are relative to the origin of the scene, in N axes; attitudes are quaternions of the body
-relative to N, scalar first, v_N = q v_B q*. With the quaternion of the Hill frame the page
-transforms them into H axes.
+Positions are relative to the origin of the scene, in axes of frame N. Attitudes are quaternions of
+the body relative to N, scalar first, v_N = q v_B q*. The page transforms both into the Hill frame H
+by the quaternion of this frame.
 """
 
 from __future__ import annotations
@@ -20,16 +20,20 @@ from harness.results.result import Array, Result, Rows
 
 Scene = dict[str, Any]
 Part = dict[str, Any]
-"""A shape that the page draws: `kind`, `at` (centre, body axes) and sizes [m]."""
+"""Shape that the page draws: `kind` (box, panel, ...), `at` (centre in body axes) and sizes [m]."""
 
 LEAST, MOST = 600, 3000
 """Smallest and largest number of instants of a replay."""
 TURN = np.radians(8)
-"""Angle by which a body turns between two instants, if MOST permits [rad]."""
+"""Largest angle by which a body turns between two instants, unless MOST instants are too few for it
+[rad].
+"""
 
 
 def instants(result: Result, *attitudes: str) -> Rows:
-    """Return the rows of the replay, equally spaced, enough of them to follow turning bodies."""
+    """Return the equally spaced rows of a result that a replay shows, so many that bodies turn by
+    at most TURN between two; attitudes: quaternion variables of the bodies.
+    """
     histories = (result[name] for name in attitudes)
     turned = (float(np.nansum(rotation_angle(q[:-1], q[1:]))) for q in histories)
     count = int(np.clip(max(turned, default=0.0) / TURN, LEAST, MOST))
@@ -38,8 +42,11 @@ def instants(result: Result, *attitudes: str) -> Rows:
 
 
 class Body(NamedTuple):
-    """Body of the scene: names of the arrays of its position and attitude, its parts, bodies that
-    hang on it.
+    """Body of a scene.
+
+    r, q: names of the arrays of its positions (instants, 3) and attitudes (instants, 4); parts: its
+    shapes; colour: index of the palette; radius: of the sphere around its hull [m]; links: parts
+    that turn on joints, see joint(); trail: whether its path is drawn.
     """
 
     name: str
@@ -51,11 +58,13 @@ class Body(NamedTuple):
     links: tuple[dict[str, Any], ...] = ()
     trail: bool = True
     reach: float = 0.0
-    """Distance of its farthest part, if that is beyond the radius of its hull."""
+    """Distance of its farthest part from its origin [m], 0 if no part is outside the radius."""
 
 
 def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: Any) -> Scene:
-    """Return bodies at the instants `time` [s] about an origin, with further parts of the scene."""
+    """Return a scene with bodies at the instants `time` [s]; origin: name of the point that is the
+    origin of all positions; about: further entries of the scene.
+    """
     shown = [body._asdict() | {"links": list(body.links)} for body in found]
     return {"time": arrays.store(time), "origin": origin, "bodies": shown, **about}
 
@@ -63,18 +72,22 @@ def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: 
 def joint(
     at: Any, angle: str, index: int, parts: list[Part], axis: Any = (0, 0, 1), **about: Any
 ) -> Scene:
-    """Return a link that turns about an axis of the body or link that carries it; angle, index:
-    array of angles and column.
+    """Return a link: parts that turn about an axis fixed in the body or link that carries them.
+
+    at: point on the axis [m]; angle, index: name of the array of angles [rad], and its column;
+    about: further entries, such as `links` that this link carries.
     """
     place, along = ([float(x) for x in v] for v in (at, axis))
     return {"at": place, "axis": along, "angle": angle, "index": index, "parts": parts, **about}
 
 
-def number(  # noqa: PLR0913, PLR0917 - what is shown, and how
+def number(  # noqa: PLR0913, PLR0917 - the value and its presentation
     result: Result, arrays: Arrays, rows: Rows, name: str, words: Sequence[str] = (), text: str = ""
 ) -> Scene:
-    """Return a value that the replay shows, with angles in degrees; words: shown in place of the
-    numbers 0, 1, ...; text: name of the value, by default the name of the variable in words.
+    """Return a variable whose value the replay shows as a number, angles in degrees.
+
+    rows: instants of the replay; words: texts to show in place of the values 0, 1, ...; text: label
+    (default: the name of the variable with spaces).
     """
     angle = result.unit(name) == "rad"
     return {

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Templates of the folder `page`, filled with texts, numbers, scripts and libraries.
+"""Rendering of a page: templates of the folder `page` are filled with texts, numbers, scripts and
+libraries.
 
-Plotly draws the plots, and K3D brings three.js for the replay; their scripts are in their Python
-packages, of the extra `report`.
+Plotly draws the plots. K3D contains three.js, which draws the replay. The scripts of both are in
+their Python packages, which the extra `report` installs.
 """
 
 from __future__ import annotations
@@ -25,29 +26,33 @@ from harness.errors import installed, library
 from harness.report.arrays import Canvas
 
 SCRIPTS = {"plotly": "package_data/plotly.min.js", "k3d": "static/standalone.js"}
-"""Script of a library in its package."""
+"""Path of the script of each library in its Python package."""
 FONTS = re.compile(rb"@font-face\{(?:\$\{\w+\}|[^{}])*\}|data:font/woff2;base64,[\w+/=]*")
-"""Fonts of formulas inside K3D: the replay has none, and a browser would look for their files."""
+"""Fonts for formulas in the script of K3D. They are removed, because the replay has no formulas and
+a browser would search for their files.
+"""
 CODE = (
     "symbols", "plots", "history", "shapes", "labels", "bodies", "zones", "sky", "cameras", "clock",
     "timeline", "record", "replay", "page",
 )  # fmt: skip
 """Scripts of the page in the order in which they are loaded."""
 LIVE = ("simulation", "program", "course", "live")
-"""Further scripts of a live page."""
+"""Further scripts of a live page, loaded after the others."""
 POLICY = (
     "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data: blob:; "
     "style-src 'unsafe-inline'; script-src"
 )
-"""Content-Security-Policy of every page, up to the hashes of its scripts: no network, and no other
-script. Styles may be inline, because Plotly and K3D write their own; they can load nothing either.
+"""Beginning of the Content-Security-Policy of every page, before the hashes of its scripts. It
+forbids the network and all other scripts. Inline styles are allowed, because Plotly and K3D write
+their own; styles cannot load files either.
 """
 
 
 @cache
 def _script(name: str) -> tuple[str, str]:
-    """Return the script of a library, compressed and in base64, and its source for the policy;
-    HarnessError naming the extra if the library is not there.
+    """Return the script of a library, compressed and in base64, and the expression that allows it
+    in the Content-Security-Policy. Raises HarnessError with the extra to install if the library is
+    missing.
     """
     package = Path(installed(name, "report").origin or "").parent
     text = FONTS.sub(b"", (package / SCRIPTS[name]).read_bytes())
@@ -55,16 +60,17 @@ def _script(name: str) -> tuple[str, str]:
 
 
 def _source(script: bytes) -> str:
-    """Return the source expression by which a policy allows an inline script."""
+    """Return the hash by which a Content-Security-Policy allows an inline script."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
 
 
 def render(
     template: str, canvas: Canvas, data: dict[str, Any], live: bool = False, **texts: Any
 ) -> str:
-    """Return a page made from a template: texts are filled in, numbers go to its scripts as JSON.
+    """Return a page as HTML text. The template is filled with `texts`, and contains `data` and the
+    arrays of the canvas as JSON for its scripts.
 
-    live: with the scripts that run the system, whose WebAssembly the policy then allows.
+    live: include the scripts that run the system, and allow WebAssembly in the policy.
     """
     code = [_text_of(f"{name}.js") for name in (*CODE, *(LIVE if live else ()))]
     libraries = {name: _script(name) for name in SCRIPTS}
@@ -98,20 +104,22 @@ def _template(name: str) -> Any:
 
 
 def _text_of(name: str) -> str:
-    """Return the text of a file of the folder `page`."""
+    """Return the text of a file in the folder `page`."""
     return (files("harness.report") / "page" / name).read_text(encoding="utf-8")
 
 
 def _json(data: Any) -> str:
-    """Return JSON for a script element of the page: no text in the data can end the element, and
-    null replaces numbers that are not finite, which JSON cannot express.
+    """Return data as JSON for a script element of the page. `<` is escaped, so that no text can end
+    the element, and null replaces numbers that are not finite, which JSON does not allow.
     """
     finite = json.loads(json.dumps(data, default=_plain), parse_constant=lambda _: None)
     return json.dumps(finite, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _plain(value: Any) -> Any:
-    """Return numbers of numpy, which the scene of a mission may contain, as numbers of Python."""
+    """Return an array or number of numpy, which the scene of a mission may contain, as lists and
+    numbers of Python; raise TypeError for other objects.
+    """
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    raise TypeError(f"the page holds numbers and texts, not {type(value).__name__}")
+    raise TypeError(f"a page can contain numbers and texts only, not {type(value).__name__}")

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Choice of the replay of a result, and its timeline: title, phases, and events at their instants.
+"""Replay of a result, which a mission builds, with its timeline: title, phases and events.
 
-A mission defines phases and events of its own. The worst instants of the requirements, the first
-violations of the safety rules and the passes through the shadow follow from the result.
+A mission can define phases and events of its own. This module adds as events the worst instant of
+each requirement, the first violation of each safety rule, and each passage into or out of the
+shadow of the planet.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ from harness.system.values import base
 
 Scene = dict[str, Any]
 DARK = 0.5
-"""Part of the disc of the Sun that is covered from which on a body is in the shadow."""
+"""Covered share of the disc of the Sun above which the bodies count as in the shadow."""
 
 
 def replay(result: Result, arrays: Arrays) -> Scene | None:
-    """Return the replay of a result with its title and all its events in their order; None if it
-    contains nothing that moves.
+    """Return the scene of the replay of a result, with its title and all events in their order;
+    None if the mission has no scene for it, or fewer than two rows can be drawn.
     """
     for kind in of_result(result).scene:
         if result.holds(*kind.needs, parameters=kind.parameters):
@@ -50,8 +51,10 @@ def replay(result: Result, arrays: Arrays) -> Scene | None:
 
 
 def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
-    """Return the replay of several runs by label in one scene, with the events of all runs, each
-    with its label; None if their mission has none.
+    """Return one scene with the replays of several runs, and the events of all runs, each after the
+    label of its run; None if the missions of the runs have no scene for several runs.
+
+    results: by label.
     """
     for kind in together(map(of_result, results.values())).scene:
         shown = {
@@ -73,8 +76,9 @@ def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | Non
 
 
 def drawable(result: Result, needs: Iterable[str]) -> Result:
-    """Return what a replay can draw of a result: the rows in which these variables can be drawn,
-    and the variables that can be drawn in all of these rows.
+    """Return a result without the rows in which one of the variables `needs` cannot be drawn, and
+    without other variables that cannot be drawn in all remaining rows. Values can be drawn if they
+    are finite and not too large.
     """
     good = np.abs(result.values) <= LARGEST
     if good.all():
@@ -94,7 +98,7 @@ def drawable(result: Result, needs: Iterable[str]) -> Result:
 
 
 def drawable_rows(values: Array) -> Array:
-    """Return which rows of a history can be drawn (rows,)."""
+    """Return by row whether all elements of a history are finite and at most LARGEST (rows,)."""
     return np.asarray((np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim))))
 
 
@@ -104,25 +108,27 @@ def _titled(scene: Scene, name: str, title: str, further: list[Scene]) -> Scene:
 
 
 def of_run(label: str, events: Iterable[Scene]) -> list[Scene]:
-    """Return the events of one of several runs, with its label."""
+    """Return the events of one of several runs, with the label of the run before each text."""
     return [each | {"text": f"{label}: {each['text']}"} for each in events]
 
 
 def plain(name: str) -> str:
-    """Return a name without its folder, with spaces in place of underscores."""
+    """Return a name without a folder, and with spaces in place of underscores."""
     return name.rpartition("/")[2].replace("_", " ")
 
 
 def event(time: float, text: str, kind: str = "plain") -> Scene:
-    """Return an event at an instant [s]; kind: phase, worst, violation, abort, capture, light,
-    plain.
+    """Return an event at an instant `time` [s]; kind: phase, worst, violation, abort, capture,
+    light or plain, which determines its look.
     """
     return {"time": float(time), "text": text, "kind": kind}
 
 
 def runs_of(values: Array, time: Array, words: tuple[str, ...]) -> list[Scene]:
-    """Return the phases in which a variable has one value each: begin, end [s] and the meaning of
-    the value.
+    """Return the phases between changes of a variable: begin and end [s], and the text for its
+    value in the phase.
+
+    values: whole numbers (rows,); time: of the rows [s]; words: texts of the values 0, 1, ...
     """
     edges = np.flatnonzero(np.diff(values, prepend=np.nan))
     ends = [*time[edges[1:]], time[-1]]
@@ -133,6 +139,7 @@ def runs_of(values: Array, time: Array, words: tuple[str, ...]) -> list[Scene]:
 
 
 def _worst(result: Result) -> Iterator[Scene]:
+    """Yield an event at the worst instant of each requirement."""
     for found in findings(result):
         if found.time is None or found.value is None:
             continue
@@ -144,13 +151,16 @@ def _worst(result: Result) -> Iterator[Scene]:
 
 
 def _violations(result: Result) -> Iterator[Scene]:
+    """Yield an event at the first violation of each safety rule that is violated."""
     for found in rule_findings(of_result(result), result):
         if not found.verdict.fulfilled:
             yield event(found.violated, f"{found.name}: violated for the first time", "violation")
 
 
 def _shadow(arrays: Arrays, scene: Scene) -> Iterator[Scene]:
-    """Yield the instants at which a dated run enters and leaves the shadow of the planet."""
+    """Yield an event at each instant at which the bodies enter or leave the shadow of the planet,
+    if the scene has a Sun and a date.
+    """
     if "undated" in scene or "sun" not in scene:
         return
     dark = arrays.take(scene["sun"]["shadow"]) > DARK

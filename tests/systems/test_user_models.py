@@ -151,7 +151,9 @@ def test_a_model_too_large_for_a_page_is_rejected_with_its_number(mine, tmp_path
     many = np.tile(FACES[:1], (count, 1))
     (mine / "sat.glb").write_bytes(glb(faces=many))
     result = run(mine, stop=1.0)
-    with pytest.raises(UsageError, match=f"target: {count} triangles, at most {models.MOST} fit"):
+    with pytest.raises(
+        UsageError, match=f"target: has {count} triangles, more than the limit of {models.MOST}"
+    ):
         write_page(result, tmp_path / "x.html")
 
 
