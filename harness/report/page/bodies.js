@@ -1,11 +1,12 @@
-/* Bodies of a replay: parts on joints, paths, plans, body axes, plumes. place(at) moves all of them. */
+/* Bodies of a replay with their joints, paths, plans, body axes and plumes. place(at) moves all of
+ * them to an instant. */
 "use strict";
-const PLANNED = [0xf5f7fa, 0x7d8794]; /* by the mode: the present plan, an older one */
+const PLANNED = [0xf5f7fa, 0x7d8794]; /* colours of a plan by its mode: 0 present, 1 older */
 function makeBodies(view) {
   const { T, scene, array, root, space, shapes, history, labels } = view;
   const axes = [], plumes = [], p = new T.Vector3();
 
-  /* positions in H axes, for paths in that frame */
+  /* positions r turned from N into H axes, for paths that are drawn in frame H */
   function inHill(r) {
     if (!scene.hill) return r;
     const q = array(scene.hill), turn = new T.Quaternion(), out = new Float32Array(r.length);
@@ -53,7 +54,7 @@ function makeBodies(view) {
   });
   const named = Object.fromEntries(bodies.map((body) => [body.name, body]));
 
-  /* points of bodies with a name in the picture */
+  /* spots: points of bodies that are drawn as balls with a label */
   for (const spot of scene.spots || []) {
     const made = new T.Mesh(new T.SphereGeometry(0.06 * named[spot.body].radius, 12, 8), shapes.glow(0xff5fd2, 0.95));
     made.position.set(...spot.at);
@@ -61,7 +62,8 @@ function makeBodies(view) {
     labels.add(spot.text, made, "#ff9be4", { leader: true, title: spot.title, near: 14 * named[spot.body].radius });
   }
 
-  /* lines from a body through the points of its plan, which are relative to the centre */
+  /* planned paths: lines from a body through the points of its plan, which are relative to the
+   * position of the body scene.centre */
   const plans = (scene.plans || []).map((data) => {
     const points = array(data.points), size = points.shape[1];
     const geometry = new T.BufferGeometry().setAttribute("position", new T.BufferAttribute(new Float32Array(size + 3), 3));
@@ -71,7 +73,7 @@ function makeBodies(view) {
     return { made, points, size, mode: array(data.mode), body: named[data.body], vertices: geometry.attributes.position };
   });
 
-  /* fading cones; length and brightness increase with the command */
+  /* plumes of thrusters: cones whose length and brightness increase with the command */
   for (const data of scene.plumes || []) {
     const geometry = new T.CylinderGeometry(0.22, 0.03, 1, 18, 8, true);
     geometry.translate(0, 0.5, 0);
@@ -121,8 +123,8 @@ function makeBodies(view) {
 
   const world = (body) => body.group.getWorldPosition(new T.Vector3());
 
-  /* enlarges bodies that would be too small to be visible, never so far that they touch; returns the
-   * largest factor */
+  /* Enlarges bodies that would be too small to be seen, but never so far that they touch;
+   * returns the largest factor. */
   function resize(camera, height) {
     const field = 2 * Math.tan((camera.fov * Math.PI) / 360), client = world(bodies[bodies.length - 1]);
     const gap = Math.min(...bodies.slice(0, -1).map((body) => world(body).distanceTo(client)));

@@ -1,5 +1,5 @@
-/* Cameras of a replay: place of the eye, point of view and field of view. All cameras except `side`
- * are set at every instant. */
+/* Cameras of a replay: position of the eye, point that it looks at, and field of view. All cameras
+ * except `side` follow the bodies at every instant. */
 "use strict";
 const FIELD = 38;
 
@@ -8,7 +8,7 @@ function makeCameras(view, bodies) {
   const client = bodies.list[bodies.list.length - 1], chaser = bodies.list[0];
   const pair = bodies.list.length > 1, vec = (...x) => new T.Vector3(...x);
 
-  /* sphere that contains all positions, by frame */
+  /* sphere that contains all positions of the bodies in the named frame */
   function extent(name) {
     const box = new T.Box3(), p = new T.Vector3();
     for (const body of bodies.list) {
@@ -26,7 +26,8 @@ function makeCameras(view, bodies) {
   const narrow = () => half() * Math.min(1, camera.aspect);
   const aim = (eye, at) => ({ eye, at });
 
-  /* direction of view that is at all times farthest from the line between the bodies, by frame */
+  /* Direction of view in the named frame from which the two bodies hide one another least: the
+   * direction with the largest smallest angle to the line between them over all instants. */
   function calmest(name) {
     const options = [vec(0.42, -0.45, 0.79), vec(0, 0, 1), vec(0.62, -0.62, 0.48), vec(0.8, 0, 0.6), vec(0, -1, 0), vec(1, 0, 0)]
       .map((v) => v.normalize());
@@ -42,8 +43,8 @@ function makeCameras(view, bodies) {
   }
   const calm = Object.fromEntries(scene.frames.map((f) => [f.key, calmest(f.key)]));
 
-  /* both bodies at every time, a third of the picture apart; close together, each fills a third of
-   * the picture */
+  /* Camera that shows both bodies, a third of the picture apart. When they are close together, each
+   * fills a third of the picture. */
   function overview() {
     if (!pair) return whole(calm[view.frame.key]);
     const a = bodies.world(chaser), b = bodies.world(client), d = b.clone().sub(a), far = d.length();
@@ -63,8 +64,8 @@ function makeCameras(view, bodies) {
     return aim(b.center.clone().addScaledVector(direction, ((pair ? 1.12 : 0.8) * b.radius) / narrow()), b.center.clone());
   }
 
-  /* behind one body, so high above the line to the other that the sphere around the first body does
-   * not hide the second */
+  /* Camera behind the body `from`, so high above the line to the body `to` that the sphere around
+   * `from` does not hide `to`. */
   function chase(from, to) {
     const a = bodies.world(from), b = bodies.world(to), d = b.clone().sub(a), far = d.length() || 1;
     d.normalize();
@@ -77,7 +78,7 @@ function makeCameras(view, bodies) {
     return aim(eye, b);
   }
   for (const body of bodies.list) body.girth = girth(body);
-  /* radius of the sphere around all parts of a body, hull and panels */
+  /* radius of the sphere around all parts of a body, including panels */
   function girth(body) {
     body.group.updateMatrixWorld(true);
     const box = new T.Box3();
@@ -87,7 +88,8 @@ function makeCameras(view, bodies) {
     return Math.max(box.min.distanceTo(centre), box.max.distanceTo(centre));
   }
 
-  /* view of a sensor: its position, axis and field of view; the body that carries it is hidden */
+  /* Camera at the position of a sensor, with its axis and field of view. The body that carries the
+   * sensor is hidden. */
   function sensor(data) {
     const body = bodies.named[data.body], turn = body.group.getWorldQuaternion(new T.Quaternion());
     const out = vec(...data.axis).applyQuaternion(turn), eye = vec(...data.at).applyQuaternion(turn).add(bodies.world(body));
@@ -116,7 +118,7 @@ function makeCameras(view, bodies) {
   });
 
   let controls;
-  /* mouse and touch rotate the view about an axis that depends on the frame */
+  /* makes the controls by which mouse and touch rotate the view; their axis depends on the frame */
   function renew() {
     if (controls) controls.dispose();
     const axis = view.frame.key === "H" ? "x" : "z";
@@ -128,7 +130,8 @@ function makeCameras(view, bodies) {
     controls.addEventListener("change", () => { view.dirty = true; });
   }
 
-  /* vertical angle of a picture that contains the circle of a field of view with a margin */
+  /* vertical field of view of a picture [deg] that contains the circle of a sensor's field of view
+   * [deg] with a margin */
   function widened(field) {
     const edge = Math.tan((field * Math.PI) / 360), fov = (360 / Math.PI) * Math.atan((1.12 * edge) / Math.min(1, camera.aspect));
     const radius = (edge / Math.tan((fov * Math.PI) / 360)) * (canvas.clientHeight / 2);
@@ -175,7 +178,7 @@ function makeCameras(view, bodies) {
     return button;
   }));
 
-  /* the body in the middle of the picture nearest to the eye */
+  /* name of the body nearest to the eye in the middle of the picture */
   const ray = new T.Raycaster();
   function first() {
     ray.set(camera.position, controls.target.clone().sub(camera.position).normalize());
@@ -190,7 +193,7 @@ function makeCameras(view, bodies) {
   }
 
   return { list, bounds, renew, choose, first,
-    /* the first time also cameras that do not move */
+    /* once: set also a camera that does not follow the bodies */
     set(once) { if (chosen && (once || !list[chosen].once)) set(); },
     move() { if (!chosen || list[chosen].once) controls.update(); },
     get chosen() { return chosen; },

@@ -1,7 +1,8 @@
-/* Time of a replay: slider with phases and events, speeds, steps, keys, the instant in the address. */
+/* Control of the time of a replay: slider with phases and events, speeds, steps and keys. The
+ * address of the page contains the instant. */
 "use strict";
 const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
-const WHOLE = 30;   /* seconds that `whole run` takes */
+const WHOLE = 30;   /* playing time at the speed `whole run` [s] */
 
 function makeClock(view) {
   const { scene, history, part } = view;

@@ -1,9 +1,10 @@
-/* Numbers of a replay between its instants. */
+/* Interpolation of the arrays of a replay between its instants. */
 "use strict";
 function historyOf(times, T) {
   const first = times[0], last = times[times.length - 1], other = new T.Quaternion();
 
-  /* the instants before and after a time, and the part of the interval between them */
+  /* indices of the instants before and after the time t [s] (low, high), and the share of the
+   * interval between them that has passed at t (part) */
   function place(t) {
     let low = 0, high = times.length - 1;
     while (high - low > 1) {
@@ -25,9 +26,9 @@ function historyOf(times, T) {
     vector: (values, at, out) => out.set(...[0, 1, 2].map((k) => between(values, at, 3, k))),
     quaternion: (values, at, out) =>
       quaternionAt(values, at.low, out).slerp(quaternionAt(values, at.high, other), at.part),
-    /* a value that is constant from one instant to the next */
+    /* value of an array whose values are constant from one instant to the next, such as a state */
     state: (values, at) => values[at.part < 1 ? at.low : at.high],
-    /* the time of the instant that is `count` instants later */
+    /* time of the instant that is `count` instants after t (negative: before t) */
     step(t, count) {
       const { low, high, part } = place(t);
       const from = count > 0 ? (part >= 1 ? high : low) : (part > 0 ? high : low);

@@ -3,7 +3,7 @@
 "use strict";
 const TURNS = [0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.8, -1.8, Math.PI]; /* directions of the line from a name to its body [rad] */
 const LENGTHS = [1, 0.5, 2, 4]; /* lengths of this line, relative to the usual one */
-const ABOUT = [".readout", ".cameras", ".key", ".controls", ".triad"]; /* words and buttons about the picture */
+const ABOUT = [".readout", ".cameras", ".key", ".controls", ".triad"]; /* parts that labels avoid */
 const SVG = "http://www.w3.org/2000/svg";
 const svg = (tag, about = {}) => {
   const made = document.createElementNS(SVG, tag);
@@ -16,8 +16,9 @@ function makeLabels(view) {
   const place = view.part(".names"), leaders = svg("svg", { class: "leaders" }), list = [], p = new T.Vector3();
   place.replaceChildren(leaders);
 
-  /* leader: with a line to the body from far away; size: radius of the named object; near: largest
-   * distance of the eye at which the name is shown; shown: whether it is shown */
+  /* Adds a label. leader: draw a line from the label to the object if it is far away; size:
+   * radius of the object; near: largest distance of the eye at which the label is shown; shown:
+   * whether it is visible at present. */
   function add(text, object, colour, about = {}) {
     const made = Object.assign(document.createElement("div"), { className: "label", textContent: text });
     if (about.title) made.title = about.title;
@@ -28,7 +29,7 @@ function makeLabels(view) {
     list.push({ made, line, object, colour, text, about, at: null });
   }
 
-  /* position of an object in the picture [px]; null: behind the eye */
+  /* position of an object in the picture [px], null if it is behind the eye */
   function onScreen(object, camera) {
     object.getWorldPosition(p).project(camera);
     if (p.z >= 1) return null;
@@ -36,7 +37,7 @@ function makeLabels(view) {
   }
 
   /* Names of bodies are placed first: each moves around its body until it overlaps neither another
-   * name nor the words and buttons about the picture. A name that still overlaps an earlier one, or
+   * name nor the texts and buttons over the picture. A name that still overlaps an earlier one, or
    * would be cut by the edge, is left out. */
   function draw(camera) {
     const width = canvas.clientWidth, height = canvas.clientHeight;
@@ -69,7 +70,8 @@ function makeLabels(view) {
     }
   }
 
-  /* possible places of a name: away from the others, beyond the named object, then to either side */
+  /* possible positions of a label: first beyond its object as seen from the middle of all objects,
+   * then in directions to either side */
   function leads(each, at, middle, order, camera) {
     const x = at.x - middle.x, y = at.y - middle.y, away = Math.hypot(x, y) < 12 ? 2.4 * order - 1 : Math.atan2(y, x);
     const distance = each.object.getWorldPosition(p).distanceTo(camera.position);
@@ -103,7 +105,7 @@ function makeLabels(view) {
       const free = placed.every((other) => Math.abs(other.x - x) > other.half + half || Math.abs(other.y - y) > 11);
       text.setAttribute("x", x);
       text.setAttribute("y", y);
-      text.textContent = free && Math.hypot(end.x, end.y) > 0.4 ? name : ""; /* otherwise the axis points at the eye */
+      text.textContent = free && Math.hypot(end.x, end.y) > 0.4 ? name : ""; /* none if the axis points at the eye */
       if (text.textContent) placed.push({ x, y, half });
     });
   }

@@ -1,5 +1,5 @@
-/* Live page: after a slider has been moved, the system runs again, and plots, replay and verdicts show
- * the new rows. */
+/* Live page: after a slider has been moved, the system runs again, and plots, replay and
+ * verdicts show the new rows. */
 "use strict";
 (async () => {
   const section = document.getElementById("live"), part = (name) => section.querySelector(name);
@@ -52,7 +52,7 @@
 
   /* ---- verdicts, curves and samples of a run ---- */
   const known = (list, name, kind) => list[name] || (() => { throw new Error(`there is no ${kind} ${name}`); })();
-  /* time, rows and parameters of a run as tables */
+  /* time, variables and parameters of a run as tables for program.js, by lookUp(name) */
   const tablesOf = (time, values, constants, complete) => ({
     time, complete,
     lookUp: (name) => {
@@ -68,9 +68,10 @@
     return wanted.map((each) => ({ name: each.name, ...(result.rows ? Program.verdictOf(tables, value, each) : { kind: "none", verdict: "not judged", detail: "nothing was recorded", time: null }) }));
   };
 
-  /* Data and arrays of the page for a run; after a run that ended early, bodies remain at its last row.
-   * A curve without instructions still shows the run in the file: its name states that. A marker
-   * whose label contains a value of the file is removed. */
+  /* Data and arrays with which the page shows a new run. If the run ended early, the bodies
+   * remain where they are in its last row. A curve without instructions still shows the run in
+   * the file, and its name states this. A marker whose label contains a value of the file is
+   * removed. */
   const OF_FILE = "(of the run in the file)";
   const contentOf = (result, constants, verdicts) => {
     const all = system.rows, values = new Float64Array(all * system.width);
@@ -120,7 +121,7 @@
     return texts.length === 1 ? texts[0] : `[${texts.join(", ")}]`;
   };
 
-  /* the numbers of an array, of this run or of the file */
+  /* the numbers of an array by its name, given as an array (new run) or in base64 (file) */
   const numbersOf = (arrays) => (name) => {
     const { data } = arrays[name];
     return typeof data === "string" ? new Float32Array(bytes(data).buffer) : data;
@@ -145,7 +146,7 @@
     if (solved[k]) state.replaceChildren(badge("good", "solved"));
     else if (!state.hasChildNodes()) state.replaceChildren(badge("none", "not solved yet"));
   });
-  /* headline values of a run; without an instruction, a value remains as it is in the file */
+  /* headline values of a new run; a value without an instruction remains the one in the file */
   const tiles = [...document.querySelectorAll("#numbers .tile")];
   const valuesOfRun = (result, constants) => {
     const value = Program.evaluator(about.program, tablesOf(result.time, result.values, constants, result.complete));

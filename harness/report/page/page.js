@@ -3,7 +3,8 @@
 (async () => {
   const json = (id) => JSON.parse(document.getElementById(id).textContent);
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  /* arrays by name: Float32Array with .shape; given as an array or in base64 */
+  /* function from the name of a stored array to a Float32Array with .shape; the array is stored as
+   * numbers or in base64 */
   const arrays = (stored) => {
     const decoded = new Map();
     return (name) => {
@@ -15,7 +16,7 @@
     };
   };
 
-  /* runs the script of a library, which this page contains as compressed text */
+  /* unpacks and runs the script of a library, which the page contains as compressed text */
   const unpack = async (name) => {
     const packed = bytes(document.getElementById(`script-${name}`).textContent);
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -46,7 +47,7 @@
     });
   }
 
-  /* shows plots and replay of one set of numbers, in place of the set before */
+  /* shows plots and replay of a run, in place of the run that was shown before */
   const present = (data, stored) => {
     const array = arrays(stored), had = window.report.replay;
     had?.dispose();
@@ -69,7 +70,7 @@
     window.report.replay = startReplay(data.scene, window.report.array, K3D.ThreeJsProvider.THREE, json("coasts").rings);
   }
 
-  /* links from tables and plots to the scene, and back */
+  /* links from an instant in a table or plot to the replay, and back */
   window.report.show = (time, from) => {
     const { replay } = window.report;
     if (!replay) return;
@@ -86,7 +87,8 @@
     button.addEventListener("click", () => window.report.show(Number(button.dataset.time), button));
   }
 
-  /* print: light theme, all plots, width of the paper; plots must be resized explicitly */
+  /* Printing uses the light theme, draws all plots, and sets the width of the paper. Plotly does
+   * not notice the new width, so the plots are resized explicitly. */
   let before = "";
   window.addEventListener("beforeprint", () => {
     before = root.dataset.theme;

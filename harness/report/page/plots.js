@@ -1,5 +1,5 @@
-/* Plots of the page: laid out at once, drawn by Plotly when they come into sight, with one time
- * axis for all. */
+/* Plots of the page. Their cards are laid out at once, but Plotly draws a plot only when it scrolls
+ * into view. All plots over time have the same time axis. */
 "use strict";
 const PALETTE = {
   light: ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c8200"],
@@ -112,24 +112,25 @@ function startPlots() {
   document.addEventListener("replay", (event) => { linked.time = event.detail; moveCursors(); });
 }
 
-/* for print: draws all plots that have not been in sight, except in closed components */
+/* before printing: draws all plots that are not drawn yet, except in collapsed components */
 function drawAll() {
   for (const entry of plotCards) if (entry.made.offsetParent && (!entry.drawn || entry.stale === "yes")) draw(entry);
 }
 
-/* resizes every plot to its card; the next drawing makes it follow the card again */
+/* gives every plot the fixed size of its card; when it is drawn again, it follows the card again */
 function fitPlots() {
   for (const { drawn, made, drawing } of plotCards)
     if (drawn && made.offsetParent) Plotly.relayout(drawing, { width: drawing.clientWidth, height: drawing.clientHeight });
 }
 
-/* plots out of sight are drawn again when they come into sight */
+/* draws a plot again, at once if it is in view, otherwise when it scrolls into view */
 function redraw(entry) {
   entry.stale = "yes";
   if (entry.visible) draw(entry);
 }
 
-/* colours of the runs of a comparison: the palette, or for many runs a scale from first to last */
+/* colour of a curve: of the palette, or, in a comparison of many runs, of a scale from the first to
+ * the last run */
 const colour = (which) => {
   const runs = (window.report.data.runs || []).length;
   if (typeof which === "number" && runs > 7) return scaleColour(which / (runs - 1));
@@ -138,7 +139,7 @@ const colour = (which) => {
   return palette[which % palette.length];
 };
 
-/* cividis, a scale that also colour-blind readers can use */
+/* cividis, a colour scale that colour-blind readers can distinguish too */
 const CIVIDIS = [[0, 48, 111], [64, 78, 108], [110, 110, 114], [152, 143, 120], [200, 182, 104], [253, 231, 55]];
 function scaleColour(part) {
   const at = Math.min(part, 0.9999) * (CIVIDIS.length - 1), k = Math.floor(at);

@@ -1,7 +1,8 @@
-/* Instructions over the rows of a run: values of expressions as harness/results/program.py computes
- * them, and verdicts of requirements as harness/results/requirements.py states them.
+/* Evaluation of instructions on the rows of a run: values of expressions, with the same bits as
+ * harness/results/program.py, and verdicts on requirements, as in harness/results/requirements.py.
  *
- * A value is a table {n, m, data}: n rows (1 if the rows do not matter), m elements each. */
+ * A value is a table {n, m, data} with n rows of m elements; n is 1 for a value that is the same in
+ * all rows. */
 "use strict";
 const Program = (() => {
   const table = (n, m, data = new Float64Array(n * m)) => ({ n, m, data });
@@ -11,7 +12,8 @@ const Program = (() => {
     if (sizes.some((k) => k !== 1 && k !== size)) throw new Error(`numbers of ${what} differ: ${sizes.join(", ")}`);
     return size;
   };
-  /* f element by element; a single row or element is used with all rows or elements of the others */
+  /* applies f to tables element by element; a single row or element is combined with all rows or
+   * elements of the other tables */
   const map = (f, ...of) => {
     const n = common(of.map((x) => x.n), "rows"), m = common(of.map((x) => x.m), "elements"), out = table(n, m);
     const [a, b, c] = of.map(({ data, n: rows, m: width }) => {
@@ -29,7 +31,8 @@ const Program = (() => {
   const fmin = (a, b) => (a !== a ? b : b !== b ? a : a < b ? a : b), fmax = (a, b) => (a !== a ? b : b !== b ? a : a > b ? a : b);
   const decided = (x, a, b) => (a !== a || (b !== undefined && b !== b) ? NaN : x);
   const power = (a, b) => (a === 1 || b === 0 ? 1 : b === 2 ? a * a : b === 0.5 ? Math.sqrt(a) : b === -1 ? 1 / a : a ** b);
-  /* sum in the order of numpy, for equal bits: eight partial sums, and halves of more than 128 numbers */
+  /* sum in the order of numpy, for equal bits: eight partial sums, and halves of more than 128
+   * numbers */
   const sum = (x) => {
     const n = x.length;
     if (n < 8) return x.reduce((a, b) => a + b, 0);
@@ -82,7 +85,7 @@ const Program = (() => {
   const angle = (q, p) => map((x, y) => 4 * Math.atan2(Math.min(x, y), Math.max(x, y)), norm(map(EACH["-"], q, p)), norm(map(EACH["+"], q, p)));
   const cross = ([a, b, c], [x, y, z]) => [b * z - c * y, c * x - a * z, a * y - b * x];
   const unit = (v) => { const long = Math.sqrt(sum(Float64Array.from(v, (x) => x * x))); return v.map((x) => x / long); };
-  /* the quaternion of the frame with the axes r, (r x v) x r, r x v */
+  /* quaternion (scalar first) of the Hill frame with the axes r, (r x v) x r, r x v, in each row */
   const hill = (r, v) => {
     const out = table(Math.max(r.n, v.n), 4);
     for (let k = 0; k < out.n; k++) {
@@ -93,7 +96,7 @@ const Program = (() => {
     }
     return out;
   };
-  /* a function of the elements of a row, with a row of m elements */
+  /* function on tables that applies f to each row; f returns a row of m elements */
   const perRow = (m, f) => (...parts) => {
     const given = parts.filter((x) => x); /* without the constant of the instruction, which is null */
     const out = table(Math.max(...given.map((x) => x.n)), m);
@@ -176,7 +179,8 @@ const Program = (() => {
   const empty = ({ first, last }, time, end) => Float64Array.from(time, (t, k) => +(first[k] > last[k] && t + end <= time[time.length - 1]));
   const WINDOWED = { always, eventually, until };
 
-  /* a history at rows of a run, or its mean, least or largest value from one of these rows to the next */
+  /* values of a table at these rows, or the mean, smallest or largest value from each of these
+   * rows to the next */
   const REDUCED = { mean: (x) => sum(x) / x.length, least: (x) => x.reduce(least), largest: (x) => x.reduce(largest) };
   const sample = (x, over, rows) => {
     const out = table(rows.length, x.m);
@@ -188,7 +192,8 @@ const Program = (() => {
     return out;
   };
 
-  /* Returns value(k), which computes the value of instruction k. run: time, complete, lookUp(name). */
+  /* Returns the function value(k), which computes the value of instruction k for a run. run: object
+   * with time, complete and lookUp(name). */
   const evaluator = (instructions, run) => {
     const known = new Map();
     const compute = ([operation, parts, constant]) => {
@@ -240,7 +245,7 @@ const Program = (() => {
     return verdict(met ? "good" : "bad", worst + place, time, margin[k]);
   };
 
-  /* verdict of one requirement of a run; value(k): value of instruction k */
+  /* verdict on one requirement in a run; value(k): value of instruction k */
   const verdictOf = (run, value, required) => {
     if (required.rejected) return verdict("none", required.rejected);
     try {

@@ -1,4 +1,4 @@
-/* Picture and texts of the replay on one canvas: for PNG, video and print. */
+/* Drawing of the replay with its texts on one canvas, for a PNG, a video or print. */
 "use strict";
 function makeRecorder(view) {
   const { scene, canvas, stage, part, history } = view;
@@ -15,11 +15,11 @@ function makeRecorder(view) {
   function write(text, x, y, size, colour, bold) {
     pen.font = `${bold ? "600 " : ""}${size}px system-ui, sans-serif`;
     Object.assign(pen, { fillStyle: colour, strokeStyle: halo, lineWidth: 3, lineJoin: "round" });
-    pen.strokeText(text, x, y); /* readable also in front of a planet */
+    pen.strokeText(text, x, y); /* outline, so that the text is readable in front of a planet */
     pen.fillText(text, x, y);
   }
 
-  /* everything on the stage except its controls; light: on white, for print */
+  /* draws picture and texts, without the controls; light: on white, for print */
   function compose(light) {
     const width = canvas.clientWidth, height = canvas.clientHeight, ratio = canvas.width / (width || 1);
     if (sheet.width !== canvas.width || sheet.height !== canvas.height) Object.assign(sheet, { width: canvas.width, height: canvas.height });

@@ -1,6 +1,7 @@
-/* Replay in space, drawn by three.js. Data are in N axes about the origin of the scene. All objects
- * belong to one group, which for the Hill frame is rotated by the inverse of the attitude of that
- * frame. After dispose(), startReplay() can be called with another scene. */
+/* Replay in space, drawn by three.js. Positions are relative to the origin of the scene, in axes
+ * of frame N. All objects belong to one group, which is rotated by the inverse attitude of the
+ * Hill frame to show this frame. After dispose(), startReplay() can be called with another
+ * scene. */
 "use strict";
 function startReplay(scene, array, T, coasts) {
   const former = document.querySelector(".stage");
@@ -151,7 +152,7 @@ function startReplay(scene, array, T, coasts) {
   if (!clock.follow() && !still) clock.play(true);
   recorder.print();
 
-  /* state of the picture, for tests and other programs */
+  /* present state of the replay, for tests and other programs */
   const state = () => ({
     time: view.now, playing: clock.playing, frame: view.frame.key, camera: cameras.chosen, speed: clock.speed,
     eye: view.camera.position.toArray(), first: cameras.first(), phase: timeline.phase(), dark: sky.dark,

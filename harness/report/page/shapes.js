@@ -1,4 +1,5 @@
-/* Parts of bodies as meshes of three.js: boxes, rods, nozzles and so on, in body axes. */
+/* Shapes of the parts of bodies as meshes of three.js: boxes, rods, nozzles and so on, in body
+ * axes. */
 "use strict";
 const BODY_COLOURS = [0x56b4e9, 0xe69f00, 0x00b587, 0xcc79a7, 0xf0e442, 0x3d8fd1, 0xff7f3f, 0xd0d6e0];
 const AXIS_COLOURS = [0xd55e00, 0x009e73, 0x4aa3ff];
@@ -14,7 +15,7 @@ function makeShapes(T) {
   const lines = (colour, opacity) => new T.LineBasicMaterial({ color: colour, transparent: true, opacity });
   const points = (list) => new T.BufferGeometry().setFromPoints(list);
 
-  /* every body has the hue of its label; its hull is paler */
+  /* materials of a body, in the colour of its label; its hull is paler */
   function looks(which) {
     const own = bodyColour(which), pale = new T.Color(own).lerp(new T.Color(0xe8ebf0), 0.55);
     return {
@@ -32,7 +33,7 @@ function makeShapes(T) {
   };
   const outline = (geometry, colour) => new T.LineSegments(new T.EdgesGeometry(geometry), lines(colour, 0.55));
 
-  /* a cylinder or an open cone between two points */
+  /* a cylinder or truncated cone between two points, open at its ends if `open` */
   function spindle(from, to, radii, material, open) {
     const a = new T.Vector3(...from), b = new T.Vector3(...to), d = b.clone().sub(a);
     const made = new T.Mesh(new T.CylinderGeometry(radii[1], radii[0], d.length(), 24, 1, open), material);
@@ -41,7 +42,7 @@ function makeShapes(T) {
   }
   const twoSided = (material) => Object.assign(material.clone(), { side: T.DoubleSide });
 
-  /* lines of solar cells on both sides of a flat box */
+  /* lines between the solar cells on both sides of a flat box (panel) */
   function cells(size) {
     const flat = size.indexOf(Math.min(...size)), [i, j] = [0, 1, 2].filter((k) => k !== flat);
     const found = [], cell = Math.max(size[i], size[j]) / 8;
@@ -92,7 +93,7 @@ function makeShapes(T) {
       made.position.set(...p.at);
       return along(made, p.normal);
     },
-    /* triangles of a model of the user: corners one after the other */
+    /* triangles of a model of the user; three consecutive corners are a triangle */
     mesh(p, look, array) {
       const geometry = new T.BufferGeometry();
       geometry.setAttribute("position", new T.BufferAttribute(array(p.corners), 3));

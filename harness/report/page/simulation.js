@@ -1,5 +1,5 @@
-/* Simulation in the page: the WebAssembly module of a system, and the rows of its runs. This file does
- * not use the document, so that node can run it. */
+/* Simulation in the page: runs the WebAssembly module of a system and returns the rows. This
+ * file does not use the document, so that Node.js can run it. */
 "use strict";
 const Simulation = (() => {
   /* ---- the module ---- */
@@ -7,7 +7,8 @@ const Simulation = (() => {
   const unpacked = async (packed) =>
     new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 
-  /* a module with its settings: start, step, steps, every; references of columns and of parameters */
+  /* WebAssembly module of a system with the data `about`: start and step [s], macro steps
+   * (steps) and macro steps per row (every), references of columns and of parameters */
   class System {
     constructor(exports, about) {
       this.c = exports;
@@ -32,12 +33,13 @@ const Simulation = (() => {
       return new TextDecoder().decode(bytes.subarray(0, bytes.indexOf(0)));
     }
 
-    /* number of macro steps before a row */
+    /* number of macro steps that are performed before a row */
     stepsOf(row) { return Math.min(row * this.about.every, this.about.steps); }
     timeOf(row) { return this.about.start + this.stepsOf(row) * this.about.step; }
 
-    /* Runs the system with these values. pause(done) is called between chunks and returns true to
-     * cancel. Result: values (rows up to the end), message (reason of an early end, otherwise ""). */
+    /* Runs the system with these values of its parameters. pause(done) is called after every
+     * CHUNK of macro steps and returns true to cancel. Returns values (rows up to the end) and
+     * message (reason of an early end, otherwise ""). */
     async run(values, pause = async () => false) {
       const { start, step, steps, every } = this.about, { c, width } = this;
       const result = { values: new Float64Array(this.rows * width), rows: 0, message: "", cancelled: false };
@@ -85,8 +87,9 @@ const Simulation = (() => {
   const hex = (buffer) => [...new Uint8Array(buffer)].map((b) => b.toString(16).padStart(2, "0")).join("");
   const sha256 = async (values) => hex(await crypto.subtle.digest("SHA-256", values));
 
-  /* rows of a curve that are drawn: of every group the least, the largest and the first that is not
-   * finite (harness/report/arrays.py) */
+  /* indices of the rows of a curve that are drawn: of every group of rows the smallest, the
+   * largest and the first that is not finite, as thinned_rows() of harness/report/arrays.py
+   * returns them */
   const thinnedRows = (values, points) => {
     const count = values.length;
     if (count <= points) return Array.from({ length: count }, (_, k) => k);
@@ -108,7 +111,8 @@ const Simulation = (() => {
     return [...chosen].sort((a, b) => a - b);
   };
 
-  /* drawn rows of a curve over time, or in a plane with the extremes of both coordinates */
+  /* indices of the rows of a curve that are drawn: over time (timed) with the extremes of y,
+   * otherwise with the extremes of x and y */
   const drawnRows = (x, y, timed, points) => {
     if (timed || x.length <= points) return thinnedRows(y, points);
     const half = Math.floor(points / 2);

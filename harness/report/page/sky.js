@@ -1,6 +1,7 @@
-/* Surroundings: the planet with its night side, Sun and shadow, stars, rings of range. */
+/* Surroundings of the bodies: planet with its night side, Sun and shadow, stars, rings that show
+ * distances. */
 "use strict";
-const DAY = 0.95, NIGHT = 1.5;   /* ambient light, in the Sun and in the shadow */
+const DAY = 0.95, NIGHT = 1.5;   /* ambient light in sunlight, in the shadow of the planet */
 
 function makeSky(view) {
   const { T, scene, array, root, space, shapes, history, labels } = view;
@@ -8,7 +9,7 @@ function makeSky(view) {
   const light = new T.DirectionalLight(0xffffff, 1.5), towards = new T.Vector3(1, 0, 0);
   space.add(ambient, light);
 
-  /* map of the planet: land, coasts, a grid of 15 degrees */
+  /* texture of the planet with land, coasts and a grid of 15 degrees */
   function map(coasts) {
     const canvas = Object.assign(document.createElement("canvas"), { width: 4096, height: 2048 });
     const pen = canvas.getContext("2d"), x = (lon) => ((lon + 180) / 360) * 4096, y = (lat) => ((90 - lat) / 180) * 2048;
@@ -96,7 +97,7 @@ function makeSky(view) {
     return made;
   })();
 
-  /* rings about the origin in the plane of the orbit, at 1, 2, 5 times a power of ten */
+  /* rings about the origin in the plane of the orbit, with radii of 1, 2, 5 times a power of ten */
   function makeRings(size) {
     const rings = new T.Group(), power = 10 ** Math.floor(Math.log10(size));
     for (const radius of [0.1, 0.2, 0.5, 1, 2, 5].map((f) => f * power)) {
@@ -134,7 +135,8 @@ function makeSky(view) {
       }
       if (found.rings) found.rings.visible = !view.hidden.has("rings");
     },
-    /* without a date the Sun is unknown: the light comes from behind the eye */
+    /* directs the light from the Sun; in a run without a date, the light comes from behind the
+     * eye */
     shine(camera) {
       if (sun) light.position.copy(towards).multiplyScalar(1e6);
       else light.position.copy(camera.position).addScaledVector(camera.up, camera.position.length() * 0.8);

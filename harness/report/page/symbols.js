@@ -1,5 +1,6 @@
-/* Names such as rho_ref as symbols with an index, as harness/figures/finish.py sets them in print. Names
- * of variables (guidance.rho_ref_N) are unchanged. */
+/* Conversion of names such as rho_ref in texts into symbols with an index, as
+ * harness/figures/finish.py does in printed figures. Names of variables (guidance.rho_ref_N) are
+ * unchanged. */
 "use strict";
 const Symbols = (() => {
   const LETTERS = { alpha: "α", beta: "β", gamma: "γ", delta: "δ", epsilon: "ε", zeta: "ζ", eta: "η", theta: "θ",

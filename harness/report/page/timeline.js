@@ -1,4 +1,4 @@
-/* Texts of the replay: title, phase, values and the state of the rules. */
+/* Texts over the replay: title, present phase, values, and states of the safety rules. */
 "use strict";
 function makeTimeline(view) {
   const { scene, array, history, part } = view;
@@ -32,7 +32,7 @@ function makeTimeline(view) {
     }
   }
 
-  /* lines of the readout: [value, name] */
+  /* lines of values in the corner of the picture, as [value, name] */
   function lines(at) {
     const found = [];
     if (scene.range) found.push([unit(history.scalar(array(scene.range), at), "m"), "range"]);
@@ -43,7 +43,7 @@ function makeTimeline(view) {
     if (view.sky.dark > 0.5) found.push(["in the shadow of the Earth", ""]);
     return found;
   }
-  /* phase of the only run, or of one of several */
+  /* text of the present phase; run: label in a replay of several runs */
   const phase = (run = "") => phases.filter((each) => (each.run || "") === run && each.begin <= view.now).pop()?.text || "";
   const named = (run) => [run, phase(run)].filter(Boolean).join(", ");
   const recent = () => events.filter((each) => each.time <= view.now).pop();

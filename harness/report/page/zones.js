@@ -1,5 +1,5 @@
-/* Zones, corridors, axes and references. A zone that belongs to a safety rule is red while that rule
- * is violated, and faint while it rests. */
+/* Zones, corridors, axes of frames and references. A zone that belongs to a safety rule is red
+ * while this rule is violated, and faint while the rule does not apply. */
 "use strict";
 const RESTS = 0, HOLDS = 1, VIOLATED = 2;
 const ZONE_COLOURS = { ellipsoid: 0xe6b450, cuboid: 0xe6b450, cone: 0x00b587, axis: 0xf0e442,
@@ -79,7 +79,7 @@ function makeZones(view, bodies) {
   const away = new Set();
   return {
     list: zones,
-    /* hides zones of a kind, for a camera that they would obstruct */
+    /* hides all zones of a kind, for a camera whose view they would obstruct */
     hide(kind, on) {
       if (on) away.add(kind); else away.delete(kind);
       for (const zone of zones) if (zone.kind === kind) zone.made.visible = !on;
