@@ -12,7 +12,7 @@
 
 #include <string.h>
 
-enum { MOST_STATES = 23, MOST_BLOCKS = 3 };
+enum { MOST_STATES = 23, MOST_BLOCKS = 3, AT_ONCE = 4 /* columns */ };
 
 /* set or increase the 3x3 block at (row, column) of a matrix of n columns */
 static inline void put_block(double *M, size_t n, size_t row, size_t column, mat3 block)
@@ -45,37 +45,44 @@ static inline void symmetrise(double *P, size_t n)
             P[i * n + j] = P[j * n + i] = (P[i * n + j] + P[j * n + i]) / 2;
 }
 
-static inline void transpose_in_place(double *M, size_t n)
+/* the first `moving` rows of (I + F) M in the first `columns` columns, and in up to AT_ONCE - 1
+ * columns more; M and the result have n columns, and the zeros of F are skipped */
+static inline void transition_times(const double *F, size_t moving, const double *M, size_t columns,
+                                    double *result, size_t n)
 {
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < i; j++) {
-            double other = M[i * n + j];
-            M[i * n + j] = M[j * n + i];
-            M[j * n + i] = other;
-        }
-}
-
-/* to = (I + F) from; only the first `moving` rows of F are not zero */
-static inline void transition_times(const double *F, size_t moving, const double *from, double *to,
-                                    size_t n)
-{
-    memcpy(to, from, n * n * sizeof(double));
-    for (size_t i = 0; i < moving; i++)
+    double f[MOST_STATES] = {0};
+    size_t row[MOST_STATES] = {0};
+    for (size_t i = 0; i < moving; i++) {
+        size_t count = 0;
         for (size_t k = 0; k < n; k++) {
-            double f = F[i * n + k];
-            if (f == 0) continue;
-            for (size_t j = 0; j < n; j++) to[i * n + j] += f * from[k * n + j];
+            if (F[i * n + k] == 0) continue;
+            f[count] = F[i * n + k];
+            row[count++] = k * n;
         }
+        for (size_t j = 0; j < columns; j += AT_ONCE) {
+            size_t at = j + AT_ONCE <= n ? j : n - AT_ONCE;
+            double sum[AT_ONCE];
+            for (size_t c = 0; c < AT_ONCE; c++) sum[c] = M[i * n + at + c];
+            for (size_t k = 0; k < count; k++)
+                for (size_t c = 0; c < AT_ONCE; c++) sum[c] += f[k] * M[row[k] + at + c];
+            for (size_t c = 0; c < AT_ONCE; c++) result[i * n + at + c] = sum[c];
+        }
+    }
 }
 
-/* P <- (I + F) P (I + F)^T = (I + F) ((I + F) P^T)^T, to be symmetrised after the noise is added */
+/* P <- (I + F) P (I + F)^T = (I + F) ((I + F) P)^T of a symmetric P, to be symmetrised after the noise
+ * is added. Only the first `moving` rows of F are not zero. Of constant states, only the covariance
+ * with the others changes: it is in (I + F) P already. */
 static inline void propagate_covariance(double *P, const double *F, size_t moving, size_t n)
 {
-    double half[MOST_STATES * MOST_STATES];
-    transpose_in_place(P, n);
-    transition_times(F, moving, P, half, n);
-    transpose_in_place(half, n);
-    transition_times(F, moving, half, P, n);
+    double half[MOST_STATES * MOST_STATES], transposed[MOST_STATES * MOST_STATES];
+    size_t used = moving + AT_ONCE < n ? moving + AT_ONCE : n; /* columns of `transposed` */
+    transition_times(F, moving, P, n, half, n);
+    for (size_t i = 0; i < used; i++)
+        for (size_t j = 0; j < n; j++) transposed[j * n + i] = (i < moving ? half : P)[i * n + j];
+    transition_times(F, moving, transposed, moving, P, n);
+    for (size_t i = 0; i < moving; i++)
+        for (size_t j = moving; j < n; j++) P[i * n + j] = P[j * n + i] = half[i * n + j];
 }
 
 /* white noise of density q in the acceleration of three states: q [T^3/3, T^2/2; T^2/2, T] */
