@@ -176,6 +176,7 @@ static double update(Estimate *estimate, quat q, mat3 R)
 /* F.4-2, F.4-3 */
 static void update_by_star(const Parameters *p, const Input *u, State *x, double k)
 {
+    x->star.last = u->star_time;
     double m = nearest_whole(u->star_time / p->sample_period);
     if (m > k || k - m >= HISTORY || m < x->first) return;
     quat D = rotation_since(x, m, k), q_AN = canonical(u->q_AN), q_AS = canonical(p->q_AS);

@@ -40,11 +40,9 @@ static inline Track new_track(const GateParameters *p, double before_first)
     return (Track){.last = before_first, .stamp = -1, .acquired = p->acquire == 0};
 }
 
-static inline int is_new(Track *track, double time, double valid)
+static inline int is_new(const Track *track, double time, double valid)
 {
-    if (!(valid > 0 && time > track->last)) return 0;
-    track->last = time;
-    return 1;
+    return valid > 0 && time > track->last;
 }
 
 typedef enum { REJECTED, ACCEPTED, ACQUISITION } Decision;

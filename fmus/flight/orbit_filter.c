@@ -173,6 +173,7 @@ static Estimate estimate_of(PosVel s, double sigma_r, double sigma_v)
 /* F.5-1, F.5-3 */
 static void use_fix(const Parameters *p, const Input *u, State *x, double k)
 {
+    x->fix.last = u->fix_time;
     double late = k - nearest_whole(u->fix_time / p->sample_period);
     if (late < 0 || late >= HISTORY) return;
     PosVel fix = {u->r_fix_N, u->v_fix_N};

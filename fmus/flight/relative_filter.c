@@ -236,6 +236,7 @@ static int use_pose(const Parameters *p, const Input *u, State *x)
 /* F.6-1, F.6-2 */
 static void take_pose(const Parameters *p, const Input *u, State *x, double k)
 {
+    x->pose.last = u->pose_time;
     double m = p->use_time_stamp ? nearest_whole(u->pose_time / p->sample_period) : k;
     if (m < x->anchor_index || m > k) {
         x->late++;

@@ -47,9 +47,9 @@ CHUNK = 1000
 
 @lru_cache
 def width() -> int:
-    """Return the largest number of runs at once on this processor: 8 with AVX-512, 4 with AVX2,
-    else 2. Return 1 if there is no compiler, no C sources, or no cache, in which processes find the
-    library. core/build/lanes.py limits large systems to 4.
+    """Return the number of runs at once on this processor: 8 with AVX-512, 4 with AVX2, else 2.
+    Return 1 if there is no compiler, no C sources, or no cache, in which processes find the
+    library.
     """
     there = compiler() and paths.core() and cache.folder() and os.name == "posix"
     if not there:

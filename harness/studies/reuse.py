@@ -39,7 +39,7 @@ LONG = 5_000_000
 """Number of macro steps of all runs together from which compiling the library of lanes (several
 runs at once in vector registers) is worth its time.
 """
-ROWS_TOGETHER = 2**30
+ROWS_TOGETHER = 5 * 2**28
 """Limit for the recorded rows of the runs that a process makes at once [bytes]. Up to four runs at
 once are allowed to exceed it.
 """

@@ -7,7 +7,7 @@ Usage: lanes.py SOURCES -o WHOLE.so [--width N] [--cxx COMMAND]
 SOURCES is the folder with the C files of the unpacked FMU. They are compiled as C++ with a vector
 (one number per run) in place of every double. Before that, `c ? a : b` and `if (c) return a; rest`
 are rewritten as calls that select a or b for each run, since the condition c may differ between
-runs.
+runs, and `if (c) f(x, y);` as a call that performs f for the runs in which c holds.
 """
 
 import argparse
@@ -36,10 +36,6 @@ TARGET = {
     2: (),
 }
 """Compiler flags of the vector instructions, by number of lanes."""
-LARGEST = 8192
-"""Number of doubles of the largest system that runs in eight lanes (half a megabyte). For larger
-systems four lanes are faster.
-"""
 
 # ---- C to C++ ----
 TOKEN = re.compile(
@@ -52,6 +48,9 @@ TOKEN = re.compile(
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 BEFORE = {*"=,;:", "return", "else", *(f"{c}=" for c in "+-*/%&|^"), "<<=", ">>="}
 """Tokens after which an expression can begin."""
+
+CONDITION = {"&&", "||", "<", ">", "<=", ">=", "==", "!="}
+"""Operators whose value is a condition."""
 
 TABLES = ("start", "variables")
 """Names of the tables of a model that a step does not use, so that they are left out."""
@@ -208,6 +207,8 @@ def in_lanes(text: str) -> str:
     begin = 0
     for i, item in enumerate(items):
         if is_block(item) and i and items[i - 1][:1] == ["("]:
+            if "int" in items[begin:i] and is_condition(item[1:]):
+                items[items.index("int", begin)] = "auto"
             items[i] = ["{", *function(items[begin:i], item[1:])]
         elif is_block(item) and any(name in items[begin:i] for name in TABLES):
             items[begin : i + 1] = [""] * (i + 1 - begin)
@@ -230,11 +231,38 @@ def function(head: Items, body: Items) -> Items:
         return []
     body = designated(with_casts(body))
     if kind in ("void", "int", "bool") or writes(head):
-        return conditionals(body)
+        return statements(conditionals(body))
     body = conditionals(early_returns(body, kind))
     if not searches(body):
         return body
     return ["return", f"lanes::apart<{kind}>", ["(", f"[=]() mutable -> {kind}", ["{", *body]], ";"]
+
+
+def is_condition(body: Items) -> bool:
+    """Return whether the body of a function is one statement that returns a condition."""
+    top = [x for x in body if isinstance(x, str)]
+    one = top[:1] == ["return"] and top.count(";") == 1 and "?" not in top
+    return one and not CONDITION.isdisjoint(top)
+
+
+def statements(items: Items) -> Items:
+    """Return statements in which `if (c) f(x, y);` with arguments that call nothing is a call of
+    where().
+    """
+    found: Items = []
+    left = items
+    while left:
+        match left[:6]:
+            case ["if", ["(", *test], str(name), ["(", *given], ";", *after] if (
+                name != "return" and after != ["else"] and all(isinstance(x, str) for x in given)
+            ):
+                function = ["[&]", ["{", name, ["(", *given], ";"]]
+                found += ["lanes::where", ["(", *test, ",", *function, ",", *given], ";"]
+                left = left[5:]
+            case [item, *_]:
+                found.append(item if isinstance(item, str) else [item[0], *statements(item[1:])])
+                left = left[1:]
+    return found
 
 
 def searches(items: Items) -> bool:
@@ -323,18 +351,11 @@ def units(sources: Path) -> dict[str, str]:
     }
 
 
-def fitting(system: str, width: int) -> int:
-    """Return the number of lanes for a system, at most `width`; system: text of its system.c."""
-    doubles = int(system.partition(" SIZE = ")[2].partition(",")[0])
-    return min(width, 4) if doubles > LARGEST else width
-
-
 def build(sources: Path, output: Path, compiler: list[str], width: int, folder: Path) -> None:
-    """Write the library with at most `width` lanes; raise CalledProcessError if the compiler fails.
+    """Write the library with `width` lanes; raise CalledProcessError if the compiler fails.
 
     sources: folder with the C files of the FMU; folder: an empty one for intermediate files.
     """
-    width = fitting((sources / "system.c").read_text(encoding="utf-8"), width)
     shutil.copytree(sources, folder / "scalar")
     for file in sources.glob("*.[ch]"):
         text = in_lanes(file.read_text(encoding="utf-8"))
@@ -369,8 +390,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("sources", type=Path, help="folder with the C files of the unpacked FMU")
     parser.add_argument("-o", "--output", type=Path, required=True)
-    most = "largest number of runs at once"
-    parser.add_argument("--width", type=int, choices=tuple(TARGET), default=4, help=most)
+    parser.add_argument("--width", type=int, choices=tuple(TARGET), default=4, help="runs at once")
     parser.add_argument(
         "--cxx", type=shlex.split, default=["g++"], help="compiler with its arguments"
     )

@@ -18,6 +18,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <tuple>
 #include <type_traits>
 #include <utility>
 
@@ -428,6 +429,11 @@ using lanes::arc_tangent, lanes::exponential, lanes::SineCosine;
 #undef double
 #define double lanes::Vector
 
+#undef MODEL_STRUCT
+#define MODEL_STRUCT             \
+    void single_object(State *); \
+    void single_object(Output *)
+
 /* neither table nor checks nor initialization: these are made by the FMU of each run */
 #undef FMU_MODEL_OF
 #define FMU_MODEL_OF(...) extern "C" void this_model_has_no_table(void)
@@ -529,10 +535,65 @@ template <class T, class F> T performed_apart(const F &function)
     return blend(answers_of(here.answer), first, second);
 }
 
-/* A step of a component in all lanes. Where lanes differ in an answer, states and outputs are
- * restored, and the step is made for the lanes of each answer. Saving them takes longer than many
- * steps; a component is saved from its first split on, and the macro steps before that split are
- * repeated. */
+/* Performs a function for the active lanes, for the lanes of each answer where they differ in one;
+ * x: all that it writes. Returns whether they differed. */
+template <class F, class... X> bool perform_apart(const F &function, X *...x)
+{
+    const std::tuple<X...> before(*x...);
+    const auto call = [](void *given) { (*(const F *)given)(); };
+    Split here;
+    if (performed(&here, call, (void *)&function)) return false;
+    const int all = active;
+    std::tie(*x...) = before;
+    active = here.answer;
+    perform_apart(function, x...);
+    const std::tuple<X...> first(*x...);
+    std::tie(*x...) = before;
+    active = all & ~here.answer;
+    perform_apart(function, x...);
+    active = all;
+    ((*x = blend(answers_of(here.answer), std::get<X>(first), *x)), ...);
+    return true;
+}
+
+/* the same for some of the active lanes; for the others nothing changes */
+template <class F, class... X> void perform_for(int some, const F &function, X *...x)
+{
+    const std::tuple<X...> before(*x...);
+    const int all = active;
+    active = some;
+    perform_apart(function, x...);
+    active = all;
+    ((*x = blend(answers_of(some), *x, std::get<X>(before))), ...);
+}
+
+/* states and outputs, of which the model declares single_object(): there is no array behind a
+ * pointer to them */
+template <class T>
+concept Single = requires(T pointer) { single_object(pointer); };
+template <class T>
+concept NotWritten = !std::is_pointer_v<T> || std::is_const_v<std::remove_pointer_t<T>>;
+
+template <class T> INLINE auto written(T argument)
+{
+    if constexpr (NotWritten<T>) return std::tuple<>();
+    else return std::tuple<T>(argument);
+}
+
+/* if (c) function(arguments); */
+template <class C, class F, class... T> INLINE void where(C c, const F &function, T... arguments)
+{
+    if constexpr (Answer<C> && ((NotWritten<T> || Single<T>) && ...)) {
+        const int some = Mask(c).bits();
+        if (some == active) function();
+        else if (some)
+            std::apply([&](auto... x) { perform_for(some, function, x...); },
+                       std::tuple_cat(written(arguments)...));
+    } else if (c) function();
+}
+
+/* A step of a component in all lanes. Saving states and outputs takes longer than many steps; a
+ * component is saved from its first split on, and the macro steps before that split are repeated. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {
@@ -542,26 +603,7 @@ void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *split
         *splits = 1;
         longjmp(again, 1);
     }
-    const X states = *x;
-    const Y outputs = *y;
-    Split here;
-    if (performed(&here, step, given)) return;
-    ++*splits;
-    const int all = active;
-    active = here.answer;
-    *x = states;
-    *y = outputs;
-    step_in_lanes(step, given, x, y, splits);
-    const X first_states = *x;
-    const Y first_outputs = *y;
-    active = all & ~here.answer;
-    *x = states;
-    *y = outputs;
-    step_in_lanes(step, given, x, y, splits);
-    active = all;
-    const Answers first = answers_of(here.answer);
-    *x = blend(first, first_states, *x);
-    *y = blend(first, first_outputs, *y);
+    *splits += perform_apart([=] { step(given); }, x, y);
 }
 
 /* ---- checks ---- */

@@ -134,6 +134,35 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     if (u->x == 2.7) x->sum = NAN;
 }
 """
+PARTLY = r"""
+#include "fmu.h"
+#include "vec3.h"
+
+typedef struct { double k; } Parameters;
+typedef struct { double x; } Input;
+typedef struct { double sum; } State;
+typedef struct { double y[16]; } Output;
+MODEL_STRUCT;
+
+static int is_outside(const Input *u) { return u->x < 1.5 || u->x > 3; }
+static void partly(const Parameters *p, const Input *u, State *x, Output *y) /* its lanes differ */
+{
+    for (double left = u->x; left > 0.2; left /= 2) x->sum += left / 3;
+    if (x->sum > p->k) y->y[0] = x->sum;
+    else y->y[2] = u->x;
+}
+static void count(const Input *u, State *x) { x->sum += u->x; }
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    x->sum = h;
+    y->y[0] = -t;
+    if (is_outside(u)) partly(p, u, x, y);
+    y->y[1] = is_outside(u);
+    if (u->x - 1.2) count(u, x);
+}
+"""
+"""Statements for the lanes in which a condition holds."""
 INPUTS = (0.25, 1.75, 2.2, 3.1), (1.2, 1.2, 1.2, 1.2), (0.3, 0.3, 2.7, 0.3), (1.2, 1.2, 1.2, 1.2)
 ALONE = r"""
 #include "model.c"
@@ -215,6 +244,27 @@ OTHERS = [
 def test_every_branch_in_which_lanes_differ_has_the_bits_of_c(
     tmp_path: Path, width: int, compiler: tuple[str, ...], emulator: str
 ) -> None:
+    rows, splits, not_finite = in_c_and_in_lanes(tmp_path, MODEL, width, compiler, emulator)
+    assert splits >= 3
+    assert not_finite == 2  # a state of one run, an output of another
+    assert len(set(rows)) == 7  # one result per distinct input
+
+
+@pytest.mark.parametrize(("width", "compiler", "emulator"), COMPILERS + OTHERS)
+def test_a_statement_is_made_for_the_lanes_in_which_its_condition_holds(
+    tmp_path: Path, width: int, compiler: tuple[str, ...], emulator: str
+) -> None:
+    rows, splits, _ = in_c_and_in_lanes(tmp_path, PARTLY, width, compiler, emulator)
+    assert splits == 0
+    assert len(set(rows)) == 7
+
+
+def in_c_and_in_lanes(
+    tmp_path: Path, model: str, width: int, compiler: tuple[str, ...], emulator: str
+) -> tuple[list[str], int, int]:
+    """The results of runs of a model, which are equal in C and in lanes, its split steps, and the
+    runs whose numbers are not finite.
+    """
     tool = converter()
     (tmp_path / "scalar").mkdir()
     headers = [f for folder in tool.build_fmu.HEADERS for f in folder.glob("*.h")]
@@ -223,9 +273,9 @@ def test_every_branch_in_which_lanes_differ_has_the_bits_of_c(
         (tmp_path / header.name).write_text(tool.in_lanes(header.read_text()))
     for header in tool.LANES.iterdir():
         shutil.copyfile(header, tmp_path / header.name)
-    (tmp_path / "scalar/model.c").write_text(MODEL)
+    (tmp_path / "scalar/model.c").write_text(model)
     (tmp_path / "scalar/alone.c").write_text(f"#include <stdlib.h>\n{ALONE}")
-    (tmp_path / "model.c").write_text(tool.in_lanes(MODEL))
+    (tmp_path / "model.c").write_text(tool.in_lanes(model))
     (tmp_path / "together.cpp").write_text(tool.MODEL.format(model="model") + TOGETHER)
     c = [*tool.build_fmu.SAME_BITS, "-O1", "scalar/alone.c"]
     cpp = [*tool.FLAGS, *tool.TARGET[width], f"-DWIDTH={width}", "-O1", "-I."]
@@ -243,9 +293,7 @@ def test_every_branch_in_which_lanes_differ_has_the_bits_of_c(
     )
     assert together.stdout == alone.stdout
     splits, not_finite = map(int, together.stderr.split())
-    assert splits >= 3
-    assert not_finite == 2  # a state of one run, an output of another
-    assert len(set(alone.stdout.splitlines())) == 7  # one result per distinct input
+    return alone.stdout.splitlines(), splits, not_finite
 
 
 # ---- systems ----
@@ -298,13 +346,6 @@ def fused_operations(library: Path) -> list[str]:
     code = subprocess.run(["objdump", "-d", library], check=True, capture_output=True, text=True)
     assert "mulpd" in code.stdout or "mulsd" in code.stdout  # the code is there
     return re.findall(r"\t(vfn?m(?:add|sub)\w*)", code.stdout)
-
-
-def test_a_large_system_has_at_most_four_lanes() -> None:
-    tool = converter()
-    for doubles, widths in ((8192, [2, 4, 8]), (8193, [2, 4, 4])):
-        text = f"enum {{ PARTS = 3, SIZE = {doubles}, CLOCK = 9, WORK = 7 }};"
-        assert [tool.fitting(text, width) for width in (2, 4, 8)] == widths
 
 
 needs_objdump = pytest.mark.skipif(
