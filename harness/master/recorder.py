@@ -36,7 +36,12 @@ def recorded(steps: int, every: int) -> NDArray[np.int64]:
 class Recorder:
     """Table (rows, slots) of a run. Row r is the bus after r * every macro steps, the last row the
     bus at the end of the run. Recording fewer rows does not change the simulation.
+
+    temporary: whether the results of the run are valid only until the next run, which may then
+    overwrite the table.
     """
+
+    temporary = False
 
     def __init__(
         self, steps: int, slots: int, every: int = 1, earlier: Recorder | None = None
@@ -67,8 +72,10 @@ class Recorder:
 
     @property
     def unseen(self) -> bool:
-        """Return whether nothing except this recorder refers to the table, such as a result."""
-        return _references(self) == ALONE
+        """Return whether the next run may overwrite the table, because only this recorder, or a
+        temporary result, refers to it.
+        """
+        return self.temporary or _references(self) == ALONE
 
     @property
     def done(self) -> int:

@@ -241,6 +241,7 @@ class ReusedSimulation:
         for place, good in zip(begun, complete, strict=False):
             each = begun[place]
             self._in_lanes, self.pace = each.pace, 1e6 * each.pace
+            each.recorder.temporary = True
             if good:
                 results[place] = Reading(each.result(), each.graph.slots, each.last())
         return results

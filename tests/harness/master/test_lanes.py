@@ -508,6 +508,21 @@ def test_lanes_that_wait_for_a_processor_remain_in_use() -> None:
 
 
 @needs_lanes
+def test_the_tables_of_runs_together_are_used_again_while_a_metric_caches_a_result() -> None:
+    with ExitStack() as life:
+        reused, runs = reused_robot(life, 20.0)
+        needed = ["robot.omega_SN_S"]
+        places: list[set[int]] = []
+        cached = []
+        for _ in range(2):
+            cached += reused.together(runs, 1, needed)
+            simulations = reused._simulation, *reused._others
+            places.append({s.recorder.table.ctypes.data for s in simulations if s is not None})
+        assert None not in cached
+        assert places[0] == places[1]
+
+
+@needs_lanes
 def test_long_runs_do_not_fill_the_memory_with_their_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     with ExitStack() as life:
         reused, _ = reused_robot(life, 20.0)
