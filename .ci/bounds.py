@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Least impulses of cases: the file for the column `x optimum` of comparisons, and the tables of
-docs/how_good.md.
+"""Compute the least impulses of cases, write them to the file for the column `x optimum` of
+comparisons, and print the tables of docs/how_good.md.
 
     python .ci/bounds.py                                          # 6 minutes
 """
@@ -34,7 +34,9 @@ ITERATIONS = (9, 20, 50, 60)
 
 
 def laws(cases: dict[str, list[optima.Leg]]) -> None:
-    """Print a row per law and store the optimum of the law that a system has by default."""
+    """Print a row per controller of LAWS and store in `cases` the optimum of the controller that a
+    system has by default.
+    """
     print("| case | law | impulse | optimum [N s] | ratio | norm | ratio | off plan [mm] |")
     for system, params, law in LAWS:
         found = {cost: _bound(system, params, law, cost) for cost in ("sum", "norm")}
@@ -72,7 +74,9 @@ def prices() -> None:
 
 
 def iterations() -> None:
-    """Print what the optimal controller needs with other numbers of iterations."""
+    """Print impulse, least corridor margin, least range and largest residual of the optimal
+    controller for several numbers of iterations.
+    """
     for count in ITERATIONS:
         changes = {"controller.iterations": count, "controller.iterations_first": count}
         found = run("sync_approach", params="limited", swap={"controller": "optimal_controller"},
@@ -87,14 +91,16 @@ def iterations() -> None:
 
 
 def cold() -> None:
-    """Print what iterations from a cold start give for the start of the synchronised approach."""
+    """Print impulse and violation of the corridor after several numbers of iterations of the
+    optimal controller from a cold start, for the start of the synchronised approach.
+    """
     for count in (5, 10, 20, 50, 200, 5000):
         print("| {} | {:.1f} | {:.3f} |".format(count, *optimal_start.iterated(count)))
     print(f"| optimum | {solve(optimal_start.problem()).impulse:.1f} | 0 |")
 
 
 def main() -> None:
-    """Print the tables and write the file."""
+    """Print the tables and write the file of optima."""
     cases: dict[str, list[optima.Leg]] = {}
     laws(cases)
     phases(cases)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Draw the share of captured missions over the tumble rate, with the limits of physics.
+"""Draw the share of captured missions over the tumble rate, with the rates that limit a capture.
 
 python .ci/capture_picture.py results/servicing_mission_dispersions.zarr PICTURE.png
 """
@@ -22,7 +22,7 @@ NOMINAL = float(np.hypot(0.002, 0.01))
 
 
 def shares(data: Any) -> list[tuple[float, int, int]]:
-    """Return tumble rate [rad/s], captured and complete missions of each rate."""
+    """Return a row per tumble rate: rate [rad/s], number of captures, number of complete runs."""
     rate = np.linalg.norm(data["target.omega_TN_T_0"].values, axis=1).round(6)
     complete, captured = data["status"].values == 1, data["captured"].values == 1
     return [
@@ -36,7 +36,9 @@ def shares(data: Any) -> list[tuple[float, int, int]]:
 
 
 def limits() -> dict[str, float]:
-    """Return the tumble rates at which force and wheels end [rad/s]."""
+    """Return the largest tumble rates [rad/s] that the wheels and the force of the servicer can
+    follow, by text of the legend.
+    """
     result = run(SYSTEM, stop=0.1)
     names: tuple[str, ...] = ("budget", "F_axis", "R_around", "steer_least", "J_S", "A_w")
     names += ("wheel_speed_max", "bias_max")

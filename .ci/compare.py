@@ -4,11 +4,11 @@ standard library and numpy.
 
     python compare.py traces/sync_approach.csv rows.csv
 
-The first column of both files is the time [s]. Columns are found by their names after everything
-that is no letter, digit or bracket has been left out, and before that a prefix: `servicer.mass`,
-`servicer::mass` and `model.root.servicer.mass` are one column. Where a tool writes an instant more
-than once, its last row counts. tolerances.csv beside the trace has a tolerance with its reason per
-variable. Exit status: 0 all agree, 1 a variable differs or is missing, 2 a file cannot be used.
+The first column of both files is the time [s]. The names of other columns may have any separators
+and a prefix: `servicer.mass`, `servicer::mass` and `model.root.servicer.mass` name the same
+variable. Where a tool writes several rows for an instant, the last one counts. tolerances.csv
+beside the trace has a tolerance with its reason per variable. Exit status: 0 all variables agree, 1
+a variable differs or is missing, 2 a file cannot be used.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Table = tuple[Any, dict[str, Any]]
 
 
 def read(path: Path) -> Table:
-    """Return the rows of a CSV file, the last one of every instant."""
+    """Return times and columns of a CSV file; of several rows for one instant, the last remains."""
     with path.open(encoding="utf-8-sig", newline="") as file:
         head, *rows = (row for row in csv.reader(file, skipinitialspace=True) if row)
     values = np.array([[float(x) for x in row] for row in rows if not row[0].startswith("#")])
@@ -36,19 +36,23 @@ def read(path: Path) -> Table:
 
 
 def plain(name: str) -> str:
-    """Return a name in the form in which names are compared."""
+    """Return a name with a dot for each separator: every run of characters other than letters,
+    digits, `_`, `,`, `[` and `]`.
+    """
     return re.sub(r"[^\w\[\],]+", ".", name.strip()).strip(".")
 
 
 def column_of(name: str, columns: dict[str, Any]) -> str | None:
-    """Return the one column that is this variable, perhaps with a prefix; None if there is none."""
+    """Return the column that is named after a variable, if need be with a prefix (of several, the
+    shortest name); None if no column is.
+    """
     found = [c for c in columns if plain(c) == name or plain(c).endswith(f".{name}")]
     return min(found, key=len) if found else None
 
 
 def verdicts(expected: Path, given: Path) -> dict[str, str]:
-    """Return per variable of the trace "" or what is wrong. Raises ValueError if no instant is
-    common to both files.
+    """Return for every variable of the trace "" if it agrees, otherwise what is wrong. Raise
+    ValueError if the files have no instant in common.
     """
     times, trace = read(expected)
     instants, columns = read(given)
@@ -56,7 +60,7 @@ def verdicts(expected: Path, given: Path) -> dict[str, str]:
     near = np.minimum(near, len(instants) - 1)
     both = np.abs(instants[near] - times) <= 1e-9 * np.maximum(1, np.abs(times))
     if not both.any():
-        raise ValueError(f"{given}: has no instant of {expected}")
+        raise ValueError(f"{given}: has no instant in common with {expected}")
     with expected.with_name("tolerances.csv").open(encoding="utf-8", newline="") as file:
         limits = {
             row["variable"]: float(row["tolerance"])

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Share of deliberate faults that the tests catch, per component of flight software.
+"""Measure the share of deliberate faults that the tests catch, per component of flight software.
 
     python .ci/component_faults.py FILE [--seed N] [--count N] [COMPONENT...]     (make faults)
 
 Draws `count` faults per component from its C file and the headers that only this component
 includes, and runs the tests of the component until one fails (tests/mutation). FILE has a line of
-JSON per fault. A component whose code has changed since its draw is drawn anew.
+JSON per fault. If the code of a component has changed since, its faults are drawn anew.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ _TREES: list[evaluation.Tree] = []
 
 
 def prepare(folder: str) -> None:
-    """Make the copy of the tree in which this process tries faults."""
+    """Make the copy of the source tree in which this worker process tries faults."""
     _TREES.append(evaluation.Tree(Path(tempfile.mkdtemp(dir=folder))))
 
 
 def outcomes(name: str, source: str, seed: int, count: int) -> list[dict[str, object]]:
-    """Return the outcomes of the first `count` faults of a component that compile."""
+    """Return a row of FILE for each of the first `count` faults of a component that compile;
+    source: hash of the sources of the component.
+    """
     files = evidence.owners()[name]
     return list(islice(_outcomes(name, files, source, seed, count), count))
 

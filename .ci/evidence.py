@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Evidence per component of flight software, from tools that run here: structural coverage, absence
-of run-time errors, requirements, complexity, deliberate faults, random inputs, equal bits, MISRA C.
+"""Collect the evidence for every component of flight software: structural coverage, absence of
+run-time errors, requirements, complexity, deliberate faults, random inputs, equal bits, MISRA C.
 
     python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md      (make evidence)
 
-The first folder has the libraries with counters and the counts of the tests (profiles/). Into the
-second goes a JSON file per component. The page has a row per component. Deliberate faults and
-random inputs come from lab/component_faults.jsonl (make faults) and lab/component_fuzz.jsonl
-(make fuzz). Exits with 1 if something is not reached and has no reason in .ci/unreached.toml, if a
-reason there is no longer true, if Frama-C Eva has an alarm or no end, if the deviations from MISRA
-C are not the ones of .ci/misra.toml, or if faults or random inputs are older than the code.
+The first folder has the libraries with counters and the counts of the tests (profiles/). The
+command writes a JSON file per component into the second folder, and the page with a row per
+component. Deliberate faults and random inputs come from lab/component_faults.jsonl (make faults)
+and lab/component_fuzz.jsonl (make fuzz). Exits with 1 if tests do not reach a part of the code and
+.ci/unreached.toml has no reason for it, if a reason there does not match the code, if Frama-C Eva
+reports an alarm or does not end, if the deviations from MISRA C differ from .ci/misra.toml, or if
+faults or random inputs are older than the code.
 """
 
 import argparse
@@ -95,9 +96,10 @@ LIST = """
 
 
 class Row(NamedTuple):
-    """Evidence of a component: files that are counted in its row, counters, what is not reached,
-    outcome of Eva, hash of its sources, ids of requirements, largest complexity, outcomes of
-    faults, random inputs, processors with equal bits, systems.
+    """Evidence for a component: files that are counted in its row; pairs (number reached, number in
+    all) of statements, branches and conditions; lines that are not reached; outcome of Eva; hash
+    of its sources; ids of its requirements; largest complexity; outcomes of faults; outcome of
+    random inputs; number of processors with equal bits, as text; systems that contain it.
     """
 
     name: str
@@ -134,7 +136,9 @@ def hash_of(source: Path) -> str:
 
 
 def owners() -> dict[str, tuple[str, ...]]:
-    """Return the files that are counted in each row; files of several components are shared."""
+    """Return the files that are counted in each row, by name of the row; files that several
+    components include are counted in the row SHARED.
+    """
     users = Counter(name for source in flight_rules.sources() for name in includes(source))
     own = {
         source.stem: tuple(name for name in includes(source) if users[name] == 1)
@@ -144,7 +148,7 @@ def owners() -> dict[str, tuple[str, ...]]:
 
 
 def lines_of(file: Path) -> dict[str, list[dict]]:
-    """Return the lines of JSON of a file by component; without the file: {}."""
+    """Return the entries of a file with a line of JSON each, by component; {} without the file."""
     found: dict[str, list[dict]] = {}
     for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
         row = json.loads(line)
@@ -175,7 +179,7 @@ def systems() -> dict[str, tuple[str, ...]]:
 
 
 def equal_on() -> dict[str, str]:
-    """Return on how many processors a component has equal bits, by component."""
+    """Return the number of processors with equal bits by component, as text: `4 of 4`."""
     text = PROCESSORS.read_text(encoding="utf-8")
     found = re.findall(r"^\| (\w+) \|.*\| yes, .* rows.* \| (\w+) \|$", text, re.MULTILINE)
     counts, old = Counter(fmu for fmu, _ in found), {fmu for fmu, at in found if at == "older"}
@@ -183,7 +187,7 @@ def equal_on() -> dict[str, str]:
 
 
 def required() -> dict[str, tuple[str, ...]]:
-    """Return the ids of requirements by file of their code, relative to fmus/."""
+    """Return the ids of requirements by file (relative to fmus/) of the code that meets them."""
     found: dict[str, tuple[str, ...]] = {}
     for name, places in requirements.code().items():
         for file in {str(path.relative_to("fmus")) for path, _ in places}:
@@ -192,7 +196,7 @@ def required() -> dict[str, tuple[str, ...]]:
 
 
 def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
-    """Yield the evidence of all components and of the shared headers."""
+    """Yield the evidence for all components and for the shared headers; found: counters by file."""
     sources = {source.stem: source for source in flight_rules.sources()}
     models, ids, used, on = proofs.models(), required(), systems(), equal_on()
     faults, fuzz = lines_of(FAULTS), lines_of(FUZZ)
@@ -212,8 +216,8 @@ def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
         proof = source and proofs.prove(source, models[source.stem], PROOFS)
         alarms = proof.error or len(proof.alarms) if proof else "no proof"
         print(
-            f"{name}: reached of all statements, branches, conditions: {sums}; "
-            f"alarms of the proof: {alarms}",
+            f"{name}: statements, branches, conditions (reached, in all): {sums}; "
+            f"alarms of Frama-C Eva: {alarms}",
             flush=True,
         )
         yield Row(
@@ -235,7 +239,7 @@ def total(evidence: Iterable[Row]) -> Row:
 
 # ---- outputs ----
 def outcome(proof: proofs.Proof | None) -> tuple[str, str]:
-    """Return the cells of Eva."""
+    """Return two cells: number of alarms of Eva; functions and statements that Eva followed."""
     if not proof:
         return "", ""
     if proof.error:
@@ -244,7 +248,7 @@ def outcome(proof: proofs.Proof | None) -> tuple[str, str]:
 
 
 def cells(row: Row) -> str:
-    """Return the line of a row."""
+    """Return the line of a component in the first table of the page."""
     of = [f"{a} of {b}" for a, b in row.reached]
     reasoned = sum(len(m.what) for m in row.missing)
     name = f"`{row.name}`" if row.sources else row.name
@@ -252,7 +256,7 @@ def cells(row: Row) -> str:
 
 
 def more_cells(row: Row) -> str:
-    """Return the line of a component in the second table."""
+    """Return the line of a component in the second table of the page."""
     changed = [fault for fault in row.faults if fault["outcome"] != "same machine code"]
     caught = sum(fault["outcome"] == "caught" for fault in changed)
     fuzz = row.fuzz or {}
@@ -265,7 +269,9 @@ def more_cells(row: Row) -> str:
 
 
 def older(row: Row) -> Iterator[str]:
-    """Yield what is older than the code of a component."""
+    """Yield a message if faults or random inputs of a component are missing, or were made with
+    other code.
+    """
     for what, target, lines in (
         ("faults", "faults", row.faults),
         ("random inputs", "fuzz", (row.fuzz,)),
@@ -275,19 +281,21 @@ def older(row: Row) -> Iterator[str]:
 
 
 def code(text: str) -> str:
-    """Return code for a cell of a table."""
+    """Return C code in the form of Markdown for a cell of a table."""
     return "`" + text.replace("|", "\\|").replace("`", "'") + "`"
 
 
 def version(command: str) -> str:
-    """Return name and number of a tool."""
+    """Return the version number that a tool prints; `?` if it prints none."""
     done = subprocess.run([command, "--version"], capture_output=True, text=True, check=False)
     number = re.search(r"\d+\.\d[\w.-]*", done.stdout)
     return number[0] if number else "?"
 
 
 def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str], places: Mapping) -> str:
-    """Return the page."""
+    """Return the page docs/evidence_figures.md; known: reasons for lines that are not reached;
+    places: violations by rule of MISRA C.
+    """
     evidence = list(evidence)
     components = [row for row in evidence if row.sources]
     text = HEAD.format(
@@ -355,7 +363,7 @@ def main() -> None:
     places = misra.places(flight_rules.sources())
     a.page.write_text(page(evidence, known, places), "utf-8")
     wrong = list(structure.differences((m for row in evidence for m in row.missing), known))
-    wrong += [f"{row.name}: {row.proof.error or outcome(row.proof)[0]}\n" for row in evidence
+    wrong += [f"{row.name}: Eva: {row.proof.error or outcome(row.proof)[0]}\n" for row in evidence
               if row.proof and (row.proof.error or row.proof.alarms)]  # fmt: skip
     wrong += [problem for row in evidence if row.sources for problem in older(row)]
     wrong += list(misra.differences(places, misra.deviations()))

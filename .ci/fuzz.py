@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Random inputs and parameters for flight software, by libFuzzer with sanitizers.
+"""Run flight software on random inputs and parameters with libFuzzer and sanitizers.
 
     python .ci/fuzz.py FOLDER FILE [--seconds N] [COMPONENT...]                       (make fuzz)
 
-A run takes values from the bytes that libFuzzer invents: parameters near their start values, every
-input from all numbers that its row allows, up to 32 steps. The address and undefined behaviour
-sanitizers end a run at an index outside an array, an overflow of an integer, a conversion of a
-number that does not fit, or a read outside of an object: a finding. The corpus remains in FOLDER
-and grows with later runs. FILE has a line of JSON per component.
+A run takes its values from the bytes that libFuzzer generates: parameters near their start values,
+inputs anywhere in the range that the table of variables allows, for up to 32 steps. The address
+and undefined behaviour sanitizers end a run at an index outside an array, an overflow of an
+integer, a conversion of a number that does not fit, or a read outside of an object; such an end is
+a finding. The corpus remains in FOLDER and grows with later runs. FILE receives a line of JSON per
+component.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
 
 def input_lines(model: proofs.Model) -> Iterator[str]:
-    """Yield C that sets every element of the inputs."""
+    """Yield the C statements that set every element of the inputs from random bytes."""
     for row in model.rows:
         rule = proofs.RULES[row.rule]
         value = f"any({int(rule == 'ANY_VALUE')})"
@@ -96,7 +97,7 @@ def input_lines(model: proofs.Model) -> Iterator[str]:
 
 
 def parameter_lines(model: proofs.Model) -> Iterator[str]:
-    """Yield C that changes parameters; whole numbers retain their start values."""
+    """Yield the C statements that change parameters; whole numbers retain their start values."""
     for row in model.rows:
         if row.causality != proofs.PARAMETER or row.name in proofs.WHOLE:
             continue
@@ -106,7 +107,7 @@ def parameter_lines(model: proofs.Model) -> Iterator[str]:
 
 
 def program(source: Path, model: proofs.Model) -> str:
-    """Return the program that libFuzzer runs."""
+    """Return the C program that libFuzzer runs."""
     work = re.search(r"FMU_MODEL_WITH\((\w+),", source.read_text(encoding="utf-8"))
     return PROGRAM.format(
         source=source,
@@ -118,7 +119,10 @@ def program(source: Path, model: proofs.Model) -> str:
 
 
 def fuzz(source: Path, model: proofs.Model, folder: Path, seconds: int) -> dict[str, object]:
-    """Return seconds, steps, edges and findings of a run; the corpus and findings remain."""
+    """Run a component under libFuzzer for some seconds and return its line of FILE: among others,
+    steps, edges of the code that were reached, and findings (0 or 1). The corpus and the inputs
+    that caused a finding remain in folder/COMPONENT.
+    """
     place = folder / source.stem
     (place / "corpus").mkdir(parents=True, exist_ok=True)
     file, target = place / f"{source.stem}_fuzz.c", place / "fuzz"
@@ -146,7 +150,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     for name in ("folder", "file"):
         parser.add_argument(name, type=Path)
-    parser.add_argument("--seconds", type=int, default=SECONDS, help="per component")
+    parser.add_argument("--seconds", type=int, default=SECONDS, help="time per component")
     parser.add_argument("components", nargs="*")
     a = parser.parse_args()
     known, models = evidence.lines_of(a.file), proofs.models()

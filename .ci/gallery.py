@@ -29,7 +29,9 @@ compare` draw these figures and more, with `--style paper` for print.
 
 
 class Scene(NamedTuple):
-    """Runs of one system and their figures; several runs, by label, share one figure."""
+    """Section of the gallery: captions of figures by name, and changes of the runs of one system by
+    label. Each figure shows all runs; every: macro steps per recorded row.
+    """
 
     name: str
     title: str
@@ -41,7 +43,7 @@ class Scene(NamedTuple):
 
 
 def swaps(component: str, *fmus: str) -> dict[str, dict[str, object]]:
-    """Return the changes of one run per FMU that replaces a component, by the name of the FMU."""
+    """Return by name of the FMU the changes of a run in which this FMU replaces a component."""
     return {fmu: {"swap": {component: fmu}} for fmu in fmus}
 
 
@@ -184,7 +186,9 @@ def simulate(scene: Scene) -> dict[str, Result]:
 
 
 def drawn(name: str, results: Mapping[str, Result]) -> bytes:
-    """Return a figure of these runs as a .png with a small palette."""
+    """Draw the figure of this name, of one run or of several runs in one picture; return it as a
+    .png of COLOURS colours.
+    """
     known = FIGURES if len(results) == 1 else OVERLAYS
     first, *_ = results.values()
     (figure,) = (f for f in known if f.name == name and f.fits(first))
@@ -199,7 +203,7 @@ def drawn(name: str, results: Mapping[str, Result]) -> bytes:
 
 
 def page(folder: Path) -> Iterator[str]:
-    """Yield the parts of the page, and write its pictures."""
+    """Yield the parts of gallery.md, and write its pictures into folder/pictures."""
     yield HEAD
     for scene in SCENES:
         results = simulate(scene)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Print the oldest versions that pyproject.toml accepts of all dependencies and the extra `test`,
-which includes `all`, as requirements for pip: for the nightly run (lab/minimum.md describes one).
+"""Print requirements for pip: the oldest version that pyproject.toml accepts of every dependency,
+also of the extra `test`, which includes `all`. The nightly run tests with them (lab/minimum.md).
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ PROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
 
 
 def minimum(requirement: str) -> str:
-    """Return `numpy==1.26` for `numpy>=1.26`, others as they are."""
+    """Return `numpy==1.26` for `numpy>=1.26`, and requirements of another form unchanged."""
     found = re.match(r"([\w.\[\]-]+)>=([\d.]+)", requirement)
     return f"{found[1]}=={found[2]}" if found else requirement
 
 
 def requirements(project: dict[str, object], extra: str) -> list[str]:
-    """Return the requirements of an extra and of the extras that it names."""
+    """Return the requirements of an extra, where `servicing-fmus[NAME]` is replaced by the
+    requirements of the extra NAME.
+    """
     extras: dict[str, list[str]] = project["optional-dependencies"]  # type: ignore[assignment]
     found = []
     for each in extras[extra]:

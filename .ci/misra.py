@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Flight software against the guidelines of MISRA C:2012, by the addon of cppcheck.
+"""Check flight software against the guidelines of MISRA C:2012 with the addon of cppcheck.
 
     python .ci/misra.py                                                              (make misra)
 
-Prints the number of places per rule. Exits with 1 if a rule is found that .ci/misra.toml does not
-list, or if a rule of this list is not found: a deviation cannot outlive its places.
+Prints the number of violations per rule. Exits with 1 if cppcheck finds a rule that .ci/misra.toml
+does not list, or does not find a rule that it lists: an obsolete deviation must be removed.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ FOUND = re.compile(r"^(\S+):(\d+): misra-c2012-([\d.]+)$", re.MULTILINE)
 
 
 def deviations() -> dict[str, str]:
-    """Return the reasons of the list by rule."""
+    """Return the reasons of the deviations in .ci/misra.toml by rule."""
     return tomllib.loads(LIST.read_text(encoding="utf-8"))["deviations"]
 
 
 def places(sources: Iterable[Path]) -> dict[str, set[tuple[str, int]]]:
-    """Return file and line of every place by rule. Each source is a program of its own."""
+    """Return file name and line of every violation by rule. Each source is checked alone, with the
+    headers that it includes.
+    """
     found: dict[str, set[tuple[str, int]]] = {}
     for source in sources:
         for file, line, rule in FOUND.findall(report(source)):
@@ -38,7 +40,7 @@ def places(sources: Iterable[Path]) -> dict[str, set[tuple[str, int]]]:
 
 
 def report(source: Path) -> str:
-    """Return what cppcheck reports on a source."""
+    """Return the output of cppcheck for a C file: a line FILE:LINE: misra-c2012-RULE each."""
     options = ["--addon=misra", "--quiet", "--std=c99", "--platform=unix64"]
     options += ["--suppress=missingIncludeSystem", "--template={file}:{line}: {id}"]
     with tempfile.TemporaryDirectory() as folder:
@@ -48,7 +50,7 @@ def report(source: Path) -> str:
 
 
 def differences(found: Mapping[str, Iterable], known: Mapping[str, str]) -> Iterator[str]:
-    """Yield rules that are found and not listed, and rules that are listed and not found."""
+    """Yield a message per rule that is found and not listed, or listed and not found."""
     for rule in sorted(found.keys() - known.keys(), key=order):
         shown = ", ".join(f"{file}:{line}" for file, line in sorted(found[rule])[:5])
         yield f"rule {rule}: {shown}: no deviation in .ci/misra.toml\n"
@@ -57,7 +59,7 @@ def differences(found: Mapping[str, Iterable], known: Mapping[str, str]) -> Iter
 
 
 def order(rule: str) -> tuple[int, ...]:
-    """Return the place of a rule in a table."""
+    """Return the sort key of a rule: (8, 13) for 8.13."""
     return tuple(map(int, rule.split(".")))
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Write the cost of FMUs on all flight processors into a page from their runs; rows of the page for
-other FMUs remain. The exit status is 1 if the bits of a run differ from this machine.
+"""Run FMUs on all flight processors and write their costs into a page; rows of the page for other
+FMUs remain. The exit status is 1 if the bits of a run differ from the same run on this machine.
 
 python .ci/processor_figures.py docs/processor_figures.md FMU...   # make processors
 """
@@ -19,7 +19,9 @@ TOP = Path(__file__).with_suffix(".md")
 
 
 def markdown(rows: Iterable[Row], page: str = "") -> str:
-    """Return the rows as a page; rows of an earlier page for other FMUs and processors remain."""
+    """Return the page with a line per row; lines of the earlier `page` for other FMUs and
+    processors remain.
+    """
     lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line[:2] == "| "]
     known = {(cells[0], cells[1]): cells for cells in lines if cells[1] in PROCESSORS}
     known |= {(row.fmu, row.processor): [*row.cells()] for row in rows}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Run the numerical tests as other processors compute them, and write the page lab/processors.md
-from their results; the exit status is 1 if any test fails.
+"""Run the numerical tests with the code paths that libraries choose on other processors, and write
+the page lab/processors.md from the results; the exit status is 1 if any test fails.
 
 python .ci/processors.py lab/processors.md                  # make test-processors
 python .ci/processors.py lab/processors.md "kernel Haswell" # one row, printed only
@@ -22,7 +22,9 @@ FOLDER = ROOT / "build/processors"
 KERNELS = ("Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX")
 """Values of OPENBLAS_CORETYPE. Wheels of numpy have one kernel for several of them."""
 UNFUSED = "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4"
-"""Value of GLIBC_TUNABLES with which sin, cos, exp, atan2 and pow give other last digits."""
+"""Value of GLIBC_TUNABLES that disables fused multiply-add in the C library: sin, cos, exp, atan2
+and pow then differ in their last digits.
+"""
 LEVELS = {"x86-64": set(), "x86-64-v3": {"avx2", "bmi2", "fma", "movbe"}}
 """Instruction sets that FMUs are compiled for, with the flags of /proc/cpuinfo that they need."""
 CALCULATIONS = "exchange fused_system linearize metrics own_start pitch plan requirements studies"
@@ -70,10 +72,11 @@ All other rows run {numerical}, without the tests of pages and pictures in `test
 
 
 class Processor(NamedTuple):
-    """Processor that the tests are run as.
+    """Settings with which the tests run as on another processor.
 
-    variables: environment of the tests; level: instruction set of the FMUs, by default the one in
-    build/; emulated: processor of qemu-x86_64.
+    variables: environment variables of the tests; level: instruction set for which FMUs are
+    compiled ("": tests use the FMUs in build/); emulated: processor that qemu-x86_64 emulates
+    ("": none).
     """
 
     name: str
@@ -95,7 +98,7 @@ class Processor(NamedTuple):
 
     @property
     def tests(self) -> list[str]:
-        """Arguments of pytest: what runs, in how many processes."""
+        """Arguments of pytest: the tests to run and the number of worker processes."""
         if self.emulated:
             return [*SLICE, "-n", "0"]
         ignored = [f"--ignore-glob=*/systems/test_{name}.py" for name in PRESENTATION]
@@ -110,7 +113,9 @@ class Processor(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Row of the page: the code in use, and counts of tests, or the reason why none was run."""
+    """Outcome of the tests on one processor, a row of the page: kernels of OpenBLAS and features of
+    numpy in use, counts of tests, or the reason why no test was run.
+    """
 
     processor: Processor
     blas: str = ""
@@ -133,7 +138,7 @@ class Outcome(NamedTuple):
 
 
 def processors() -> list[Processor]:
-    """Return all processors that one machine can run the tests as."""
+    """Return the settings of all processors that `make test-processors` runs the tests with."""
     dispatched = Processor("this one").code()[1]
     return [
         *(Processor(f"kernel {name}", {"OPENBLAS_CORETYPE": name}) for name in KERNELS),
@@ -175,7 +180,9 @@ def counted(outcome: Outcome, status: int, junit: Path) -> Outcome:
 
 
 def run(processor: Processor, earlier: Sequence[Outcome]) -> Outcome:
-    """Run the tests as a processor, unless the same code has run before or cannot run here."""
+    """Run the tests with the settings of a processor and return the outcome. If this machine lacks
+    the instructions, or an earlier outcome used the same code, return the reason instead.
+    """
     if not LEVELS.get(processor.level, set()) <= flags():
         return Outcome(processor, reason="this machine lacks the instructions")
     outcome = Outcome(processor, *processor.code())

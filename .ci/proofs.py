@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Absence of run-time errors in flight software, by Frama-C Eva.
+"""Prove the absence of run-time errors in flight software with Frama-C Eva.
 
     python .ci/proofs.py FOLDER [COMPONENT...]        (make proofs)
 
-Eva follows all values at once: every parameter and input that its rows allow, at any time, for any
-number of steps. It reports an alarm where it cannot exclude an index outside its array, an integer
-overflow, an undefined shift, a conversion of a number that does not fit, or a read of memory
-without a value. Infinite numbers and NaN are values.
+Eva follows all values at once: every parameter and input that the table of variables of a component
+allows, at any time, for any number of steps. It reports an alarm where it cannot exclude an index
+outside its array, an integer overflow, an undefined shift, a conversion of a number that does not
+fit, or a read of memory without a value. Infinite numbers and NaN are values.
 
 Parameters of SPLIT are followed one value after the other, all others at once. Options differ by
-component only in how many states are followed apart (MORE): fewer states can add alarms, none can
-hide one. The working memory of a component has a value (0) before `initialize`: the caller sets it.
+component only in the number of states that Eva follows separately (MORE): a smaller number can add
+alarms, but never hides one. The working memory of a component has a value (0) before `initialize`,
+because the caller sets it.
 
 Stubs: `sqrt`, `fabs` and `copysign` come from Frama-C; `reject`, which writes the texts of
 rejected parameters before the first step, counts only.
@@ -46,7 +47,7 @@ WHOLE = {
 }
 """Parameters that `check` limits to whole numbers, with the limits."""
 SPLIT = ("joints",)
-"""Whole numbers whose values are followed one by one: arrays are written and read up to them."""
+"""Whole numbers whose values Eva follows one by one, because they limit the indices of arrays."""
 OPTIONS = (
     *("-machdep", "gcc_x86_64", "-c11", "-warn-special-float", "none"),
     *("-eva", "-eva-no-show-progress", "-eva-auto-loop-unroll", "128"),
@@ -62,7 +63,7 @@ MORE = {
     ),
     "transposition_guidance": ("-eva-auto-loop-unroll", "16"),
 }
-"""Further options by component: loops followed pass by pass, states followed apart."""
+"""Further options by component: loops to follow pass by pass, states to follow separately."""
 PROGRAM = """#define reject reject_with_text
 #include "fmu.h"
 #undef reject
@@ -103,8 +104,8 @@ SMALLEST = 5e-324
 
 
 class Proof(NamedTuple):
-    """Outcome for a component: alarms as file, line and rule; functions and statements reached;
-    error: of an analysis that did not end.
+    """Outcome of Eva for a component: alarms as file, line and rule; numbers of functions and
+    statements reached; error: why the analysis gave no outcome ("" if it gave one).
     """
 
     name: str
@@ -115,7 +116,9 @@ class Proof(NamedTuple):
 
 
 def assignments(model: Model, causality: int) -> Iterator[str]:
-    """Yield C that gives every element of a causality all values of its range."""
+    """Yield the C statements that give every element of the variables of a causality (INPUT or
+    PARAMETER) any value of its range.
+    """
     for row in model.rows:
         if row.causality != causality:
             continue
@@ -128,7 +131,7 @@ def assignments(model: Model, causality: int) -> Iterator[str]:
 
 
 def values_of(row: Row) -> str:
-    """Return C for any value of the range of a row."""
+    """Return the C expression for any value in the range of a row of the table of variables."""
     rule = RULES[row.rule]
     if row.name in WHOLE:
         low, high = WHOLE[row.name]
@@ -140,7 +143,7 @@ def values_of(row: Row) -> str:
 
 
 def program(source: Path, model: Model) -> str:
-    """Return the program that Eva follows."""
+    """Return the C program that Eva analyses."""
     work = re.search(r"FMU_MODEL_WITH\((\w+),", source.read_text(encoding="utf-8"))
     return PROGRAM.format(
         source=source,
@@ -152,8 +155,8 @@ def program(source: Path, model: Model) -> str:
 
 
 def prove(source: Path, model: Model, folder: Path, seconds: int = 600) -> Proof:
-    """Return the outcome for a component; the log of Eva remains in the folder. The same program
-    with the same headers is not analysed again.
+    """Analyse a component with Eva and return the outcome; the log remains in the folder. The same
+    program with the same headers is not analysed again: return the outcome recorded in the folder.
     """
     file, log = folder / f"{source.stem}.c", folder / f"{source.stem}.log"
     file.write_text(program(source, model), encoding="utf-8")
@@ -208,7 +211,7 @@ def read_log(name: str, log: str) -> Proof:
 
 
 def models() -> dict[str, Model]:
-    """Return the layouts of all flight software by name."""
+    """Return the tables of variables of all flight software by name of the component."""
     names = [source.stem for source in flight_rules.sources()]
     return layouts(names, flight_rules.FMUS / "flight", ["cc", *flight_rules.INCLUDE])
 

@@ -29,11 +29,11 @@ sys.path.insert(0, str(Path(__file__).parent))  # scripts, not a package
 import specimens
 
 ENDING = ".fmi3.ssp"
-"""Ending of the twins that reference_systems.py writes."""
+"""End of the names of the copies with FMUs of FMI 3.0, which reference_systems.py writes."""
 STEPS, EVERY = 200, 10
 """Macro steps of a trace, and macro steps per row."""
 DIGITS = 1e-11
-"""Tolerance as a share of the largest element of a vector within the trace."""
+"""Tolerance of a vector, as a share of the largest absolute value of its elements in the trace."""
 REASONS = {
     True: "equal bits: every instant has its digits; a CSV file has twelve",
     False: "zero throughout: nothing may appear",
@@ -56,7 +56,9 @@ The page "Test your tool in ten minutes" of the documentation has the steps.
 
 
 def traced(system: System) -> Result:
-    """Return the trace of a system: Jacobi, all components at all macro steps."""
+    """Simulate the first STEPS macro steps of a system and return the result. The order is Jacobi;
+    every component steps at every macro step, without latency.
+    """
     start, step = system.experiment.start, system.experiment.step or 0.0
     components = tuple(replace(c, every=1, latency=0) for c in system.components)
     times = replace(system.experiment, stop=start + STEPS * step, algorithm="jacobi", every=EVERY)
@@ -73,14 +75,16 @@ def table(rows: list[tuple[object, ...]]) -> bytes:
 
 
 def trace_csv(result: Result) -> bytes:
-    """Return the trace; a number is the shortest text that reads back as the same double."""
+    """Return a trace as CSV; a number is the shortest text that reads back as the same double."""
     head: tuple[object, ...] = ("time", *result.columns)
     values = np.column_stack((result.time, result.values)).tolist()
     return table([head, *(tuple(map(repr, row)) for row in values)])
 
 
 def tolerances(result: Result) -> list[tuple[object, ...]]:
-    """Return trace, variable, tolerance and reason; a vector has one tolerance."""
+    """Return a row per column of a trace: trace, variable, tolerance and reason. All elements of a
+    vector have the same tolerance.
+    """
     largest: dict[str, float] = {}
     for name, column in zip(result.columns, np.abs(result.values).T, strict=True):
         largest[base(name)] = max(largest.get(base(name), 0.0), float(column.max()))
@@ -91,8 +95,8 @@ def tolerances(result: Result) -> list[tuple[object, ...]]:
 
 
 def contents(folder: Path, fmus: Path) -> dict[str, bytes]:
-    """Return the files of the archive by name, from the systems in ssp/ of a release and the FMUs
-    of specimens.
+    """Return the contents of the files in the archive by name; folder: release with the systems in
+    its ssp/; fmus: folder of the FMUs of the specimens.
     """
     limits: list[tuple[object, ...]] = [("trace", "variable", "tolerance", "reason")]
     files = {"README.txt": README.format(steps=STEPS, every=EVERY).encode()}

@@ -54,8 +54,8 @@ def checksums(folder: Path) -> str:
 
 
 def about(path: Path) -> tuple[str, str]:
-    """Return the description of an archive, and its standard with the platforms of its binaries or
-    the number of its components.
+    """Return two cells of the page: the purpose of an artefact, and its standard with the platforms
+    of its binaries (FMU) or the number of its components (system).
     """
     if path.suffix == ".zip":
         return "equations, sources, validation and verdicts of FMUs and parameter sets", "SRMD 1.1"
@@ -73,7 +73,7 @@ def about(path: Path) -> tuple[str, str]:
 
 
 def index(folder: Path) -> Iterator[str]:
-    """Yield the lines of the page."""
+    """Yield the lines of index.html: a table of the artefacts of each kind."""
     title = f"servicing-fmus {version()}"
     yield f"<!DOCTYPE html><html lang='en'><head><meta charset='utf-8'><title>{title}</title>"
     yield f"<style>{STYLE}</style></head><body><h1>{title}</h1>"
@@ -105,11 +105,13 @@ def write(folder: Path) -> None:
 # ---- check of a release
 
 PLATFORMS = 4
-"""Platforms of the binaries of every released FMU."""
+"""Number of platforms that every released FMU has binaries for."""
 
 
 def problems(folder: Path) -> Iterator[str]:
-    """Yield a line for everything that a release of this tree lacks or contradicts."""
+    """Yield a message for every file that a release lacks, and for every version, tag, FMU, wheel
+    or checksum that does not match this tree.
+    """
     yield from _versions()
     yield from _repository()
     for name, pattern in expected().items():
@@ -127,7 +129,9 @@ def problems(folder: Path) -> Iterator[str]:
 
 
 def expected() -> dict[str, str]:
-    """Return glob patterns of the files of a release in its folder, by the name to report."""
+    """Return the files that a release must have: glob pattern relative to its folder, by the name
+    that messages show.
+    """
     kernel = f"servicing_fmus-{version()}"
     fmus = sorted(
         p.stem for kind in ("plant", "flight") for p in (ROOT / "fmus" / kind).glob("*.c")
@@ -186,7 +190,9 @@ def _wheel(path: Path) -> Iterator[str]:
 
 
 def check(folder: Path) -> int:
-    """Print the problems of a release, or the two commands that publish it; return the status."""
+    """Print the problems of a release, or, if there are none, the two commands that publish it;
+    return the exit status.
+    """
     if found := list(problems(folder)):
         print(*(f"release: {line}" for line in found), sep="\n", file=sys.stderr)
         return 1

@@ -6,8 +6,8 @@
 A requirement is a row `| J.1-3 | The manager shall ... |` in the equations of a mission. Its id
 is in a comment above a function of fmus/ and in the marker `verifies` of a test. The command
 runs these tests with flight software that records every function that it enters, and writes the
-page. Exits with 1 if an id lacks one of these, if one names an id that does not exist, or if a
-test does not enter the function.
+page. Exits with 1 if a requirement has no such comment or no such test, if a comment or a marker
+has an id that no requirement has, or if a test does not enter the function.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ class Trace(NamedTuple):
     tests: Mapping[str, tuple[str, ...]]
 
 
-# ---- where ids stand ----
+# ---- ids in equations, code and tests ----
 def texts(root: Path = ROOT) -> dict[str, tuple[str, Path]]:
-    """Return text and file of all requirements; an id that exists twice is an error."""
+    """Return text and file of all requirements by id; raise ValueError if an id exists twice."""
     found: dict[str, tuple[str, Path]] = {}
     for path in sorted(root.glob("ssp/*/*.md")):
         for name, text in ROW.findall(path.read_text(encoding="utf-8")):
@@ -95,7 +95,9 @@ def texts(root: Path = ROOT) -> dict[str, tuple[str, Path]]:
 
 
 def code(root: Path = ROOT) -> dict[str, tuple[tuple[Path, str], ...]]:
-    """Return file and function by id; a comment that is not above a function is an error."""
+    """Return file and function by id; raise ValueError for a comment that is not directly above a
+    function.
+    """
     found: dict[str, tuple[tuple[Path, str], ...]] = {}
     for path in sorted((root / "fmus").rglob("*.[ch]")):
         text = path.read_text(encoding="utf-8")
@@ -109,7 +111,7 @@ def code(root: Path = ROOT) -> dict[str, tuple[tuple[Path, str], ...]]:
 
 
 def tests(root: Path = ROOT) -> dict[str, tuple[str, ...]]:
-    """Return the tests by id, as pytest names them without their cases."""
+    """Return by id the tests that verify it, as FILE::FUNCTION."""
     found: dict[str, tuple[str, ...]] = {}
     for path in sorted((root / "tests").rglob("test_*.py")):
         text = path.read_text(encoding="utf-8")
@@ -147,9 +149,11 @@ def gaps(t: Trace) -> Iterator[str]:
         yield f"{name}: {t.tests[name][0]} names it, and no requirement has this id"
 
 
-# ---- which functions a test enters ----
+# ---- functions that a test enters ----
 def record(folder: Path, selected: Iterable[str]) -> dict[str, set[tuple[str, str]]]:
-    """Return component and function that each test has entered; a failed test is an error."""
+    """Run the selected tests with FMUs that record every function that they enter; return by test
+    the pairs (component, function). Raise CalledProcessError if a test fails.
+    """
     build_recording(folder)
     file = folder / "functions.txt"
     file.write_text("", encoding="utf-8")
@@ -165,7 +169,9 @@ def record(folder: Path, selected: Iterable[str]) -> dict[str, set[tuple[str, st
 
 
 def build_recording(folder: Path) -> None:
-    """Build the archives of flight software whose functions call the recorder."""
+    """Build in folder/fmus the FMUs of flight software with functions that call the recorder on
+    entry. All other FMUs are links to the build.
+    """
     (folder / "fmus").mkdir(parents=True, exist_ok=True)
     (folder / "recorder.c").write_text(RECORDER, encoding="utf-8")
     headers = [*flight_rules.INCLUDE, f"-I{Path(fmpy.__file__).parent / 'c-code'}"]
@@ -187,7 +193,7 @@ def build_recording(folder: Path) -> None:
 
 
 def replace_library(archive: Path, library: Path) -> None:
-    """Replace the library of an archive, which is a link to the one of the build."""
+    """Replace an archive that is a link to an FMU of the build by a copy with another library."""
     original = archive.resolve()
     archive.unlink()
     with zipfile.ZipFile(original) as old, zipfile.ZipFile(archive, "w") as new:
@@ -197,7 +203,9 @@ def replace_library(archive: Path, library: Path) -> None:
 
 
 def entered(file: Path, folder: Path) -> dict[str, set[tuple[str, str]]]:
-    """Return component and function by test from the lines of the recorder."""
+    """Return the pairs (component, function) by test; file: lines of the recorder; folder: the
+    libraries, whose symbols give the names of the functions.
+    """
     names: dict[str, dict[int, str]] = {}
     found: dict[str, set[tuple[str, str]]] = {}
     for line in set(file.read_text(encoding="utf-8").splitlines()):
@@ -212,7 +220,9 @@ def entered(file: Path, folder: Path) -> dict[str, set[tuple[str, str]]]:
 
 
 def misses(t: Trace, reached: Mapping[str, set[tuple[str, str]]]) -> Iterator[str]:
-    """Yield the tests that do not enter a function of the requirement that they verify."""
+    """Yield a message per test that enters no function of the requirement that it verifies;
+    reached: pairs (component, function) by test.
+    """
     for name, verifying in t.tests.items():
         functions = {function for _, function in t.code.get(name, ())}
         stems = {path.stem for path, _ in t.code.get(name, ()) if path.suffix == ".c"}
@@ -226,7 +236,9 @@ def misses(t: Trace, reached: Mapping[str, set[tuple[str, str]]]) -> Iterator[st
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> bool:
-    """Make every fixture anew for each test, so that its calls count for each test."""
+    """Create every fixture anew for each test, so that the functions that a fixture calls count for
+    every test that uses it.
+    """
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     runtestprotocol(item, nextitem=None)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
@@ -235,7 +247,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> bool:
 
 # ---- the page ----
 def order(name: str) -> tuple[str, int, int]:
-    """Return the place of an id in the page."""
+    """Return the sort key of an id: (J, 1, 3) for J.1-3."""
     letter, section, number = re.split(r"[.-]", name)
     return letter, int(section), int(number)
 

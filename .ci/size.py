@@ -51,13 +51,15 @@ def lengths(text: str) -> Iterator[int]:
 
 
 def place(name: str) -> str:
-    """Return the package of a module; a module at the top of `harness/` is its own place."""
+    """Return the package of a module: `harness.results` for `harness.results.result`. A module
+    directly in `harness/` belongs to no package: return its own name.
+    """
     parts = name.split(".")
     return ".".join(parts[:2]) if parts[0] == "harness" else parts[0]
 
 
 def is_package(name: str) -> bool:
-    """Return whether a place is a package."""
+    """Return whether a dotted name that place() returned is a package, not a single module."""
     return (ROOT / name.replace(".", "/")).is_dir()
 
 
@@ -71,7 +73,9 @@ def imports(text: str) -> Iterator[str]:
 
 
 def import_levels(texts: Mapping[str, str]) -> tuple[int, int]:
-    """Return the number of packages, and the number on the longest chain of their imports."""
+    """Return the number of packages, and the number of packages on the longest chain of imports;
+    texts: source code by dotted name of the module.
+    """
     below: dict[str, set[str]] = {}
     for name, text in texts.items():
         known = (i for i in imports(text) if i.partition(".")[0] in ("harness", "ssp"))
@@ -98,7 +102,7 @@ def report(folder: str) -> str:
 
 
 def main() -> None:
-    """Print the sizes."""
+    """Print the sizes of harness/ and ssp/, and the number of packages and import levels."""
     for folder in ("harness", "ssp"):
         print(report(folder))
     texts = {

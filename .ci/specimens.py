@@ -33,7 +33,9 @@ Rows = list[tuple[Fraction | int, ...]]
 
 
 def event() -> Rows:
-    """Return time, level, count: at an edge the values before and after it."""
+    """Return the trace of `event`: rows of time, level and count. An edge has two rows, with the
+    values before and after it.
+    """
     top, stop = Fraction(5, 8), 2
     edges = [k * top for k in range(1, floor(stop / top) + 1)]
     rows: Rows = []
@@ -45,18 +47,20 @@ def event() -> Rows:
 
 
 def clock() -> Rows:
-    """Return time, ramp, held, ticks, sum after the events of an instant."""
+    """Return the trace of `clock`: rows of time, ramp, held, ticks and sum, after the events of the
+    instant.
+    """
     every, rows = Fraction(1, 2), []
     for k in range(17):
         t, ticks = k * STEP, k // 2 + 1
-        third = ticks // 3 * 3 - 1  # the last tick at which the other clock was active
+        third = ticks // 3 * 3 - 1  # last tick of the clock `third`
         total = sum(every * n for n in (third - 2, third - 1, third)) if third > 0 else 0
         rows.append((t, t, every * (ticks - 1), ticks, Fraction(total)))
     return rows
 
 
 def table() -> Rows:
-    """Return time, the elements of r, and of pair row after row."""
+    """Return the trace of `table`: rows of time, the vector r, and the matrix pair row by row."""
     vectors = [[0, "0.5", -1], [1, 2, 4], [-2, 8, "0.25"], [3, -1, 6]]
     values = [[Fraction(x) for x in vector] for vector in vectors]
     rows: Rows = []
@@ -70,7 +74,9 @@ def table() -> Rows:
 
 
 def binary() -> Rows:
-    """Return time, received, checksum with the message connected to the reply under Jacobi."""
+    """Return the trace of `binary`: rows of time, received and checksum. The output message is
+    connected to the input reply; the order is Jacobi.
+    """
     return [(k * STEP, k, sum(k - 1 + i for i in range(k))) for k in range(9)]
 
 
@@ -83,17 +89,17 @@ NAMES = {
     ),
     "binary": ("received", "checksum"),
 }
-"""Columns of a trace behind the time."""
+"""Columns of each trace after the time."""
 TRACES = {"event": event, "clock": clock, "table": table, "binary": binary}
 
 
 def trace(name: str) -> list[tuple[object, ...]]:
-    """Return the head and the rows of a trace."""
+    """Return the titles and the rows of the trace of a specimen."""
     return [("time", *NAMES[name]), *(tuple(map(float, row)) for row in TRACES[name]())]
 
 
 def limits(name: str) -> list[tuple[object, ...]]:
-    """Return trace, variable, tolerance, reason."""
+    """Return a row per variable of a specimen: trace, variable, tolerance and reason."""
     return [(name, column, 0.0, EXACT) for column in NAMES[name]]
 
 
@@ -106,7 +112,9 @@ def contents(name: str, libraries: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 def compiled(name: str) -> dict[str, bytes]:
-    """Return the libraries of all platforms by Zig if that is installed, else by cc of this one."""
+    """Return the libraries of a specimen by path below binaries/: for all platforms if Zig is
+    installed, otherwise for this platform, by cc.
+    """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         _copied(folder / "sources")

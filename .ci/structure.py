@@ -2,9 +2,9 @@
 """Structural coverage of C files: statements, branches and conditions that tests reach, from the
 counters of clang (-fcoverage-mcdc), and the checked list of those that they do not reach.
 
-Several libraries may contain a file. What one of them reaches is reached. A condition of a decision
-with several conditions is shown (MC/DC) if a pair of evaluations that differ in its value alone
-differs in the outcome of the decision.
+Several libraries may contain a file; a part of the file is reached if the tests reach it in any of
+them. A condition of a decision with several conditions is shown (MC/DC) if two evaluations differ
+in the value of this condition alone and in the outcome of the decision.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 REASONS = Path(__file__).with_name("unreached.toml")
 CODE = 0
-"""Kind of a region of the counters: code."""
+"""Number of the kind of region in llvm-cov that is code, not a macro or a skipped part."""
 
 Span = tuple[int, int, int, int]
 """First line and column, last line and column."""
@@ -24,7 +24,7 @@ Span = tuple[int, int, int, int]
 
 class Counters(NamedTuple):
     """Counters of a file: runs of each statement, outcomes true and false of each condition, and
-    which conditions of each decision are shown.
+    for each decision whether each of its conditions is shown (MC/DC).
     """
 
     statements: dict[Span, int]
@@ -32,7 +32,7 @@ class Counters(NamedTuple):
     decisions: dict[Span, tuple[bool, ...]]
 
     def reached(self) -> tuple[tuple[int, int], tuple[int, int], tuple[int, int]]:
-        """Return how many are reached, and how many there are: statements, branches, conditions."""
+        """Return three pairs (number reached, number in all): statements, branches, conditions."""
         statements = [n > 0 for n in self.statements.values()]
         branches = [n > 0 for pair in self.branches.values() for n in pair]
         conditions = [shown for decision in self.decisions.values() for shown in decision]
@@ -40,7 +40,7 @@ class Counters(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """Parts of a line of a file that tests do not reach."""
+    """Line of a file with parts that tests do not reach; line: its code; what: a text per part."""
 
     file: str
     line: str
@@ -48,14 +48,18 @@ class Missing(NamedTuple):
 
 
 def exported(library: Path, profile: Path) -> Mapping:
-    """Return the counters of a library as llvm-cov writes them; without its counters: {}."""
+    """Return the counters of a library as `llvm-cov export` prints them; {} if the profile has none
+    for this library.
+    """
     command = ["llvm-cov-19", "export", "-instr-profile", profile, library]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return json.loads(done.stdout)["data"][0] if done.stdout else {}
 
 
 def counters(exports: Iterable[Mapping], root: Path) -> dict[str, Counters]:
-    """Return the counters of all files below a folder by relative path, joined over libraries."""
+    """Return the counters of all files below `root` by path relative to it, combined over the
+    libraries; exports: counters of each library from exported().
+    """
     found: dict[str, Counters] = {}
 
     def of(name: str) -> Counters | None:
@@ -77,12 +81,12 @@ def counters(exports: Iterable[Mapping], root: Path) -> dict[str, Counters]:
 
 
 def add_statement(c: Counters, span: Span, count: int) -> None:
-    """Add the runs of a statement."""
+    """Add `count` runs of a statement to the counters of its file."""
     c.statements[span] = c.statements.get(span, 0) + count
 
 
 def add_decisions(c: Counters, file: Mapping) -> None:
-    """Add the branches and decisions of a file in one library."""
+    """Add the branches and decisions of a file, exported from one library, to its counters."""
     for *span, true, false, _, _, _ in file["branches"]:
         before = c.branches.get(tuple(span), (0, 0))
         c.branches[tuple(span)] = (before[0] + true, before[1] + false)
@@ -93,7 +97,7 @@ def add_decisions(c: Counters, file: Mapping) -> None:
 
 # ---- what is not reached ----
 def text_of(lines: Sequence[str], span: Span) -> str:
-    """Return the code of a span in one line."""
+    """Return the code of a span, joined to one line."""
     first, column, last, end = span
     part = list(lines[first - 1 : last])
     part[-1] = part[-1][: end - 1]
@@ -102,7 +106,9 @@ def text_of(lines: Sequence[str], span: Span) -> str:
 
 
 def unreached(c: Counters, lines: Sequence[str]) -> Iterator[tuple[int, str]]:
-    """Yield line number and text of everything that is not reached."""
+    """Yield line number and description of every statement, branch and condition that tests do not
+    reach; lines: the source.
+    """
     for span, count in sorted(c.statements.items()):
         if not count:
             yield span[0], f"not run: {text_of(lines, span)}"
@@ -117,7 +123,7 @@ def unreached(c: Counters, lines: Sequence[str]) -> Iterator[tuple[int, str]]:
 
 
 def missing(name: str, c: Counters, lines: Sequence[str]) -> Iterator[Missing]:
-    """Yield what is not reached, by line."""
+    """Yield a Missing per line with a part that tests do not reach; name: path of the file."""
     by_line: dict[int, dict[str, None]] = {}
     for number, text in unreached(c, lines):
         by_line.setdefault(number, {})[text] = None
@@ -127,13 +133,15 @@ def missing(name: str, c: Counters, lines: Sequence[str]) -> Iterator[Missing]:
 
 # ---- reasons ----
 def reasons(file: Path = REASONS) -> dict[Missing, str]:
-    """Return the reasons of the list."""
+    """Return the reasons that .ci/unreached.toml states for parts that tests do not reach."""
     entries = tomllib.loads(file.read_text(encoding="utf-8")).get("unreached", ())
     return {Missing(e["file"], e["line"], tuple(e["missing"])): e["reason"] for e in entries}
 
 
 def differences(found: Iterable[Missing], known: Mapping[Missing, str]) -> Iterator[str]:
-    """Yield what is not reached and has no reason, and reasons for what is reached."""
+    """Yield a message per line that is not reached and has no reason, and per reason whose parts
+    differ from the parts that tests do not reach.
+    """
     there = set(found)
     for m in sorted(there - set(known)):
         yield f"{m.file}: {m.line}\n" + "".join(f"    {what}\n" for what in m.what)

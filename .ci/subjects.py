@@ -32,16 +32,16 @@ def problems(subject: str) -> Iterator[str]:
     if len(subject) > LONGEST:
         yield f"has {len(subject)} characters, at most {LONGEST}"
     if not first[:1].isupper():
-        yield "begins with a capital"
+        yield "must begin with a capital"
     if subject.endswith("."):
-        yield "ends without a full stop"
+        yield "must end without a full stop"
     is_other_form = re.search(r"(?:[^e]ed|ing|[^s]s)$", first) and first not in VERBS
     if NO_VERB.fullmatch(first) or not first.isalpha() or is_other_form:
-        yield f"begins with an imperative verb, such as Add or Reject, not {first}"
+        yield f"must begin with an imperative verb, such as Add or Reject, not {first}"
 
 
 def committed() -> list[str]:
-    """Return the subjects of all commits after the one that added this file; [] without git."""
+    """Return the subjects of all commits after the commit that added this file; [] without git."""
     log = ["git", "-C", str(ROOT), "log", "--format=%H"]
     name = Path(__file__).relative_to(ROOT).as_posix()
     try:
@@ -53,7 +53,9 @@ def committed() -> list[str]:
 
 
 def main(*files: str) -> int:
-    """Print a line per problem; return 1 if there is any."""
+    """Check the messages in files, or without files all commits of committed(); print a line per
+    problem; return 1 if there is any, otherwise 0.
+    """
     texts = [Path(f).read_text(encoding="utf-8") for f in files]
     subjects = [text.strip().partition("\n")[0] for text in texts] if files else committed()
     found = [f"{subject!r}: {line}" for subject in subjects for line in problems(subject)]

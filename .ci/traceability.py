@@ -46,7 +46,7 @@ STC = "http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon"
 TYPE = "io.github.servicing-fmus"
 
 BEGIN = 100
-"""Macro steps of which two systems must have the same bits to share a run."""
+"""Number of first macro steps in which two systems must have the same bits to share a run."""
 
 Entry = tuple[str, str]
 """Keyword and its value."""
@@ -69,7 +69,7 @@ def srmd(name: str, data: str, content: bytes, kind: str, entries: Iterable[Entr
 
 
 def about_fmu(path: Path, rows: Sequence[Row]) -> Iterator[Entry]:
-    """Yield the entries of an FMU; rows: of all cases of `harness validate`."""
+    """Yield the entries of an FMU; rows: results of all cases of `harness validate`."""
     files = dict(sorted(read_all(path).items()))
     source = files[f"sources/{path.stem}.c"].decode()
     yield "source.equations", opening_comment(source).strip()
@@ -86,7 +86,9 @@ def about_fmu(path: Path, rows: Sequence[Row]) -> Iterator[Entry]:
 
 
 def _validated(rows: Sequence[Row]) -> str:
-    """Return a line about a case: source of the values, our differences from them, the verdict."""
+    """Return a line about a case: source of the published values, differences of the FMU from them,
+    verdict.
+    """
     shown = "; ".join(
         f"{r.quantity} {r.difference:.1g} of {r.tolerance:.1g} {r.unit}" for r in rows
     )
@@ -95,7 +97,7 @@ def _validated(rows: Sequence[Row]) -> str:
 
 
 def about_set(system: Path, params: str) -> list[Entry]:
-    """Return the entries of the run of a parameter set."""
+    """Run a system with a parameter set and return the entries about the run."""
     return list(_about_run(system, params))
 
 
@@ -119,8 +121,9 @@ def _about_run(system: Path, params: str) -> Iterator[Entry]:
 
 
 def representatives(files: Sequence[Path]) -> dict[Path, Path]:
-    """Return by system the one that is run for it: itself, or an earlier one that has the same
-    components, values and connections and begins with the same bits (FMUs of FMI 2.0 and 3.0).
+    """Return for the file of each system the file that is run instead: itself, or an earlier file
+    with the same components, values and connections whose first macro steps have the same bits
+    (as for FMUs of FMI 2.0 and 3.0).
     """
     distinct: list[tuple[Path, object]] = []
     found = {}
@@ -152,11 +155,13 @@ def _same_begin(one: Path, other: Path) -> bool:
 
 
 Map = Callable[[Callable[[Path, str], list[Entry]], Sequence[Path], Sequence[str]], Iterable[Any]]
-"""Type of map(), and of the map of a process pool."""
+"""Type of the built-in function map(), and of the method map() of a process pool."""
 
 
 def contents(folder: Path, rows: Sequence[Row], mapped: Map = map) -> dict[str, bytes]:
-    """Return the files of the archive by name."""
+    """Return the files of the archive by name; rows: results of all cases of `harness validate`;
+    mapped: map() for the runs.
+    """
     found = {}
     for kind, ending in (("fmus", ""), ("fmus3", ".fmi3")):
         for path in sorted((folder / kind).glob("*.fmu")):

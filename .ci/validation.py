@@ -29,7 +29,7 @@ has a page per source with the differences over time.
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Return the page."""
+    """Return the page docs/validation.md; rows: results of all cases."""
     lines = ["| case | what it tests | made by | differences (tolerances) |", "|---|---|---|---|"]
     for name, group in groupby(rows, key=lambda row: row.case):
         of = list(group)
@@ -42,7 +42,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def main(page: Path) -> int:
-    """Run the cases and write the page."""
+    """Run the cases and write the page; return the exit status."""
     rows = validate()
     print(table(rows))
     page.write_text(markdown(rows), encoding="utf-8")

@@ -28,7 +28,7 @@ from text import ROOT, relinked
 
 EXAMPLES = ROOT / "examples"
 WEIGHT = 4
-"""Weight in the search of pages for users; the others have 1."""
+"""Weight of pages for users in the search of the site; other pages have 1."""
 FILES = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
@@ -50,7 +50,7 @@ def homes() -> dict[str, str]:
 
 
 def scripts() -> list[Path]:
-    """Return the examples that a page shows."""
+    """Return the files in examples/ that get a page of their own."""
     return [p for p in sorted(EXAMPLES.iterdir()) if p.suffix in {".py", ".c", ".ipynb", ".toml"}]
 
 
@@ -78,8 +78,8 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
 
 
 def sought(page: str, text: str) -> str:
-    """Return a page with a larger weight in the search if it answers a question of a user: the
-    generated reference and the decisions have the same words more often.
+    """Return a page, with a larger weight in the search if it answers questions of users: reference
+    pages and decisions repeat the same words more often and would come first.
     """
     answers = page.startswith("how_to/") or "/" not in page
     return f"---\nsearch:\n  boost: {WEIGHT}\n---\n{text}" if answers else text
@@ -104,7 +104,9 @@ def write(folder: Path, facts: Mapping[str, Any]) -> None:
 
 
 def collect(folder: Path, target: str) -> None:
-    """Run what the pages show, or what they quote, and store the results."""
+    """Run the cases and missions that pages show (target `--facts`) or the runs whose values pages
+    quote (`--quoted`), and store the results in a JSON file in the folder.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     if target == "--facts":
         found = {"validation": validation.facts(), "missions": missions.facts(folder)}
@@ -115,7 +117,9 @@ def collect(folder: Path, target: str) -> None:
 
 
 def main(facts: Path, target: str) -> None:
-    """Collect facts, or write the pages."""
+    """Collect facts, fill quoted values into pages, or write the pages of the site into the folder
+    `target`; facts: folder of the collected facts.
+    """
     if target in {"--facts", "--quoted"}:
         collect(facts, target)
         return

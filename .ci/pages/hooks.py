@@ -8,7 +8,7 @@ from typing import Any
 
 
 def on_config(config: Any) -> Any:
-    """Expand the navigation of the configuration; mkdocs calls this."""
+    """Expand "folder/*.md" in the navigation of the configuration; mkdocs calls this function."""
     config["nav"] = _expanded(config["nav"], Path(config["docs_dir"]))
     return config
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Keys of both TOML files with their meanings; a test compares them with the code."""
+"""Pages on the keys of system files and campaign files (TOML), with the meaning of each key. A test
+compares the keys with the code.
+"""
 
 from __future__ import annotations
 
@@ -178,7 +180,7 @@ CAMPAIGN_TEXT = """A campaign file names the system, the varied values and the r
 
 
 def page(title: str, keys: Keys, text: str) -> str:
-    """Return a page with a table per table of the file."""
+    """Return a page with a table of keys for every table of the TOML file."""
     parts = [f"# {title}\n", text]
     for name, entries in keys.items():
         heading = "Top level" if not name else f"`[{name}]`"

@@ -33,12 +33,12 @@ def names() -> list[str]:
 LIVE = "live"
 """Folder of the pages that run their system in the browser."""
 MOST_BYTES = 32e6
-"""Largest size of the recorded values in such a page."""
+"""Largest size of the recorded values in a page that runs its system in the browser [bytes]."""
 
 
 def facts(folder: Path) -> dict[str, Any]:
-    """Run the cases that the papers describe. Return by mission the verdicts of claims and
-    requirements, and for the first run its figures and the page that runs in the browser.
+    """Run the cases that the papers describe. Return by mission a record per run: verdicts of
+    claims and requirements; in the first record also figures, live page and lesson.
     """
     found = {name: [_run(case, folder / "figures" if not i else None, name)
                     for i, case in enumerate(_cases(name))]
@@ -51,8 +51,8 @@ def facts(folder: Path) -> dict[str, Any]:
 
 
 def live(name: str, folder: Path, lesson: Path | None = None) -> str:
-    """Write the page in which a mission can be run again, with the exercises of a lesson; return
-    the name of its file, "" without the compiler of the extra `live`.
+    """Write the live page of a mission, with the exercises if a lesson is given. Return the name of
+    its file, or "" if the compiler of the extra `live` is not installed.
     """
     import importlib.util
 
@@ -101,7 +101,7 @@ def lessons(runs: Mapping[str, Any]) -> str:
 
 
 ORDER = ("sync_approach", "ppc_tracking", "space_robot", "transposition", "relay_approach")
-"""Lessons in the order of the works."""
+"""Missions with a lesson, in the order of the page that lists the lessons."""
 
 
 def _cases(name: str) -> list[Any]:
@@ -167,7 +167,9 @@ MOST_FIGURES = 12
 
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
-    """Yield the pages and diagrams."""
+    """Yield path and content of the pages and diagrams; facts: contents of facts.json; parts: page
+    of each part of the equations by the letter of the part.
+    """
     from harness.figures.diagram import painted
     from harness.ssp.library import load
 
@@ -230,12 +232,12 @@ def _verdicts(run: Mapping[str, Any]) -> Iterator[str]:
 
 
 def claims(facts: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of claims that pages quote, by name, from runs of the missions' systems."""
+    """Return the tables of claims that pages quote, by name; facts: records of runs by mission."""
     return {f"claims_{name}": _claims(name, facts[name]) for name in claiming() if name in facts}
 
 
 def claiming() -> list[str]:
-    """Return the missions with a paper whose case is a system of their own."""
+    """Return the missions with a paper whose case is a system in the folder of the mission."""
     return [name for name in names() if any(c.system in _own(name) for c in _papers(name))]
 
 
@@ -289,7 +291,9 @@ def _rate(component: Any) -> str:
 
 
 def equations() -> dict[str, tuple[str, str]]:
-    """Return file in the repository and page of the site by letter of docs/models.md."""
+    """Return for each part of the equations, by its letter in docs/models.md, the file in the
+    repository and the page of the site.
+    """
     text = (ROOT / "docs/models.md").read_text(encoding="utf-8")
     found = re.findall(
         r"^\| ([A-Z](?:\.\d+)?) \| \[[^\]]*\]\(\.\./(ssp/(\w+)/(\w+)\.md)\)", text, re.M

@@ -24,7 +24,9 @@ MODELS = re.compile(r"docs/models\.md ([A-N])\b(\.\d+)?")
 
 
 def writer(name: str) -> Any:
-    """Import a module of fmus/core/build, which writes the page in the .fmu."""
+    """Import a module of fmus/core/build, the package that also writes the documentation page
+    inside each .fmu, and return the module.
+    """
     folder = str(ROOT / "fmus/core/build")
     sys.path.insert(0, folder)
     try:

@@ -18,7 +18,7 @@ managers: `CITATION.cff`. The printed papers contain errors; each part of
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """Yield the page."""
+    """Yield path and text of the page."""
     import yaml
 
     file = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))

@@ -66,7 +66,7 @@ def fill(values: Mapping[str, str]) -> None:
 
 
 def closest_approach() -> str:
-    """Return by how much the case of the paper violates its safe distance of 4 m."""
+    """Return the length by which the case of the paper violates its safe distance of 4 m [mm]."""
     from harness import run
 
     least = run("sync_approach")["guidance.range"].min()
@@ -74,7 +74,7 @@ def closest_approach() -> str:
 
 
 def mass_effect() -> str:
-    """Return the size of the effect that the campaign of the tutorial finds."""
+    """Run the campaign of the tutorial and return the effect of the mass on the cost, as text."""
     toml = re.search(r"^```toml\n(.*?)^```", (ROOT / "docs/tutorial.md").read_text(), re.M | re.S)
     with TemporaryDirectory() as folder:
         (Path(folder) / "mass.toml").write_text(toml[1] if toml else "")
@@ -100,7 +100,7 @@ def new_controller() -> str:
 
 
 def energy_per_step() -> str:
-    """Return the table of examples/stiff_contact.py."""
+    """Return the table that examples/stiff_contact.py prints, as Markdown."""
     with TemporaryDirectory() as folder:
         lines = _printed(str(ROOT / "examples/stiff_contact.py"), cwd=folder).splitlines()
     titles, *rows = (re.split(r" {2,}", line.strip()) for line in lines)

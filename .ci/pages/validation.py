@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages of the published cases, one per family of sources, with plots of our differences."""
+"""Pages of the validation cases, one per family of sources, with plots of the differences between
+the FMUs and published values.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ TITLES = {
 
 
 def facts() -> list[dict[str, Any]]:
-    """Run every case; return their differences over time."""
+    """Run every case; return a description of each case with its differences over time."""
     families = {
         case.id: path.stem for path in sorted(FOLDER.glob("*.json")) for case in _of(path.stem)
     }

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tables of runs in the pages of the missions, one module per page.
 
-A row is a run, given by the text behind `harness run`. A column is a metric of `harness compare`,
-an expression over the results or a function of a result. VALUES of a module are its tables by name.
+A row is a run, given by the text after `harness run` on the command line. A column is a metric of
+`harness compare`, an expression over the results or a function of a result. VALUES of each module
+has the functions that return a table as text, by the name under which pages quote the table.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ for one, kind in (("params", str), ("algorithm", str), ("stop", float), ("step",
     OPTIONS.add_argument(f"--{one}", type=kind)
 OPTIONS.add_argument("--every", type=int)
 HELD = 4
-"""Results in memory, for the tables that share them; the result of a mission takes 250 MB."""
+"""Number of results that stay in memory, because several tables use the same run; the result of a
+mission takes 250 MB.
+"""
 
 
 class Column(NamedTuple):
@@ -47,9 +50,9 @@ class Column(NamedTuple):
 def of_runs(
     head: str, runs: Mapping[str, str], columns: Sequence[Column], across: bool = False
 ) -> str:
-    """Return a table with a row per run; across: with a column per run.
+    """Return a table with a row per run, or a column per run if `across` is true.
 
-    head: title of the first column; runs: first cell of a row and command behind `harness run`.
+    head: title of the first column; runs: text after `harness run`, by first cell of the row.
     """
     lines = [
         [name, *(cell(c, result_of(command)) for c in columns)] for name, command in runs.items()
@@ -74,7 +77,7 @@ def result_of(command: str) -> Any:
 
 
 def options(command: str) -> dict[str, Any]:
-    """Return the arguments of harness.run() for the text behind `harness run`."""
+    """Return the arguments of harness.run() for the text after `harness run`."""
     return {k: v for k, v in vars(OPTIONS.parse_args(shlex.split(command))).items() if v}
 
 

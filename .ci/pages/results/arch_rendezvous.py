@@ -13,7 +13,7 @@ INSTANCES = {
     "SRA06": ("230 to 240", "safe"), "SRA07": ("50 to 150", "safe"),
     "SRA08": ("0 to 240", "safe"), "SRU01": ("260", "unsafe"), "SRU02": ("0 to 260", "unsafe"),
 }  # fmt: skip
-"""Abort [min] and verdict as published."""
+"""Time of the abort [min] and published verdict, by instance of the benchmark."""
 
 
 def box(result: Any) -> tuple[float, ...]:

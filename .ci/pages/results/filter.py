@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Safety filter: none, simplex and least change, under several controllers and under one that aims
-at the target.
+"""Tables of the safety filter: no filter, simplex filters and least change, behind several
+controllers and with a guidance that aims at the target.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import numpy as np
 from results import Column, of_runs
 
 FILTERS = ("none", "explicit simplex", "implicit simplex", "least change")
-"""By the value of filter.filter."""
+"""Names of the filters by the value of the parameter `filter.filter`, 0 to 3."""
 CONTROLLERS = ("ppc_controller", "pid_controller", "theta_d_controller", "adaptive_controller")
 AIMING = "sync_approach_thrusters_filtered --set guidance.rho_M=0.5 --set guidance.beta=0.05"
 SPHERE = 3.9
-"""Radius of the sphere of that system [m]."""
+"""Radius of the keep-out sphere in the system of AIMING [m]."""
 WORK = [
     Column("changed [%]", "filter changes", "{:.1f}"),
     Column("impulse of the change [N s]", "filter impulse", "{:.3g}"),

@@ -30,7 +30,9 @@ LATE = "ppc_tracking_notched --swap servicer=flexible_servicer --latency control
 WINGS = (3.0, 4.0, 5.5)
 """Frequencies of a wing on a held hub [Hz]."""
 TURNING, SHIFTING = 1.3427, 1.0687
-"""Free antisymmetric and symmetric mode of two such wings, over that frequency (L.4)."""
+"""Frequencies of the free antisymmetric and symmetric modes of two wings, divided by the frequency
+of a wing on a held hub (L.4).
+"""
 VIBRATION = [
     Column("wings, largest [mrad]", "panel angle", "{:.2g}"),
     Column("in the last fifth [mrad]", "residual vibration", "{:.2g}"),

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Servicing mission: events on estimates and by the arm; the claims contain the events on truth."""
+"""Tables of the servicing mission: events of the runs on estimates and by the arm, velocity
+increments, parameter sets, aborts. The events of the run on truth are claims.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ RUNS = {"on estimates": ESTIMATES, "by arm": "servicing_mission_by_arm --every 1
 ZONE = 12.0
 """Radius of the keep-out zone of the mission [m]."""
 LISTED = 6
-"""Largest number of phases that are shown of the end of a run."""
+"""Largest number of phases that the end of a run is shown with."""
 PHASES = {
     "100 to 20 m": "closing",
     "fly-around": "fly-around",
@@ -27,7 +29,7 @@ PHASES = {
 
 
 def event(name: str) -> Column:
-    """Return the column of an event, with its value in the table of events."""
+    """Return the column with the value of an event; name: claim of the mission about the event."""
 
     def evaluate(result: Any) -> str:
         from ssp.servicing_mission.claims import CLAIMS
@@ -75,7 +77,7 @@ def ending(result: Any) -> str:
 
 
 def used(result: Any) -> float:
-    """Return the velocity increments of the whole mission [m/s]."""
+    """Return the sum of the velocity increments of the whole mission [m/s]."""
     from ssp.servicing_mission.events import increments
 
     return float(increments(result)[-1])
@@ -87,7 +89,7 @@ INCREMENTS = {
     for law, params in (("laws of J.7", ""), ("`optimal`", " --params optimal"))
 }
 SPENDING = ("far", "closing", "fly-around", "final")
-"""Phases that are listed one by one."""
+"""Phases with a row of their own in the table of velocity increments."""
 
 
 def spent(phase: str) -> Callable[[Any], float]:
@@ -114,7 +116,9 @@ def spending() -> str:
 
 
 def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
-    """Return a function for the table of how the runs of parameter sets end."""
+    """Return a function for the table of parameter sets: how each run ends, its least range and its
+    velocity increments.
+    """
     runs = {f"`{name}`": f"{system} --params {name} --every 10" for name in names}
     columns = [
         Column("ends", ending),
@@ -130,8 +134,8 @@ def shown(least: float, inside: float) -> str:
 
 
 def instants() -> str:
-    """Return a table by phase of what a drift of an hour does that begins at every 10 s of the
-    mission on truth: without a burn, and after both aborts.
+    """Return a table by phase of the least ranges of drifts of an hour, one of which begins every
+    10 s of the mission on truth: without a burn, and after the burn of each kind of abort.
     """
     from ssp.servicing_mission import escapes
 

@@ -52,7 +52,7 @@ def by_scheme() -> str:
 
 
 def steps() -> str:
-    """Return peaks and rotations of the plan from step to step, as text."""
+    """Return peak of the momentum and rotation after each iteration of the plan, as text."""
     result = result_of("transposition --params ideal")
     n = int(result["guidance.iterations"][-1]) + 1
     peaks = ", ".join(f"{peak:.0f}" for peak in result["guidance.peak"][-1][:n])
