@@ -121,7 +121,7 @@ typedef struct {
     ROW_OF(OUTPUT_ROW, y, #member, member, 1, "1", text, NONNEGATIVE_VALUE, PLAIN_ROW, names)
 #define MODE_INPUT(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, PLAIN_ROW, names)
-/* -1 may mean that nothing is commanded */
+/* number of a mode at an input that may stay unconnected; -1 may mean that nothing is commanded */
 #define OPTIONAL_MODE(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, OPTIONAL_ROW, names)
 #define ANGLE_OUTPUT(member, text) \

@@ -28,9 +28,9 @@ typedef struct {
 typedef struct {
     const char *prefix; /* "component." */
     const ModelInterface *model;
-    size_t head, tail; /* first doubles of head and tail */
-    Copies driven;     /* inputs from published outputs */
-    Copies late;       /* outputs published late: to their published places */
+    size_t head, tail; /* index of the first double of head and tail in the memory */
+    Copies driven;     /* to the inputs of the part, from published outputs of other parts */
+    Copies late;       /* to the published places of its outputs with latency, from the tail */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)
@@ -101,7 +101,7 @@ static inline bool outputs_differ(const ModelInterface *model, const double whol
     return false;
 }
 
-/* true if an output has changed */
+/* evaluates the first outputs of a part; true if an output has changed */
 static inline bool evaluate_outputs(const Part *part, double m[], double work[], double t)
 {
     assemble_part(part, m, work);
@@ -121,7 +121,7 @@ static inline bool satisfies_rules(const Part *part, const double m[])
            satisfy_rows(model, OUTPUT_ROW, m + part->tail, head_count(model));
 }
 
-/* start values for driven inputs, zeros for states and outputs */
+/* sets driven inputs to their start values, states and outputs to zero */
 static inline void reset_part(const Part *part, double m[])
 {
     const double *start = part->model->start;
@@ -131,8 +131,8 @@ static inline void reset_part(const Part *part, double m[])
     memset(m + part->tail, 0, tail_count(part->model) * sizeof *m);
 }
 
-/* true if the outputs have converged; work: space for the largest part and its workspace; stale:
- * one element per part */
+/* initializes all parts; false: the outputs have not converged; work: space for the largest part
+ * and its workspace; stale: an element per part, true if the part must be evaluated again */
 static inline bool initialize_parts(const Part *parts, size_t count, bool stale[], double m[],
                                     double work[], double t)
 {

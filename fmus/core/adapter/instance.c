@@ -185,9 +185,10 @@ static void evaluate_first_outputs(const Instance *instance, void *model)
     fmu_model.initialize(model, instance->now.start);
 }
 
-/* Some masters begin with zeros for all inputs. Where these give no valid outputs, the first
- * outputs follow from the start values of the inputs that are zero; the first step needs the
- * values. False: no input lacks a value, or the outputs are not valid either. */
+/* Some masters begin with zeros for all inputs. Where zeros give no valid outputs, the first
+ * outputs are computed with the start values of the inputs that are zero; before the first step the
+ * master must set these inputs. False: no input lacks a value, or the outputs are not valid with
+ * start values either. */
 RARE static bool initialize_without_inputs(const Instance *instance, void *model)
 {
     char text[NAME_SIZE + 120];

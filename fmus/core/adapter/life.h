@@ -174,7 +174,7 @@ static inline bool take_step(Instance *instance, const char *function, double t,
     return true;
 }
 
-/* the step as several macro steps */
+/* takes a communication step of a fused system as several macro steps; false: a step has failed */
 static inline bool take_macro_steps(Instance *instance, const char *function, double t, double h)
 {
     const double macro = fmu_model.macro_step(instance->model), steps = nearest_whole(h / macro);

@@ -85,8 +85,10 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
 }
 
 enum { MOST_HALVINGS = 16 };
-static const double agreement = 1e-6;  /* of two estimates, relative to the largest of the row */
-static const double clear_bend = 1e-3; /* of the slopes of both sides, likewise relative */
+/* relative to the largest slope of the row: largest difference of two estimates that agree, and
+ * least difference of the slopes of both sides that counts as a kink */
+static const double agreement = 1e-6;
+static const double clear_bend = 1e-3;
 
 /* differences of an unknown over a distance along the seed */
 typedef struct {
@@ -96,8 +98,8 @@ typedef struct {
     double rounding;       /* rounding error to expect in a slope: 64 units in the last place */
 } Slope;
 
-/* what is known of the derivative of an unknown; best: the estimate that a halving of the distance
- * has changed least */
+/* derivative of an unknown while it is found; best: the estimate that a halving of the distance has
+ * changed least */
 typedef struct {
     double value, first_bend, estimate, best, least_change;
     Slope slope, wider; /* at the shortest distance and at twice this distance */
@@ -134,8 +136,8 @@ static bool measure_slopes(const Instance *instance, const Direction *d, double 
     return true;
 }
 
-/* true if the slopes of both sides differ by the same at all distances; the bend of a curvature
- * shrinks with the distance, a bend of rounding errors grows */
+/* true if the slopes of both sides differ by the same amount at all distances; a difference that a
+ * curvature causes shrinks with the distance, a difference by rounding errors grows */
 static bool has_kink(const Derivative *f)
 {
     const double bend = fabs(f->slope.bend);
@@ -156,7 +158,7 @@ static void settle(Derivative *f, int halvings)
         f->best = f->estimate;
     }
     f->settled = change <= larger(agreement * f->slope.largest, f->slope.rounding) && !has_kink(f);
-    if (f->settled) f->best = before; /* of the longer distance: less rounding */
+    if (f->settled) f->best = before; /* estimate of the longer distance: less rounding */
 }
 
 RARE static void report_one_side(const Instance *instance, const Direction *d, size_t i)

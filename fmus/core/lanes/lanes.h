@@ -30,7 +30,7 @@
 #define OPAQUE noipa
 #endif
 
-/* the functions of one double: lane by lane in the functions with tables and integers */
+/* functions of one double, which functions with tables and integers call for each lane */
 namespace scalar
 {
 #include "scalar/portable_math.h"
@@ -53,12 +53,12 @@ typedef int64_t Answers __attribute__((vector_size(8 * WIDTH))); /* -1: true, 0:
 
 /* ---- answers that differ ---- */
 struct Split {
-    jmp_buf place; /* where the function began */
+    jmp_buf place; /* in performed(), before the call of the function */
     int answer;    /* bits of the lanes with a true answer */
-    Split *outer;
+    Split *outer;  /* Split of the function that called this function */
 };
-inline Split *present; /* of the function that is being performed */
-inline jmp_buf again;  /* where runs.h repeats macro steps, for a step that was not saved */
+inline Split *present; /* Split of the function that is being performed */
+inline jmp_buf again;  /* in runs.h: repeats macro steps if a component splits that is not saved */
 inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter */
 
 [[noreturn]] __attribute__((noinline, cold)) inline void split(int answer)
@@ -67,8 +67,8 @@ inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter *
     longjmp(present->place, 1);
 }
 
-/* performs a function; false: it was left because active lanes differ in here->answer. Only this
- * function returns twice, and no optimization looks into it. */
+/* performs a function; false: the function was left because active lanes differ in here->answer.
+ * Only performed() returns twice (setjmp), and no optimization looks into it. */
 __attribute__((OPAQUE)) inline bool performed(Split *here, void (*function)(void *), void *given)
 {
     here->outer = present;
@@ -235,7 +235,7 @@ INLINE T blend(Mask m, T a, T b)
     return a;
 }
 
-/* one of two whole numbers, as a vector or as one number */
+/* c ? a : b for whole numbers a and b, as a vector or, if all lanes agree, as one number */
 template <class N> struct Whole {
     Mask c;
     N a, b;
@@ -263,7 +263,7 @@ template <class A, class B> constexpr auto common(int)
     else return std::type_identity<std::common_type_t<A, B>>();
 }
 
-/* only the values that a lane takes are computed */
+/* c ? a() : b(); a function whose value no active lane takes is not called */
 template <class T, class A, class B> INLINE T chosen(Mask c, A a, B b)
 {
     if constexpr (is_blended<T>()) {
@@ -299,7 +299,7 @@ template <class C, class A, class B> INLINE auto choose(C c, A a, B b)
         return c ? T(a()) : T(b());
     }
 }
-/* the value of a function that returns a() if c holds */
+/* c ? a() : b() as a T, for the `return` of a function with the type T */
 template <class T, class C, class A, class B> INLINE T choose_as(C c, A a, B b)
 {
     if constexpr (Answer<C>) return chosen<T>(Mask(c), a, b);
@@ -406,7 +406,7 @@ inline SineCosine sine_and_cosine(Vector x)
 inline Vector sine(Vector x) { return sine_and_cosine(x).s; }
 inline Vector cosine(Vector x) { return sine_and_cosine(x).c; }
 
-/* structs with designators */
+/* a struct literal with designators: assign() sets the members that the literal names */
 template <class F> struct Made {
     F assign;
     template <class T> operator T() const
@@ -496,7 +496,7 @@ inline vec3 symmetric_uniforms(const Draws *d, unsigned j)
 }
 #endif
 
-/* ---- lanes apart ---- */
+/* ---- functions performed apart for the lanes of each answer ---- */
 namespace lanes
 {
 inline Answers answers_of(int bits)
@@ -506,8 +506,8 @@ inline Answers answers_of(int bits)
     return all;
 }
 
-/* The value of a function that writes nothing. Where lanes differ in an answer, it is performed for
- * the lanes of each answer; the values of the other lanes are not used. */
+/* Returns the value of a function that writes nothing. Where lanes differ in an answer, the
+ * function is performed once for the lanes of each answer, and both values are blended. */
 template <class T, class F> T performed_apart(const F &function);
 template <class T, class F> INLINE T apart(F function)
 {
@@ -535,8 +535,8 @@ template <class T, class F> T performed_apart(const F &function)
     return blend(answers_of(here.answer), first, second);
 }
 
-/* Performs a function for the active lanes, for the lanes of each answer where they differ in one;
- * x: all that it writes. Returns whether they differed. */
+/* Performs a function for the active lanes: once, or once for the lanes of each answer where lanes
+ * differ in an answer. x: all that the function writes. Returns whether lanes differed. */
 template <class F, class... X> bool perform_apart(const F &function, X *...x)
 {
     const std::tuple<X...> before(*x...);
@@ -556,7 +556,7 @@ template <class F, class... X> bool perform_apart(const F &function, X *...x)
     return true;
 }
 
-/* the same for some of the active lanes; for the others nothing changes */
+/* perform_apart() for the active lanes in `some`; x does not change in the other lanes */
 template <class F, class... X> void perform_for(int some, const F &function, X *...x)
 {
     const std::tuple<X...> before(*x...);
@@ -567,8 +567,8 @@ template <class F, class... X> void perform_for(int some, const F &function, X *
     ((*x = blend(answers_of(some), *x, std::get<X>(before))), ...);
 }
 
-/* states and outputs, of which the model declares single_object(): there is no array behind a
- * pointer to them */
+/* pointer to one struct, not into an array: a model declares single_object() for its states and
+ * outputs */
 template <class T>
 concept Single = requires(T pointer) { single_object(pointer); };
 template <class T>
@@ -607,7 +607,7 @@ void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *split
 }
 
 /* ---- checks ---- */
-inline int not_finite; /* bits of the lanes with such a state or output in this macro step */
+inline int not_finite; /* bits of the lanes with a state or output that is not finite, now */
 
 inline Mask all_of(const Vector *x, size_t count)
 {

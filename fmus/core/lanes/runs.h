@@ -9,12 +9,12 @@
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
-#define STRETCH 64 /* macro steps that are repeated at most */
+#define STRETCH 64 /* largest number of macro steps that are repeated */
 
 using lanes::Mask;
 using lanes::Vector;
 
-/* output with a rule besides being finite */
+/* output with a rule in addition to being finite */
 typedef struct {
     const Vector *x;
     double low, high;
@@ -23,7 +23,7 @@ typedef struct {
 
 struct Work {
     Vector memory[scalar::SIZE];
-    Vector saved[scalar::SIZE]; /* before the macro steps that may be repeated */
+    Vector saved[scalar::SIZE]; /* memory before the macro steps that may be repeated */
     int64_t saved_done, saved_lost;
     double saved_now;
     Ruled ruled[2 * scalar::SIZE];
@@ -36,8 +36,8 @@ typedef struct {
     int64_t every, steps;            /* a row after every N-th macro step, and after all */
     int64_t count;                   /* runs, at most WIDTH */
     size_t columns;                  /* recorded outputs */
-    const unsigned *reference;       /* by their value references */
-    scalar::Snapshot *const *states; /* of every run: loaded by begin(), stored by end() */
+    const unsigned *reference;       /* value references of the recorded outputs */
+    scalar::Snapshot *const *states; /* a state per run: loaded by begin(), stored by end() */
     double *const *tables;           /* recorded rows of every run */
     int64_t done, lost;              /* macro steps completed; bits of the lost runs */
     double now;                      /* s; time of all runs */
@@ -151,7 +151,7 @@ static void perform(Runs *r, int64_t last)
     }
 }
 
-/* false: the macro steps have to be repeated, see lanes.h */
+/* performs macro steps; false: they have to be repeated, see step_in_lanes() in lanes.h */
 __attribute__((OPAQUE)) static bool performed(Runs *r, int64_t last)
 {
     if (setjmp(lanes::again)) return false;
@@ -159,7 +159,7 @@ __attribute__((OPAQUE)) static bool performed(Runs *r, int64_t last)
     return true;
 }
 
-/* macro steps up to `last`, or until all runs are lost */
+/* performs macro steps until `last` of them are completed, or until all runs are lost */
 EXPORT void advance(Runs *r, int64_t last)
 {
     activate(r);

@@ -17,7 +17,8 @@
 typedef struct {
     ValueType type;
     fmi2ValueReference reference;
-    bool pending, read, valid; /* pending: to be sent; read: once; valid: as on the board */
+    /* pending: set, not yet sent; read: read at least once; valid: the value equals the board's */
+    bool pending, read, valid;
     double real;
     fmi2Integer integer;
 } Entry;

@@ -23,8 +23,8 @@ static unsigned hold_outputs(Link *l)
     return fmi2OK;
 }
 
-/* waits for the answer until the deadline, and then, as configured, longer, holds the outputs, or
- * fails */
+/* waits for the answer until the deadline; if it is late, waits longer, holds the outputs, or
+ * fails, as configured */
 static unsigned wait_for_step(Link *l)
 {
     Client *c = &l->client;

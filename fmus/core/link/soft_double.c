@@ -83,8 +83,8 @@ static uint64_t normalised(uint32_t head, uint64_t m)
     return rounded(head - places * ONE, m << places, 0);
 }
 
-/* m >= n; if their exponents differ by two or more, the difference loses at most one place;
- * otherwise the rest has at most one bit */
+/* m - n for m >= n; if their exponents differ by two or more, the difference loses at most one
+ * place; otherwise the rest has at most one bit */
 static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
 {
     m -= n.whole + (n.rest != 0);
@@ -96,8 +96,8 @@ static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
     return normalised(head - ONE, m);
 }
 
-/* NaN, infinite, or the smaller number zero; not inlined, because its registers would cost time in
- * all other cases */
+/* sum where a number is NaN or infinite, or the smaller number is zero; not inlined, because its
+ * registers would cost time in all other cases */
 static __attribute__((noinline)) uint64_t special_sum(uint64_t a, uint64_t b)
 {
     uint64_t size_a = a & ~SIGN, size_b = b & ~SIGN;

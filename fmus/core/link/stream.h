@@ -13,7 +13,7 @@ enum { REASON_SIZE = 1600 };
 typedef struct {
     int in, out;              /* equal for sockets and serial lines */
     int life, lock;           /* files of an emulator, see processor.c; -1: none */
-    pid_t supervisor;         /* process that ends the emulator; 0: of another link */
+    pid_t supervisor;         /* process that ends the emulator; 0: another link started it */
     char folder[PATH_SIZE];   /* folder of the pipes */
     char reason[REASON_SIZE]; /* reason of the last failure */
 } Stream;

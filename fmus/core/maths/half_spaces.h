@@ -12,12 +12,12 @@
 #include "vec3.h"
 
 enum { MOST_ROWS = 26, ALL_SATISFIED = -1 };
-#define END_OF_LINE 1e30 /* in both directions */
+#define END_OF_LINE 1e30 /* where a line ends, in both directions */
 
 typedef struct {
     vec3 n; /* unit vector */
     double c, rule, failed;
-} Row; /* rule: what the half space is for; failed: it has been relaxed */
+} Row; /* half space n.u >= c; rule: number of its safety rule; failed: 1 after it was relaxed */
 typedef struct {
     Row row[MOST_ROWS];
     int count;
@@ -25,7 +25,8 @@ typedef struct {
 
 static inline int excludes(const Row *r, vec3 u, double tol) { return dot(r->n, u) < r->c - tol; }
 
-/* point of the line nearest to `from` that the first rows leave; 0: they leave none */
+/* the point nearest to `from` on the line through it along `along` that satisfies the first
+ * `before` rows; returns 0 if no point does */
 static inline int nearest_on_line(const Row row[], int before, vec3 from, vec3 along, double tol,
                                   vec3 *u)
 {
@@ -42,7 +43,8 @@ static inline int nearest_on_line(const Row row[], int before, vec3 from, vec3 a
     return 1;
 }
 
-/* point of the plane of row `before` nearest to u_0 that the rows before it leave; 0: none */
+/* the point nearest to u_0 on the plane of row `before` that satisfies all rows before it; returns
+ * 0 if no point does */
 static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double tol, vec3 *u)
 {
     vec3 n = row[before].n, p = add(u_0, scale(row[before].c - dot(n, u_0), n));
@@ -58,8 +60,8 @@ static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double
     return 1;
 }
 
-/* (21): the point nearest to u_0 in the first `number` rows. Returns ALL_SATISFIED, or the index of the
- * first row that the rows before it exclude. */
+/* (21): the point nearest to u_0 that satisfies the first `number` rows. Returns ALL_SATISFIED, or
+ * the index of the first row that no point satisfies together with the rows before it. */
 static inline int nearest_point(const Row row[], int number, vec3 u_0, double tol, vec3 *u)
 {
     *u = u_0;

@@ -26,15 +26,15 @@ enum { NODES = 60 };
 typedef struct {
     mat3 C;            /* N axes to servicer axes */
     vec3 a;            /* axis of the cone */
-    double tangent, o; /* of the cone; what it is opened by at the apex */
+    double tangent, o; /* tangent of the half angle of the cone; its radius at the apex */
     vec3 n;            /* normal of the slab, or centre of the ball */
     double low, high;  /* of the slab; high: radius of the ball */
     double has_ball;   /* 1: ball, 0: slab */
     vec3 place;        /* of the goal */
     vec3 v_centre;     /* of the speed limit */
     double v_max;
-    vec3 p_free, v_free; /* without force */
-} Node;                  /* of one node, in units of a solve */
+    vec3 p_free, v_free; /* motion without force, at the end of the node */
+} Node;                  /* data of one node, in units of a solve: p/T^2, v/T */
 
 typedef struct {
     Node node[NODES];
@@ -52,7 +52,8 @@ typedef struct {
     vec3 p[NODES]; /* path of the last iteration */
 } Iterates;
 
-/* squares of the largest distances, and numbers of nodes, of the last iteration */
+/* of the last iteration: squares of the largest residuals and of the largest changes, numbers of
+ * nodes where box, cone or slab limit the path */
 typedef struct {
     double residual_p, residual_u, change_p, change_u;
     double count_box, count_cone, count_slab;
@@ -169,7 +170,7 @@ static inline void sweep(const Problem *b, const Iterates *it, const Gains *g, i
     }
 }
 
-/* (12) at one node; f: measured, or NULL */
+/* (12) of the acceleration at one node; f: progress to update, or NULL */
 static inline void project_u(const Problem *b, int k, vec3 u, Split *s, Progress *f)
 {
     int near;
@@ -181,7 +182,7 @@ static inline void project_u(const Problem *b, int k, vec3 u, Split *s, Progress
     f->change_u = larger(f->change_u, square(sub(s->z, before)));
 }
 
-/* (12) of a position: s, projected from x to z; returns whether the projection moved it */
+/* (12) of a position p whose relaxed value x is projected to z; returns whether z differs from x */
 static inline int project_position(vec3 p, vec3 x, vec3 z, Split *s, Progress *f)
 {
     vec3 before = s->z;

@@ -78,8 +78,8 @@ static inline void add_contact(const Port *p, double d, vec3 n, vec3 u, PortLoad
     y->touches = 1;
 }
 
-/* the material is the disc r < face_radius, x < 0 without the cone; at most one contact with wall
- * or rim, and one with the floor */
+/* the material of the drogue is the disc r < face_radius, x < 0, less the cone; the tip has at most
+ * one contact with wall or rim, and one with the floor */
 static inline PortLoad contact_load(const Port *p, vec3 e, vec3 u)
 {
     PortLoad y = {.U = 0};

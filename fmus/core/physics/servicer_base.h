@@ -38,7 +38,7 @@ typedef struct {
     double mass, rate_margin;
 } BaseOutput;
 
-/* ---- rows; every plant names the members `base` ---- */
+/* ---- rows of the interface; every plant of the servicer names these structs `base` ---- */
 #define BASE_START                                     \
     {.orbit = START_ORBIT,                             \
      .rho_0_H = {0, 20, 0},                            \

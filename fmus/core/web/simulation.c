@@ -1,8 +1,8 @@
 /* simulation.c - a fused system in a web page: new values, initialization, macro steps in chunks.
  *
- * There is one instance, which uses the adapter of every FMU, so that error messages are the same.
- * A page calls restart, set, begin, then run until all macro steps are done. After a call that
- * returns 0, or fewer steps than requested, message() returns the reason. */
+ * There is one instance of the system. It uses the same adapter as every FMU, so that error
+ * messages are the same. A page calls restart, set, begin, then run until all macro steps are done.
+ * After a call that returns 0, or fewer steps than requested, message() returns the reason. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "life.h"
 
@@ -99,7 +99,8 @@ int begin(double start, double step, int steps, int every, const unsigned vr[], 
     return 1;
 }
 
-/* does macro steps first .. last - 1, writes their rows; returns the steps done since the start */
+/* does the macro steps first .. last - 1 and writes their rows; returns the number of steps done
+ * since the start */
 PAGE(run)
 int run(int first, int last, const unsigned vr[], size_t width, double rows[]);
 int run(int first, int last, const unsigned vr[], size_t width, double rows[])
