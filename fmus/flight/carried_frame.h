@@ -11,8 +11,8 @@
  *   steer = k_steer c,             d(steer) = k_steer dc
  *   beyond w_steer: w_steer c/|c|, w_steer (dc - c (c.dc)/c.c)/|c|
  *   b:  its rate in D is k_integral C_DN c while x = 1 and the steering is within w_steer, else 0;
- *       |b| <= w_steer. It removes the lag behind a rate of T that is estimated with an error
- * It begins at the position of the servicer, with X_D towards the target and the roll angle of S.
+ *       |b| <= w_steer. b removes the lag behind a rate of T that is estimated with an error
+ * D begins at the position of the servicer, with X_D towards the target and the roll angle of S.
  * All vectors are in N axes, derivatives as seen in N. Equations: docs/models.md J.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CARRIED_FRAME_H

@@ -49,7 +49,7 @@ typedef struct {
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
     double started, force, torque; /* selections at the last sample */
-    Command out, D; /* command of the last sample without the push; decreasing difference */
+    Command out, D; /* out: command of the last sample without the push; D: see above */
     double unloading;
 } State;
 typedef struct {
@@ -154,8 +154,9 @@ static int may_unload(const Parameters *p, int torque)
     return torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
 }
 
-/* whether a threshold was passed; after `prepare` the wheels are below both. In law 1 the wheels have
- * no other task and are always unloaded, unless they turn the body */
+/* whether the wheels are unloaded, by the thresholds of their speed; `prepare` leaves the speeds
+ * below both thresholds. In law 1 the wheels have no other task and are always unloaded, unless
+ * they turn the body (far_wheels) */
 /* J.5-4 */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
@@ -195,7 +196,7 @@ static int is_law(double selection, int last)
     return selection == OPTIMAL_LAW || (selection >= FAR_LAW && selection <= last);
 }
 
-/* factor on the difference from the last command after a change: 1 from law to law, else 0 */
+/* factor on D after a change of the selection: 1 from law to law, else 0 (immediate change) */
 /* J.5-3 */
 static double blend_factor(const Parameters *p, double before, double now, int last)
 {

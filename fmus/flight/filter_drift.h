@@ -1,5 +1,5 @@
 /* filter_drift.h - drift without thrust after one held force, by the equations of Clohessy and
- * Wiltshire, and the rows that make it miss the sphere.
+ * Wiltshire, and the rows (half spaces of the force) with which it misses the keep-out sphere.
  *
  *   q_j = Phi_rr(j Delta) x_1 + Phi_rv(j Delta) v_1,   j = 0..K,   Delta = passive_time/K       (18)
  *   x_1, v_1: after the hold. A force u changes them by P^2/2 a and P a, a = C_HN C_SN^T u/m.
@@ -17,7 +17,7 @@ typedef struct {
     int count; /* K */
     double P, n, clear;
     double t[MOST_POINTS + 1];
-    SineCosine turned[MOST_POINTS + 1]; /* by n t */
+    SineCosine turned[MOST_POINTS + 1]; /* sine and cosine of n t */
     mat3 force_to_a;                    /* C_HN C_SN^T / m */
     vec3 x_1, v_1;
     vec3 free[MOST_POINTS + 1]; /* q_j without force */
@@ -41,7 +41,7 @@ static inline vec3 clohessy_wiltshire(const DriftFan *f, int j, vec3 x, vec3 v)
                lag * x.x + x.y + (2 * (c - 1) * v.x + sweep * v.y) / n, c * x.z + s * v.z / n);
 }
 
-/* transposed: the direction of x_1 (or of v_1) that moves q_j most along d */
+/* Phi_rr^T d, Phi_rv^T d: the change of x_1 (of v_1) that moves q_j most along d */
 static inline vec3 position_sensitivity(const DriftFan *f, int j, vec3 d)
 {
     double s = f->turned[j].s, c = f->turned[j].c;
@@ -115,7 +115,8 @@ static inline Worst worst_chord(const DriftFan *f, const vec3 q[])
     return w;
 }
 
-/* of the lightest and of the heaviest servicer */
+/* the chord of least margin in the drifts of the lightest and of the heaviest servicer after a
+ * force u */
 static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, vec3 u)
 {
     vec3 q[MOST_POINTS + 1];
@@ -127,8 +128,9 @@ static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, ve
     return heavy.margin < light.margin ? heavy : light;
 }
 
-/* (20): both ends of a chord stay beyond the plane through the point of the drift without force
- * that is nearest to the centre */
+/* (20): rows with which both ends of chord j stay beyond a plane at the distance of sphere, margin
+ * and sag. Its normal points to the point of this chord, in the drift without force, that is
+ * nearest to the centre */
 static inline void add_drift_rows(const FilterParameters *p, const DriftFan *f, int j, Rows *rows)
 {
     Chord free = chord(f, f->free, j);

@@ -18,8 +18,8 @@ static inline void add_row(Rows *rows, int rule, vec3 n, double c)
     rows->row[rows->count++] = (Row){n, c, rule, 0};
 }
 
-/* the required acceleration as a force of the heaviest servicer, the permitted one of the
- * lightest */
+/* force for the acceleration beta: for the heaviest servicer if beta is required (> 0), for the
+ * lightest if beta is permitted */
 static inline double force_of(const FilterParameters *p, double beta)
 {
     return beta * p->mass * (beta > 0 ? 1 + p->mass_error : 1 - p->mass_error);
@@ -60,8 +60,8 @@ static inline double speed_limit(const FilterParameters *p, double range)
     return smaller(p->speed_at_zero + p->speed_slope * range, p->speed_max);
 }
 
-/* (13): the limit at the end of the hold, less the velocity gained sideways in it and the unknown
- * one */
+/* (13): speed limit at the end of the hold, less the velocity that is gained sideways in the hold
+ * and less the unknown velocity */
 static inline double limit_after_hold(const FilterParameters *p, const Geometry *g, double sideways)
 {
     double T = p->reaction + g->P, closing = smaller(0, dot(g->out, g->v));
@@ -70,8 +70,9 @@ static inline double limit_after_hold(const FilterParameters *p, const Geometry 
     return speed_limit(p, larger(range, 0)) - sideways * sideways / p->speed_at_zero - unknown;
 }
 
-/* (14): by the errors of the velocity a servicer within its limit may seem to be 2 e_v' above it.
- * This part of the deceleration takes a share of the force that leaves two other rules their own. */
+/* (14): because of velocity errors, a servicer within its limit may seem to be 2 e_v' above it. The
+ * deceleration for these 2 e_v' may use one share of the force only, so that two other rules have
+ * shares of their own. */
 static inline double speed_force(const FilterParameters *p, const Geometry *g, double beta)
 {
     double share = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z)) / sqrt(3.0);
@@ -161,14 +162,14 @@ static inline double add_corridor(const FilterParameters *p, const FilterInput *
     return least;
 }
 
-/* the exhaust of a force away from the target meets it */
+/* limits a force away from the target, the exhaust of which meets the target */
 static inline double add_plume(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
     if (g->R < p->plume_range) add_row(rows, PLUME, neg(mul(g->C_SN, g->out)), -p->plume_force);
     return g->R - p->plume_range;
 }
 
-/* all rows but the drift; barrier of a rule that is not in force: unchanged */
+/* all rows except the rows of the drift; sets the barriers of the rules in force only */
 static inline Rows all_rows(const FilterParameters *p, const FilterInput *u, const Geometry *g,
                             double slope, double barrier[])
 {

@@ -132,8 +132,8 @@ static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
                     neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
 }
 
-/* at least 0.1 m in divisions: range 0 is rejected anyway, and with any direction the other outputs
- * stay finite */
+/* unit vector of r, which is divided by at least 0.1 m. Range 0 gives any direction, so that
+ * outputs stay finite: the range is rejected anyway */
 /* C.3-5 */
 static Motion direction(Motion r)
 {
@@ -203,8 +203,8 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, vec3
     reference_attitude(p, r, x, y);
 }
 
-/* without the last command, which is 0 at the start: initial outputs then form no algebraic loop
- * with the controller */
+/* does not read the last command, which is 0 at the start, so that initial outputs form no
+ * algebraic loop with the controller */
 /* C.3-6 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {

@@ -31,7 +31,7 @@ typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
 
 typedef struct {
     double last, stamp,
-        used; /* times of the last new and last used measurement [s]; 1: one was used */
+        used; /* times of the last new and the last used measurement [s]; 1: any was used */
     double nis, rejected, in_row, acquired;
 } Track;
 

@@ -23,12 +23,12 @@ typedef struct {
     double phi;      /* ON_TANGENT: phi(R_0) */
     double t, angle; /* TURNING: when it began, and by how much */
     mat3 C_VH;       /* frame of the start of the mode */
-    vec3 axis_H;     /* of the turn */
+    vec3 axis_H;     /* axis of the turn */
 } Aim;
 
 typedef struct {
     mat3 C_VH;
-    vec3 omega_H; /* relative to H */
+    vec3 omega_H; /* angular velocity of V relative to H */
 } AimFrame;
 
 static inline vec3 hold_direction(const MissionParameters *p)
@@ -61,7 +61,7 @@ static inline AimFrame turned_frame(const Aim *aim, double angle, double rate)
     return (AimFrame){matmul(turn, aim->C_VH), scale(rate, aim->axis_H)};
 }
 
-/* at the start of the closing */
+/* aim at the start of the closing */
 static inline Aim aim_from(const MissionParameters *p, vec3 rho_H, double R)
 {
     if (p->aim_radius == 0 || R <= p->R_2 + NEAR_HOLD) return (Aim){AT_HOLD};

@@ -73,8 +73,8 @@ static inline double momentum_at_grasp(const MissionParameters *p, double mass, 
     return norm(mul(p->J_T, w_T_T)) + norm(w_T_T) * (J + reduced * p->L_3 * p->L_3);
 }
 
-/* increment against the rotation with the target: half a turn of steering at R, the final approach
- * at its mean range, third hold and mating at L_3 */
+/* velocity increment that turning with the target needs: in half a turn of steering at R, in the
+ * final approach at its mean range, in third hold and mating at L_3 */
 static inline double increment_ahead(const MissionParameters *p, double tumble, double R,
                                      double steer)
 {

@@ -35,13 +35,13 @@ typedef struct {
     RelativeState valid; /* the last valid one, at t_valid */
     vec3 axis_H;         /* grasp axis at t_valid */
     Timer good, touched, error, fast,
-        doomed; /* hold timers: condition of the phase, contact, ... */
+        doomed; /* hold timers: condition of the phase, contact, ..., verdict against a capture */
     Profile profile;
-    double spins;  /* the servicer turns with the target */
-    Budget budget; /* in phases 0 to 3 of the present estimate, then as decided at hold 2 */
+    double spins;  /* 1: the servicer turns with the target */
+    Budget budget; /* in phases 0 to 3 by the present estimate, later as decided at hold 2 */
     Aim aim;
     vec3 dv_N;
-    double planned, clearance; /* plan of the last retreat: 1 if there was one, least range */
+    double planned, clearance; /* 1: a retreat was planned; least range of the last plan */
 } State;
 typedef struct {
     double phase, t_phase, reason, attempt;
@@ -318,7 +318,7 @@ static int is_longer_ago(double since, double duration, double t)
     return !reached(since + duration, t);
 }
 
-/* rate that the speed limit allows for: where the servicer turns with the target */
+/* tumble rate that the speed limit allows for, 0 unless the servicer turns with the target */
 static double tumble_of_limit(const Parameters *p, const State *x, const Geometry *g)
 {
     return phases[phase_of(x)].force == SYNC_LAW ? smaller(g->tumble, p->tumble_max) : 0;
@@ -344,7 +344,8 @@ static void update_timers(const Parameters *p, const Geometry *g, State *x, doub
     x->doomed = hold_timer(x->doomed, x->phase == HOLD_2 && x->budget.verdict != CAN_CAPTURE, t);
 }
 
-/* up to the second hold the budget follows the estimate, its wheels until the servicer turns */
+/* up to the second hold the budget follows the estimate; afterwards its wheel speeds still do,
+ * until the servicer turns with the target */
 static void update_budget(const Parameters *p, const Input *u, State *x, const Geometry *g)
 {
     if (u->relative_valid <= 0 || x->spins) return;
@@ -398,8 +399,8 @@ static int reason_to_retreat(const Parameters *p, const Input *u, const State *x
     return ATTEMPTS + (int)x->budget.verdict;
 }
 
-/* a final approach that does not end begins anew from the range of the fly-around, unless the mating
- * waits for ground or for the momentum of the pair */
+/* true if a final approach or third hold that takes too long may begin anew, from the range of the
+ * fly-around: not while the mating waits for ground or for the momentum of the pair */
 /* J.1-7 */
 static int may_begin_anew(const Parameters *p, const Input *u, const State *x, const Geometry *g)
 {
@@ -468,8 +469,9 @@ static void publish_phase(const State *x, Output *y)
     y->clearance = x->planned ? x->clearance : -1;
 }
 
-/* in the fly-around: the hold until the servicer turns with the target; a fly-around closer than
- * the hold, and what follows it, leave no space for a path that is not a circle */
+/* goal of the fuel-optimal law. In the fly-around it is the hold point until the servicer turns
+ * with the target. A fly-around closer than the hold, and the phases after it, have no goal: there
+ * is no space for a path that is not a circle */
 static int goal_of(const Parameters *p, const State *x)
 {
     int around = x->spins ? TO_AXIS : TO_POINT, wide = x->budget.R == p->R_2;

@@ -209,7 +209,7 @@ typedef struct {
     vec3 rho;        /* N axes */
 } Geometry;
 
-/* along the angular momentum h: for a free body as constant as h */
+/* component of the rate w along the angular momentum h; for a free body as constant as h */
 static inline vec3 mean_rate(vec3 w, vec3 h)
 {
     double square = dot(h, h);

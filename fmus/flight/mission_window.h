@@ -2,9 +2,9 @@
  * is short if the servicer joins where the axis will pass.
  *
  *   T_s    = max(spin_time, 1.875 w/spin_accel), w = |w_T|: the servicer comes to turn with the target
- *   a_s    = a turned by w T_s/2 about w_T:  what the target turns meanwhile is lost
+ *   a_s    = a turned by w T_s/2 about w_T:  the servicer lags by this angle after T_s
  *   off    = angle(a_s, rho),   least = |angle(w_T, rho) - angle(w_T, a)|:  over a turn of the target
- *   open:    off <= least + await_axis, or it has been awaited for 2 pi/w
+ *   open:    off <= least + await_axis, or the servicer has waited for 2 pi/w
  * docs/models.md J.14 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_WINDOW_H
@@ -18,14 +18,14 @@ static inline double spin_up_time(const MissionParameters *p, double tumble)
     return larger(p->spin_time, 1.875 * tumble / p->spin_accel);
 }
 
-/* a turned about the unit vector u */
+/* a turned about the unit vector u by an angle */
 static inline vec3 turned_about(vec3 a, vec3 u, double by)
 {
     SineCosine s = sine_and_cosine(by);
     return sum3(scale(s.c, a), scale(s.s, cross(u, a)), scale((1 - s.c) * dot(u, a), u));
 }
 
-/* all vectors in the same axes; since: how long it has been awaited */
+/* all vectors in the same axes; since: time for which the servicer has waited [s] */
 static inline int window_is_open(const MissionParameters *p, vec3 w_T, vec3 axis, vec3 rho,
                                  double since)
 {

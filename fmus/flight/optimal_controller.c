@@ -306,7 +306,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
     int first = x->seconds == 0;
     learn_disturbance(p, u, &x->d, t);
     y->d_hat_N = x->d.d_hat;
-    if (x->seconds > 1) { /* the first plan goes on */
+    if (x->seconds > 1) { /* iterations of the first plan continue */
         x->seconds -= 1;
         return;
     }
@@ -362,7 +362,7 @@ static void command_attitude(const Parameters *p, const Input *u, Output *y, dou
     else y->M_cmd_S = neg(torque);
 }
 
-/* as before the first sample; the gains, the first member, stay */
+/* resets the state to before the first sample, except its first member, the gains */
 /* N.4-4 */
 static void stay_inactive(State *x, Output *y)
 {
@@ -372,7 +372,8 @@ static void stay_inactive(State *x, Output *y)
     *y = none;
 }
 
-/* the goal nearest to the input; -1: none, or no mass, which the rule of the mode rejects */
+/* the goal nearest to the input; -1: there is none, or the mass is 0: the rule of the output `mode`
+ * rejects -1 */
 /* N.4-7 */
 static int goal_of(const Input *u)
 {

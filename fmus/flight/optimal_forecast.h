@@ -46,8 +46,8 @@ typedef struct {
     vec3 u[NODES];
 } Plan; /* accelerations [m/s2] */
 typedef struct {
-    vec3 d_hat, rho, v, F_sum; /* estimate; state and sum of the forces since the last second */
-    double known;              /* 1: there is a last second */
+    vec3 d_hat, rho, v, F_sum; /* estimate; state at the last second, sum of the forces since */
+    double known;              /* 1: rho, v and F_sum of a last second exist */
 } Disturbance;
 typedef struct {
     vec3 rho; /* where braking began, in axes of T or H */
@@ -79,7 +79,7 @@ static inline double duration_of(const OptimalParameters *p, const OptimalInput 
 
 static inline double second_of(const OptimalParameters *p) { return SAMPLES * p->sample_period; }
 
-/* ---- states as carried through the coming seconds, (21) ---- */
+/* ---- states predicted over the coming seconds, (21) ---- */
 typedef struct {
     vec3 rho, v;
     Tumble tumble;
@@ -106,7 +106,8 @@ static inline mat3 hold_axes(const Hold *hold, const OrbitNow *o, const Carried 
     return hold->in_target ? dcm_of_quat(s->tumble.q) : hill_axes(o, s->after);
 }
 
-/* mode 2: where braking began, at rest in axes of T or H; acceleration, N axes */
+/* mode 2: acceleration, N axes, that brings the servicer to rest in axes of T or H, at the place
+ * where braking began */
 static inline vec3 braking(const OptimalParameters *p, const OptimalState *x, const OrbitNow *o,
                            const Carried *s)
 {
@@ -123,7 +124,7 @@ static inline vec3 braking(const OptimalParameters *p, const OptimalState *x, co
     return sub(turned, sum3(known, error, scale(p->P_b, sub(s->v, cross(w, place)))));
 }
 
-/* acceleration of the mode, N axes, before the limits */
+/* acceleration by the force of the present mode, N axes, before the limits */
 static inline vec3 acceleration(const OptimalParameters *p, const OptimalState *x,
                                 const OrbitNow *o, const Carried *s)
 {

@@ -35,7 +35,7 @@ typedef struct {
 } Input;
 typedef struct {
     double started, e[4], on[ENGINES];
-} State; /* differentiated quantity at the last sample; relays */
+} State; /* e: differentiated quantities at the last sample; on: relays that are on */
 typedef struct {
     double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v;
 } Output;

@@ -137,8 +137,8 @@ static inline double least_of_burn(const SafetyParameters *p, const EscapePath *
     return (least - p->e_r * sum_of_sizes(e->rho)) / (sqrt(square) + LEAST_RANGE);
 }
 
-/* a step of the path: turn of the orbit, (7) where the path is not faster than e->speed, square of
- * the chord up to which this holds */
+/* constants of a step D of the path: (7) where the path is not faster than e->speed, square of the
+ * longest chord for which this holds, sine and cosine of the turn of the orbit */
 typedef struct {
     double D, sagitta, longest_2;
     SineCosine turn;
@@ -157,7 +157,7 @@ static inline double fast_sagitta(const EscapePath *e, double D, double length_2
     return D * D / 8 * (2 * e->n * CURVED * sqrt(length_2) / D + e->bend);
 }
 
-/* (8) without R_k: least is replaced if the path between two points comes nearer */
+/* (8) without R_k: replaces `least` if the path between two points comes nearer to the target */
 static inline void compare_path(const EscapePath *e, const Stride *s, const PathPoint *a,
                                 const PathPoint *b, double tau, EscapeBound *least)
 {

@@ -11,7 +11,7 @@
 #include "safety_ports.h"
 
 #define RESTING 1e9  /* margin of a rule that is off or does not apply */
-#define TINY    1e-9 /* m, m/s: least size of a rule */
+#define TINY    1e-9 /* m, m/s: least size by which a margin is divided */
 
 /* ---- relative states and arcs ---- */
 static inline TwoOrbits two_orbits(const SafetyInput *u)
@@ -232,7 +232,8 @@ static inline double passive_violation(const SafetyParameters *p, const Course *
     return c->t + c->h * unsafe;
 }
 
-/* known: a violation has been found before, so its instant is not searched */
+/* margin and violation of the drift at the end of c; entry: time until the zone is entered; known:
+ * a violation was found before, so that the instant of this one is not searched */
 static inline Finding passive_finding(const SafetyParameters *p, const Course *c, int known,
                                       double *entry)
 {

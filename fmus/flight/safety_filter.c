@@ -100,7 +100,7 @@ static int equal(vec3 a, vec3 b) /* to the last bit */
 static double tolerance(const Parameters *p) { return 1e-9 * norm(p->F_max); }
 
 /* ---- filter 3: the nearest force ---- */
-/* the row requires what the rows before leave; a row that fails twice is dropped */
+/* relaxes row i to the most that the rows before it leave; a row that fails twice is dropped */
 /* M.5-3 */
 static void relax(const Parameters *p, Rows *rows, int i)
 {
@@ -122,7 +122,8 @@ static vec3 shortened(const Parameters *p, vec3 F)
     return largest > most ? scale(most / largest, F) : F;
 }
 
-/* 3.6: relaxed: the first rule that was, if there was none before */
+/* 3.6: the nearest force, with rows relaxed by rank where no force satisfies all; relaxed: if it is
+ * 0, set to the rule of the first row that is relaxed */
 /* M.5-2 */
 static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, double *relaxed)
 {
@@ -136,7 +137,7 @@ static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, dou
     return F;
 }
 
-/* rows of the drift, added where the result would drift into the sphere */
+/* adds rows of the drift and repeats the search, as long as the result drifts into the sphere */
 enum { DRIFT_ROUNDS = 4 };
 static vec3 with_drift(const Parameters *p, const Input *u, const DriftFan *f, vec3 F, Rows *rows,
                        double *relaxed)
@@ -185,11 +186,11 @@ static vec3 boxed(const Parameters *p, vec3 F)
                clamp(F.z, -most.z, most.z));
 }
 
-/* (22): state after one hold of a force, in the frame in which the servicer stops, and how
- * uncertain it is */
+/* (22): state after one hold of a force, in the frame in which the servicer stops, and the bound of
+ * its position error */
 typedef struct {
     vec3 x, v;
-    double e, brakes; /* brakes: time to the stop */
+    double e, brakes; /* e: bound; brakes: half the time to the stop */
 } Held;
 
 static Held after_hold(const Parameters *p, const Geometry *g, vec3 F)
@@ -252,7 +253,8 @@ static double first_broken(const Parameters *p, const Rows *rows, vec3 F)
     return NO_RULE;
 }
 
-/* backup from the first sample that does not pass until the command has passed for dwell */
+/* whether the servicer brakes: from the first sample whose command does not pass, until commands
+ * have passed for dwell */
 /* M.7-1 */
 static int stays_in_backup(const Parameters *p, State *x, int passes, double P)
 {

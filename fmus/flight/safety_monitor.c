@@ -40,15 +40,15 @@ typedef SafetyInput Input;
 
 typedef struct {
     double begun, seen, t, t_valid; /* t: of the last sample, t_valid: of the last valid state */
-    Input last;                     /* the last valid one; seen: it belongs to the last sample */
-    double foreseen, t_foreseen;    /* the drift has been predicted since the target was lost */
+    Input last;                     /* last valid inputs; seen: 1 if they are of the last sample */
+    double foreseen, t_foreseen;    /* 1: a prediction of the drift exists; its time */
     TwoOrbits from;                 /* state at the last prediction */
     double margin[RULES], least[RULES], t_first[RULES];
     double abort;
     vec3 dv_N;
     RangeCheck range;
     Known known;
-    double looked_ahead, t_escape; /* rule escape has been evaluated, and when */
+    double looked_ahead, t_escape; /* 1: rule escape was evaluated; time of the evaluation */
 } State;
 typedef struct {
     double margin[RULES], least_margin[RULES], nearest, passive_entry, passive_age;
@@ -174,7 +174,7 @@ static void predict_drift(const Parameters *p, const Input *u, State *x, Output 
     x->t_foreseen = t;
 }
 
-/* 0 without a prediction */
+/* age of the last prediction of the drift [s]; 0 while the rule is not evaluated */
 static double predicted_age(const State *x, double t)
 {
     return x->margin[PASSIVE] == RESTING ? 0 : larger(0, t - x->t_foreseen);

@@ -148,7 +148,8 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "spin_input", p->spin_input, "needs frame = 1");
 }
 
-/* over J11: neither the free motion nor the gravity gradient depends on the scale */
+/* inertia of the target over J11: neither its free motion nor the gravity gradient depends on the
+ * scale */
 static mat3 known_inertia(const Parameters *p, const Input *u)
 {
     const double *k = u->inertia_hat;

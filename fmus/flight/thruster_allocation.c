@@ -103,7 +103,7 @@ static void check(const Parameters *p, Problems *problems)
 /* ---- columns: six weighted wrench components, then one row of damping per thruster ---- */
 typedef struct { double v[LENGTH]; } Column;
 typedef struct {
-    Column a[THRUSTERS]; /* not 0 in row 6 + i of the rows of damping only */
+    Column a[THRUSTERS]; /* a[i]: of the rows of damping only row 6 + i is not 0 */
     double length[THRUSTERS];
 } Matrix;
 

@@ -207,7 +207,7 @@ static double largest_momentum(const Parameters *p, vec3 h)
 
 enum {
     NEARLY_ALL_PERCENT = 98
-}; /* part of the envelope above which the cluster is reported as saturated */
+}; /* share of the envelope above which the cluster is reported as saturated */
 
 static void publish_gyros(const Parameters *p, const Input *u, const State *x, double saturated,
                           Output *y)

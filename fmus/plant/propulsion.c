@@ -28,7 +28,7 @@ typedef struct {
 typedef struct { double throttle[THRUSTERS]; } Input;
 typedef struct {
     double command, delayed, calls_waited, thrust, impulse, switches;
-} Engine; /* N, N, calls, N, N.s, 1 */
+} Engine; /* units of the members in their order: N, N, calls, N, N.s, 1 */
 typedef struct { Engine engine[THRUSTERS]; } State;
 typedef struct {
     vec3 F_S, M_S;
