@@ -20,9 +20,10 @@
 
 enum { ARM_JOINTS = 7 };
 
-/* zero pose, base axes: joint axis, joint from the previous joint (the first: from S), mass of the
- * link, its centre of mass from its joint, inertia about the centre of mass (xx, yy, zz and xy, xz,
- * yz), inertia of the rotor seen through the gear */
+/* per joint and its outboard link, in the zero pose and base axes: joint axis, joint from the
+ * previous joint (the first: from S), mass of the link, its centre of mass from its joint, inertia
+ * about the centre of mass (xx, yy, zz and xy, xz, yz), inertia of the rotor seen through the
+ * gear */
 typedef struct {
     double joints;
     vec3 axis[ARM_JOINTS], offset[ARM_JOINTS];

@@ -13,7 +13,7 @@
 typedef struct {
     PhaseEntry entry; /* present phase, its start time, pose at that time */
     double in_window, t_window,
-        window_force; /* 1: in the latch window; start time and peak force in it */
+        window_force; /* 1: in the latch window; time of the entry, peak force since then */
     double F_inner;   /* largest normal force at the inner instants of the last step */
     double load_force, load_moment; /* sizes of the mean force and couple of the last step */
     double dissipated, drive;
@@ -27,7 +27,7 @@ static inline double misalignment(const PortState *s)
 static inline double offset(vec3 e) { return sqrt(e.y * e.y + e.z * e.z); }
 static inline int is_latched(const PhaseEntry *c) { return c->phase == SOFT || c->phase == HARD; }
 
-/* a rise of the stored energy counts as work of the latches, a fall as dissipated */
+/* adds a rise of the stored energy to the work of the drive, a fall to the dissipated energy */
 static inline void change_phase(const DockingParameters *p, MechanismState *x, const PortState *s,
                                 double phase, double t)
 {
