@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Comparison of a result with the cases of a paper (system and parameter set for which the paper
-states its claims), and of the FMUs with published reference values.
+"""Comparison of a result with the cases of a paper, which are the systems and parameter sets for
+which the paper states its claims.
 
-The settings of the run are compared with the present system of the case: FMUs, parameters, time
-span, macro step, order of execution. Only a result without deviations gives a verdict on a paper.
+The settings of the run are compared with the settings that the system of the case has now: FMUs,
+parameters, time span, macro step, order of execution. Only a result without deviations gives a
+verdict on a paper. FMUs are also compared with published reference values.
 """
 
 from __future__ import annotations

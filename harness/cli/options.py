@@ -206,8 +206,8 @@ def _group(parameter: Parameter) -> list[Parameter]:
 
 
 def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter]:
-    """Yield the command-line options for one parameter of a command's function: several for
-    `changes` and for a data class, else the parameter itself.
+    """Yield the command-line options for one parameter of a command's function: one for each name
+    in `changes` if the parameter is `**changes`, one for each field of a data class, else one.
     """
     if parameter.name == "changes":
         for name in changes:

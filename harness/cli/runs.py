@@ -99,8 +99,8 @@ class Requested:
         return {**changes, "set": given, "epoch": begun.epoch}
 
     def how(self, wanted: Any) -> dict[str, Any]:
-        """Return the arguments of simulate(); wanted: the run, whose own settings apply without an
-        option.
+        """Return the arguments of simulate(); wanted: the requested run, whose own settings apply
+        where the command line has no option.
         """
         return {
             "executor": self.executor or wanted.executor,

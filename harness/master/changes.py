@@ -61,10 +61,10 @@ NAMED = ("set", "swap", "map", "on", "latency")
 def apply(system: System, **changes: Unpack[Changes]) -> System:
     """Return the system with all changes of the user.
 
-    Order: named parameter set, epoch (which moves bodies with a `[start]`), swapped FMUs, file of
-    parameters, single values, other processors. Raises UsageError for names that do not exist,
-    StructureError for a parameter file with mistakes or a swapped FMU that does not fit, FmuError
-    for an FMU that does not build for its processor.
+    Order: named parameter set, epoch (to which the bodies in a table `[start]` are propagated),
+    swapped FMUs, file of parameters, single values, processors of components. Raises UsageError for
+    names that do not exist, StructureError for a parameter file with mistakes or a swapped FMU that
+    does not fit, FmuError for an FMU that does not build for its processor.
     """
     before, params = system.origin, changes.get("params")
     options: Mapping[str, Any] = changes

@@ -423,7 +423,9 @@ class Simulation:
         return self._steerable().view(name)
 
     def get(self, name: str) -> NDArray[np.float64]:
-        """Return the present value of an output or of a connected input; raise UsageError."""
+        """Return the present value of an output or of a connected input; raise UsageError if there
+        is none of this name.
+        """
         return self._steerable().get(name)
 
     def set(self, name: str, value: Any) -> None:

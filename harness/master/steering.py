@@ -32,9 +32,9 @@ from harness.system.wiring import ports
 def steered(
     algorithm: str, instances: Sequence[Instance], names: Collection[str]
 ) -> tuple[list[Action[Instance]], int]:
-    """Return the actions of a macro step in which the named components are open, and the number of
-    actions that precede the instant at which the first of them would read its inputs (0: no
-    component is open).
+    """Return the actions of a macro step in which the caller sets the outputs of the named (open)
+    components, and the number of actions that precede the instant at which the first of them would
+    read its inputs (0: no component is open).
     """
     plan = schedule(algorithm, [_held(i) if i.name in names else i for i in instances])
     opened = [action.instance.name in names for action in plan]

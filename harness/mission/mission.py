@@ -69,8 +69,8 @@ class Metric(BaseMetric):
     live: Callable[[Result, Limits], str] | None = None
 
     def expression(self, result: Result, limits: Limits) -> str:
-        """Return the expression that gives the value in any run of the system of a result, "" if
-        the value is computed by a function only.
+        """Return the expression of this metric for all runs of one system, "" if a function
+        computes it. result: any run of the system; limits: of the comparison that shows the metric.
         """
         found = self.live or self.compute
         if callable(found):

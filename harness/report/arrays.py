@@ -77,8 +77,8 @@ class Arrays:
         return name
 
     def instruction(self, result: Result, text: str, element: int | None = None) -> int:
-        """Return the number of the instruction that computes a variable or an expression, or one of
-        its elements, in all rows of a run.
+        """Add instructions to the program of the page that compute a variable or an expression, or
+        one of its elements, in all rows of a run; return the index of the last one.
         """
         add, is_history = self.program.add, True
         if text in result:

@@ -117,7 +117,7 @@ def _checked(body: str, path: Path, meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...
     if not meshes:
         raise _error(body, f"{path}: contains no triangles")
     if not all(np.isfinite(mesh.corners).all() for mesh in meshes):
-        raise _error(body, f"{path}: contains a corner that is not finite")
+        raise _error(body, f"{path}: contains a vertex with a coordinate that is not finite")
     return meshes
 
 

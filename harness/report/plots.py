@@ -151,7 +151,9 @@ def _lines(canvas: Canvas, axes: Any, seconds: float, result: Result | None) -> 
 
 
 def _look(line: Any, points: int) -> Plot:
-    """Return colour, line style, marker and run of a line of matplotlib."""
+    """Return colour, line style and marker of a line of matplotlib with so many points, and the run
+    that it shows.
+    """
     look = {"colour": place_of(line.get_color()), "dash": _dash(line)}
     if line.get_linestyle() in ("None", " ", ""):
         many = "point" if line.get_alpha() is None else "dot"

@@ -269,8 +269,8 @@ def from_flat(given: Mapping[str, Any]) -> Provenance:
 
 
 def _unpacked(name: str, value: Any) -> Any:
-    """Return a field of flat() as it is in table(): a list from its JSON text, a number from an
-    array of one element, "" from an empty array, as which a .mat stores an empty text.
+    """Convert a field of a results file to its Python value: JSON text to a list, an array of one
+    element to a number, an empty array to "", because a .mat file contains it for an empty text.
     """
     if name in KINDS.keys() - PLAIN:
         try:

@@ -42,9 +42,10 @@ class Finding:
     """Outcome of evaluating one requirement.
 
     value, unit, time [s]: the compared quantity in the row with the smallest margin (None: there is
-    none); reason: why the requirement is not exercised or not judged; margin, margin_unit: distance
-    to failing, negative if the requirement fails, -inf for a run that ended early or a value that
-    is not a number, None without a verdict ("": several units are compared).
+    none); reason: why the requirement is not exercised or not judged; margin: distance to failing,
+    negative if the requirement fails, -inf for a run that ended early or a value that is not a
+    number, None without a verdict; margin_unit: its unit, "" if quantities of several units are
+    compared.
     """
 
     name: str

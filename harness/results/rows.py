@@ -101,8 +101,8 @@ class RowProgram:
         self._of_used = lru_cache(maxsize=1)(self._computed)
 
     def constants(self, parameters: Iterable[float]) -> list[float]:
-        """Return the elements of all values that depend on parameters alone; parameters: values of
-        all parameters of a run, in the order of the columns of Result.parameters.
+        """Return the elements of all intermediate values of the program that depend on parameters
+        alone; parameters: values of all parameters of a run, in the order of Result.parameters.
         """
         given = enumerate(parameters) if self._used else ()
         return self._of_used(tuple(x for i, x in given if i in self._used))

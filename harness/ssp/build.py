@@ -171,8 +171,8 @@ def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator
 
 
 def _begun(tables: Source, system: System) -> Source:
-    """Return the tables of a system, completed by the parameters and the epoch that the files of
-    its table `[start]` state; raise HarnessError.
+    """Return the tables of a system, completed by the parameters and the epoch that come from the
+    files named in its table `[start]`; raise HarnessError.
     """
     values, _, epoch = of_system(system)
     parameters = {c: dict(own) for c, own in tables.parameters.items()}

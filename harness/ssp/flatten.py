@@ -53,7 +53,7 @@ class Flat:
     def _notes(self) -> Iterator[str]:
         for point in self._unused:
             connector = self.tree.declared(point)
-            if connector and connector.kind != "structuralParameter":  # which is an array size
+            if connector and connector.kind != "structuralParameter":  # structural: an array size
                 yield f"{point}: the connector is not connected, its value is ignored"
         names = self.names.items()
         if other := [f"{'.'.join(place)} as {name}" for place, name in names if place != (name,)]:

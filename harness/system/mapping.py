@@ -119,8 +119,9 @@ def _members(
 
 
 def by_style(theirs: Collection[str], ours: Collection[str]) -> dict[Family, Family]:
-    """Return the vectors and matrices that both ends have with equal name and shape, but with
-    indices in another style: signals of the system by signals of the FMU.
+    """Return the vectors and matrices that an FMU (theirs) and the system (ours) have with equal
+    name and shape, but with indices in another style, as `x[1]` and `x_1`: signals of the system by
+    signals of the FMU.
     """
     mine = families(ours)
     return {

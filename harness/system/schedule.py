@@ -127,7 +127,7 @@ def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
     found = []
     for i in instances:
         if not 1 <= i.every <= MOST:
-            found.append(f"{i.name}: every must lie in 1..{MOST}, not {i.every}")
+            found.append(f"{i.name}: `every` must lie in 1..{MOST}, not {i.every}")
         elif not 0 <= i.latency <= largest(i):
             limits = f"must lie in 0..{largest(i)} macro steps under {algorithm}"
             found.append(f"{i.name}: latency {limits}, not {i.latency}")

@@ -51,7 +51,7 @@ def off(result: Result) -> NDArray[np.float64]:
 
 
 def first(result: Result, name: str, value: float) -> float:
-    """Return the time of the first row in which a variable is at least `value` [s], else NaN."""
+    """Return the time [s] of the first row in which a variable is at least `value`, else NaN."""
     rows = np.flatnonzero(result[name] >= value)
     return float(result.time[rows[0]]) if len(rows) else float("nan")
 

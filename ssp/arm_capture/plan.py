@@ -97,7 +97,7 @@ class Plan:
         """
         held, seat = self.line, int(np.argmin(np.abs(LINE)))
         if not held.any():
-            return "on the axis of the fixture nothing is reached"
+            return "the arm reaches no point on the axis of the fixture"
         if not held[seat]:
             off = LINE[held][np.argmin(np.abs(LINE[held]))]
             return f"the seat is reached from a base {abs(off):.2f} m {_way(off)}"

@@ -47,7 +47,7 @@ CLAIMS = (
     ),
     Claim(
         name="constant distance",
-        text="then it goes on at a constant distance from the target (point r2)",
+        text="from point r2 on the servicer stays at a constant distance from the target",
         where="figure 6",
         needs=(RANGE,),
         compute=metrics.hold_error,

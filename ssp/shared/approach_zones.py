@@ -118,8 +118,8 @@ def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
 
 
 def _states(result: Result, rows: Rows, arrays: Arrays) -> Scene:
-    """Return the entry `state` (the name of the array with the states) for each rule of the
-    monitor, by the name of the rule.
+    """Return, by the name of each rule of the monitor, a scene with the entry `state`: the name of
+    the array that contains the state of the rule in every row.
     """
     known = (rule for rule in RULES if rule.history in result)
     return {rule.name: {"state": _state(result, rule, rows, arrays)} for rule in known}

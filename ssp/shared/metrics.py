@@ -40,7 +40,7 @@ def bands(limits: Limits, results: Mapping[str, Result]) -> Limits:
 
 
 def definitions(limits: Limits) -> Iterator[str]:
-    """Yield lines below a comparison that define columns whose names are not enough."""
+    """Yield the notes below a table of comparison, which define columns that need a definition."""
     if not limits.position:
         return
     yield "settles: time after which the error stays within the band, the attitude from its release"

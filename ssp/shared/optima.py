@@ -65,7 +65,9 @@ def stored() -> dict[str, list[Leg]]:
 
 
 def read(path: Path) -> dict[str, list[Leg]]:
-    """Return the optima in a file by the hash case(), {} if it is missing; raise ResultsError."""
+    """Return the optima in a file by the hash of their case, see case(); {} if the file is missing;
+    raise ResultsError.
+    """
     if not path.is_file():
         return {}
     try:

@@ -54,7 +54,7 @@ CLAIMS = (
     ),
     Claim(
         name="grasp axis",
-        text="the servicer stays before the grasp point: beta_t -> 0",
+        text="the servicer stays in front of the grasp point: beta_t -> 0",
         where="section 2.1, figure 2",
         needs=(BETA_T,),
         compute=metrics.grasp_axis_error,
@@ -167,7 +167,7 @@ CLAIMS = (
     ),
     Claim(
         name="inertias are not the truth",
-        text="... which are not the true inertias",
+        text="the estimated inertias are not the true inertias",
         where="section 3, figure 11",
         needs=(ESTIMATES, RATE),
         compute=metrics.inertia_offset,

@@ -11,25 +11,14 @@ from harness.mission.figure import (
     Curve,
     Drawing,
     Figure,
-    Level,
     Panel,
 )
 from harness.results.result import Result
 from ssp.shared.paths_in_space import draw_paths
 
 from ..shared.relative_motion import (
-    ATTITUDE,
     POSITION_ERROR_H,
-    REFERENCE_ATTITUDE,
 )
-
-ETA = "controller.eta_hat"
-"""Estimated inertia: elements 11, 12, 13, 22, 23, 33 of the body, then of the wheels."""
-MAIN, OFF = (0, 3, 5), (1, 2, 4)
-"""Indices of the diagonal elements, and of the other elements, among 11, 12, 13, 22, 23, 33."""
-BODY, WHEELS = "servicer.J_S", "servicer.A_w"
-FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
-TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 
 
 def _approach(canvas: Axes, result: Result) -> None:

@@ -30,8 +30,6 @@ MASSES, HINGE, MODULE = (
     "assembly.hinge",
     "assembly.module",
 )
-SETTLED = 60.0
-"""Length of the last part of a transposition [s]."""
 
 
 # ---- histories

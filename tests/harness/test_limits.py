@@ -41,7 +41,7 @@ def test_rows_further_apart_than_the_run_is_long_leave_the_first_and_the_last(ma
 @pytest.mark.parametrize("every", [2**31, 2**33])
 def test_a_period_beyond_32_bits_is_rejected(make, every):
     system = make({"a": "counter"}, timing={"a": (every, 0)}, stop=float(every))
-    with pytest.raises(StructureError, match=f"a: every must lie in 1..{2**31 - 1}"):
+    with pytest.raises(StructureError, match=f"a: `every` must lie in 1..{2**31 - 1}"):
         checked(system)
 
 

@@ -129,7 +129,7 @@ def test_an_invalid_model_is_reported_in_one_line_by_check(mine, capsys, models_
     [
         (b"nonsense", "is not a glTF file"),
         (glb()[:200], "is not a glTF file"),
-        (glb(np.full((4, 3), np.nan, dtype="<f4")), "contains a corner that is not finite"),
+        (glb(np.full((4, 3), np.nan, dtype="<f4")), "contains a vertex with a coordinate"),
     ],
 )
 def test_a_file_that_is_no_model_is_reported_in_one_line_of_the_report(

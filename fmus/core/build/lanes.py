@@ -180,8 +180,8 @@ def separated(items: Items) -> list[Items]:
 
 
 def with_casts(items: Items) -> Items:
-    """Return items in which the value of a pointer declaration `T *a = b;` is cast to `T *`, which
-    C++ requires if b is a `void *`.
+    """Return items of a C text in which the initial value of a pointer declaration `T *a = b;` is
+    cast to `T *`, which C++ requires if b is a `void *`.
     """
     found: Items = []
     for i, item in enumerate(items):

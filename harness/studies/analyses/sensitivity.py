@@ -247,7 +247,7 @@ LEAST = 50
 
 def of_dataset(path: Path) -> Store:
     """Compute the dependence of every margin on every factor in the runs of a completed campaign,
-    and store it as the estimate in its dataset; return the dataset.
+    and store it in the dataset of the campaign as its `estimate`; return the dataset.
     """
     store = Store.open(path)
     if "margin" not in store.group:

@@ -80,7 +80,7 @@ class Normal(Struct, frozen=True):
     within: Pair = NONE
 
     def draw(self) -> Draw:
-        """Return the draw; raise ValueError with the rule that an entry breaks."""
+        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
         _demand(
             (self.sigma is None) != (self.covariance is None),
             "either sigma or covariance, not both or none",
@@ -137,7 +137,7 @@ class LogNormal(Struct, frozen=True):
     sigma: Numbers
 
     def draw(self) -> Draw:
-        """Return the draw; raise ValueError with the rule that an entry breaks."""
+        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
         m, s = _vectors(self.median, self.sigma)
         _demand(s > 0, f"a positive sigma, not {self.sigma}")
         _demand(m > 0, f"a positive median, not {self.median}")
@@ -155,7 +155,7 @@ class Uniform(Struct, frozen=True):
     high: Numbers
 
     def draw(self) -> Draw:
-        """Return the draw; raise ValueError with the rule that an entry breaks."""
+        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
         a, b = _vectors(self.low, self.high)
         _demand(a < b, f"a low that is smaller than high, not {self.low} and {self.high}")
         return Draw(a.size, lambda u: _shaped(a + u * (b - a), self.low, self.high))
@@ -170,7 +170,7 @@ class Rotation(Struct, frozen=True):
     attitude: Vector = NONE
 
     def draw(self) -> Draw:
-        """Return the draw; raise ValueError with the rule that an entry breaks."""
+        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
         s = _vectors(self.sigma, [0.0] * 3)[0]
         _demand(s > 0, f"a positive sigma, not {self.sigma}")
         if self.attitude is None:
@@ -194,7 +194,7 @@ class Inertia(Struct, frozen=True):
     axes: Number = 0.0
 
     def draw(self) -> Draw:
-        """Return the draw; raise ValueError with the rule that an entry breaks."""
+        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
         j = np.array(self.principal)
         p = j.sum() / 2 - j
         fine = len(j) == 3 and (p > 0).all()

@@ -49,7 +49,7 @@ def start_values(
     parameters = Simulation(system, **changes).parameters()
     files = {**system.starts, **files}
     if (frame := files.pop(ATTITUDE, "H")) not in ("H", "N"):
-        raise UsageError(f"--start {ATTITUDE}={frame}: expected H or N")
+        raise UsageError(f"--start {ATTITUDE}={frame}: expected H (Hill axes) or N (inertial)")
     for component in files:
         _check(component, system, parameters, names)
     sources = {component: source_of(component, file) for component, file in files.items()}
@@ -187,8 +187,8 @@ def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -
 
 def elements(state: State, mu: float) -> tuple[float, ...]:
     """Return the osculating a [m], e, inclination, argument of perigee, right ascension and true
-    anomaly [rad] about a point mass mu [m3/s2]; an equatorial orbit has its node, a circular one
-    its perigee on the axis that is left.
+    anomaly [rad] about a point mass mu [m3/s2]. The node of an equatorial orbit is on the x axis,
+    the perigee of a circular orbit in the node.
 
     Vallado, Fundamentals of Astrodynamics, RV2COE: h = r x v, n = z x h, e = v x h / mu - r / |r|.
     """

@@ -64,7 +64,7 @@ def test_jacobi_with_latency_publishes_after_the_others_have_read_and_before_the
         ("gauss-seidel", 2, 3, "latency must lie in 0..2"),
         ("gauss-seidel", 2, -1, "latency must lie in 0..2"),
         ("jacobi", 3, 2, "latency must lie in 0..1"),
-        ("jacobi", 0, 0, "every must lie in 1.."),
+        ("jacobi", 0, 0, "`every` must lie in 1.."),
         ("newton", 1, 0, "there is no newton"),
     ],
 )
