@@ -42,7 +42,7 @@ LOOPS = (
     (r"int k = nodes - 1; k >= 0|k < nodes;", "nodes of a path, NODES in flight software"),
     (r"intervals\((y|shape)\)", "FINE = 4 times the 120 nodes that check() allows"),
     (r"< (unknowns|unknown_nodes|nodes);|j <= i;", "three times the 118 free nodes"),
-    (r"\w+ = \S.*; \w+ < (n|m|j|k|i|columns|moving|length|to|m->count|D_AT);"
+    (r"\w+ = \S.*; \w+ < (n|m|j|k|i|columns|moving|used|count|length|to|m->count|D_AT);"
      r"|= n - 1; \w+ >= 0|= n; \w+-- > 0|k <= n;",
      "order of a matrix or length of a vector, a constant of every caller"),
     (r"while \(m\+\+ < k\)", "age of a late measurement, below HISTORY = 16 samples"),

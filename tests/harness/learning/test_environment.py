@@ -251,7 +251,7 @@ def test_wrong_names_are_errors():
         environment("ppc_tracking", act=["controller.F"])
     with pytest.raises(UsageError, match=r"has no bounds; give some"):
         environment("ppc_tracking", act=["controller.z_att"])
-    with pytest.raises(UsageError, match="other rows"):
+    with pytest.raises(UsageError, match="present row only"):
         environment("ppc_tracking", reward="max(guidance.range)")
     with pytest.raises(UsageError, match="shield filter"):
         environment("ppc_tracking", shield="filter")

@@ -262,7 +262,7 @@ def test_check_knows_no_changes_of_an_fmu(reported):
         *(
             (
                 f"servicer.mass_0={text}",
-                f"--vary servicer.mass_0={text}: expected a range first:last:step that ends",
+                f"--vary servicer.mass_0={text}: expected a range first:last:step, a whole number",
             )
             for text in ("0:1", "1:b:2", "0:1:0.3")
         ),

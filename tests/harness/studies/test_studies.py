@@ -459,8 +459,8 @@ def test_the_worst_completed_runs_of_an_archive_are_taken_by_the_names_of_their_
 
 REJECTED = {
     "no such requirement": (worst, {"worst": {"of": "smalls"}}, "close: small"),
-    "flag has no slope": (worst, {"worst": {"of": "flag"}}, "has no slope"),
-    "flag has no levels": (probability, {"probability": {"of": "flag"}}, "has no slope"),
+    "flag has no slope": (worst, {"worst": {"of": "flag"}}, "change gradually"),
+    "flag has no levels": (probability, {"probability": {"of": "flag"}}, "change gradually"),
     "one generation": (worst, {"worst": {"of": "small", "runs": 11}}, "at least 12 "),
     "box": (worst, {"worst": {"box": -1.0}}, "worst.box: must be a finite number above 0"),
     "entry": (worst, {"worst": {"run": 9}}, "close: runs"),
@@ -494,7 +494,7 @@ REJECTED = {
     "small map": (
         boundary,
         {"boundary": {"of": "small", "factors": ["twice.k", "bad.t_fail"], "runs": 24}},
-        "at least 25,",
+        "at least 25 ",
     ),
     "no table": (worst, {"worst": "small"}, "must be a table"),
     "nominal": (
