@@ -61,11 +61,14 @@ static inline void transition_times(const double *F, size_t moving, const double
         }
         for (size_t j = 0; j < columns; j += AT_ONCE) {
             size_t at = j + AT_ONCE <= n ? j : n - AT_ONCE;
-            double sum[AT_ONCE];
-            for (size_t c = 0; c < AT_ONCE; c++) sum[c] = M[i * n + at + c];
-            for (size_t k = 0; k < count; k++)
-                for (size_t c = 0; c < AT_ONCE; c++) sum[c] += f[k] * M[row[k] + at + c];
-            for (size_t c = 0; c < AT_ONCE; c++) result[i * n + at + c] = sum[c];
+            const double *m = M + i * n + at;
+            double a = m[0], b = m[1], c = m[2], d = m[3];
+            for (size_t k = 0; k < count; k++) {
+                m = M + row[k] + at;
+                a += f[k] * m[0], b += f[k] * m[1], c += f[k] * m[2], d += f[k] * m[3];
+            }
+            double *to = result + i * n + at;
+            to[0] = a, to[1] = b, to[2] = c, to[3] = d;
         }
     }
 }
