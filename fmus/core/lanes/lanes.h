@@ -571,8 +571,12 @@ template <class F, class... X> void perform_for(int some, const F &function, X *
  * outputs */
 template <class T>
 concept Single = requires(T pointer) { single_object(pointer); };
+/* number, or vectors or a pointer to constant vectors only: behind it there is no pointer through
+ * which a function could write */
 template <class T>
-concept NotWritten = !std::is_pointer_v<T> || std::is_const_v<std::remove_pointer_t<T>>;
+concept NotWritten = Number<T> || is_blended<T>() ||
+                     (std::is_pointer_v<T> && std::is_const_v<std::remove_pointer_t<T>> &&
+                      is_blended<std::remove_cv_t<std::remove_pointer_t<T>>>());
 
 template <class T> INLINE auto written(T argument)
 {

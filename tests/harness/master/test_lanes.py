@@ -259,6 +259,25 @@ def test_a_statement_is_made_for_the_lanes_in_which_its_condition_holds(
     assert len(set(rows)) == 7
 
 
+@pytest.mark.skipif(not shutil.which("g++"), reason="no g++")
+def test_a_function_may_write_through_a_pointer_in_a_struct(tmp_path: Path) -> None:
+    """Its statement is not made for some lanes only, because what it writes is not known."""
+    model = PARTLY.replace(
+        "static int is_outside",
+        "typedef struct { State *x; } Holder;\n"
+        "static void through(Holder h) { h.x->sum *= 3; }\n"
+        "static void behind(const Holder *h) { h->x->sum += 5; }\n"
+        "static int is_outside",
+    ).replace(
+        "    if (is_outside(u)) partly(p, u, x, y);",
+        "    const Holder own = {x}, *pointer = &own;\n"
+        "    if (is_outside(u)) through(own);\n    if (is_outside(u)) behind(pointer);",
+    )
+    rows, splits, _ = in_c_and_in_lanes(tmp_path, model, 2, ("g++",), "")
+    assert splits > 0
+    assert len(set(rows)) == 7
+
+
 def in_c_and_in_lanes(
     tmp_path: Path, model: str, width: int, compiler: tuple[str, ...], emulator: str
 ) -> tuple[list[str], int, int]:
