@@ -80,6 +80,19 @@ def test_filter_is_the_dense_one(fmu, rng, late):
     assert reference.track.rejected == 2
 
 
+def test_a_fix_that_remains_at_the_port_is_used_once(fmu, rng):
+    once, _ = filter_and_reference(fmu)
+    held, _ = filter_and_reference(fmu)
+    last = {}
+    for k in range(12):
+        new = fix(rng, START, k * T) if k % 6 == 0 else {}
+        last = new or last
+        once.step(T, QUIET | new)
+        held.step(T, QUIET | last)
+        for ours, theirs in zip(estimate(once), estimate(held), strict=True):
+            assert ours.tobytes() == theirs.tobytes(), k
+
+
 def test_start_is_beside_the_orbit_of_the_elements(fmu, rng):
     """rho and its rate as seen in the Hill frame, as of the servicer."""
     rho, drho = rng.normal(size=3) * 30, rng.normal(size=3) * 0.1
