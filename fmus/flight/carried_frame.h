@@ -24,11 +24,11 @@
 
 typedef struct { double spin_time, k_steer, w_steer, k_integral, spin_accel; } Steering;
 typedef struct {
-    double carried, t;
+    double carried, t; /* carried: 1 after the first sample; t: t_a */
     quat q_DN;
     double turns, spin; /* turns: 1 from t_a on; spin: T_s */
     vec3 b_D;
-} CarriedFrame;                               /* carried: 1 after the first sample; t: t_a */
+} CarriedFrame;
 typedef struct { vec3 w, dw; } AngularMotion; /* angular velocity and its derivative, N axes */
 typedef struct {
     AngularMotion D;

@@ -134,7 +134,7 @@ static inline vec3 acceleration(const OptimalParameters *p, const OptimalState *
     return x->plan.u[index_within(nodes, NODES - 1)];
 }
 
-/* (21): over the seconds until the plan */
+/* (21): carries position, velocity and tumble over the whole seconds until the next plan begins */
 static inline void carry(const OptimalParameters *p, const OptimalState *x, const OrbitNow *o,
                          int seconds, Carried *s)
 {

@@ -67,7 +67,8 @@ static inline void set_jacobian(Jacobian *restrict J, const Tree *restrict t,
 }
 
 /* ---- one pass: the joints that are not fixed ---- */
-typedef struct { double at[6][UPPER]; } Gram; /* upper half, y in column 6 */
+/* J J' (6, 6), of which only the upper triangle is set, and the twist y in column 6 */
+typedef struct { double at[6][UPPER]; } Gram;
 
 static inline Gram gram_of(const Jacobian *J, const JointRates *r, Twist y)
 {

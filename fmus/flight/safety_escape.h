@@ -151,13 +151,14 @@ static inline Stride stride(const EscapePath *e, double D)
                     sine_and_cosine(e->n * D)};
 }
 
-/* (7) on a faster path: the speed of the chord */
+/* (7) on a path faster than e->speed: the speed is that of the chord */
 static inline double fast_sagitta(const EscapePath *e, double D, double length_2)
 {
     return D * D / 8 * (2 * e->n * CURVED * sqrt(length_2) / D + e->bend);
 }
 
-/* (8) without R_k: replaces `least` if the path between two points comes nearer to the target */
+/* (8) without R_k: lowers the bound `least` where the path between the points a and b comes nearer to
+ * the target than `least` says */
 static inline void compare_path(const EscapePath *e, const Stride *s, const PathPoint *a,
                                 const PathPoint *b, double tau, EscapeBound *least)
 {

@@ -28,9 +28,10 @@ typedef struct {
 typedef struct {
     const char *prefix; /* "component." */
     const ModelInterface *model;
-    size_t head, tail; /* index of the first double of head and tail in the memory */
-    Copies driven;     /* to the inputs of the part, from published outputs of other parts */
-    Copies late;       /* to the published places of its outputs with latency, from the tail */
+    size_t head;   /* index in the memory of its first parameter; inputs follow */
+    size_t tail;   /* index in the memory of its first state; outputs follow */
+    Copies driven; /* to the inputs of the part, from published outputs of other parts */
+    Copies late;   /* to the published places of its outputs with latency, from the tail */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)

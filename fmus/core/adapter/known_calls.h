@@ -54,8 +54,9 @@ static inline Part part_of(const ModelInterface *m, unsigned vr, bool rows)
     return (Part){s, rows ? s.row->size : 1};
 }
 
-/* appends a part to run[0 .. *runs-1], or extends the last run if that is its neighbour and has the
- * same rule; the array must have space for one more run */
+/* Adds the elements of a part to run[0 .. *runs-1]. A run covers neighbouring elements with the same
+ * rule, so the part extends the last run where it can, otherwise it becomes a new run, for which the
+ * array must have space. */
 static inline void add_to_runs(Run run[], size_t *runs, Part p, Rule rule)
 {
     size_t at = p.first.row->offset / sizeof(double) + p.first.element;

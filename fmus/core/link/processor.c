@@ -193,8 +193,8 @@ static bool start_supervisor(Stream *s, const Paths *p, const Config *c)
     if (mkfifo(p->to_board, 0600) < 0 || mkfifo(p->from_board, 0600) < 0 ||
         mkfifo(p->life, 0600) < 0)
         return free(command), fail_start(s, s->folder);
-    int life =
-        open(p->life, O_RDWR | O_NONBLOCK | O_CLOEXEC); /* lets the supervisor open its end */
+    /* open at both ends, so that the supervisor's open() does not block */
+    int life = open(p->life, O_RDWR | O_NONBLOCK | O_CLOEXEC);
     s->supervisor = fork();
     if (s->supervisor == 0) run_supervisor(p, s->folder, command->list);
     free(command);

@@ -210,9 +210,9 @@ static inline uint32_t reciprocal_root(uint32_t x)
     return y;
 }
 
-/* integer part of the square root of 2^44 x, 54 bits; x >= 2^62. The upper bits are followed by a
- * Newton step, whose error is at most one unit of the last place; 1 is subtracted, and the result
- * is increased to the exact value */
+/* Integer part (54 bits) of the square root of 2^44 x, x >= 2^62. Its upper bits come from the
+ * reciprocal root, the others from one Newton step, which errs by one unit of the last place at most.
+ * 1 is subtracted, so that the result is never too large; the lines after it add what is missing. */
 static inline uint64_t whole_root(uint64_t x)
 {
     uint32_t y = reciprocal_root(upper(x)), first = upper_product(upper(x), y);

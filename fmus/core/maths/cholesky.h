@@ -39,9 +39,9 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
 }
 
 /* x of A x = b by elimination without square roots: the upper triangle of A is in the first n < 8
- * columns of a, b in column n; both are overwritten. Loops over a row start at the half of the row
- * that contains its diagonal, so that compilers process two numbers at a time; elements that belong
- * neither to A nor to b may have any value. Returns 0 if A is not positive definite. */
+ * columns of a, b in column n; both are overwritten. So that compilers process two numbers at a time,
+ * the loop over row i begins at column 0, or at HALF if i >= HALF: it also computes elements left of
+ * the diagonal, which may have any value and are not used. Returns 0 if A is not positive definite. */
 enum { UPPER = 8, HALF = UPPER / 2 };
 static inline int solve_upper(double a[][UPPER], int n, double *x)
 {

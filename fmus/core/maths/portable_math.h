@@ -143,7 +143,8 @@ static inline Power power_of_e(double x)
     return (Power){row[0], tail, last_bits(rounded, 0x7ffff) >> 7};
 }
 
-/* exp where 2^n is out of range: 2 times half the power above, a scaled normal number below */
+/* exp(x) for an x at which 2^n is out of range: if large, exp(x)/2 is computed and doubled; if small,
+ * 2^1000 exp(x), a normal number, is computed and scaled */
 static inline double exponential_at_edge(double x)
 {
     if (isnan(x)) return x;
