@@ -180,6 +180,13 @@ struct Vector {
         v += 1;
         return before;
     }
+    Vector &operator--() { return v -= 1, *this; }
+    Vector operator--(int)
+    {
+        const Vector before = *this;
+        v -= 1;
+        return before;
+    }
     friend Vector operator+(Vector a, Vector b) { return a.v + b.v; }
     friend Vector operator-(Vector a, Vector b) { return a.v - b.v; }
     friend Vector operator*(Vector a, Vector b) { return a.v * b.v; }

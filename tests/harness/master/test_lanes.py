@@ -278,6 +278,87 @@ def test_a_function_may_write_through_a_pointer_in_a_struct(tmp_path: Path) -> N
     assert len(set(rows)) == 7
 
 
+WRITES = r"""
+#include "fmu.h"
+
+typedef struct { double k; } Parameters;
+typedef struct { double x; } Input;
+typedef struct { double sum; } State;
+typedef struct { double y[16]; } Output;
+typedef double Action(double *);
+typedef struct { State *x; } Inner;
+typedef struct { Inner inner; } Holder;
+typedef struct { Action *act; } Table;
+typedef double Pair[2];
+#define RAISED(v) ((v) += 2)
+#define TWICE(v) (2 * RAISED(v))
+#define NEXT x->sum++
+
+static double take(double *n)
+{
+    *n += 1;
+    return 10 * *n;
+}
+static double behind(const Holder *h)
+{
+    if (h->inner.x->sum > 2) return 0;
+    h->inner.x->sum += 1;
+    return h->inner.x->sum;
+}
+static double local(double a)
+{
+    double n = a;
+    if (a < 2) return take(&n) + n;
+    if (a < 2.5) return ++n;
+    return n;
+}
+static double first(Pair of)
+{
+    of[0] += 3;
+    return of[0];
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    const Holder own = {{x}};
+    const Table table = {take};
+    Pair both = {u->x, 0};
+    x->sum = u->x;
+    CASE
+    y->y[15] = x->sum + both[0];
+}
+"""
+WRITING = {
+    "argument": "y->y[0] = u->x > 1.5 ? take(&x->sum) : 5;",
+    "other argument": "y->y[0] = u->x > 1.5 ? 5 : 1 + (2 * take(&x->sum));",
+    "struct": "y->y[0] = behind(&own);",
+    "conditional": "y->y[0] = u->x < 2 ? behind(&own) : 1;",
+    "and": "y->y[0] = u->x > 1.5 && take(&x->sum) > 20;",
+    "or": "if (u->x < 2 || u->x > 3 || take(&x->sum) > 30) y->y[0] = 1;",
+    "macro": "y->y[0] = u->x > 1.5 ? TWICE(x->sum) : 0;",
+    "macro without arguments": "y->y[0] = u->x > 1.5 ? NEXT : 0;",
+    "assignment": "y->y[0] = u->x > 1.5 ? (x->sum *= 2) : x->sum--;",
+    "local": "y->y[0] = local(u->x);",
+    "pointer": "Action *act = take; y->y[0] = u->x > 1.5 ? (*act)(&x->sum) : 2;",
+    "local pointer": "Action *act = take; y->y[0] = u->x > 1.5 ? act(&x->sum) : 2;",
+    "member": "y->y[0] = u->x > 1.5 ? table.act(&x->sum) : 2;",
+    "array": "y->y[0] = u->x > 1.5 ? first(both) : 2;",
+    "copy": "y->y[0] = u->x > 1.5 ? (memcpy(&x->sum, &p->k, sizeof x->sum), 1) : 2;",
+}
+"""Expressions that write, by what they write through."""
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="no g++")
+@pytest.mark.parametrize("case", WRITING)
+def test_an_expression_that_writes_is_computed_only_where_c_computes_it(
+    tmp_path: Path, case: str
+) -> None:
+    model = WRITES.replace("CASE", WRITING[case])
+    rows, splits, _ = in_c_and_in_lanes(tmp_path, model, 2, ("g++",), "")
+    assert splits > 0
+    assert len(set(rows)) == 7
+
+
 def in_c_and_in_lanes(
     tmp_path: Path, model: str, width: int, compiler: tuple[str, ...], emulator: str
 ) -> tuple[list[str], int, int]:
@@ -294,7 +375,8 @@ def in_c_and_in_lanes(
         shutil.copyfile(header, tmp_path / header.name)
     (tmp_path / "scalar/model.c").write_text(model)
     (tmp_path / "scalar/alone.c").write_text(f"#include <stdlib.h>\n{ALONE}")
-    (tmp_path / "model.c").write_text(tool.in_lanes(model))
+    parsed = [tool.parsed(header.read_text()) for header in headers]
+    (tmp_path / "model.c").write_text(tool.in_lanes(model, parsed))
     (tmp_path / "together.cpp").write_text(tool.MODEL.format(model="model") + TOGETHER)
     c = [*tool.build_fmu.SAME_BITS, "-O1", "scalar/alone.c"]
     cpp = [*tool.FLAGS, *tool.TARGET[width], f"-DWIDTH={width}", "-O1", "-I."]
