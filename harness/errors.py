@@ -140,7 +140,6 @@ EXTRAS = {
     "plot": ("matplotlib", "scipy"),
     "report": ("jinja2", "k3d", "plotly", "trimesh"),
     "campaign": ("zarr",),
-    "cluster": ("cryptography", "dask", "distributed"),
     "notebook": ("pandas", "xarray"),
     "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),
     "python": ("pythonfmu",),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,36 +36,21 @@ from harness.spelling import did_you_mean, printable
 StudyArgument = Annotated[
     Path, argument("CAMPAIGN.toml", "Campaign file, or NAME of a campaign of the project")
 ]
-DatasetOption = Annotated[Path | None, output("Dataset to write (default: results/NAME.zarr)")]
-WorkersOption = Annotated[
-    int | None, option("", "Use N workers (default: one per processor; 0: this process)")
-]
-LanesOption = Annotated[
-    bool, option("--lanes/--no-lanes", "Run several fused runs at once in each worker")
-]
-ResumeOption = Annotated[bool, option("--resume", "Continue after an interruption")]
 
 
 @dataclass(frozen=True)
-class Cluster:
-    """Options for the worker processes of a campaign and the connection to them."""
+class How:
+    """Options of campaigns and analyses: output, workers and display."""
 
-    workers: WorkersOption = None
-    scheduler: Annotated[str | None, option("ADDRESS", "Use the Dask cluster at this address")] = (
-        None
-    )
-    slurm: Annotated[bool, option("--slurm", "Submit the workers as SLURM jobs")] = False
-    lanes: LanesOption = True
-    tls_ca: Annotated[
-        Path | None, option("FILE", "Certificate of the authority that signed the others")
+    output: Annotated[Path | None, output("Dataset to write (default: results/NAME.zarr)")] = None
+    workers: Annotated[
+        int | None, option("", "Use N workers (default: one per processor; 0: this process)")
     ] = None
-    tls_cert: Annotated[
-        Path | None, option("FILE", "Certificate of this user, for --scheduler and --slurm")
-    ] = None
-    tls_key: Annotated[Path | None, option("FILE", "Key of the certificate")] = None
-    insecure: Annotated[
-        bool, option("--insecure", "Accept a scheduler without TLS, open to everybody")
-    ] = False
+    lanes: Annotated[
+        bool, option("--lanes/--no-lanes", "Run several fused runs at once in each worker")
+    ] = True
+    resume: Annotated[bool, option("--resume", "Continue after an interruption")] = False
+    quiet: QuietOption = False
 
 
 @dataclass(frozen=True)
@@ -220,11 +205,9 @@ def _written(results: Any, folder: Path, pictures: Pictures) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """Options of `harness campaign`: execution, conditions on the exit status, output."""
+    """Options of `harness campaign`: execution, conditions on the exit status, figures."""
 
-    output: DatasetOption = None
-    cluster: Cluster
-    resume: ResumeOption = False
+    how: How
     require: Annotated[
         Texts,
         option(
@@ -238,21 +221,28 @@ class Campaign:
         bool, option("--figures/--no-figures", "Draw figures, as `harness plot OUT.zarr` does")
     ] = False
     drawing: Drawing
-    quiet: QuietOption = False
 
     def run(self, definition: Path) -> None:
         """Run the campaign of a TOML file, print its summary, and draw its figures if requested."""
         from harness.cli.watch import counting
         from harness.studies.campaign.campaign import campaign
 
-        folder = self.output or Path("results") / f"{definition.stem}.zarr"
-        how: dict[str, Any] = {"resume": self.resume, "strict": self.strict}
-        how |= {"require": self.require or (), **asdict(self.cluster)}
-        notify = (lambda text: None) if self.quiet else (lambda text: typer.echo(text, err=True))
+        how = self.how
+        folder = how.output or Path("results") / f"{definition.stem}.zarr"
         problem = None
-        with counting(definition.stem, not self.quiet) as show:
+        with counting(definition.stem, not how.quiet) as show:
             try:
-                found = campaign(definition, folder, progress=show, notify=notify, **how)
+                found = campaign(
+                    definition,
+                    folder,
+                    workers=how.workers,
+                    lanes=how.lanes,
+                    resume=how.resume,
+                    require=self.require or (),
+                    strict=self.strict,
+                    progress=show,
+                    notify=lambda text: None if how.quiet else typer.echo(text, err=True),
+                )
             except RequirementError as error:  # the dataset is complete
                 found, problem = error.partial, error
         drawn = ""
@@ -261,7 +251,7 @@ class Campaign:
 
             place = figures_of(folder)
             drawn = f", {len(pictures(folder, place, *self.drawing.how()))} figures in {place}"
-        if not self.quiet:
+        if not how.quiet:
             typer.echo(f"{printable(found.summary())}\n\ndataset {folder}{drawn}")
             typer.echo(_next(folder))
         if problem is not None:
@@ -320,39 +310,29 @@ STUDIES = {
 """Help texts of the analysis commands, by the name of the command and of its table in the file."""
 
 
-@dataclass(frozen=True)
-class How:
-    """Options of the analysis commands: output and workers."""
+def _analyse(kind: str, definition: Path, how: How) -> bool:
+    """Run an analysis, print its summary and return whether its verdict is positive; kind: a key of
+    STUDIES; definition: the campaign file.
+    """
+    from harness.cli.watch import counting
+    from harness.studies.analyses import STUDIES
 
-    output: DatasetOption = None
-    workers: WorkersOption = None
-    lanes: LanesOption = True
-    resume: ResumeOption = False
-    quiet: QuietOption = False
-
-    def run(self, kind: str, definition: Path) -> bool:
-        """Run a study, print its summary and return whether its verdict is positive; kind: a key of
-        STUDIES; definition: the campaign file.
-        """
-        from harness.cli.watch import counting
-        from harness.studies.analyses import STUDIES
-
-        target = self.output or Path("results") / f"{definition.stem}_{kind}.zarr"
-        with counting(kind, not self.quiet and sys.stderr.isatty()) as show:
-            found = STUDIES[kind](
-                definition,
-                target,
-                workers=self.workers,
-                lanes=self.lanes,
-                resume=self.resume,
-                progress=show,
-                notify=lambda text: None if self.quiet else typer.echo(printable(text)),
-            )
-        if not self.quiet:
-            typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
-            follows = kind == "sensitivity" and definition.suffix == ".toml"
-            typer.echo(f"next: harness worst {definition}" if follows else _next(found.path))
-        return found.verdict
+    target = how.output or Path("results") / f"{definition.stem}_{kind}.zarr"
+    with counting(kind, not how.quiet and sys.stderr.isatty()) as show:
+        found = STUDIES[kind](
+            definition,
+            target,
+            workers=how.workers,
+            lanes=how.lanes,
+            resume=how.resume,
+            progress=show,
+            notify=lambda text: None if how.quiet else typer.echo(printable(text)),
+        )
+    if not how.quiet:
+        typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
+        follows = kind == "sensitivity" and definition.suffix == ".toml"
+        typer.echo(f"next: harness worst {definition}" if follows else _next(found.path))
+    return found.verdict
 
 
 def _add(kind: str, text: str) -> None:
@@ -360,7 +340,7 @@ def _add(kind: str, text: str) -> None:
 
     @command(kind, text=inspect.cleandoc(text))
     def study(definition: StudyArgument, how: How) -> None:
-        if not how.run(kind, _file(definition)):
+        if not _analyse(kind, _file(definition), how):
             raise typer.Exit(1)
 
 
@@ -398,13 +378,6 @@ def study_command(
             f"--output: the file defines {len(kinds)} studies; run one: harness {kinds[0]} {name}"
         )
     if not kinds:
-        campaign = Campaign(
-            output=how.output,
-            cluster=Cluster(workers=how.workers, lanes=how.lanes),
-            resume=how.resume,
-            drawing=Drawing(),
-            quiet=how.quiet,
-        )
-        campaign.run(known[name])
-    verdicts = [how.run(kind, known[name]) for kind in kinds]
+        Campaign(how=how, drawing=Drawing()).run(known[name])
+    verdicts = [_analyse(kind, known[name], how) for kind in kinds]
     raise typer.Exit(0 if all(verdicts) else 1)

@@ -138,19 +138,17 @@ _GUARD = 'IFS= read -r word; [ "$word" = done ] || rm -rf -- "$1"'
 class PrivateFolder:
     """New temporary folder that only this user can read; a context manager that yields its path and
     then removes it.
-
-    where: existing folder in which to create it (None: the system's folder for temporary files).
     """
 
-    def __init__(self, where: Path | None = None) -> None:
+    def __init__(self) -> None:
         guard = None
         try:
-            self.path = (where or Path(tempfile.gettempdir())) / f"harness-{secrets.token_hex(8)}"
+            self.path = Path(tempfile.gettempdir()) / f"harness-{secrets.token_hex(8)}"
             guard = _guard(self.path)  # before mkdir(): removed even if killed in between
             self.path.mkdir(mode=0o700)
         except OSError as error:
             _dismiss(guard)
-            place = where or os.environ.get("TMPDIR", "the temporary folder")
+            place = os.environ.get("TMPDIR", "the temporary folder")
             raise ResultsError(
                 f"{place}: cannot create temporary files ({error.strerror or error})"
             ) from error

@@ -102,8 +102,8 @@ class Child:
             args=((theirs, terminal), _open_files() - {*open_files}, note, function, arguments),
             daemon=True,
         )
-        # Python forbids children of a daemonic process, such as a worker of dask; this child is
-        # safe, because it ends with its parent
+        # Python forbids children of a daemonic process, such as a worker of
+        # multiprocessing.Pool; this child is safe, because it ends with its parent
         multiprocessing.current_process().daemon = False
         # an interrupt while a fork holds its locks would leave them locked for ever
         with held(), warnings.catch_warnings():  # newer Pythons warn of forks beside other threads

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,8 +32,7 @@ from harness.results.result import Result
 from harness.results.verdict import Verdict
 from harness.spelling import one_line
 from harness.ssp.library import load
-from harness.studies.campaign.clusters import Workers
-from harness.studies.campaign.engine import Block, prestart, worker_pool
+from harness.studies.campaign.engine import Block, prestart, processes, worker_pool
 from harness.studies.reuse import (
     ReusedSimulation,
     compiling,
@@ -252,7 +250,7 @@ def compare(  # noqa: PLR0913 - options of a comparison
     step, and ResultsError. A run that fails later ends early, and the other runs continue.
     """
     known_executor(executor)
-    workers = Workers(min(len(variants), os.cpu_count() or 1))
+    workers = min(len(variants), processes(None))
     prestart(workers, __name__)
     variants, in_force = _in_force(system, variants)
     if every is not None and every < 1:
@@ -265,7 +263,7 @@ def compare(  # noqa: PLR0913 - options of a comparison
     over: dict[int, Outcome] = {}
     many = sum(steps) if executor == FUSED else 0
     with compiling(system, variants[0].changes, many), worker_pool(workers) as run_blocks:
-        for k, found in run_blocks(work, work.blocks(orders, workers.processes)):
+        for k, found in run_blocks(work, work.blocks(orders, workers)):
             over |= dict(enumerate(found, k))
             if progress is not None:
                 progress(len(over))

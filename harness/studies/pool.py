@@ -16,7 +16,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import cache
 from multiprocessing import connection, forkserver, resource_tracker
@@ -65,7 +65,7 @@ class LostWorkerError(Exception):
     """Error of a task whose worker process has ended before the task was complete."""
 
 
-class WorkerPool(Executor):
+class WorkerPool:
     """Pool of `count` worker processes, started on entry. The future of a task raises the exception
     of the task, or LostWorkerError if the worker process has ended.
 
@@ -74,6 +74,7 @@ class WorkerPool(Executor):
     """
 
     def __init__(self, count: int, ready: Ready) -> None:
+        self.count = count
         self._workers = [_Worker(ready) for _ in range(count)]
         self._free: SimpleQueue[_Worker] = SimpleQueue()
         self._threads = ThreadPoolExecutor(count)
@@ -99,9 +100,9 @@ class WorkerPool(Executor):
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self.shutdown(cancel_futures=kind is not None)
 
-    def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+    def submit(self, work: Callable[..., Any], *given: Any) -> Future[Any]:
         """Schedule a task for the next free worker, in the order of the calls."""
-        return self._threads.submit(self._done, work, given, named)
+        return self._threads.submit(self._done, work, given)
 
     def _done(self, *work: Any) -> Any:
         worker = self._free.get()
@@ -120,7 +121,7 @@ class WorkerPool(Executor):
                 _log.warning(note, pid, pid)
             known = stopped
 
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+    def shutdown(self, cancel_futures: bool) -> None:
         """End all worker processes after the tasks that were submitted. With `cancel_futures`
         terminate them at once, and kill each process that has not ended within GRACE_SECONDS.
         """
@@ -132,7 +133,7 @@ class WorkerPool(Executor):
                     worker.terminate()
                 for worker in self._workers:
                     worker.kill(end)
-        self._threads.shutdown(wait)
+        self._threads.shutdown()
         for worker in self._workers:
             worker.end()
         self._over.set()
@@ -162,7 +163,7 @@ class _Worker:
             theirs.close()
 
     def done(self, *work: Any) -> Any:
-        """Return the result of a task: work = (function, arguments, keyword arguments).
+        """Return the result of a task: work = (function, arguments).
 
         Raises the exception of the task, or LostWorkerError if the process ends.
         """
@@ -238,10 +239,10 @@ def _serve(line: Any, ready: Ready, environment: Mapping[str, str]) -> None:
             line.send(_outcome(*order))
 
 
-def _outcome(work: Callable[..., Any], given: Any, named: Any) -> tuple[Any, BaseException | None]:
+def _outcome(work: Callable[..., Any], given: Any) -> tuple[Any, BaseException | None]:
     """Return the result of a task and None, or None and the exception that it raised."""
     try:
-        return work(*given, **named), None
+        return work(*given), None
     except BaseException as error:
         error.add_note(traceback.format_exc())
         return None, error

@@ -47,7 +47,7 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Rerun:
     ResultsError.
     """
     if "#" in text and not is_file(text):
-        from harness.studies.campaign.campaign import like  # with Dask and zarr
+        from harness.studies.campaign.campaign import like  # with zarr
 
         found, own = like(text, system)
         if system is None:

@@ -400,7 +400,7 @@ def test_an_endless_loop_costs_one_run_of_a_campaign(folder, monkeypatch, phase)
 
 
 def test_workers_outlive_the_vices_of_a_run(folder, monkeypatch):
-    """Dask would give the block of a lost worker to another one: no message could name the call."""
+    """If a worker were lost instead, no message could name the call."""
     monkeypatch.chdir(folder)
     message = check_campaign(folder, "segfault", "fmi2DoStep", workers=2)
     assert message == ("b: fmi2DoStep crashed (SIGSEGV, segmentation fault) (at t = 2 s)")

@@ -53,8 +53,6 @@ ONLY = {
     "xarray": {"studies", "results"},
     "pandas": {"results"},
     "zarr": {"studies"},
-    "dask": {"studies"},
-    "distributed": {"studies"},
 }
 """Libraries, and the only packages that may import them."""
 

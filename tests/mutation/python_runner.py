@@ -32,7 +32,7 @@ import psutil
 import pytest
 
 READ_BEFOREHAND = (
-    "distributed", "fmpy.fmi2", "hypothesis", "jinja2", "k3d", "matplotlib.pyplot", "netCDF4",
+    "fmpy.fmi2", "hypothesis", "jinja2", "k3d", "matplotlib.pyplot", "netCDF4",
     "numpy", "pandas", "plotly.graph_objects", "psutil", "rich", "scipy.stats", "typer", "xarray",
     "zarr",
 )  # fmt: skip

@@ -148,7 +148,7 @@ success = "last(guidance.range) < 12"
 
 
 DISPERSED = "harness campaign spread.toml --workers 0"
-OF_EXTRAS = ["dask", "matplotlib", "pandas", "plotly", "scipy", "xarray"]
+OF_EXTRAS = ["matplotlib", "pandas", "plotly", "scipy", "xarray"]
 
 
 def test_an_own_mission_is_run_reported_drawn_exported_dispersed_and_gated(harness, work):

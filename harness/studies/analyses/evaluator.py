@@ -28,9 +28,8 @@ from harness.results.requirements import has_slope
 from harness.results.result import Array
 from harness.spelling import did_you_mean
 from harness.studies.campaign import worker
-from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan, table_of
-from harness.studies.campaign.engine import Block, RunBlocks, prestart, worker_pool
+from harness.studies.campaign.engine import Block, RunBlocks, prestart, processes, worker_pool
 from harness.studies.campaign.factors import SMALLEST
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.sources import named
@@ -67,8 +66,8 @@ class Evaluator:
         if file is None and not isinstance(definition, Mapping):
             file = Path(definition)
         table = {k: v for k, v in table_of(definition).items() if k not in UNUSED}
-        self.workers = Workers(workers, lanes=lanes)
-        prestart(self.workers, worker.__name__)
+        self.workers = workers
+        prestart(workers, worker.__name__)
         with logged_once():
             self.plan, task = read_plan(table | {"runs": 1}, file)
         self.task = task.in_lanes(lanes, notify)
@@ -129,7 +128,7 @@ class Evaluator:
         if self.task.lanes:
             steps = plan.runs * self.task.steps
             self._life.enter_context(compiling(plan.system, plan.fixed, steps))
-        self._run_blocks = self._life.enter_context(worker_pool(self.workers, self.notify))
+        self._run_blocks = self._life.enter_context(worker_pool(self.workers))
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -164,7 +163,7 @@ class Evaluator:
                 "Evaluator: use it in a with block, `with Evaluator(...) as evaluator:`"
             )
         changes = [self.plan.changes(each) for each in values]
-        share = -(-len(changes) // (2 * self.workers.processes))
+        share = -(-len(changes) // (2 * processes(self.workers)))
         size = self.task.block(min(LARGEST, share))
         blocks = (Block(k, changes[k : k + size]) for k in range(0, len(changes), size))
         completed = dict(self._run_blocks(self.task, blocks))

@@ -22,7 +22,6 @@ from harness.master.messages import logged_once
 from harness.spelling import some
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics, worker
-from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, CompletedBlocks, RunBlocks, prestart, worker_pool
 from harness.studies.campaign.layout import fields
@@ -80,20 +79,22 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     definition: str | Path | Mapping[str, Any],
     output: str | Path,
     *,
+    workers: int | None = None,
+    lanes: bool = True,
     resume: bool = False,
     require: Sequence[str] = (),
     strict: bool = False,
     progress: Callable[[Progress], None] | None = None,
     notify: Callable[[str], None] = lambda _: None,
-    **where: Any,
 ) -> Campaign:
     """Perform the runs of a campaign and store them in a Zarr dataset.
 
-    definition: path of a campaign TOML, or its table; output: OUT.zarr; resume: continue an
-    interrupted campaign; require: conditions such as `lower(success) >= 99 %`; strict: the values
-    in `[expected]` must hold, or, without that table, every run must succeed; progress: called
-    after every block; notify: called with each note for the user; where: fields of Workers, such as
-    workers=4 (default: one process per processor, 0: this process).
+    definition: path of a campaign TOML, or its table; output: OUT.zarr; workers: number of worker
+    processes (default: one per processor, 0: this process); lanes: let a worker make several fused
+    runs at once; resume: continue an interrupted campaign; require: conditions such as
+    `lower(success) >= 99 %`; strict: the values in `[expected]` must hold, or, without that table,
+    every run must succeed; progress: called after every block; notify: called with each note for
+    the user.
 
     Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
     Raises before the first run UsageError, or StructureError with all problems of the table. Raises
@@ -101,17 +102,13 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     condition is not met or the success of a run could not be evaluated; its attribute `partial` is
     the completed Campaign. A run that fails raises nothing: it is a row of the dataset.
     """
-    who = Workers(**where)
-    who.check()
-    prestart(who, worker.__name__)
+    prestart(workers, worker.__name__)
     with logged_once():
         plan, task = read_plan(definition)
     _reject_conditions(task, require)
-    task = task.in_lanes(who.lanes, notify)
+    task = task.in_lanes(lanes, notify)
     with ExitStack() as life:
-        store, completed = _begun(
-            (plan, task), Path(output), resume, worker_pool(who, notify), life
-        )
+        store, completed = _begun((plan, task), Path(output), resume, worker_pool(workers), life)
         _write(plan, store, completed, progress)
         store.finish()
     return _evaluated(Campaign(Path(output), store), require, strict)

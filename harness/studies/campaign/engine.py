@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Execution of many runs: in this process, or distributed over workers.
+"""Execution of many runs: in this process, or by worker processes.
 
 A function of this module receives blocks of runs and yields the rows of each block when it is
 complete, in any order. If a worker process ends, the runs of its task are repeated one by one. A
@@ -8,16 +8,16 @@ run whose worker ends again gets a row without results.
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from queue import SimpleQueue
 from typing import Any, NamedTuple, Protocol
 
-from harness.studies.campaign.clusters import Workers, connected
 from harness.studies.pool import CRASH, LostWorkerError, WorkerPool, prepare
 from harness.studies.reuse import retaining
 
@@ -54,51 +54,32 @@ RunBlocks = Callable[[Any, Iterable[Block]], CompletedBlocks]
 """Function that takes a Work and its blocks, and performs all runs; it can be called repeatedly."""
 
 
-class Executing(NamedTuple):
-    """Executor of tasks on workers.
+def processes(workers: int | None) -> int:
+    """Return the number of workers: as given, otherwise one per processor of this machine."""
+    return workers or os.cpu_count() or 1
 
-    there: function that returns the present number of workers; least: their smallest number; ended:
-    exception of a task whose worker process has ended.
+
+def prestart(workers: int | None, module: str) -> None:
+    """Start the fork server early, unless all runs are made in this process (workers = 0); module:
+    name of the module that the workers need, which the server imports.
     """
-
-    executor: Executor
-    there: Callable[[], int]
-    least: int
-    ended: type[Exception]
-
-
-def prestart(workers: Workers, module: str) -> None:
-    """Start the fork server early if the workers are processes on this machine; module: name of the
-    module that the workers need, which the server imports.
-    """
-    if workers.workers != 0 and not workers.elsewhere:
+    if workers != 0:
         prepare(module)
 
 
 @contextmanager
-def worker_pool(
-    workers: Workers, notify: Callable[[str], None] = lambda _: None
-) -> Iterator[RunBlocks]:
-    """Yield a function that performs blocks of runs on the workers. Worker processes may still be
+def worker_pool(workers: int | None) -> Iterator[RunBlocks]:
+    """Yield a function that performs blocks of runs on worker processes, which may still be
     starting when the block is entered.
 
-    notify: called with each note for the user. Raises UsageError if the scheduler does not answer
-    or SLURM is not available.
+    workers: their number (None: one per processor, 0: the runs are made in this process).
     """
-    least = workers.processes
-    if workers.elsewhere:
-        from distributed import KilledWorker
-
-        with connected(workers, notify) as client:
-            executor = client.get_executor(pure=False)
-            there = lambda: max(least, len(client.nthreads()))  # noqa: E731
-            yield partial(_spread, Executing(executor, there, least, KilledWorker))
-    elif workers.workers == 0:
+    if workers == 0:
         with retaining():
             yield _here
     else:
-        with WorkerPool(least, retaining) as executor:
-            yield partial(_spread, Executing(executor, lambda: least, least, LostWorkerError))
+        with WorkerPool(processes(workers), retaining) as pool:
+            yield partial(_spread, pool)
 
 
 def _here(work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
@@ -106,7 +87,7 @@ def _here(work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
         yield block.first, work.run(block.orders)
 
 
-def _spread(pool: Executing, work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
+def _spread(pool: WorkerPool, work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
     """Submit the first blocks at once, before the returned iterator of completed blocks is used."""
     spread = _Spread(pool, work, blocks)
     spread.fill()
@@ -119,9 +100,9 @@ class _Spread:
     nearly the same time.
     """
 
-    def __init__(self, pool: Executing, work: Work, blocks: Iterable[Block]) -> None:
+    def __init__(self, pool: WorkerPool, work: Work, blocks: Iterable[Block]) -> None:
         self.pool, self.work = pool, work
-        self.left = last_in_pieces(blocks, pool.least, work.piece)
+        self.left = last_in_pieces(blocks, pool.count, work.piece)
         self.jobs: dict[Future[list[Any]], tuple[Block, int, Sequence[Any]]] = {}
         self.begun: dict[int, dict[int, list[Any]]] = {}
         """Rows of the blocks in progress, by the first run of the block and then by the index of
@@ -131,7 +112,7 @@ class _Spread:
 
     def fill(self) -> None:
         """Submit blocks until AHEAD blocks per worker are in progress or wait in the queue."""
-        count = AHEAD * self.pool.there() - len(self.begun)
+        count = AHEAD * self.pool.count - len(self.begun)
         for block, piece in islice(self.left, max(0, count)):
             self.begun[block.first] = {}
             for place in range(0, len(block.orders), piece):
@@ -141,7 +122,7 @@ class _Spread:
                 job.add_done_callback(self.over.put)
 
     def _submit(self, part: Sequence[Any]) -> Future[list[Any]]:
-        return self.pool.executor.submit(self.work.run, part)
+        return self.pool.submit(self.work.run, part)
 
     def completed(self) -> CompletedBlocks:
         """Yield blocks as they are completed, and submit the next ones in their place."""
@@ -161,13 +142,13 @@ class _Spread:
         """
         try:
             return job.result()
-        except self.pool.ended:
+        except LostWorkerError:
             return [self._alone(order) for order in part]
 
     def _alone(self, order: Any) -> Any:
         try:
             return self._submit([order]).result()[0]
-        except self.pool.ended:
+        except LostWorkerError:
             return self.work.lost(CRASH)
 
 

@@ -3,7 +3,7 @@
 returns a row of the dataset for each run.
 
 A run that fails gives a row too, with its message, the time of failure and the last values of all
-variables. The same code runs in the main process, in worker processes and in a cluster.
+variables. The same code runs in the main process and in worker processes.
 """
 
 from __future__ import annotations

@@ -615,13 +615,6 @@ def test_an_fmu_that_crashes_costs_its_own_run_only(fmus, tmp_path):
     assert store.array("end")[[0, 1, 3]].tolist() == [6.0, 6.0, 6.0]
 
 
-def test_without_slurm_a_campaign_is_rejected_and_leaves_no_dataset(system, tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(UsageError, match="--slurm: sbatch not found"):
-        campaign(table(system, runs=1), tmp_path / "out.zarr", slurm=True)
-    assert not (tmp_path / "out.zarr").exists()
-
-
 # ---- numbers
 
 
@@ -760,7 +753,7 @@ for level in ("3", "4"):
 def test_a_full_disk_is_an_error_that_names_the_dataset(
     system, tmp_path, monkeypatch, writing, workers
 ):
-    """Not one of standard output, nor of a scheduler."""
+    """Not one of standard output, nor of a worker."""
 
     def fail(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -60,7 +60,7 @@ def test_every_future_has_its_own_value():
         assert [f.result() for f in [pool.submit(square, x) for x in range(20)]] == [
             x * x for x in range(20)
         ]
-        assert pool.submit(square, x=3).result() == 9
+        assert pool.submit(square, 3).result() == 9
         pid, word = pool.submit(pid_and_word).result()
     assert pid != os.getpid()
     assert word == "yes"
