@@ -112,25 +112,18 @@ class Requested:
 
 @dataclass(frozen=True)
 class Live:
-    """Options of `harness run` for the display during the run and for its pace."""
+    """Options of `harness run` for its pace."""
 
-    watch: Annotated[
-        bool, option("--watch", "Show range, errors, speed and phase during the run")
-    ] = False
     realtime: Annotated[float | None, option("FACTOR", "Run at FACTOR times real time")] = None
     late: Annotated[
         str | None, option("wait|hold|stop", "Choose what to do if a remote component is late")
     ] = None
 
     def how(self, quiet: bool) -> dict[str, Any]:
-        """Return the arguments of simulate() for display and pace; quiet: without progress bar."""
+        """Return the arguments of simulate() for progress bar and pace; quiet: without the bar."""
         from harness.master.pacer import Pacer
 
         how: dict[str, Any] = {"progress": not quiet and sys.stderr.isatty()}
-        if self.watch:
-            from harness.cli.watch import watched
-
-            how["progress"] = watched
         if self.realtime is not None:
             how["pacer"] = Pacer(self.realtime)
         return how

@@ -224,7 +224,7 @@ class Campaign:
 
     def run(self, definition: Path) -> None:
         """Run the campaign of a TOML file, print its summary, and draw its figures if requested."""
-        from harness.cli.watch import counting
+        from harness.master.progress import counting
         from harness.studies.campaign.campaign import campaign
 
         how = self.how
@@ -314,7 +314,7 @@ def _analyse(kind: str, definition: Path, how: How) -> bool:
     """Run an analysis, print its summary and return whether its verdict is positive; kind: a key of
     STUDIES; definition: the campaign file.
     """
-    from harness.cli.watch import counting
+    from harness.master.progress import counting
     from harness.studies.analyses import STUDIES
 
     target = how.output or Path("results") / f"{definition.stem}_{kind}.zarr"

@@ -24,7 +24,7 @@ from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Block, Child, Send, array, block
 from harness.master.messages import noted
 from harness.master.pacer import Pacer
-from harness.master.progress import Show, Watch, shown
+from harness.master.progress import Show, progress_bar
 from harness.master.simulation import Simulation
 from harness.results.result import Result
 from harness.system.model import System
@@ -46,7 +46,7 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     *,
     executor: str = "c",
     every: int | None = None,
-    progress: bool | Watch = False,
+    progress: bool = False,
     in_process: bool = False,
     patience: float = math.inf,
     pacer: Pacer | None = None,
@@ -144,13 +144,14 @@ class _Run:
         self.patience, self.verdict = patience, ""
         self._seen: tuple[object, float] = None, 0.0
 
-    def result(self, progress: bool | Watch) -> Result:
+    def result(self, progress: bool) -> Result:
         """Return the result after the child has ended; raise RunError with the rows so far, or
         FmuError.
         """
+        name, steps = self.simulation.system.name, self.simulation.steps
         with Child(_run, *self._order) as self.child:
             try:
-                with shown(self.simulation, progress) as show:
+                with progress_bar(name, steps, progress) as show:
                     self._follow(show)
             except KeyboardInterrupt:
                 self._interrupt()

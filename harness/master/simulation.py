@@ -34,7 +34,7 @@ from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.messages import as_typed
 from harness.master.pacer import Pacer
-from harness.master.progress import Show, Watch, shown
+from harness.master.progress import Show, progress_bar
 from harness.master.recorder import Recorder
 from harness.master.steering import Ports, steered
 from harness.results.provenance import now, run_provenance
@@ -511,13 +511,13 @@ def simulate(
     *,
     executor: str = "c",
     every: int | None = None,
-    progress: bool | Watch = False,
+    progress: bool = False,
     pacer: Pacer | None = None,
 ) -> Result:
     """Run a system to which all changes have been applied; executor, every, progress: as for run();
     pacer: clock that the run follows (None: none).
     """
     with Simulation(system, executor=executor, every=every, pacer=pacer) as simulation:
-        with shown(simulation, progress) as show:
+        with progress_bar(system.name, simulation.steps, progress) as show:
             simulation.advance(progress=show)
         return simulation.result()

@@ -22,6 +22,7 @@ from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel
 from harness.mission.library import inherit
 from harness.mission.mission import (
     Exchange,
+    FinalMetric,
     Limits,
     Metric,
     Mission,
@@ -29,14 +30,13 @@ from harness.mission.mission import (
     Scene,
     Start,
     Steering,
-    WatchedMetric,
 )
 from harness.mission.optimum import Bound
 from harness.results.verdict import Verdict
 
 __all__ = [
-    "Band", "Bound", "Case", "Claim", "Curve", "Drawing", "Exchange", "Figure", "Judgement",
-    "Level", "Limits", "Metric", "Mission", "Overlay", "Panel", "Paper", "Phase", "Plan",
-    "RuleFinding", "Scene", "Start", "Steering", "Verdict", "WatchedMetric", "at_least", "at_most",
+    "Band", "Bound", "Case", "Claim", "Curve", "Drawing", "Exchange", "Figure",
+    "FinalMetric", "Judgement", "Level", "Limits", "Metric", "Mission", "Overlay", "Panel", "Paper",
+    "Phase", "Plan", "RuleFinding", "Scene", "Start", "Steering", "Verdict", "at_least", "at_most",
     "inherit",
 ]  # fmt: skip

@@ -40,7 +40,7 @@ def one_number(given: Any) -> float:
 @dataclass(frozen=True)
 class BaseMetric:
     """Named quantity computed from a result: a number, or a time series with a value per row. Base
-    class of columns of a comparison, metrics of a campaign, watched metrics of a run and values of
+    class of columns of a comparison, metrics of a campaign, final metrics of a run and values of
     claims.
 
     name, unit: texts for tables and axes; needs, parameters: variables and parameters of the run

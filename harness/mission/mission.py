@@ -137,9 +137,9 @@ def exceeding(
                 )
 
 
-class WatchedMetric(BaseMetric):
-    """Metric that is watched: its value in the last row is shown during a run. Its function returns
-    a time series, or a text ("": nothing to show).
+class FinalMetric(BaseMetric):
+    """Metric whose value in the last row is stated in the head of a page. Its function returns a
+    time series.
     """
 
     def text(self, result: Result) -> str:
@@ -147,12 +147,10 @@ class WatchedMetric(BaseMetric):
         variable of the metric is a mode.
         """
         values = self(result)
-        if isinstance(values, str):
-            return values
         try:
             value = float(np.sum(np.atleast_1d(values)[-1]))
         except (TypeError, ValueError, IndexError):
-            text = f"expected rows of numbers or a text, got {values!r:.60}"
+            text = f"expected rows of numbers, got {values!r:.60}"
             raise HarnessError(f"{place_of(self.compute)}metric {self.name}: {text}") from None
         if len(self.needs) == 1 and result.mode_names(self.needs[0]):
             return result.mode(self.needs[0], value)
@@ -251,8 +249,8 @@ class Mission(Checked):
     """Figures, metrics, claims and other parts of one mission.
 
     figures; overlays: figures of several runs; phases: plots of a quantity against its rate;
-    metrics: columns of a comparison; claims: papers with claims; watched: metrics shown during a
-    run; scene: replays in space; rules: functions that return the findings about safety rules of a
+    metrics: columns of a comparison; claims: papers with claims; final: metrics for the head of a
+    page; scene: replays in space; rules: functions that return the findings about safety rules of a
     result; notes: functions that return facts about a result that its values do not show; plans:
     functions that answer `harness plan` for a system and the changes of run(); bands: functions
     that complete the limits of a comparison; definitions: functions that return lines below the
@@ -269,7 +267,7 @@ class Mission(Checked):
     phases: tuple[Phase, ...] = ()
     metrics: tuple[Metric, ...] = ()
     claims: tuple[Paper, ...] = ()
-    watched: tuple[WatchedMetric, ...] = ()
+    final: tuple[FinalMetric, ...] = ()
     scene: tuple[Scene, ...] = ()
     rules: tuple[Callable[[Result], Iterator[RuleFinding]], ...] = ()
     notes: tuple[Callable[[Result], Iterator[str]], ...] = ()

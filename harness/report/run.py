@@ -121,7 +121,7 @@ def gaps(result: Result) -> str:
 
 def headline(result: Result) -> tuple[str, str]:
     """Return two sentences for the head of the page: the description of the system with the end
-    time, and how the run ended, with values that the mission watches and counts of verdicts.
+    time, and how the run ended, with final metrics of the mission and counts of verdicts.
     """
     text = result.system
     if result.system in paths.systems():
@@ -130,8 +130,8 @@ def headline(result: Result) -> tuple[str, str]:
     if not len(result.time):
         return text, "The run has no recorded rows."
     end = f"{result.time[-1]:g} s"
-    shown = [m for m in of_result(result).watched if not m.lacks(result)]
-    values = [f"{m.name} {value}" for m in shown if (value := m.text(result))][:3]
+    shown = [m for m in of_result(result).final if not m.lacks(result)]
+    values = [f"{m.name} {m.text(result)}" for m in shown[:3]]
     given = [each.verdict for each in findings(result)]
     parts = [f"Ended at {end}" if result.complete else f"Incomplete, ended early at {end}"]
     parts[0] += f" with {', '.join(values)}" if values else ""

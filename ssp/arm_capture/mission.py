@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from harness.mission import WatchedMetric
+from harness.mission import FinalMetric
 
 from ..shared.approach import approach
 from ..shared.conventions import STEERED
@@ -26,9 +26,9 @@ MISSION = replace(
     scene=(SCENE,),
     plans=(plan,),
     steering=(STEERED._replace(open=("controller", "arm_controller"), every=10, ends=(GRASPED,)),),
-    watched=(
-        WatchedMetric("arm mode", "", (), "arm_guidance.arm_mode"),
-        WatchedMetric("tip error", "mm", (), "1000 * arm_guidance.position_error"),
-        WatchedMetric("misalignment", "deg", (), "degrees(arm_guidance.misalignment)"),
+    final=(
+        FinalMetric("arm mode", "", (), "arm_guidance.arm_mode"),
+        FinalMetric("tip error", "mm", (), "1000 * arm_guidance.position_error"),
+        FinalMetric("misalignment", "deg", (), "degrees(arm_guidance.misalignment)"),
     ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.mission import Drawing, Figure, Limits, Mission, Overlay, Paper, Scene
+from harness.mission import Drawing, Figure, FinalMetric, Limits, Mission, Overlay, Paper, Scene
 from harness.results.result import Result
 
 from . import (
@@ -18,6 +18,7 @@ from . import (
     plan_figures,
     safety_figures,
 )
+from . import relative_motion as motion
 from .approach_figures import (
     ADAPTIVE,
     ALIGNMENT,
@@ -33,10 +34,16 @@ from .conventions import ADDED, CONTROLLER, ORBITS, RESTARTS, STEERED
 from .meanings import explained
 from .metrics import AT_LIMITS, METRICS, bands, definitions
 from .overlays import FIGURES as OVERLAYS
-from .relative_motion import release_time
 from .safety import LEAST, RESTING, RULES, findings
-from .watched import WATCHED
 
+PLACES = (motion.SERVICER, motion.TARGET)
+FINAL = (
+    FinalMetric("range", "m", PLACES, motion.range_),
+    FinalMetric("speed", "m/s", motion.VELOCITIES, motion.relative_speed),
+    FinalMetric("position error", "m", (*PLACES, motion.REFERENCE), motion.position_error),
+    FinalMetric("phase", "", (), "controller.phase"),
+)
+"""Metrics for the head of a page; the first three that a result has are stated."""
 COMMON = (RANGE, optima.FIGURE, FORCE, *ADAPTIVE, ATTITUDE_ERROR, WHEEL_SPEEDS, ALIGNMENT)
 """Figures for approaches with any guidance and any controller."""
 FURTHER = (
@@ -67,7 +74,7 @@ def approach(
         phases=PHASES,
         metrics=explained((*METRICS, *filtering.METRICS, *flexible.METRICS)),
         claims=(*claims, navigation_claims.PAPER),
-        watched=WATCHED,
+        final=FINAL,
         scene=(Scene(PAIR, (), pair, pairs),),
         rules=(findings, filtering.findings),
         idle=tuple((name, RESTING) for name in IDLE),
@@ -97,7 +104,7 @@ def notes(result: Result) -> Iterator[str]:
 
 def _torque_without_effect(result: Result) -> Iterator[str]:
     """Yield a line if a torque is commanded while the attitude of the servicer is frozen."""
-    release = min(release_time(result), result.time[-1])
+    release = min(motion.release_time(result), result.time[-1])
     frozen = result.time < release
     for name in TORQUE_COMMANDS:
         if name in result and result[name][frozen].any():

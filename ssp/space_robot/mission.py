@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from harness.mission import Mission, Phase, Scene, Steering, WatchedMetric
+from harness.mission import FinalMetric, Mission, Phase, Scene, Steering
 
 from ..shared.conventions import ORBITS, RESTARTS
 from ..shared.meanings import explained
@@ -38,9 +38,9 @@ MISSION = Mission(
     metrics=explained(METRICS),
     claims=PAPERS,
     steering=(Steering(("joints",), bounds=(("joints.joint_torque", 1.0),)),),
-    watched=(
-        WatchedMetric("pitch", "deg", (), f"degrees({PITCH})"),
-        WatchedMetric("pitch rate", "deg/s", (), f"degrees({RATE})"),
+    final=(
+        FinalMetric("pitch", "deg", (), f"degrees({PITCH})"),
+        FinalMetric("pitch rate", "deg/s", (), f"degrees({RATE})"),
     ),
     exchange=(ORBITS,),
     restarts=RESTARTS,

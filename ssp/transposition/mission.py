@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.mission import Mission, Phase, Scene, Steering, WatchedMetric
+from harness.mission import FinalMetric, Mission, Phase, Scene, Steering
 
 from ..shared.meanings import explained
 from .claims import PAPER
@@ -32,10 +32,10 @@ MISSION = Mission(
     ),
     metrics=explained(METRICS),
     claims=(PAPER,),
-    watched=(
-        WatchedMetric("attitude error", "deg", TRACKED, lambda r: np.degrees(attitude_error(r))),
-        WatchedMetric("rotation", "deg", (), "degrees(assembly.rotation)"),
-        WatchedMetric("momentum share", "", (), "assembly.momentum_share"),
+    final=(
+        FinalMetric("attitude error", "deg", TRACKED, lambda r: np.degrees(attitude_error(r))),
+        FinalMetric("rotation", "deg", (), "degrees(assembly.rotation)"),
+        FinalMetric("momentum share", "", (), "assembly.momentum_share"),
     ),
     scene=(Scene(ASSEMBLY, (*SHAPE, "assembly.R_C"), assembly),),
     plans=(plan,),

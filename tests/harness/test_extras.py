@@ -67,7 +67,7 @@ def test_without_extras_a_system_runs_and_is_evaluated_and_the_rest_states_what_
 
 
 NOT_FOR_A_RUN = [
-    *(f"harness.cli.{name}" for name in ("look", "models", "studies", "verdicts", "watch")),
+    *(f"harness.cli.{name}" for name in ("look", "models", "studies", "verdicts")),
     *("harness.exports", "harness.studies.campaign", "importlib.metadata"),
 ]
 """Modules that a run could do without, each of which would lengthen every start."""

@@ -21,10 +21,10 @@ import numpy as np
 
 from harness.errors import UsageError
 from harness.files.signals import held
+from harness.master.progress import Progress
 from harness.results.result import Array
 from harness.spelling import one_line
 from harness.studies.analyses.evaluator import Evaluator, margins_of, unjudged
-from harness.studies.campaign.campaign import Progress
 from harness.studies.campaign.layout import fields
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.store import Store, reject_existing

@@ -19,6 +19,7 @@ from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.master.messages import logged_once
+from harness.master.progress import Progress
 from harness.spelling import some
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics, worker
@@ -39,17 +40,6 @@ BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 8, 200, 2_000_000
 """Smallest number of blocks of a campaign; largest numbers of runs and of macro steps in a block. A
 block takes some seconds, which are lost if the campaign is interrupted.
 """
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of a campaign: number of completed runs, of all planned runs, and of failed runs
-    among the completed ones.
-    """
-
-    done: int
-    runs: int
-    failed: int
 
 
 @dataclass(frozen=True)

@@ -251,7 +251,7 @@ def test_without_a_terminal_a_line_a_minute_states_how_far_it_is(
     system, tmp_path, capsys, monkeypatch
 ):
     clock = iter(range(0, 10_000, 45))
-    monkeypatch.setattr("harness.cli.watch.time", SimpleNamespace(monotonic=clock.__next__))
+    monkeypatch.setattr("harness.master.progress.time", SimpleNamespace(monotonic=clock.__next__))
     assert held(system, tmp_path) == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("c: ")]
     assert lines == ["c: 2 of 4, 0 failed, 2 min left", "c: 4 of 4, 0 failed, 0 min left"]
