@@ -66,6 +66,9 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
     names that do not exist, StructureError for a parameter file with mistakes or a swapped FMU that
     does not fit, FmuError for an FMU that does not build for its processor.
     """
+    if unknown := [name for name in changes if name not in Changes.__annotations__]:
+        close = did_you_mean(unknown[0], Changes.__annotations__)
+        raise UsageError(f"run() has no argument {unknown[0]}{close}")
     before, params = system.origin, changes.get("params")
     options: Mapping[str, Any] = changes
     given = {name: _once(f"--{name}", options.get(name, ())) for name in NAMED}

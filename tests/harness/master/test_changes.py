@@ -52,6 +52,11 @@ def value(system, name):
     return system.component(component).parameters[variable].value
 
 
+def test_an_argument_that_does_not_exist_is_rejected(system):
+    with pytest.raises(UsageError, match=r"^run\(\) has no argument steps \(close: step, stop\)$"):
+        apply(system, steps=3)
+
+
 # ---- parameters
 
 
