@@ -12,9 +12,8 @@ from warnings import catch_warnings, simplefilter
 from harness.errors import UsageError, library
 from harness.files.cache import with_second_try
 from harness.files.output import written
-from harness.master.changes import Changes, Pairs, pairs, timely
+from harness.master.changes import Changes, Pairs, apply, pairs
 from harness.master.isolated import PATIENCE, guarded, simulate
-from harness.master.pacer import Pacer
 from harness.master.remainder import rest
 from harness.results.files import read, save
 from harness.results.requirements import log_inconsistencies
@@ -44,8 +43,6 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     progress: bool = False,
     in_process: bool = False,
     patience: float = math.inf,
-    realtime: float | None = None,
-    late: str | None = None,
     **changes: Unpack[Changes],
 ) -> Result:
     """Run a system and return the recorded rows.
@@ -53,19 +50,17 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     system: name of a system of the project, path of an .ssp, or a System; executor: `c`, `python`
     or `fused` (equal bits); every: record every N-th macro step (default: defined by the system);
     progress: show a bar on stderr; in_process: run third-party FMUs in this process; patience:
-    limit for one call into a third-party FMU [s] (docs/robustness.md); realtime: simulated seconds
-    per second; late: `wait`, `hold` or `stop` if a remote component misses this pace
-    (docs/processors.md); changes: deviations from the system, see harness.master.changes.Changes
-    (params, set, swap, map, on, latency, step, stop, algorithm, epoch, require, open).
+    limit for one call into a third-party FMU [s] (docs/robustness.md); changes: deviations from the
+    system, see harness.master.changes.Changes (params, set, swap, map, on, latency, step, stop,
+    algorithm, epoch, require, open).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` holds
     the rows recorded before the failure.
     """
 
     def work() -> Result:
-        pacer = None if realtime is None else Pacer(realtime)
         with load(system) as found:
-            changed = rest(timely(found, changes, realtime, late))
+            changed = rest(apply(found, **changes))
             log_warnings(changed)
             log_inconsistencies(changed)
             return simulate(
@@ -75,7 +70,6 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
                 progress=progress,
                 in_process=in_process,
                 patience=patience,
-                pacer=pacer,
             )
 
     return with_second_try(work)

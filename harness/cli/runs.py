@@ -110,25 +110,6 @@ class Requested:
         }
 
 
-@dataclass(frozen=True)
-class Live:
-    """Options of `harness run` for its pace."""
-
-    realtime: Annotated[float | None, option("FACTOR", "Run at FACTOR times real time")] = None
-    late: Annotated[
-        str | None, option("wait|hold|stop", "Choose what to do if a remote component is late")
-    ] = None
-
-    def how(self, quiet: bool) -> dict[str, Any]:
-        """Return the arguments of simulate() for progress bar and pace; quiet: without the bar."""
-        from harness.master.pacer import Pacer
-
-        how: dict[str, Any] = {"progress": not quiet and sys.stderr.isatty()}
-        if self.realtime is not None:
-            how["pacer"] = Pacer(self.realtime)
-        return how
-
-
 @command("run", *CHANGES)
 def run_command(  # noqa: PLR0913 - one argument per option or group of them
     *,
@@ -137,7 +118,6 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
     output: OutputOption = None,
     requested: Requested,
     strict: StrictOption = False,
-    live: Live,
     quiet: QuietOption = False,
 ) -> None:
     """Run a system and write the results.
@@ -153,8 +133,8 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
     wanted = requested.run(system, changes)
     name = f"{Path(wanted.system).stem or 'run'}{'' if wanted.model is None else '_again'}"
     file = ResultFile(output or Path("results") / f"{name}.nc")
-    how = {**live.how(quiet), **requested.how(wanted)}
-    result = with_second_try(lambda: _run(wanted, file, how, quiet, live.late))
+    how = requested.how(wanted)
+    result = with_second_try(lambda: _run(wanted, file, how, quiet))
     if wanted.model is not None:
         is_other = bool(changes or requested.start or requested.every)
         equal, line = agreement(wanted.model, result, is_other)
@@ -169,12 +149,12 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
         insist({"": result}, changes.get("require", ()), strict)
 
 
-def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None) -> Any:
+def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool) -> Any:
     """Run the system, write the result to `file` and print its notes. After a failure the rows
     recorded so far are written.
     """
     from harness.files.signals import held
-    from harness.master.changes import timely
+    from harness.master.changes import apply
     from harness.master.isolated import simulate
     from harness.master.remainder import rest
     from harness.results.requirements import log_inconsistencies
@@ -183,15 +163,14 @@ def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | N
 
     began = perf_counter()
     with load(wanted.system) as found:
-        pacer = how.get("pacer")
-        pace = None if pacer is None else pacer.factor
-        changed = rest(timely(found, wanted.changes, pace, late))
+        changed = rest(apply(found, **wanted.changes))
         log_warnings(changed)
         log_inconsistencies(changed)
         file.accept(changed)
         with held():  # Ctrl-C takes effect after the rows are written
             try:
-                result = simulate(changed, **how)
+                progress = not quiet and sys.stderr.isatty()
+                result = simulate(changed, progress=progress, **how)
             except RunError as error:
                 if error.partial is not None:
                     error.append(_write_partial(file, error.partial))
@@ -221,8 +200,6 @@ def _report(result: Any, seconds: float, path: Path) -> None:
         f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
         f"{len(result.time)} rows in {path}{size_of(path)}"
     )
-    if result.provenance is not None and result.provenance.timing:
-        typer.echo(f"pace: {result.provenance.timing}")
     for note in notes_of(result):
         typer.echo(printable(f"note: {note}"))
     for finding in findings(result):

@@ -114,28 +114,6 @@ def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given
     )
 
 
-def timely(system: System, changes: Changes, realtime: float | None, late: str | None) -> System:
-    """Return the system with its changes, where a component on another processor (--on) that
-    answers later than the period of its steps has the reaction `late`: wait, hold or stop.
-    realtime: simulated seconds per second. Raises the errors of apply().
-    """
-    if late is None:
-        return apply(system, **changes)
-    if realtime is None or not changes.get("on"):
-        raise UsageError(f"--late {late}: is valid only with --realtime and --on")
-    rest: Changes = {**changes, "on": ()}
-    before = apply(system, **rest)
-    step = before.experiment.step or 0.0
-    periods = {c.name: c.every * step for c in before.components}
-    on = {}
-    for name, place in pairs("--on", changes["on"]):
-        where, _, options = str(place).partition("?")
-        deadline = f"late={late}&deadline={periods.get(name, step) / realtime!r}"
-        on[name] = f"{where}?{deadline}&{options}".rstrip("&")
-    moved: Changes = {**changes, "on": on}
-    return apply(system, **moved)
-
-
 # ---- assignments
 
 

@@ -23,7 +23,6 @@ from harness.master import child
 from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Block, Child, Send, array, block
 from harness.master.messages import noted
-from harness.master.pacer import Pacer
 from harness.master.progress import Show, progress_bar
 from harness.master.simulation import Simulation
 from harness.results.result import Result
@@ -37,7 +36,7 @@ PATIENCE = 60.0
 BEGUN, OVER = "begun", "over"
 """Messages of the child. BEGUN: the initial row is recorded; content: instances and functions of
 the calls of a macro step. OVER: the last row is recorded, or the run has ended with an error;
-content: the error or None, the duration of a macro step [s] and the timing of the pacer.
+content: the error or None, and the duration of a macro step [s].
 """
 
 
@@ -49,13 +48,12 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     progress: bool = False,
     in_process: bool = False,
     patience: float = math.inf,
-    pacer: Pacer | None = None,
 ) -> Result:
     """Run a system to which all changes have been applied; third-party FMUs run in a child process
     unless in_process. executor, every, progress: as for run(); patience: limit for one FMI call,
-    after which the child is killed [s]; pacer: clock that the run follows (None: none).
+    after which the child is killed [s].
     """
-    how: Any = {"executor": executor, "every": every, "pacer": pacer}
+    how: Any = {"executor": executor, "every": every}
     if in_process or all_ours(system):
         return here.simulate(system, progress=progress, **how)
     return _Run(system, how, patience).result(progress)
@@ -164,7 +162,7 @@ class _Run:
                 self.calls = content
             elif kind == OVER:
                 self.over = True
-                self.error, self.simulation.pace, self.simulation.timing = content
+                self.error, self.simulation.pace = content
             elif kind == OUTCOME:
                 self.error = self.error or content[0]
                 self.over = self.closed = True
@@ -252,4 +250,4 @@ def _run(
             simulation.advance(progress=obey)
         except RunError as ended:
             error = ended
-        send(OVER, (error, simulation.pace, simulation.timing))
+        send(OVER, (error, simulation.pace))

@@ -33,7 +33,6 @@ from harness.master.executors import (
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.messages import as_typed
-from harness.master.pacer import Pacer
 from harness.master.progress import Show, progress_bar
 from harness.master.recorder import Recorder
 from harness.master.steering import Ports, steered
@@ -89,21 +88,16 @@ class Simulation:
         *,
         executor: str = "c",
         every: int | None = None,
-        pacer: Pacer | None = None,
         **changes: Unpack[Changes],
     ) -> None:
         """Check the system with these changes; nothing is loaded before `with`.
 
-        every: record every N-th macro step (None: defined by the system); pacer: starts macro steps
-        when they are due (None: as soon as possible). Raises StructureError, FmuError or
-        UsageError.
+        every: record every N-th macro step (None: defined by the system). Raises StructureError,
+        FmuError or UsageError.
         """
         now()  # a SOURCE_DATE_EPOCH that is invalid is rejected before the run, not after it
         self.base = system
         self.every = every
-        self.pacer = pacer
-        self.timing = ""
-        """Delays of the macro steps in a run with a pacer, in one line."""
         self.instances: list[Instance] = []
         self._executor_name = known_executor(executor)
         self.fused: Whole | None = None
@@ -348,8 +342,8 @@ class Simulation:
             raise self._partial(error) from error.__cause__
 
     def forward(self, to: int) -> None:
-        """Perform macro steps until `to` are complete, without progress, pacer and checks for
-        Ctrl-C, for callers that make single steps; raise RunError without the recorded rows.
+        """Perform macro steps until `to` are complete, without progress and checks for Ctrl-C,
+        for callers that make single steps; raise RunError without the recorded rows.
         """
         self._executor.run(self.step, to)
 
@@ -383,22 +377,14 @@ class Simulation:
             self.initialize()
         chunk = 1
         while self.step < to:
-            if self.pacer is not None:
-                self.pacer.wait(self.step * self.clock.step, lambda: self._look(progress))
-                chunk = 1
             first, began = self.step, perf_counter()
             self._executor.run(first, min(first + chunk, to))
             seconds = perf_counter() - began
             self.pace = min(self.pace, seconds / (self.step - first))
-            self._look(progress)
+            if progress is not None:
+                progress(self.step)
+            signals.check()
             chunk = 2 * chunk if seconds < CHUNK_SECONDS / 2 else chunk
-        if self.pacer is not None:
-            self.timing = str(self.pacer.timing())
-
-    def _look(self, progress: Show | None) -> None:
-        if progress is not None:
-            progress(self.step)
-        signals.check()
 
     def _partial(self, error: RunError) -> RunError:
         if self._initialised:
@@ -487,7 +473,7 @@ class Simulation:
             self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=float
         )
         name, rows, complete = self.system.name, self.recorder.rows, self.step == self.steps
-        made = run_provenance(self.system, self._executor_name, self.recorder.every, self.timing)
+        made = run_provenance(self.system, self._executor_name, self.recorder.every)
         about = complete, message, self.parameters(), made
         return Result(name, time, names, units, rows, texts, *about, modes=modes)
 
@@ -512,12 +498,11 @@ def simulate(
     executor: str = "c",
     every: int | None = None,
     progress: bool = False,
-    pacer: Pacer | None = None,
 ) -> Result:
-    """Run a system to which all changes have been applied; executor, every, progress: as for run();
-    pacer: clock that the run follows (None: none).
+    """Run a system to which all changes have been applied; executor, every, progress: as for
+    run().
     """
-    with Simulation(system, executor=executor, every=every, pacer=pacer) as simulation:
+    with Simulation(system, executor=executor, every=every) as simulation:
         with progress_bar(system.name, simulation.steps, progress) as show:
             simulation.advance(progress=show)
         return simulation.result()

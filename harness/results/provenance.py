@@ -30,7 +30,7 @@ from harness.system.values import parse, too_deep
 
 SCHEMA = 1
 """Version of the content of results files, see docs/release.md; files without a number have 1."""
-OF_A_RUN = ("command", "date", "executor", "platform", "timing")
+OF_A_RUN = ("command", "date", "executor", "platform")
 """Fields of a Provenance that a system has only in a run."""
 LAST_SECOND = 253402300799
 """Last second of the year 9999, in seconds since 1970."""
@@ -58,9 +58,9 @@ class Provenance:
     processor) for components that ran on another processor; maps: (name in the FMU, name in the
     system) of mapped ports; latency: (component, macro steps) as given; algorithm, step [s], stop
     [s], epoch (UTC of t = 0, "": none), schedule, executor, every (macro steps per recorded row):
-    as they were in the run; timing: how accurately the run followed a clock ("": it followed none);
-    requirements: (name, text); command: command line (None: run from Python); date: when the result
-    was taken, UTC; platform: of the host; schema: version of the content of the file.
+    as they were in the run; requirements: (name, text); command: command line (None: run from
+    Python); date: when the result was taken, UTC; platform: of the host; schema: version of the
+    content of the file.
     """
 
     version: str = ""
@@ -83,7 +83,6 @@ class Provenance:
     requirements: tuple[tuple[str, str], ...] = ()
     executor: str = ""
     every: Count = 1
-    timing: str = ""
     command: str | None = None
     date: str = ""
     platform: str = ""
@@ -121,16 +120,14 @@ class Provenance:
         yield f"{span}, {self.algorithm}{thinned}"
         if self.epoch:
             yield f"t = 0 is {self.epoch} UTC"
-        if self.timing:
-            yield f"paced: {self.timing}"
         yield f"harness {self.version}, {self.date}, {self.platform}"
         if self.command:
             yield f"command: {self.command}"
 
 
-def run_provenance(system: System, executor: str, every: int, timing: str = "") -> Provenance:
+def run_provenance(system: System, executor: str, every: int) -> Provenance:
     """Return the provenance of a run of a system that begins or ends now. every: macro steps per
-    recorded row; timing: how accurately the run followed a clock ("": it followed none).
+    recorded row.
     """
     origin, experiment = system.origin, system.experiment
     given = {
@@ -150,7 +147,6 @@ def run_provenance(system: System, executor: str, every: int, timing: str = "") 
         requirements=tuple(system.requirements.items()),
         executor=executor,
         every=every,
-        timing=timing,
         command=command_line(),
         date=now(),
         platform=_platform(),
