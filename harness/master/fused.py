@@ -80,7 +80,7 @@ class Whole:
 
     def __init__(self, system: System, graph: Graph, compiler: str = COMPILER) -> None:
         """Compile the FMU, or take it from the cache; raise NotFusedError."""
-        self._graph, self._structure = graph, structure(system, graph)
+        self._structure = structure(system, graph)
         plan = _plan(system, graph, "whole")
         command = [*_command(compiler), *OF_PROCESSOR]
         file = cache.made("whole.fmu", _key(plan, command), lambda to: _make(plan, to, command))
