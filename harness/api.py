@@ -147,9 +147,8 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
     whose abort ends the episode (`monitor`), or that changes the actions (`filter`).
 
     factors: campaign file whose run k gives the start of episode k; record: each N-th macro step is
-    recorded (default: each one); render_mode: `rgb_array`; further arguments: changes as for run().
-    Third-party FMUs run in a child process. Raises UsageError, and the errors of run() before its
-    first step.
+    recorded (default: each one); further arguments: changes as for run(). Third-party FMUs run in a
+    child process. Raises UsageError, and the errors of run() before its first step.
     """
     library("gymnasium", "learn")
     from harness.learning import apart

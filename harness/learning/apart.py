@@ -47,12 +47,9 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
     sent to the child.
     """
 
-    metadata = Environment.metadata
-
     def __init__(self, system: Any, **how: Any) -> None:
         EzPickle.__init__(self, system, **how)
         self._order, self._life = (system, how), ExitStack()
-        self.render_mode = how.get("render_mode")
         self._begin()
         self._observation: Any = None
         self._run: int | None = None
@@ -120,10 +117,6 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         """
         found: Result = self._call("result")
         return found
-
-    def render(self) -> Any:
-        """Return a picture of the present state, see Environment.render()."""
-        return self._call("render")
 
     def close(self) -> None:
         """End the child process."""

@@ -21,15 +21,13 @@ from gymnasium.utils import EzPickle
 
 from harness.authoring.policy import Policy
 from harness.errors import RunError, UsageError
-from harness.figures.picture import picture
 from harness.learning.scoring import Scoring, Weights
 from harness.learning.spaces import Bound, Spaces, actuator_limits
 from harness.master.changes import Changes, apply, joined
 from harness.master.executors import Stretch
 from harness.master.simulation import Simulation
-from harness.mission.library import mission, of_result
+from harness.mission.library import mission
 from harness.mission.mission import Steering
-from harness.report.arrays import Arrays
 from harness.results.requirements import findings
 from harness.results.result import Array, Result
 from harness.ssp.library import load
@@ -41,8 +39,6 @@ from harness.system.model import System
 
 class Environment(gymnasium.Env[Array, Array], EzPickle):
     """Environment of one system; harness.environment() explains the arguments."""
-
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
 
     def __init__(  # noqa: PLR0913 - see harness.environment()
         self,
@@ -62,12 +58,10 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         factors: str | Path | None = None,
         stride: int = 1,
         record: int = 0,
-        render_mode: str | None = None,
         **changes: Any,
     ) -> None:
         arguments = {k: x for k, x in locals().items() if k not in ("self", "changes", "__class__")}
         EzPickle.__init__(self, **arguments, **changes)
-        self.render_mode = render_mode
         self._plan = read_plan(factors)[0] if factors else None
         self._life = ExitStack()
         found = self._life.enter_context(load(system))
@@ -211,19 +205,6 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
 
     def _observation(self) -> Array:
         return self.spaces.seen(self.simulation.bus)
-
-    def render(self) -> Any:
-        """Return a picture (height, width, 3) of the bodies and their paths so far, None if no
-        render mode was chosen.
-        """
-        if self.render_mode is None:
-            return None
-        result, arrays = self.result(), Arrays()
-        for scene in of_result(result).scene:
-            if result.holds(*scene.needs, parameters=scene.parameters):
-                title = f"{self.simulation.time:.6g} s"
-                return picture(scene.build(result, arrays), arrays.take, title)
-        raise UsageError(f"{result.system}: its mission defines no scene that can be rendered")
 
     def result(self) -> Result:
         """Return the episode so far as the result of a run."""

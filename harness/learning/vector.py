@@ -35,7 +35,7 @@ class Environments(VectorEnv[Array, Array, Array]):
     begins a new episode instead.
     """
 
-    metadata = {**Environment.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(self, num_envs: int, **arguments: Any) -> None:
         """Create the environments. With a campaign (`factors`), the episodes of environment i start
@@ -44,11 +44,7 @@ class Environments(VectorEnv[Array, Array, Array]):
         self.num_envs = num_envs
         self.envs = [Environment(**arguments, stride=num_envs) for _ in range(num_envs)]
         first = self.envs[0]
-        self.render_mode, self._spaces, self._scoring = (
-            first.render_mode,
-            first.spaces,
-            first.scoring,
-        )
+        self._spaces, self._scoring = first.spaces, first.scoring
         self.single_observation_space = first.observation_space
         self.single_action_space = first.action_space
         self.observation_space = batch_space(first.observation_space, num_envs)
@@ -117,10 +113,6 @@ class Environments(VectorEnv[Array, Array, Array]):
         for i, info in single:
             infos = self._add_info(infos, info, i)
         return infos
-
-    def render(self) -> tuple[Any, ...]:
-        """Return a picture of every environment, see Environment.render()."""
-        return tuple(env.render() for env in self.envs)
 
     def close_extras(self, **_: Any) -> None:
         """Free the FMUs of all environments."""

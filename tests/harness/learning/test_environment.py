@@ -195,16 +195,8 @@ IDS = ["ArchRendezvous", "PpcTracking", "SyncApproachThrusters", "SpaceRobot", "
 
 @pytest.mark.parametrize("name", IDS)
 def test_checks_of_gymnasium_pass(name):
-    picture = "rgb_array" if name == "PpcTracking" else None
-    made = f"servicing/{name}-v0"
-    env = gymnasium.make(made, render_mode=picture, disable_env_checker=True)
+    env = gymnasium.make(f"servicing/{name}-v0", disable_env_checker=True)
     check_env(env.unwrapped, skip_render_check=True)
-    if picture:
-        env.reset()
-        env.step(env.action_space.high)
-        shown = env.render()
-        assert shown.shape == (480, 480, 3)
-        assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 50
     env.close()
 
 
