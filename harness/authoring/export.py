@@ -18,7 +18,6 @@ from harness.master.isolated import guarded
 from harness.master.remainder import remainder, rest
 from harness.spelling import file_stem
 from harness.ssp.library import load
-from harness.ssp.terminals import DRAFT
 from harness.ssp.writer import write_ssp
 from harness.system.graph import Graph, checked, log_warnings
 from harness.system.model import System
@@ -28,7 +27,7 @@ def export(  # noqa: PLR0913 - one argument per option
     system: str | Path | System,
     target: str | Path,
     fmi: int | None = None,
-    ssp: float | None = None,
+    ssp: int | None = None,
     *,
     hints: bool = False,
     scalars: bool = False,
@@ -39,8 +38,7 @@ def export(  # noqa: PLR0913 - one argument per option
 
     target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp;
     fmi: version of FMI of an .fmu, 2 (default) or 3;
-    ssp: version of an .ssp: 1 (default if all FMUs are of FMI 2.0), 2 (default otherwise), or 2.1,
-    the draft with terminals, which no tool reads yet;
+    ssp: version of an .ssp, 1 (default if all FMUs are of FMI 2.0) or 2 (default otherwise);
     hints: write the step sizes of slow components into an .ssp for libcosim and ecos, which
     otherwise step every component at every macro step; OMSimulator rejects such a file;
     scalars: write an .fmu of FMI 3.0 without arrays, for tools that cannot read arrays;
@@ -64,8 +62,8 @@ def export(  # noqa: PLR0913 - one argument per option
         ):  # fmt: skip
             if given and file.suffix != ending:
                 raise UsageError(f"{file}: {option} applies only to {ending} output")
-        if ssp not in (None, 1, 2, DRAFT):
-            raise UsageError(f"--ssp: expected 1, 2 or {DRAFT}, got {ssp}")
+        if ssp not in (None, 1, 2):
+            raise UsageError(f"--ssp: expected 1 or 2, got {ssp}")
         if scalars and (file.suffix != ".fmu" or fmi != 3):
             raise UsageError(f"{file}: --scalars applies only to .fmu output with --fmi 3")
         try:

@@ -104,8 +104,7 @@ def _report_c_api(names: list[str], folder: Path) -> None:
 
 
 SspOption = Annotated[
-    float | None,
-    option("--ssp", "Version of SSP: 1 (default for FMUs of FMI 2.0), 2, or the draft 2.1"),
+    int | None, option("--ssp", "Version of SSP: 1 (default for FMUs of FMI 2.0) or 2")
 ]
 
 

@@ -23,7 +23,6 @@ from harness.files.archive import XmlElement, pack, serialized
 from harness.ssp import xml
 from harness.ssp.arrays import connector_name, joined, shape, type_name
 from harness.ssp.parameters import BaseUnits, bare_ssv, ssv, unit_table
-from harness.ssp.terminals import DRAFT, add_terminals
 from harness.ssp.xml import NS, attributes, child, document, tag
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
@@ -39,13 +38,13 @@ between components, distance between connectors.
 
 
 def write_ssp(
-    system: System, path: Path, version: float | None = None, *, hints: bool = False
+    system: System, path: Path, version: int | None = None, *, hints: bool = False
 ) -> None:
     """Write a system with its FMUs into an .ssp.
 
-    version: 1, 2 or 2.1 (the draft of SSP with terminals); default: 1 if all FMUs are of FMI 2.0,
-    else 2. hints: add an OSP annotation with the step size of each component that is slower than
-    the macro step, for libcosim and ecos; OMSimulator rejects such a file.
+    version: 1 or 2; default: 1 if all FMUs are of FMI 2.0, else 2. hints: add an OSP annotation
+    with the step size of each component that is slower than the macro step, for libcosim and ecos;
+    OMSimulator rejects such a file.
 
     Raises FmuError, StructureError, or ResultsError if the file cannot be written.
     """
@@ -57,15 +56,14 @@ class _Writer:
     that the schema requires.
     """
 
-    def __init__(self, system: System, version: float | None, hints: bool) -> None:
+    def __init__(self, system: System, version: int | None, hints: bool) -> None:
         self.system = system
         self.hints = hints
         self.interfaces = read_interfaces(system)
         new = [name for name, interface in self.interfaces.items() if interface.fmi == 3]
         if new and version == 1:
             raise StructureError(f"{name}: is of FMI 3.0, which needs SSP 2.0" for name in new)
-        self.draft = version == DRAFT
-        self.version = int(version or (2 if new else 1))
+        self.version = version or (2 if new else 1)
         self.units = _units(self.interfaces)
         self.sources = _sources(system.components)
         ends = {port for c in system.connections for port in c[:2]}
@@ -118,8 +116,6 @@ class _Writer:
         used = list(chain.from_iterable(self.connected.values()))
         self._enumerations(root, used)
         unit_table(root, "ssd:Units", self.units, (v.unit for v in used))
-        if self.draft:
-            add_terminals(root, {c.name: c.fmu for c in self.system.components})
         self._experiment(root)
         return serialized(root, pretty=True)
 

@@ -118,8 +118,6 @@ def parse(source: Path, schema: str) -> XmlElement:
         root = parsed(contents(source, MAX_ENTRY))
     except (OSError, UnsafeXmlError) as error:
         raise StructureError([f"{name}: {reason_of(error)}"]) from error
-    if root.get("version") == "2.1":
-        raise StructureError([f"{name}: SSP 2.1 is a draft; export SSP 1.0 or 2.0 to run a system"])
     _made_readable(root)
     _validate(root, schema, name)
     return root

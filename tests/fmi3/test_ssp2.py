@@ -93,6 +93,8 @@ def test_the_first_version_that_can_hold_a_system_is_written(tmp_path):
             export(mixed, tmp_path / "x.ssp", ssp=1)
         with pytest.raises(UsageError, match=r"--ssp applies only to \.ssp output"):
             export(system, tmp_path / "x.fmu", ssp=2)
+        with pytest.raises(UsageError, match=r"--ssp: expected 1 or 2, got 3"):
+            export(system, tmp_path / "x.ssp", ssp=3)
     with zipfile.ZipFile(tmp_path / "mixed.ssp") as archive:
         text = archive.read("SystemStructure.ssd").decode()
     assert 'version="2.0"' in text

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Terminals alone connect every system as its description does, also in the draft of SSP 2.1."""
+"""Terminals alone connect every system as its description does."""
 
 from __future__ import annotations
 
 import zipfile
-from collections import Counter, defaultdict
-from dataclasses import replace
+from collections import defaultdict
 from functools import cache
 
 import pytest
 from lxml import etree
 
-from harness import export, load
-from harness.errors import StructureError, UsageError
+from harness import load
 from harness.files import paths
-from harness.ssp.writer import write_ssp
 from harness.system.values import base
 from tests.each import some
 
@@ -83,72 +80,3 @@ def test_terminals_alone_give_the_connections_of_the_system(name):
     assert bool(further) == (name in DRIVEN_OTHERWISE)
     targets = {target for _, target in wired}
     assert all(target in targets for _, target in joined - wired)
-
-
-# ---- SSP 2.1 as proposed
-
-
-def written(name, path):
-    """Write a system with FMUs of FMI 3.0 as SSP 2.1; return its description."""
-    with load(name) as system:
-        fmus = [paths.fmus()[c.fmu.stem] for c in system.components]
-        components = tuple(
-            replace(c, fmu=fmu.parent.parent / "fmus3" / fmu.name)
-            for c, fmu in zip(system.components, fmus, strict=True)
-        )
-        write_ssp(replace(system, components=components), path, 2.1)
-        ends = {(f"{a[0]}.{base(a[1])}", f"{b[0]}.{base(b[1])}") for a, b, *_ in system.connections}
-    with zipfile.ZipFile(path) as archive:
-        root = etree.fromstring(archive.read("SystemStructure.ssd"))
-    return root, fmus, ends
-
-
-SINGLE = {"space_robot", "transposition"}
-"""Systems whose terminals have one connected member each."""
-
-
-@pytest.mark.parametrize("name", some(sorted({*paths.systems()} - SINGLE), 10, 2))
-def test_terminals_of_a_draft_represent_the_connections_of_their_members(name, tmp_path):
-    """Members join by their names, and the FMU states their variables."""
-    root, fmus, wired = written(name, tmp_path / "draft.ssp")
-    defined = {
-        each.get("name"): (
-            each.get("terminalKind"),
-            {c.get("name") for c in each.iter("{*}Connector")},
-        )
-        for each in root.iterfind("{*}Terminals/{*}Terminal")
-    }
-    plugs = {}
-    for component, fmu in zip(root.iterfind(".//{*}Elements/{*}Component"), fmus, strict=True):
-        stated = {key[0]: (key[1], members) for key, members in terminals_of(fmu)[1].items()}
-        for row in component.iterfind("{*}Connectors/{*}Connector[@kind='terminal']"):
-            kind, members = stated[row.get("name")]
-            assert defined.pop(row.find("{*}Terminal").get("name")) == (kind, members.keys())
-            plugs[component.get("name"), row.get("name")] = members
-    assert not defined
-    joined = Counter()
-    for c in root.iter("{*}Connection"):
-        a, x, b, y = (c.get(f"{e}{p}") for e in ("start", "end") for p in ("Element", "Connector"))
-        one, two = (plugs.get(end, {"": base(end[1])}) for end in ((a, x), (b, y)))
-        joined.update((f"{a}.{one[m]}", f"{b}.{two[m]}") for m in one.keys() & two.keys())
-    assert set(joined) == wired
-    terminals = sum((c.get("startElement"), c.get("startConnector")) in plugs
-                    for c in root.iter("{*}Connection"))  # fmt: skip
-    assert terminals >= 3
-
-
-def test_the_harness_runs_no_draft(tmp_path):
-    written("sync_approach", tmp_path / "draft.ssp")
-    with pytest.raises(StructureError, match=r"SSP 2\.1 is a draft") as error:
-        load(tmp_path / "draft.ssp").__enter__()
-    assert len(str(error.value).splitlines()) == 1
-
-
-def test_systems_without_terminals_cannot_be_a_draft(tmp_path):
-    for name in SINGLE:
-        with pytest.raises(UsageError, match="no terminal of an FMU has two connected members"):
-            written(name, tmp_path / "draft.ssp")
-    with pytest.raises(UsageError, match="no terminal of an FMU has two connected members"):
-        export("sync_approach", tmp_path / "draft.ssp", ssp=2.1)
-    with pytest.raises(UsageError, match=r"expected 1, 2 or 2\.1, got 1\.5"):
-        export("sync_approach", tmp_path / "draft.ssp", ssp=1.5)
