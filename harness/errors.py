@@ -138,7 +138,7 @@ class ResultsError(HarnessError):
 
 EXTRAS = {
     "plot": ("matplotlib", "scipy"),
-    "report": ("jinja2", "k3d", "plotly", "trimesh"),
+    "report": ("jinja2", "k3d", "plotly"),
     "campaign": ("zarr",),
     "notebook": ("pandas", "xarray"),
     "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),

@@ -39,7 +39,6 @@ SYSTEM: Keys = {
         "consistency": ("table", "Conditions on parameters by name; a note if one is violated"),
         "compare": ("table", "Defaults of `harness compare`"),
         "live": ("table", "What the reader of a live page may change: `harness report --live`"),
-        "scene": ("table", "`[scene.models]`: models of the replay"),
     },
     "experiment": {
         "start": ("number", "Start time [s]; default 0"),
@@ -63,10 +62,6 @@ SYSTEM: Keys = {
     "live": {
         "sliders": ("table", "Parameters and their ranges, `\"servicer.mass_0\" = [80, 130]`; "
                     "`[]`: range of the FMU"),
-    },
-    "scene": {
-        "models": ("table", "glTF file of a component, by path from this file: "
-                   "`servicer = \"mine.glb\"`"),
     },
     "set experiment": {
         "stop": ("number", "Stop time [s]"),

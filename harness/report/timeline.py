@@ -19,7 +19,6 @@ from harness.mission.fields import one
 from harness.mission.figure import LARGEST
 from harness.mission.library import of_result
 from harness.mission.mission import together
-from harness.report import models
 from harness.report.arrays import Arrays
 from harness.results.requirements import findings
 from harness.results.result import Array, Result
@@ -40,8 +39,6 @@ def replay(result: Result, arrays: Arrays) -> Scene | None:
             if len((shown := drawable(result, kind.needs)).time) < 2:
                 continue
             found = one(dict, kind.build, shown, arrays)
-            if files := models.named(result):
-                found = models.with_models(found, files, arrays)
             further = [*_worst(result), *_violations(result), *_shadow(arrays, found)]
             known = result.provenance
             chosen = known.params if known and known.params and known.params != "default" else ""

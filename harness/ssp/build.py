@@ -21,7 +21,6 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct, convert, structs
 
 from harness.errors import HarnessError, StructureError, UsageError
-from harness.files.paths import is_file
 from harness.mission.exchange import of_system
 from harness.results import requirements
 from harness.spelling import did_you_mean
@@ -104,14 +103,6 @@ class Live(Struct, frozen=True):
     ] = {}
 
 
-class Scene(Struct, frozen=True):
-    """Settings of the 3D animation in a report, `[scene]`; models: path of a glTF file for each
-    body.
-    """
-
-    models: dict[str, Text] = {}
-
-
 class Source(Struct, frozen=True):
     """All tables and entries of the TOML file of a system."""
 
@@ -133,7 +124,6 @@ class Source(Struct, frozen=True):
     consistency: dict[str, Text] = {}
     compare: Compared = Compared()
     live: Live = Live()
-    scene: Scene = Scene()
 
 
 def _parted(table: Mapping[str, Any], kind: type[Struct]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -287,21 +277,10 @@ class _Builder:
         self._note("live.sliders", sliders.problems(system.sliders, self.interfaces))
         self._note("requirements", requirements.rejected(system, system.requirements))
         self._note("consistency", requirements.rejected(system, system.consistency, fixed=True))
-        self._note("scene.models", self._odd_models())
         further = problems.problems(system, self.interfaces)
         if found := [*wiring, *self.problems, *further]:
             raise StructureError(found)
         macro_steps(system.experiment, [c.every for c in system.components])
-
-    def _odd_models(self) -> Iterator[str]:
-        """Yield the problems of the glTF files that `[scene]` names: unknown bodies, missing files,
-        other endings.
-        """
-        models = self.source.scene.models
-        yield from _unknown(models, self.interfaces)
-        for name, given in models.items():
-            if not (given.endswith((".glb", ".gltf")) and is_file(given)):
-                yield f"{name}: {given}: there is no such file .glb or .gltf"
 
     def _alternatives(self, system: System) -> Iterator[Alternative]:
         """Yield the entries of `[alternatives]`, after a check that each FMU fits into the place of

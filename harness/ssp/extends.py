@@ -41,16 +41,14 @@ def chain(source: Path) -> Iterator[Path]:
 
 
 def _read(source: Path) -> dict[str, Any]:
-    """Return the content of a TOML file, with the paths in `[start]` and `[scene.models]` made
-    absolute. A text of several lines there is not a path but the content of a file.
+    """Return the content of a TOML file, with the paths in `[start]` made absolute. A text of
+    several lines there is not a path but the content of a file.
     """
     table = read_toml(source)
-    scene = table.get("scene")
-    tables: list[Any] = [table.get("start"), isinstance(scene, dict) and scene.get("models")]
-    for files in tables:
-        for name, text in files.items() if isinstance(files, dict) else ():
-            if name != "attitude" and isinstance(text, str) and "\n" not in text.strip():
-                files[name] = str(source.resolve().parent / text)
+    files: Any = table.get("start")
+    for name, text in files.items() if isinstance(files, dict) else ():
+        if name != "attitude" and isinstance(text, str) and "\n" not in text.strip():
+            files[name] = str(source.resolve().parent / text)
     return table
 
 

@@ -47,7 +47,6 @@ ONLY = {
     "jinja2": {"report"},
     "plotly": {"report"},
     "k3d": {"report"},
-    "trimesh": {"report"},
     "rich": {"cli", "master"},
     "netCDF4": {"results"},
     "xarray": {"studies", "results"},

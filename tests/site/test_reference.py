@@ -74,7 +74,7 @@ def test_every_key_of_a_system_is_in_the_reference_and_no_other(writer):
     tables = {
         "": build.Source, "experiment": build.Time, "schedule": build.Timing, "set": build.Set,
         "set experiment": build.SetTime, "alternatives": build.Replacement,
-        "compare": build.Compared, "live": build.Live, "scene": build.Scene,
+        "compare": build.Compared, "live": build.Live,
     }  # fmt: skip
     assert ours == {name: set(kind.__struct_fields__) for name, kind in tables.items()}
 

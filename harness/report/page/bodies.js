@@ -19,7 +19,7 @@ function makeBodies(view) {
 
   function joint(link, look) {
     const made = new T.Group();
-    shapes.fill(made, link.parts, link.look ? { ...look, hull: look[link.look] } : look, array);
+    shapes.fill(made, link.parts, link.look ? { ...look, hull: look[link.look] } : look);
     return { ...link, joint: made, index: link.index || 0,
       angle: link.angle && array(link.angle), slide: link.slide && array(link.slide) };
   }
@@ -38,7 +38,7 @@ function makeBodies(view) {
     const group = new T.Group(), shape = new T.Group(), look = shapes.looks(data.colour);
     group.add(shape);
     root.add(group);
-    shapes.fill(shape, data.parts, look, array);
+    shapes.fill(shape, data.parts, look);
     const links = data.links.map((link) => joint(link, look));
     for (const link of links) (link.on === undefined ? shape : links[link.on].joint).add(link.joint);
     for (const axis of [0, 1, 2]) {

@@ -93,18 +93,11 @@ function makeShapes(T) {
       made.position.set(...p.at);
       return along(made, p.normal);
     },
-    /* triangles of a model of the user; three consecutive corners are a triangle */
-    mesh(p, look, array) {
-      const geometry = new T.BufferGeometry();
-      geometry.setAttribute("position", new T.BufferAttribute(array(p.corners), 3));
-      geometry.computeVertexNormals();
-      return new T.Mesh(geometry, p.tint ? solid(new T.Color(...p.tint), { side: T.DoubleSide }) : twoSided(look.hull));
-    },
   };
 
   return {
     css, solid, glow, lines, points, looks, along,
-    fill(group, parts, look, array) { for (const p of parts) group.add(KINDS[p.kind](p, look, array)); },
+    fill(group, parts, look) { for (const p of parts) group.add(KINDS[p.kind](p, look)); },
     arrow(axis, length, colour) {
       const made = new T.ArrowHelper(new T.Vector3().setComponent(axis, 1), new T.Vector3(), length,
         colour, 0.16 * length, 0.08 * length);
