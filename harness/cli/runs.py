@@ -36,7 +36,7 @@ SystemOption = Annotated[
         "[SYSTEM]", "System: name, or path of an .ssp (not needed with --like RESULT)", systems
     ),
 ]
-OutputOption = Annotated[Path | None, output("File to write: .nc, .csv, .mat or .parquet")]
+OutputOption = Annotated[Path | None, output("File to write: .nc, .csv or .parquet")]
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Requested:
     every: Annotated[int | None, option("", "Record every N-th macro step")] = None
     like: Annotated[
         str | None,
-        option("RESULT", "Repeat this result (.nc, .csv, .mat), or run OUT.zarr#N of a campaign"),
+        option("RESULT", "Repeat the run of this results file, or run OUT.zarr#N of a campaign"),
     ] = None
     in_process: Annotated[
         bool, option("--in-process", "Run third-party FMUs in this process, for debugging")

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Results files: .csv and .parquet (flat columns), .nc (netCDF4: vectors, units, long names) and
-.mat (one struct per component).
+"""Results files: .csv and .parquet (flat columns), and .nc (netCDF4: vectors, units, long names).
 
 All formats also store the parameters of the run and its provenance. A .nc stores parameters as
-variables without time and provenance as attributes, a .mat in the structs `parameters` and
-`provenance`. A .csv is a plain table for any reader of tables, so parameters, provenance and units
-are in NAME.csv.toml beside it.
+variables without time and provenance as attributes, a .parquet both in the metadata of the file. A
+.csv is a plain table for any reader of tables, so parameters, provenance and units are in
+NAME.csv.toml beside it.
 
 A run that ended early is written to NAME.partial.nc beside NAME.nc, so that only a complete run
-replaces a complete file. A partial .nc or .mat has `complete = 0`, a .csv ends with a line `#
-incomplete: reason`. If a file cannot be written in its place, the result is written to the folder
-for temporary files, or as .csv.
+replaces a complete file. A partial .nc has `complete = 0`, a .csv ends with a line `# incomplete:
+reason`. If a file cannot be written in its place, the result is written to the folder for temporary
+files, or as .csv.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from pathlib import Path
 from harness.errors import HarnessError, ResultsError, UsageError, reason_of
 from harness.files.output import new_beside, written
 from harness.files.signals import held
-from harness.results.formats import comma_separated, matlab, netcdf, parquet, sound
+from harness.results.formats import comma_separated, netcdf, parquet, sound
 from harness.results.result import Result
 from harness.spelling import some
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 
-FORMATS = {".csv": comma_separated, ".nc": netcdf, ".mat": matlab, ".parquet": parquet}
+FORMATS = {".csv": comma_separated, ".nc": netcdf, ".parquet": parquet}
 WRITERS = {ending: kind.write for ending, kind in FORMATS.items()}
 READERS = {ending: kind.read for ending, kind in FORMATS.items()}
 
@@ -91,9 +90,7 @@ class ResultFile:
         )
         if bad := [name for name in names if not netcdf.fits(name)]:
             shown = some([repr(name[:80]) for name in bad])
-            raise ResultsError(
-                f"{self.path}: a .nc cannot store the names {shown}; choose .csv or .mat"
-            )
+            raise ResultsError(f"{self.path}: a .nc cannot store the names {shown}; choose .csv")
 
     def write(self, result: Result) -> None:
         """Write the result of a complete run, and remove the partial file of an earlier run.
@@ -133,7 +130,7 @@ class ResultFile:
                 WRITERS[path.suffix](result, target)
             if path.suffix == ".csv" and not self._special:
                 comma_separated.write_beside(result, path)
-        except Exception as error:  # OSError, or what the libraries behind xarray and scipy raise
+        except Exception as error:  # OSError, or what the libraries of a format raise
             if isinstance(error, HarnessError) and not isinstance(error, ResultsError):
                 raise  # a library is missing
             cause = error.__cause__ if isinstance(error, ResultsError) else None
@@ -167,12 +164,12 @@ def read(file: str | Path) -> Result:
         return sound(READERS[path.suffix](path))
     except HarnessError:  # a library is missing
         raise
-    except Exception as error:  # OSError, or what the libraries behind xarray and numpy raise
+    except Exception as error:  # OSError, or what the libraries of a format raise
         raise ResultsError(f"{path}: cannot be read ({reason_of(error)})") from error
 
 
 def save(result: Result, path: str | Path) -> Path:
-    """Write a result to a .nc, .csv, .mat or .parquet file, an incomplete result to a NAME.partial
+    """Write a result to a .nc, .csv or .parquet file, an incomplete result to a NAME.partial
     file beside it; return the path of the file. Raises UsageError, ResultsError.
     """
     file = ResultFile(Path(path))

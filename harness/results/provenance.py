@@ -265,8 +265,8 @@ def from_flat(given: Mapping[str, Any]) -> Provenance:
 
 
 def _unpacked(name: str, value: Any) -> Any:
-    """Convert a field of a results file to its Python value: JSON text to a list, an array of one
-    element to a number, an empty array to "", because a .mat file contains it for an empty text.
+    """Convert a field of a results file to its Python value: JSON text to a list, a number of numpy
+    to a number of Python.
     """
     if name in KINDS.keys() - PLAIN:
         try:
@@ -274,7 +274,7 @@ def _unpacked(name: str, value: Any) -> Any:
         except (TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{name}: expected a list as JSON ({error})") from error
     if hasattr(value, "item"):
-        value = value.item() if value.size else ""
+        value = value.item()
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 

@@ -2,14 +2,13 @@
 """Formats of results files, one module per kind with write(result, path) and read(path). They raise
 the errors of their libraries, and harness/results/files.py reports each error in one line.
 
-This module contains what all formats share: conversion of variables with axes to flat columns (the
-inverse of variables()), texts, parameters and provenance, and the checks of a result from any file.
+This module contains what several formats share: texts, parameters and provenance of a bare table,
+and the checks of a result from any file.
 """
 
 from __future__ import annotations
 
 import os
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -18,10 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.results import provenance
-from harness.results.result import ELEMENTS, Array, Result, element_names
-
-Variables = Mapping[str, tuple[Array, Mapping[str, str]]]
-"""Time series with their attributes, by name of the variable."""
+from harness.results.result import Array, Result
 
 
 def sound(result: Result) -> Result:
@@ -58,8 +54,6 @@ def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
         yield f"{kind} {twice[0]} occurs twice"
     given = {"unit": table.units, "description": table.descriptions, "mode": table.modes}
     for about, texts in given.items():
-        if texts and len(texts) != width:
-            yield f"{kind}s: {len(texts)} {about}s for {width} names"
         for name, text in zip(table.columns, texts, strict=False):
             if not isinstance(text, str):
                 yield f"{about} of {kind} {name}: expected a text, got {text!r:.40}"
@@ -99,78 +93,12 @@ def _size(count: int) -> str:
     return f"{count / 1e9:.3g} GB" if count >= 1e8 else f"{count / 1e3:.3g} kB"
 
 
-# ---- variables with axes
-
-
-def restored(
-    about: Mapping[str, Any],
-    time: Array,
-    histories: Variables,
-    fixed: Variables,
-    origin: Mapping[str, Any],
-) -> Result:
-    """Return the result from the contents of a file. about: attributes; histories: variables;
-    fixed: parameters; origin: provenance as flat() returns it.
-    """
-    return replace(
-        flat_columns(about["system"], time, histories),
-        complete=bool(about.get("complete", 1)),
-        message=about.get("message", ""),
-        parameters=flat_columns(about["system"], time[:1], fixed) if fixed else None,
-        provenance=provenance.from_flat(origin) if origin else None,
-    )
-
-
-def flat_columns(system: str, time: Array, histories: Variables) -> Result:
-    """Return a result with variables as flat columns, one column per element."""
-    columns, blocks, units, descriptions, modes = [], [np.empty((len(time), 0))], [], [], []
-    for name, (values, about) in histories.items():
-        given = about.get(ELEMENTS)
-        if len(values) != len(time):
-            raise ValueError(f"{name}: {len(values)} rows instead of {len(time)}")
-        names = _from_lines(given) if given else element_names(name, values.shape[1:])
-        columns += names
-        blocks.append(values.reshape(len(values), -1))
-        units += [about.get("units", "")] * len(names)
-        descriptions += [about.get("long_name", "")] * len(names)
-        modes += [about.get("modes", "")] * len(names)
-    values, texts = np.hstack(blocks), tuple(descriptions)
-    return Result(system, time, tuple(columns), tuple(units), values, texts, modes=tuple(modes))
-
-
-def _from_lines(text: str) -> list[str]:
-    """Return the names in a text that in_lines() has made."""
-    return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
-
-
-_MEANT = {r"\\": "\\", r"\n": "\n"}
-_ESCAPED = re.compile(r"\\[\\n]")
-
-
 def numbers(name: str, values: Any) -> Array:
     """Return an array of a file as doubles; raise ValueError if it contains something else."""
     array = np.asarray(values)
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name}: expected numbers, got {array.dtype}")
     return array.astype(np.float64, copy=False)
-
-
-def check_nul(result: Result) -> None:
-    """Raise ValueError if a text of a result contains NUL, which ends texts in C libraries."""
-    tables = [table for table in (result, result.parameters) if table is not None]
-    texts = [result.message, result.system]
-    texts += [t for table in tables for t in _all_texts(table)]
-    if result.provenance is not None:
-        texts += [t for t in provenance.flat(result.provenance).values() if isinstance(t, str)]
-    if bad := next((text for text in texts if "\0" in text), None):
-        raise ValueError(
-            f"a text contains a NUL character, which this format cannot store: {bad!r}"
-        )
-
-
-def _all_texts(table: Result) -> Iterator[str]:
-    for texts in (table.columns, table.units, table.descriptions, table.modes):
-        yield from texts
 
 
 # ---- texts and parameters of a bare table

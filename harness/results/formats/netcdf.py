@@ -7,13 +7,26 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.results.formats import check_nul, check_size, numbers, restored
-from harness.results.result import PROVENANCE, Array, Result, attributes, labelled, time_labels
+from harness.results import provenance
+from harness.results.formats import check_size, numbers
+from harness.results.result import (
+    ELEMENTS,
+    PROVENANCE,
+    Array,
+    Result,
+    attributes,
+    element_names,
+    labelled,
+    time_labels,
+)
 
 PACKED = 1000
 """Number of values above which a variable is compressed, without loss."""
@@ -37,15 +50,25 @@ def write(result: Result, path: Path) -> None:
     """
     import netCDF4
 
-    check_nul(result)
-    content = labelled(result)
+    about, content = attributes(result), labelled(result)
+    of_variables = (each.values() for *_, each in content.values())
+    _check_nul(chain(content, about.values(), *of_variables))
     with netCDF4.Dataset(path, "w") as file:
-        file.setncatts(attributes(result))
+        file.setncatts(about)
         content["time"] = (("time",), result.time, time_labels(result))
         defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
         file.set_auto_maskandscale(False)  # no search for scales, a third of the time
         for variable, data in defined:
             variable[...] = data
+
+
+def _check_nul(texts: Iterable[object]) -> None:
+    """Raise ValueError for a text with NUL, at which the library would end it."""
+    for text in texts:
+        if "\0" in str(text):
+            raise ValueError(
+                f"a text contains a NUL character, which this format cannot store: {text!r}"
+            )
 
 
 def _defined(
@@ -78,7 +101,14 @@ def read(path: Path) -> Result:
             elif name != "time":
                 fixed[name] = (data[None], notes)
     origin = {n.removeprefix(PROVENANCE): v for n, v in about.items() if n.startswith(PROVENANCE)}
-    return restored({"system": path.stem, **about}, time, histories, fixed, origin)
+    system = about.get("system", path.stem)
+    return replace(
+        _flat_columns(system, time, histories),
+        complete=bool(about.get("complete", 1)),
+        message=about.get("message", ""),
+        parameters=_flat_columns(system, time[:1], fixed) if fixed else None,
+        provenance=provenance.from_flat(origin) if origin else None,
+    )
 
 
 def _values(name: str, variable: Any) -> Array:
@@ -90,3 +120,33 @@ def _values(name: str, variable: Any) -> Array:
     variable.set_auto_mask(True)
     found = np.ma.asanyarray(variable[...])
     return np.where(np.ma.getmaskarray(found), np.nan, numbers(name, found.data))
+
+
+def _flat_columns(
+    system: str, time: Array, histories: Mapping[str, tuple[Array, Mapping[str, str]]]
+) -> Result:
+    """Return a result with variables as flat columns, one column per element: the inverse of
+    variables(). histories: values and attributes by name of the variable.
+    """
+    columns, blocks, units, descriptions, modes = [], [np.empty((len(time), 0))], [], [], []
+    for name, (values, about) in histories.items():
+        given = about.get(ELEMENTS)
+        if len(values) != len(time):
+            raise ValueError(f"{name}: {len(values)} rows instead of {len(time)}")
+        names = _from_lines(given) if given else element_names(name, values.shape[1:])
+        columns += names
+        blocks.append(values.reshape(len(values), -1))
+        units += [about.get("units", "")] * len(names)
+        descriptions += [about.get("long_name", "")] * len(names)
+        modes += [about.get("modes", "")] * len(names)
+    values, texts = np.hstack(blocks), tuple(descriptions)
+    return Result(system, time, tuple(columns), tuple(units), values, texts, modes=tuple(modes))
+
+
+def _from_lines(text: str) -> list[str]:
+    """Return the names in a text that in_lines() has made."""
+    return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
+
+
+_MEANT = {r"\\": "\\", r"\n": "\n"}
+_ESCAPED = re.compile(r"\\[\\n]")

@@ -227,7 +227,7 @@ def test_a_run_that_can_be_written_nowhere_is_an_error(tmp_path, monkeypatch):
 ODD = ["p/q", "new\nline", "x[4000000000]", "x[99999999999999999999]", "trailing ", "a²[²]"]
 
 
-@pytest.mark.parametrize("ending", [".csv", ".nc", ".mat"])
+@pytest.mark.parametrize("ending", [".csv", ".nc", ".parquet"])
 @pytest.mark.parametrize("name", ODD)
 def test_a_name_is_found_before_the_run_or_retained(tmp_path, monkeypatch, name, ending):
     file = ResultFile(tmp_path / f"x{ending}")
@@ -238,10 +238,9 @@ def test_a_name_is_found_before_the_run_or_retained(tmp_path, monkeypatch, name,
             file.accept(None)
         return
     file.write(odd)
-    if ending != ".mat":
-        back = read(tmp_path / f"x{ending}")
-        assert back.columns == odd.columns
-        assert back[f"a.{name}"].tolist() == [1, 1]
+    back = read(tmp_path / f"x{ending}")
+    assert back.columns == odd.columns
+    assert back[f"a.{name}"].tolist() == [1, 1]
 
 
 @pytest.mark.parametrize(("count", "rest"), [(5, ";"), (6, " and 1 more;"), (9, " and 4 more;")])

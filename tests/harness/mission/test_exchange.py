@@ -12,7 +12,6 @@ import erfa
 import numpy as np
 import pyarrow.parquet
 import pytest
-import scipy.io
 import xarray
 from astropy import units
 from astropy.coordinates import GCRS, TEME, CartesianDifferential, CartesianRepresentation
@@ -71,7 +70,7 @@ def out(result, tmp_path):
 # ---- whole results
 
 
-@pytest.mark.parametrize("ending", [".mat", ".parquet", ".nc", ".csv"])
+@pytest.mark.parametrize("ending", [".parquet", ".nc", ".csv"])
 def test_every_bit_comes_back_from_every_file(result, tmp_path, ending):
     back = read(result.save(tmp_path / f"out{ending}"))
     assert set(back.columns) == set(result.columns)
@@ -89,35 +88,15 @@ def test_every_bit_comes_back_from_every_file(result, tmp_path, ending):
     assert (back.system, back.complete, back.message) == ("sync_approach", True, "")
 
 
-@pytest.mark.parametrize("ending", [".mat", ".parquet"])
-def test_an_incomplete_result_is_reported_when_it_is_read(result, tmp_path, ending):
-    ended = replace(result, complete=False, message="a.b: the reason")
-    back = read(ended.save(tmp_path / f"out{ending}"))
-    assert (back.complete, back.message) == (False, "a.b: the reason")
-
-
-def test_odd_names_and_one_row_come_back_from_a_mat(tmp_path):
+@pytest.mark.parametrize("ending", [".parquet", ".nc", ".csv"])
+def test_odd_names_and_one_row_come_back_from_every_file(tmp_path, ending):
     names = ("a.b.c", "a.b_c", "time.x", "a.v[0]", "a.v[1]", "a.lone[2]", "a.one[1]")
     odd = Result("x", np.zeros(1), names, ("m",) * 7, np.arange(7.0)[None], names)
-    back = read(odd.save(tmp_path / "odd.mat"))
+    back = read(odd.save(tmp_path / f"odd{ending}"))
     assert {name: back[name].tolist() for name in names} == {
         name: [float(i)] for i, name in enumerate(names)
     }
     assert back["a.v"].tolist() == [[3.0, 4.0]]
-
-
-def test_a_mat_of_an_earlier_version_is_read(tmp_path):
-    content = {
-        "time": np.arange(3.0)[:, None],
-        "system": "old",
-        "complete": 1.0,
-        "units": {"a": {"r": "m"}},
-        "a": {"r": np.ones((3, 3)), "s": np.arange(3.0)[:, None]},
-    }
-    scipy.io.savemat(tmp_path / "old.mat", content)
-    back = read(tmp_path / "old.mat")
-    assert (back["a.r"].shape, back["a.s"].tolist()) == ((3, 3), [0, 1, 2])
-    assert back.provenance is None
 
 
 def test_a_parquet_is_a_table_with_units_for_everybody(result, tmp_path):

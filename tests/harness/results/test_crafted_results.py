@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import tomllib
-import zlib
 from dataclasses import replace
 
 import netCDF4
@@ -13,7 +12,6 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
-import scipy.io
 import tomli_w
 
 from harness import read, run
@@ -22,7 +20,6 @@ from harness.errors import ResultsError
 from harness.files.checksums import sha256
 from harness.results import formats
 from harness.results.files import READERS
-from harness.results.formats import matlab
 from harness.results.result import Result
 
 
@@ -170,38 +167,43 @@ def test_damaged_descriptions_beside_the_numbers_are_rejected(result, tmp_path, 
 
 
 @pytest.mark.parametrize(
-    ("content", "problem"),
+    ("axes", "problem"),
     [
-        ({}, "variables are missing: system and time"),
-        ({"time": np.zeros(2)}, "variables are missing: system"),
-        ({"time": "abc", "system": "s"}, "time: expected numbers"),
-        (
-            {"time": np.zeros(2), "system": "s", "a": {"x": np.zeros(3)}},
-            "a.x: expected 2 rows, got 3",
-        ),
-        (
-            {"time": np.zeros(2), "system": "s", "a": {"x": np.zeros((3, 4))}},
-            "a.x: expected 2 rows, got 3 x 4",
-        ),
-        ({"time": np.zeros((3, 3)), "system": "s"}, "time: expected one value per row, got an"),
-        (
-            {"time": np.zeros((3, 3)), "system": "s", "a": {"x": np.zeros(3)}},
-            "time: expected one value per row, got an array of 3 x 3",
-        ),
-        ({"time": np.zeros(2), "system": "s", "a": {"x": "text"}}, "a.x: expected numbers"),
-        ({"time": np.zeros(2), "system": "s", "units": 5.0}, "units: expected a struct"),
-        ({"time": np.zeros(2), "system": "s", "parameters": 5.0}, "parameters: expected a struct"),
-        (
-            {"time": np.zeros(1), "system": "s", "provenance": {"step": "x"}},
-            "step: must be a finite",
-        ),
+        (("time", "time"), "time: expected one value per row, got an array of 3 x 3"),
+        (("other",), "a.x: 3 rows instead of 2"),
     ],
 )
-def test_a_mat_of_another_kind(tmp_path, content, problem):
-    scipy.io.savemat(tmp_path / "crafted.mat", content)
+def test_a_time_on_other_axes_is_rejected(tmp_path, axes, problem):
+    with netCDF4.Dataset(tmp_path / "crafted.nc", "w") as file:
+        file.createDimension("time", 3)
+        file.createDimension("other", 2)
+        for name, dimensions in (("time", axes), ("a.x", ("time",))):
+            file.createVariable(name, "f8", dimensions)[...] = 0
     with pytest.raises(ResultsError) as rejected:
-        read(tmp_path / "crafted.mat")
-    assert f"cannot be read ({problem}" in str(rejected.value)
+        read(tmp_path / "crafted.nc")
+    assert f"cannot be read ({problem})" in str(rejected.value)
+
+
+@pytest.mark.parametrize(
+    ("names", "about", "problem"),
+    [
+        (("t", "a.x"), None, "the first column must be named time"),
+        (("time", "a.x"), "[1]", "the metadata of the key servicing-fmus are not a JSON table"),
+        (("time", "a.x"), None, None),
+    ],
+)
+def test_a_parquet_of_another_tool_is_a_table_or_rejected(tmp_path, names, about, problem):
+    table = pyarrow.table([[0.0, 1.0], [2.0, 3.0]], names=names)
+    if about is not None:
+        table = table.replace_schema_metadata({b"servicing-fmus": about})
+    pyarrow.parquet.write_table(table, tmp_path / "crafted.parquet")
+    if problem is None:
+        found = read(tmp_path / "crafted.parquet")
+        assert (found.system, found["a.x"].tolist()) == ("crafted", [2, 3])
+        return
+    with pytest.raises(ResultsError) as rejected:
+        read(tmp_path / "crafted.parquet")
+    assert f"cannot be read ({problem})" in str(rejected.value)
 
 
 def test_a_table_without_rows_is_no_result(tmp_path):
@@ -249,7 +251,7 @@ def test_values_that_a_third_party_file_declares_missing_are_not_numbers(tmp_pat
     assert np.array_equal(found["a.n"], [np.nan, 2, 3], equal_nan=True)
 
 
-@pytest.mark.parametrize("ending", [".nc", ".mat", ".parquet"])
+@pytest.mark.parametrize("ending", [".nc", ".parquet"])
 def test_a_file_larger_than_half_of_the_memory_is_rejected(result, tmp_path, ending, monkeypatch):
     path = result.save(tmp_path / f"out{ending}")
     assert np.array_equal(read(path).time, result.time)
@@ -259,18 +261,6 @@ def test_a_file_larger_than_half_of_the_memory_is_rejected(result, tmp_path, end
         ResultsError, match=r"it unpacks to .* more than half of the memory of this machine"
     ):
         read(path)
-
-
-def test_a_mat_is_measured_without_being_retained(result, tmp_path):
-    path = result.save(tmp_path / "out.mat")
-    assert matlab.unpacked(path) > result.values.nbytes
-    data = zlib.compress(bytes(10**7))
-    path.write_bytes(bytes(128) + np.array([15, len(data)], "<u4").tobytes() + data)
-    assert matlab.unpacked(path) == 10**7
-    plain = np.array([15, len(data)], "<u4").tobytes() + data
-    plain += np.array([14, 16], "<u4").tobytes() + bytes(16)
-    path.write_bytes(bytes(128) + plain)
-    assert matlab.unpacked(path) == 10**7 + 16, "an element that is not compressed counts too"
 
 
 def test_a_file_of_constants_is_a_result(tmp_path):

@@ -11,7 +11,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-import scipy.io
 
 from harness import Simulation, compare, load, read, run
 from harness.claims.case import SHOWN, listed, unlike
@@ -129,13 +128,6 @@ def test_it_reads_back_from_every_file(changed, tmp_path, ending):
     ResultFile(path).write(changed)
     assert read(path).provenance == changed.provenance
     assert read(str(path)).parameter("servicer.J_S").tolist() == np.diag([200, 250, 151]).tolist()
-
-
-def test_a_mat_holds_it_as_a_struct(changed, tmp_path):
-    ResultFile(tmp_path / "out.mat").write(changed)
-    retained = scipy.io.loadmat(tmp_path / "out.mat", simplify_cells=True)["provenance"]
-    assert (retained["sha256"], retained["step"]) == (changed.provenance.sha256, 0.1)
-    assert from_flat(retained) == changed.provenance
 
 
 # ---- the same run again

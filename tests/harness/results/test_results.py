@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 import xarray
 
 from harness.errors import ResultsError, UsageError
@@ -143,17 +142,6 @@ def test_an_unreadable_file_beside_a_csv_is_reported_in_one_line(simulated, tmp_
     assert "demo.csv.toml: cannot be read" in caplog.text
 
 
-def test_mat_retains_the_parameters_in_a_struct_of_their_own(simulated, tmp_path):
-    content = scipy.io.loadmat(written(simulated, tmp_path / "demo.mat"), simplify_cells=True)[
-        "parameters"
-    ]
-    assert (content["a"]["k"], content["a"]["p"].tolist(), content["b"]["M_A"].tolist()) == (
-        0.1,
-        [1, 2],
-        [3, 4],
-    )
-
-
 def test_csv_is_lossless_to_the_bit(result, tmp_path):
     back = read(written(result, tmp_path / "demo.csv"))
     assert back.values.tobytes() == result.values.tobytes()
@@ -187,27 +175,7 @@ def test_netcdf_has_vectors_with_units_and_long_names(result, tmp_path):
     assert back.description("a.m") == "meaning of a.m"
 
 
-def test_mat_has_one_struct_per_component_with_legal_names(result, tmp_path):
-    content = scipy.io.loadmat(written(result, tmp_path / "demo.mat"), simplify_cells=True)
-    assert np.array_equal(content["a"]["r"], result["a.r"])
-    assert np.array_equal(content["b"]["M_bias"], result["b.M.bias"])
-    assert np.array_equal(content["b"]["lone_2_"], result["b.lone[2]"])
-    assert content["units"]["a"]["J"] == "kg.m2"
-    assert content["system"] == "demo"
-    assert content["complete"] == 1.0
-    assert np.array_equal(content["time"], result.time)
-
-
-def test_mat_retains_names_apart_that_become_equal_and_reserved_ones(tmp_path):
-    names = ("a.x_y", "a.x.y", "time.z", "_c.der(q)")
-    result = Result("demo", np.zeros(1), names, ("",) * 4, np.array([[1.0, 2.0, 3.0, 4.0]]))
-    content = scipy.io.loadmat(written(result, tmp_path / "demo.mat"), simplify_cells=True)
-    assert (content["a"]["x_y"], content["a"]["x_y_"]) == (1.0, 2.0)
-    assert content["time_"]["z"] == 3.0
-    assert content["x__c"]["der_q_"] == 4.0
-
-
-@pytest.mark.parametrize("ending", [".csv", ".nc"])
+@pytest.mark.parametrize("ending", [".csv", ".nc", ".parquet"])
 def test_an_incomplete_run_stays_marked_as_such(result, tmp_path, ending):
     partial = replace(
         result, complete=False, message="a: step failed: burnt through (at t = 0.4 s)"
@@ -216,11 +184,6 @@ def test_an_incomplete_run_stays_marked_as_such(result, tmp_path, ending):
     assert not back.complete
     assert back.message == partial.message
     assert back.values.shape == result.values.shape
-
-
-def test_mat_labels_an_incomplete_run(result, tmp_path):
-    path = written(replace(result, complete=False), tmp_path / "x.mat")
-    assert scipy.io.loadmat(path, simplify_cells=True)["complete"] == 0.0
 
 
 # ---- what cannot be written or read
@@ -236,7 +199,7 @@ def test_a_missing_folder_is_made(result, tmp_path):
         (
             "x.txt",
             UsageError,
-            r"results are written as \.csv, \.nc, \.mat, \.parquet, not as '\.txt'",
+            r"results are written as \.csv, \.nc, \.parquet, not as '\.txt'",
         ),
         ("x", UsageError, "not as 'x'"),
         ("folder.csv", ResultsError, "is a folder; give the name of a file"),
@@ -260,7 +223,7 @@ def test_looking_whether_it_can_be_written_leaves_nothing_and_touches_nothing(tm
     assert old.read_text() == "old"
 
 
-@pytest.mark.parametrize("ending", [".csv", ".nc", ".mat"])
+@pytest.mark.parametrize("ending", [".csv", ".nc", ".parquet"])
 def test_a_failure_while_writing_is_reported_in_one_line_and_leaves_the_old_file(
     result, tmp_path, monkeypatch, ending
 ):
@@ -305,10 +268,8 @@ def test_a_file_that_is_no_result_is_reported_in_one_line(tmp_path, name, conten
 
 
 def test_other_endings_and_missing_files_cannot_be_read_back(tmp_path):
-    with pytest.raises(
-        UsageError, match=r"expected a results file \(\.csv, \.nc, \.mat, \.parquet\)"
-    ):
+    with pytest.raises(UsageError, match=r"expected a results file \(\.csv, \.nc, \.parquet\)"):
         read(tmp_path / "x.txt")
-    for ending in (".csv", ".nc", ".mat", ".parquet"):
+    for ending in (".csv", ".nc", ".parquet"):
         with pytest.raises(ResultsError, match="No such file"):
             read(tmp_path / f"gone{ending}")
