@@ -153,27 +153,14 @@ def check_command(
     typer.echo(printable(str(verdict)))
 
 
-@command("requirements", "params", "set", "swap", "map", "require")
-def requirements_command(
-    *,
-    system: Annotated[str, argument("SYSTEM_OR_FILE", "System, or file .stl with one formula")],
-    stl: Annotated[bool, option("--stl", "Write signal temporal logic as rtamt reads it")] = False,
-    changes: Any,
-) -> None:
-    """List the requirements of a system, or read one from a file in the notation of rtamt.
-
-    With --stl, a requirement that rtamt cannot express is written as a comment with the reason.
-    """
-    from harness.master.simulation import Simulation
-    from harness.results import stl as notation
+@command("requirements")
+def requirements_command(system: SystemArgument) -> None:
+    """List the requirements of a system."""
     from harness.ssp.library import load
 
-    if system.endswith(".stl"):
-        typer.echo(printable("{} = {!r}".format(*notation.read(Path(system).read_text("utf-8")))))
-        return
     with load(system) as found:
-        for line in notation.lines(Simulation(found, **changes).result(), stl):
-            typer.echo(printable(line))
+        for name, text in found.requirements.items():
+            typer.echo(printable(f"{name} = {text!r}"))
 
 
 DiagramOption = Annotated[

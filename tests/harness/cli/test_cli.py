@@ -77,6 +77,16 @@ def test_run_takes_a_path_and_all_options(command, folder):
     assert result["twice.y"].tolist() == [0, 3, 9, 15]
 
 
+def test_requirements_are_listed_as_in_their_file(command, folder, fmus):
+    text = f"{TOML}[requirements]\nsmall = \"twice.y <= 20\"\nslow = 'time < 3 s or bad.y < 1'\n"
+    write_ssp(system_of(tomllib.loads(text), fmus), folder / "own.ssp")
+    status, out, err = command("requirements", folder / "own.ssp")
+    assert (status, err) == (0, [])
+    assert out == ["small = 'twice.y <= 20'", "slow = 'time < 3 s or bad.y < 1'"]
+    status, _, err = command("requirements", folder / "own.ssp", "--stl")
+    assert (status, err[0]) == (2, "harness: No such option: --stl")
+
+
 def test_list_shows_systems_with_sets_components_and_fmus(command):
     status, out, err = command("list")
     assert (status, err) == (0, [])
