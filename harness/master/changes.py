@@ -68,7 +68,7 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
     """
     if unknown := [name for name in changes if name not in Changes.__annotations__]:
         close = did_you_mean(unknown[0], Changes.__annotations__)
-        raise UsageError(f"run() has no argument {unknown[0]}{close}")
+        raise UsageError(f"{unknown[0]}: there is no such change of a system{close}")
     before, params = system.origin, changes.get("params")
     options: Mapping[str, Any] = changes
     given = {name: _once(f"--{name}", options.get(name, ())) for name in NAMED}

@@ -53,7 +53,9 @@ def value(system, name):
 
 
 def test_an_argument_that_does_not_exist_is_rejected(system):
-    with pytest.raises(UsageError, match=r"^run\(\) has no argument steps \(close: step, stop\)$"):
+    with pytest.raises(
+        UsageError, match=r"^steps: there is no such change of a system \(close: step, stop\)$"
+    ):
         apply(system, steps=3)
     with pytest.raises(UsageError, match=r"^run\(\) has no argument realtime$"):
         run(system, realtime=1.0)
