@@ -173,6 +173,7 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     optimal force is verified by an open-loop simulation: of the system with its requirements, or
     of each phase with the plants of both bodies.
     """
+    from harness.results.files import save
     from harness.studies import optimum
 
     if store and (cost != "sum" or without):
@@ -188,7 +189,7 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
         raise UsageError(
             f"-o {output}: optima of phases are simulated one by one, there is no single run"
         )
-    found.verified.save(output)
+    save(found.verified, output)
 
 
 def _written(results: Any, folder: Path, pictures: Pictures) -> str:

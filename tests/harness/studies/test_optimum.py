@@ -18,7 +18,9 @@ from harness.mission.optimum import Cone, Optimum, Problem
 from harness.report.arrays import Arrays
 from harness.report.plots import PAGE, painted
 from harness.report.run import canvas_of
+from harness.results.files import read
 from harness.results.requirements import margin
+from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies.optimum import (
     bound,
@@ -330,6 +332,17 @@ def test_speed_in_the_hill_frame_is_limited_in_the_attempt_only():
     close(corridor.slope[-1], np.tan(np.pi / 6) * axis, rel=1e-9)
     with pytest.raises(UsageError, match="bound needs a run without an abort"):
         bound("arch_rendezvous", set={"controller.t_abort": 1}, stop=2.0)
+
+
+def test_the_command_writes_the_run_of_the_optimal_force(tmp_path, monkeypatch, capsys):
+    """A process of the command has not imported harness.api, which attaches Result.save."""
+    monkeypatch.delattr(Result, "save")
+    file = tmp_path / "best.nc"
+    assert main(["bound", "ppc_tracking", "--stop", "2", "--grid", "1", "-o", str(file)]) == 0
+    assert capsys.readouterr().out.startswith("ppc_tracking: ")
+    found = read(file)
+    assert found.complete and found.time[-1] == 2.0
+    assert found.system == "ppc_tracking"
 
 
 def test_names_of_constraints_are_checked(capsys):
