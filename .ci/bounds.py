@@ -14,8 +14,11 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from harness import run  # noqa: E402
-from harness.studies.optimum import Answer, bound, phase_optimum, solve  # noqa: E402
+from harness.studies.show import bound  # noqa: E402
 from ssp.shared import optima  # noqa: E402
+from ssp.shared.convex import solve  # noqa: E402
+from ssp.shared.least_impulse import Answer  # noqa: E402
+from ssp.shared.phase_impulses import phase_optimum  # noqa: E402
 from tests.reference import optimal_start  # noqa: E402
 
 LAWS = (

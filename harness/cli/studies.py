@@ -174,18 +174,18 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     of each phase with the plants of both bodies.
     """
     from harness.results.files import save
-    from harness.studies import optimum
+    from harness.studies.show import bound
 
     if store and (cost != "sum" or without):
         raise UsageError("--store: is valid only with all constraints and --cost sum")
-    found = optimum.bound(system, cost=cost, grid=grid, without=without or (), **changes)
+    found = bound(system, cost=cost, grid=grid, without=without or (), **changes)
     for line in found.lines():
         typer.echo(line)
     if store:
-        typer.echo(f"stored in {optimum.store(found)}")
+        typer.echo(f"stored in {found.store()}")
     if output is None:
         return
-    if isinstance(found, optimum.PhaseAnswer):
+    if found.verified is None:
         raise UsageError(
             f"-o {output}: optima of phases are simulated one by one, there is no single run"
         )

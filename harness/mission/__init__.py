@@ -23,6 +23,7 @@ from harness.mission.library import inherit
 from harness.mission.mission import (
     Exchange,
     FinalMetric,
+    LeastImpulse,
     Limits,
     Metric,
     Mission,
@@ -31,12 +32,11 @@ from harness.mission.mission import (
     Start,
     Steering,
 )
-from harness.mission.optimum import Bound
 from harness.results.verdict import Verdict
 
 __all__ = [
-    "Band", "Bound", "Case", "Claim", "Curve", "Drawing", "Exchange", "Figure",
-    "FinalMetric", "Judgement", "Level", "Limits", "Metric", "Mission", "Overlay", "Panel", "Paper",
-    "Phase", "Plan", "RuleFinding", "Scene", "Start", "Steering", "Verdict", "at_least", "at_most",
+    "Band", "Case", "Claim", "Curve", "Drawing", "Exchange", "Figure", "FinalMetric", "Judgement",
+    "LeastImpulse", "Level", "Limits", "Metric", "Mission", "Overlay", "Panel", "Paper", "Phase",
+    "Plan", "RuleFinding", "Scene", "Start", "Steering", "Verdict", "at_least", "at_most",
     "inherit",
 ]  # fmt: skip

@@ -30,7 +30,6 @@ from harness.mission.claim import (
 )
 from harness.mission.fields import Checked, one, place_of
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
-from harness.mission.optimum import Bound, PhaseBounds
 from harness.results.program import value_of
 from harness.results.result import Result
 
@@ -244,6 +243,20 @@ class Plan(Protocol):
         """Return the plan as text."""
 
 
+class LeastImpulse(Protocol):
+    """Answer to the question what a run would have cost at least."""
+
+    @property
+    def verified(self) -> Result | None:
+        """Return a run with the least impulse, None if its phases are simulated one by one."""
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the report."""
+
+    def store(self) -> Path:
+        """Store the answer for later reports and comparisons, and return the path of the file."""
+
+
 @dataclass(frozen=True)
 class Mission(Checked):
     """Figures, metrics, claims and other parts of one mission.
@@ -259,7 +272,8 @@ class Mission(Checked):
     reference values; exchange: files of other tools; restarts: (parameter with a start value of a
     state, other parameter, value that this must have for the start value to be used); examples:
     sources that can replace a component or extend a system; steering: tasks for agents, the default
-    first; bounds: convex problems with whose optimum a run is compared.
+    first; bounds: functions that answer `harness bound` for a system and the options `cost`, `grid`
+    and `without`, or return None for a system of another kind.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()
@@ -280,7 +294,7 @@ class Mission(Checked):
     restarts: tuple[tuple[str, str, float], ...] = ()
     examples: tuple[Example, ...] = ()
     steering: tuple[Steering, ...] = ()
-    bounds: tuple[Bound | PhaseBounds, ...] = ()
+    bounds: tuple[Callable[..., LeastImpulse | None], ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:
         """Return the limits of a comparison, completed by the functions `bands` of the mission for

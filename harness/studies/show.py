@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Contents of a system without a run: its components, the inputs, outputs and parameters of a
-component or FMU, and the plan of its mission.
+"""Contents of a system: its components, the inputs, outputs and parameters of a component or FMU,
+and the answers of its mission: its plan, and the least impulse of its run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from harness.errors import UsageError
 from harness.files import paths
 from harness.master.changes import Changes, apply
 from harness.master.remainder import rest
-from harness.mission import Plan
+from harness.mission import LeastImpulse, Plan
 from harness.mission.library import everything, mission
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, of_component
@@ -284,3 +284,32 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
             with suppress(UsageError):
                 return planner(found, **changes)
         return planners[-1](found, **changes)
+
+
+COSTS = ("sum", "norm")
+"""Costs of a force: the sum of its absolute components, or its Euclidean norm."""
+
+
+def bound(
+    system: str | Path,
+    *,
+    cost: str = "sum",
+    grid: float | None = None,
+    without: Collection[str] = (),
+    **changes: Unpack[Changes],
+) -> LeastImpulse:
+    """Return the least impulse of a run of a system, as its mission computes it.
+
+    cost: one of COSTS; grid: time step of the problem [s] (None: as the mission defines); without:
+    names of constraints to leave out; changes: as for run(). Raises UsageError if the mission
+    defines no problem for the system, the errors of run(), and HarnessError if there is no optimum.
+    """
+    if cost not in COSTS:
+        raise UsageError(f"--cost {cost}: expected {' or '.join(COSTS)}")
+    with load(system) as found:
+        changed = apply(found, **changes)
+        own = mission(changed.mission) if changed.mission else None
+        for answer in own.bounds if own else ():
+            if (least := answer(changed, cost, grid, without)) is not None:
+                return least
+    raise UsageError(f"{changed.name}: its mission defines no convex problem for this system")

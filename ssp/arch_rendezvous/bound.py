@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from harness.errors import UsageError
-from harness.mission.optimum import Cone, Problem
 from harness.results.result import Array, Result, Rows
 
 from ..shared import bounds
+from ..shared.convex import Cone, Problem
 
 ATTEMPT, ABORT = "controller.approaching", "controller.t_abort"
 AXIS, HALF_ANGLE, SPEED = (

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.mission.optimum import Cone, Problem
 from harness.results.result import Array, Result
 
 from ..shared import bounds
+from ..shared.convex import Cone, Problem
 
 BOX, AXIS, HOVER = "propulsion.F_max", "guidance.p_T", "guidance.rho_f"
 LAW = ("monitor.speed_at_zero", "monitor.speed_slope")

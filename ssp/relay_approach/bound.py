@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.mission import Bound
-from harness.mission.optimum import Cone, Problem
 from harness.results.result import Result
 
-from ..shared import bounds, optima
+from ..shared import bounds
+from ..shared.convex import Cone, Problem
+from ..shared.least_impulse import Bound
 
 ENGINES = slice(8, 13)
 """Indices of the thrusters for translation; the other thrusters turn the servicer."""
@@ -46,5 +46,4 @@ BOUND = Bound(
     grid=100.0,
     every=10,
     spent=spent,
-    store=optima.store,
 )

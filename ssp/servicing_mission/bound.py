@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from harness.mission.optimum import Cone, Phase, PhaseBounds, Problem
 from harness.results.result import Array, Result
 
-from ..shared import bounds, optima
+from ..shared import bounds
+from ..shared.convex import Cone, Problem
+from ..shared.phase_impulses import Phase, PhaseBounds
 from .events import NEEDS, stays
 
 BOX = np.array([2.0, 1.0, 1.0])
@@ -171,5 +172,4 @@ BOUND = PhaseBounds(
     bounds.BODIES[6],
     "propulsion.F_S",
     every=10,
-    store=optima.store,
 )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problems whose optimum is the least impulse of an approach, see harness.studies.optimum.
+"""Convex problems whose optimum is the least impulse of an approach, see least_impulse.
 
 Every constraint is linear or a cone, with data from the run: path and attitude of the target,
 attitude of the servicer with its thrusters. A requirement that is not convex is replaced by a
@@ -13,11 +13,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.mission.optimum import Bound, Cone, Problem
 from harness.results.histories import turned
 from harness.results.result import Array, Result, Rows
 
-from . import optima
+from .convex import Cone, Problem
+from .least_impulse import Bound
 
 BODIES = ("target.r_TN_N", "target.v_TN_N", "target.q_TN", "target.omega_TN_T",
           "servicer.r_SN_N", "servicer.v_SN_N", "servicer.q_SN", "servicer.mass")  # fmt: skip
@@ -47,7 +47,6 @@ def bound(
         IMPULSE,
         (("propulsion.M_S", "controller.M_cmd_S"),),
         grid,
-        store=optima.store,
     )
 
 

@@ -19,10 +19,10 @@ from harness.errors import ResultsError
 from harness.files.output import written
 from harness.mission import Limits, Metric
 from harness.mission.figure import Curve, Figure, Panel
-from harness.mission.optimum import Optimum
 from harness.results.histories import norm, total
 from harness.results.result import Array, Result, Rows
 
+from .convex import Optimum
 from .relative_motion import DISTANCE, SERVICER, TARGET
 
 FILE = Path(__file__).with_name("optima.json")

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.mission.optimum import Problem
 from harness.results.result import Result
 
 from ..shared import bounds
+from ..shared.convex import Problem
 
 HALF_ANGLE, KEEP_OUT = "monitor.corridor_half_angle", "monitor.keep_out_half"
 REFERENCE, BOX, AXIS = "guidance.rho_ref_N", "propulsion.F_max", "guidance.p_T"

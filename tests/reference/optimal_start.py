@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.mission.optimum import Cone, Problem
 from ssp.shared import bounds
+from ssp.shared.convex import Cone, Problem
 from tests.reference.optimal import Solve, matrix_of, tumble
 
 N, DT, MASS = 60, 10.0, 95.0
@@ -55,7 +55,7 @@ def target(dt=DT):
 
 
 def problem(begin=PUBLISHED):
-    """For harness.studies.optimum."""
+    """For ssp.shared.convex."""
     axis, end, velocity = target(begin.dt)
     nodes = np.arange(N + 1) > 0
     axis = np.vstack([axis[:1], axis])

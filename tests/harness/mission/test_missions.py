@@ -287,6 +287,44 @@ def test_a_run_is_repeated_without_the_python_of_a_folder_that_only_the_file_nam
     assert not (alone / "was-run").exists()
 
 
+LEAST = """
+from pathlib import Path
+from harness.mission import Mission
+
+class Least:
+    verified = None
+    def __init__(self, *given):
+        self.given = given
+    def lines(self):
+        yield from map(str, self.given)
+    def store(self):
+        return Path("least.txt")
+
+def other(system, *options):
+    return None
+
+def least(system, *options):
+    return Least(system.name, system.experiment.stop, *options)
+
+MISSION = Mission(bounds=(other, least))
+"""
+
+
+def test_a_mission_answers_what_a_run_would_have_cost_by_a_function_of_its_own(alone, capsys):
+    """The first function that does not return None answers."""
+    (alone / "mine").mkdir()
+    (alone / "mine/system.toml").write_text('extends = "sync_approach"\nname = "mine"\n')
+    (alone / "mine/mission.py").write_text(LEAST)
+    assert main(["bound", "mine", "--stop", "5", "--grid", "2", "--store"]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines() == ["mine", "5.0", "sum", "2.0", "()", "stored in least.txt"]
+    assert main(["bound", "mine", "--cost", "norm", "--without", "wall", "-o", "x.nc"]) == 2
+    found = capsys.readouterr()
+    assert found.out.splitlines()[2:] == ["norm", "None", "['wall']"]
+    assert "optima of phases are simulated one by one" in found.err
+    assert not (alone / "x.nc").exists()
+
+
 def test_a_mission_is_named_by_its_folder(alone):
     with pytest.raises(UsageError, match="there is no such folder"):
         library.use(alone / "nowhere")

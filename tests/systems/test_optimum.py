@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Bounds of runs: closed forms of the double integrator, invariances, and a run of a system."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
+from textwrap import dedent
 
 import numpy as np
 import pytest
@@ -14,7 +17,6 @@ from harness.errors import HarnessError, ResultsError, UsageError
 from harness.figures.choice import figures_of
 from harness.figures.plots import paint
 from harness.mission import Limits
-from harness.mission.optimum import Cone, Optimum, Problem
 from harness.report.arrays import Arrays
 from harness.report.plots import PAGE, painted
 from harness.report.run import canvas_of
@@ -22,20 +24,15 @@ from harness.results.files import read
 from harness.results.requirements import margin
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.studies.optimum import (
-    bound,
-    phase_optimum,
-    phase_verified,
-    solve,
-    store,
-    transitions,
-)
+from harness.studies.show import bound
 from ssp.arch_rendezvous import bound as arch_rendezvous
 from ssp.ppc_tracking import bound as ppc_tracking
 from ssp.relay_approach import bound as relay_approach
 from ssp.servicing_mission import bound as servicing_mission
 from ssp.servicing_mission.events import stays
 from ssp.shared import optima
+from ssp.shared.convex import Cone, Optimum, Problem, solve, transitions
+from ssp.shared.phase_impulses import phase_optimum, phase_verified
 from tests.close import close
 from tests.reference import optimal_start
 
@@ -175,7 +172,7 @@ def test_the_report_shows_a_stored_optimum_beside_the_run(minute, tmp_path, monk
     """
     monkeypatch.chdir(tmp_path)
     assert curves(minute.run) == [] and np.isnan(optima.METRIC(minute.run, Limits()))
-    assert store(minute) == optima.OWN and (tmp_path / optima.OWN).is_file()
+    assert minute.store() == optima.OWN and (tmp_path / optima.OWN).is_file()
     close(optima.METRIC(minute.run, Limits()), minute.spent / minute.optimum.impulse, rel=1e-6)
     impulse, range_, position = curves(minute.run)
     for plot, least in ((impulse, "impulse"), (range_, "range"), (position, "position")):
@@ -343,6 +340,28 @@ def test_the_command_writes_the_run_of_the_optimal_force(tmp_path, monkeypatch, 
     found = read(file)
     assert found.complete and found.time[-1] == 2.0
     assert found.system == "ppc_tracking"
+
+
+PAGE_OF_MISSIONS = Path(__file__).parents[2] / "docs" / "own_mission.md"
+
+
+@pytest.mark.skipif(not PAGE_OF_MISSIONS.is_file(), reason="the sources are not there")
+def test_a_mission_of_a_user_states_its_problem_as_the_page_shows(tmp_path, monkeypatch, capsys):
+    """From 20 m to 19 m in 20 s: the last metre at no less than 1 m / 20 s."""
+    text = PAGE_OF_MISSIONS.read_text(encoding="utf-8").partition("answer `harness bound`")[2]
+    block = dedent(re.search(r"\n\n((?: {4}.*\n|\n)+)", text)[1])
+    assert "600, target, 5.0" in block
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/system.toml").write_text('extends = "sync_approach"\nname = "mine"\n')
+    (tmp_path / "mine/mission.py").write_text(block.replace("600, target, 5.0", "20, target, 19.0"))
+    assert main(["bound", "mine", "--stop", "20", "--grid", "5", "--store"]) == 0
+    out = capsys.readouterr().out
+    assert out.endswith(f"stored in {optima.OWN}\n")
+    (legs,) = optima.read(optima.OWN).values()
+    assert np.linalg.norm(legs[0].position[0]) == pytest.approx(20, abs=1e-6)
+    assert np.linalg.norm(legs[0].position[-1]) == pytest.approx(19, abs=1e-3)
+    assert f"the optimum of {legs[0].impulse[-1]:.4g} N s" in out
 
 
 def test_names_of_constraints_are_checked(capsys):
