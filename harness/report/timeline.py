@@ -121,20 +121,6 @@ def event(time: float, text: str, kind: str = "plain") -> Scene:
     return {"time": float(time), "text": text, "kind": kind}
 
 
-def runs_of(values: Array, time: Array, words: tuple[str, ...]) -> list[Scene]:
-    """Return the phases between changes of a variable: begin and end [s], and the text for its
-    value in the phase.
-
-    values: whole numbers (rows,); time: of the rows [s]; words: texts of the values 0, 1, ...
-    """
-    edges = np.flatnonzero(np.diff(values, prepend=np.nan))
-    ends = [*time[edges[1:]], time[-1]]
-    return [
-        {"begin": float(time[k]), "end": float(end), "text": words[int(values[k])]}
-        for k, end in zip(edges, ends, strict=True)
-    ]
-
-
 def _worst(result: Result) -> Iterator[Scene]:
     """Yield an event at the worst instant of each requirement."""
     for found in findings(result):

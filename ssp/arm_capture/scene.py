@@ -10,14 +10,14 @@ import numpy as np
 
 from harness.mission import Scene
 from harness.report.arrays import Arrays
-from harness.report.scene import Part, joint, number
-from harness.report.scene import Scene as Data
-from harness.report.timeline import event, runs_of
+from harness.report.timeline import event
 from harness.results.result import Array, Result, Rows
 
 from ..shared import bodies
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
 from ..shared.docking_scene import DOCKING, drogue, floor
+from ..shared.scene import Part, joint, number, runs_of
+from ..shared.scene import Scene as Data
 from .kinematics import ARM, Arm, arm_of
 from .metrics import MODE, TIP
 

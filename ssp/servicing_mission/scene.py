@@ -11,13 +11,13 @@ from functools import partial
 
 from harness.mission import Scene
 from harness.report.arrays import Arrays
-from harness.report.scene import number
-from harness.report.timeline import event, runs_of
+from harness.report.timeline import event
 from harness.results.result import Result, Rows
 
 from ..arm_capture.scene import fit as arm
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
 from ..shared.docking_scene import DOCKING, drogue, floor, probe
+from ..shared.scene import number, runs_of
 from .events import DOCKING as CAPTURE
 from .events import ISP, NEEDS, PHASE, captures, stays
 

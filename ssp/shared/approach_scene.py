@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.report.arrays import Arrays
-from harness.report.scene import Body, Part, Scene, instants, scene
 from harness.report.timeline import event, of_run
 from harness.results.result import Array, Result, Rows
 
@@ -17,6 +16,7 @@ from . import approach_zones as zones
 from . import bodies, flexible
 from .plan_figures import PLANNERS
 from .relative_motion import DISTANCE, SERVICER, SPEED, TARGET, VELOCITIES, release_time
+from .scene import Body, Part, Scene, instants, scene
 from .sky import frames, in_orbit, sky
 
 PAIR = (SERVICER, TARGET, *VELOCITIES, "servicer.q_SN", "target.q_TN")

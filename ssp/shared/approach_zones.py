@@ -11,12 +11,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from harness.report.arrays import Arrays
-from harness.report.scene import Scene
 from harness.results.histories import turned
 from harness.results.result import Array, Result, Rows
 
 from .relative_motion import REFERENCE, SERVICER, TARGET
 from .safety import FIRST, RESTING, RULES, Rule, findings, limit
+from .scene import Scene
 
 DISTANCES = {
     "guidance.rho_M": "safe distance",

@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.report.scene import Part
 from harness.results.result import Array, Result
+
+from .scene import Part
 
 SLIMMEST = 0.15
 """Smallest ratio of the least to the largest edge of a box."""

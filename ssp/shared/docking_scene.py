@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.report.scene import Part
 from harness.results.histories import turned
 from harness.results.result import Array, Result
 
 from . import bodies
+from .scene import Part
 
 DOCKING = tuple(
     f"mechanism.{name}"

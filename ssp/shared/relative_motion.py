@@ -9,12 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from harness.results.histories import (
-    minus,
-    norm,
-    rotation_angle,
-    turned,
-)
+from harness.results.histories import minus, norm, turned
 from harness.results.result import Array, Result
 
 from .samples import aligned, is_late
@@ -44,6 +39,19 @@ def range_error(result: Result, rows: slice = ALL) -> Array:
     (rows,) [m].
     """
     return _aligned(result, lambda a, b: np.abs(norm(a) - norm(b)), rows)
+
+
+def rotation_angle(a: Array, b: Array) -> Array:
+    """Return the angle (rows,) [rad], 0 to pi, of the rotation between attitudes given by
+    quaternions (rows, 4), scalar first.
+    """
+    a0, a1, a2, a3 = np.ascontiguousarray(a.T)
+    b0, b1, b2, b3 = np.ascontiguousarray(b.T)
+    scalar = np.abs(a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3)
+    x = a0 * b1 - b0 * a1 + (a2 * b3 - a3 * b2)
+    y = a0 * b2 - b0 * a2 + (a3 * b1 - a1 * b3)
+    z = a0 * b3 - b0 * a3 + (a1 * b2 - a2 * b1)
+    return np.asarray(2 * np.arctan2(np.sqrt(x * x + y * y + z * z), scalar))
 
 
 def attitude_error(result: Result, rows: slice = ALL) -> Array:

@@ -7,11 +7,11 @@ import numpy as np
 
 from harness.errors import HarnessError, library
 from harness.report.arrays import Arrays
-from harness.report.scene import Scene
 from harness.results.result import Array, Result, Rows
 
 from .conventions import BODIES
 from .exchange.bodies import days_since_j2000, instants, shadow, sun_direction
+from .scene import Scene
 
 EARTH = 6378137.0
 """Equatorial radius of the planet unless a parameter defines it [m]."""

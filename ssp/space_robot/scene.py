@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 
 from harness.report.arrays import Arrays
-from harness.report.scene import Body, Scene, instants, joint, number, scene
 from harness.results.result import Result
 
 from ..shared import bodies
+from ..shared.scene import Body, Scene, instants, joint, number, scene
 from ..shared.sky import frames, in_orbit, sky
 
 ROBOT = ("robot.r_SN_N", "robot.v_SN_N", "robot.q_SN", "robot.joint_angle")

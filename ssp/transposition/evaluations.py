@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from harness.mission.claim import NotJudgedError, final, parameter, scalar, since
-from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result
+
+from ..shared.relative_motion import rotation_angle
 
 ATTITUDE, RATE, MOMENTUM = "assembly.q_SH", "assembly.omega_SN_S", "assembly.h_cmg_S"
 SHARE, ROTATION, RELATIVE_RATE = (

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from harness.mission import Limits, Metric
-from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result
 
 from ..shared.live import first_time
 from ..shared.metrics import SATURATED
+from ..shared.relative_motion import rotation_angle
 
 MOMENTUM, TURN = "assembly.h_cmg", "assembly.rotation"
 ASSEMBLY = ("assembly.q_SH", "guidance.q_DH")

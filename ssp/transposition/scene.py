@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 
 from harness.report.arrays import Arrays
-from harness.report.scene import Body, Part, Scene, instants, joint, number, scene
 from harness.results.result import Array, Result
 
 from ..shared import bodies
+from ..shared.scene import Body, Part, Scene, instants, joint, number, scene
 from ..shared.sky import HILL, INERTIAL, sky
 from .figures import SHAPE
 

@@ -13,7 +13,6 @@ from harness.mission import Limits
 from harness.mission.library import everything
 from harness.mission.mission import measured
 from harness.results.expressions import settling_time, steady_error
-from harness.results.histories import rotation_angle
 from harness.results.result import Result
 from ssp.shared.metrics import bands, definitions
 from ssp.shared.relative_motion import (
@@ -21,6 +20,7 @@ from ssp.shared.relative_motion import (
     position_error,
     range_,
     range_error,
+    rotation_angle,
 )
 from tests.missions import METRICS
 

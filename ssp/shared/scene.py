@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.report.arrays import Arrays
-from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result, Rows
+
+from .relative_motion import rotation_angle
 
 Scene = dict[str, Any]
 Part = dict[str, Any]
@@ -97,3 +98,17 @@ def number(  # noqa: PLR0913, PLR0917 - the value and its presentation
         "values": arrays.sample(result, rows, name),
         **({"words": words} if words else {}),
     }
+
+
+def runs_of(values: Array, time: Array, words: tuple[str, ...]) -> list[Scene]:
+    """Return the phases between changes of a variable: begin and end [s], and the text for its
+    value in the phase.
+
+    values: whole numbers (rows,); time: of the rows [s]; words: texts of the values 0, 1, ...
+    """
+    edges = np.flatnonzero(np.diff(values, prepend=np.nan))
+    ends = [*time[edges[1:]], time[-1]]
+    return [
+        {"begin": float(time[k]), "end": float(end), "text": words[int(values[k])]}
+        for k, end in zip(edges, ends, strict=True)
+    ]
