@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from harness.studies.analyses.evaluator import Evaluator as Evaluator
     from harness.studies.analyses.probability import probability as probability
     from harness.studies.analyses.sensitivity import sensitivity as sensitivity
-    from harness.studies.analyses.tuning import tune as tune
     from harness.studies.analyses.worst import worst as worst
     from harness.studies.campaign.campaign import campaign as campaign
     from harness.studies.show import show as show
@@ -55,7 +54,6 @@ _HOMES = {
     "run": "harness.api",
     "sensitivity": "harness.studies.analyses.sensitivity",
     "show": "harness.studies.show",
-    "tune": "harness.studies.analyses.tuning",
     "worst": "harness.studies.analyses.worst",
 }
 """Module in which each public name is defined."""

@@ -73,7 +73,6 @@ SYSTEM: Keys = {
 }  # fmt: skip
 OF = "Requirements; default: all"
 RUNS = "Runs in all"
-BOX = "Standard deviations that each coordinate may move"
 CAMPAIGN: Keys = {
     "": {
         "system": ("text", "Name of a system, or path of an .ssp from this file"),
@@ -92,7 +91,6 @@ CAMPAIGN: Keys = {
         "sensitivity": ("table", "Study `harness sensitivity`"),
         "probability": ("table", "Study `harness probability`"),
         "boundary": ("table", "Study `harness boundary`"),
-        "tune": ("table", "Study `harness tune`"),
         "coordinates": ("whole number", "Written by a study: coordinates per run"),
         "fixed": ("table", "Changes that apply to all runs"),
         "factors": ("table", "Varied values, by parameter or change"),
@@ -134,7 +132,7 @@ CAMPAIGN: Keys = {
     "worst": {
         "of": ("list of texts", OF),
         "runs": ("whole number", RUNS),
-        "box": ("number", BOX),
+        "box": ("number", "Standard deviations that each coordinate may move"),
         "searches": ("whole number", "Independent searches that share the runs"),
     },
     "probability": {
@@ -147,14 +145,6 @@ CAMPAIGN: Keys = {
         "of": ("text", "Requirement; default: the first one"),
         "factors": ("list of texts", "The two factors of the boundary"),
         "runs": ("whole number", RUNS),
-    },
-    "tune": {
-        "of": ("list of texts", OF),
-        "gains": ("table", "Draws of the parameters to tune, as in `[factors]`"),
-        "draws": ("whole number", "Runs of each candidate, beside the archive"),
-        "archive": ("text", "Dataset of a study of the same factors; its worst runs are added"),
-        "runs": ("whole number", RUNS),
-        "box": ("number", BOX),
     },
 }  # fmt: skip
 

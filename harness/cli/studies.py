@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Commands for many runs of a system: `harness compare`, `harness campaign`, the analyses
-`sensitivity`, `worst`, `probability`, `boundary`, `tune`, and `harness study` for a file of the
-project.
+`sensitivity`, `worst`, `probability`, `boundary`, and `harness study` for a file of the project.
 """
 
 from __future__ import annotations
@@ -306,7 +305,6 @@ STUDIES = {
     below the entry `below` of the file.
     """,
     "boundary": "Map where a requirement fails, over two factors.",
-    "tune": "Tune gains: maximize the least margin over random draws and stored worst runs.",
 }
 """Help texts of the analysis commands, by the name of the command and of its table in the file."""
 

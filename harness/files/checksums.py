@@ -130,11 +130,7 @@ def locked(file: Path) -> Iterator[None]:
 
 
 def sha256(path: str | Path) -> str:
-    """Return the SHA-256 (64 hexadecimal digits) of a file, or of the names and bytes of all files
-    of a folder; raise OSError if it cannot be read.
-    """
-    if Path(path).is_dir():
-        return _digest(Path(path))
+    """Return the SHA-256 (64 hexadecimal digits) of a file; raise OSError if it cannot be read."""
     stamp = Path(path).stat()
     return _sha256(Path(path).absolute(), stamp.st_mtime_ns, stamp.st_size)
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Answers of studies: the same bits from any kind of worker, runs that repeat, the edges of a map,
-gains that are found again.
-"""
+"""Answers of studies: the same bits from any kind of worker, runs that repeat, edges of a map."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ import numpy as np
 import pytest
 
 import ssp
-from harness import Evaluator, boundary, probability, run, sensitivity, tune, worst
+from harness import boundary, probability, run, sensitivity, worst
 from harness.results.requirements import margin
 from harness.studies.campaign.campaign import like
 
@@ -91,24 +89,3 @@ def test_subset_simulation_agrees_with_references(limit, runs, low, high, tmp_pa
     assert found["low"] < high
     assert found["high"] > low
     assert not found["warning"]
-
-
-def test_gains_tuned_from_spoilt_ones_are_no_worse_than_the_shipped_ones(tmp_path):
-    """Over 60 draws that the study has not seen: worst margins, each in parts of its limit."""
-    path = SYSTEMS / "sync_approach" / "campaigns" / "sync_approach_tune.toml"
-    table = tomllib.loads(path.read_text())
-    gains, of = table["tune"].pop("gains"), table["tune"].pop("of")
-    (found,) = tune(path, tmp_path / "t.zarr", workers=0).estimate["of"].values()
-    least = {}
-    for name, given in (("shipped", {}), ("spoilt", spoilt(gains)), ("tuned", found["gains"])):
-        fixed = table["fixed"] | {"set": table["fixed"]["set"] | given}
-        with Evaluator(table | {"fixed": fixed}, workers=0) as evaluator:
-            z = np.random.default_rng(99).standard_normal((60, evaluator.d))
-            least[name] = evaluator(z)[:, [evaluator.names.index(each) for each in of]].min(axis=0)
-    assert least["spoilt"].min() < -0.01
-    assert (least["tuned"] >= least["shipped"]).all()
-
-
-def spoilt(gains):
-    """The medians that the study starts from."""
-    return {name: draw["log_normal"]["median"] for name, draw in gains.items()}

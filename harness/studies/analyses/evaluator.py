@@ -12,7 +12,7 @@ of every factor: the nominal run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -32,7 +32,6 @@ from harness.studies.campaign.draft import read_plan, table_of
 from harness.studies.campaign.engine import Block, RunBlocks, prestart, processes, worker_pool
 from harness.studies.campaign.factors import SMALLEST
 from harness.studies.campaign.plan import Values
-from harness.studies.campaign.sources import named
 from harness.studies.campaign.worker import Row
 from harness.studies.reuse import compiling
 
@@ -48,8 +47,7 @@ class Evaluator:
 
     d: number of coordinates of a row; groups: their indices by factor; names: requirements in the
     order of the columns of the margins. definition: path of the .toml of a campaign, or the table
-    itself; workers, lanes, notify: as for campaign(); file: path that a given table belongs to, in
-    whose folder the files that the table names are searched.
+    itself; workers, lanes, notify: as for campaign().
 
     Raises UsageError, or StructureError with all problems of the table, before the first run.
     """
@@ -60,11 +58,9 @@ class Evaluator:
         *,
         workers: int | None = None,
         lanes: bool = True,
-        file: Path | None = None,
         notify: Callable[[str], None] = lambda _: None,
     ) -> None:
-        if file is None and not isinstance(definition, Mapping):
-            file = Path(definition)
+        file = None if isinstance(definition, Mapping) else Path(definition)
         table = {k: v for k, v in table_of(definition).items() if k not in UNUSED}
         self.workers = workers
         prestart(workers, worker.__name__)
@@ -89,10 +85,9 @@ class Evaluator:
         self.notify, self._life = notify, ExitStack()
         self._run_blocks: RunBlocks | None = None
 
-    def reserve(self, runs: int, read: Iterable[Path] = ()) -> None:
-        """Plan a dataset with this number of runs; read: further files on which the runs depend."""
-        plan = self.plan.with_entries(runs=runs, coordinates=self.d)
-        self.plan = replace(plan, sources={**plan.sources, **named(read)})
+    def reserve(self, runs: int) -> None:
+        """Plan a dataset with this number of runs."""
+        self.plan = self.plan.with_entries(runs=runs, coordinates=self.d)
         self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
 
     def columns(

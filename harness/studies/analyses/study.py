@@ -70,21 +70,7 @@ class Boundary(msgspec.Struct):
     runs: Count = 100
 
 
-class Tune(msgspec.Struct):
-    """Entries of [tune]; gains: parameters to tune, written like factors; draws: number of random
-    draws with which every candidate is evaluated; archive: dataset of a study whose worst runs are
-    evaluated too ("": none); box: largest absolute coordinate of a gain in standard deviations.
-    """
-
-    of: Names = ""
-    gains: dict[str, Any] = {}
-    draws: Count = 24
-    archive: Text = ""
-    runs: Count = 2400
-    box: Positive = 3.0
-
-
-TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability, Boundary, Tune)}
+TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability, Boundary)}
 """Types of the tables of studies, by the name of the table in the file of a campaign."""
 
 
@@ -93,7 +79,7 @@ class Study(Campaign):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the study: sensitivity, worst, probability, boundary, tune, or given
+        """Return the kind of the study: sensitivity, worst, probability, boundary, or given
         (sensitivity from the runs of a completed campaign).
         """
         return str(self.store.group.attrs["kind"])
@@ -154,15 +140,13 @@ def begun(
     runs: int,
     output: str | Path,
     how: Mapping[str, Any],
-    *read: Path,
 ) -> Iterator[Driver]:
     """Yield the driver of a study with its dataset open, and close both after the block.
 
     kind: name of the study; runs: number of planned runs besides the nominal one; output: OUT.zarr;
-    how: options of the study, such as `resume`; read: datasets of other studies on which its runs
-    depend.
+    how: options of the study, such as `resume`.
     """
-    evaluator.reserve(1 + runs, read)
+    evaluator.reserve(1 + runs)
     resume, show = how.get("resume", False), how.get("progress")
     with evaluator, closing(Driver(evaluator, Path(output), kind, resume, show)) as driver:
         yield driver
@@ -334,25 +318,11 @@ def _boundary(name: str, found: Any, study: Study) -> Iterator[str]:
             yield f"  fails with {factor} from {low:.6g} to {high:.6g}"
 
 
-def _tuned(name: str, found: Any, _: Study) -> Iterator[str]:
-    """Yield the lines on the worst margins before and after tuning, and the options that set the
-    tuned gains.
-    """
-    for k, each in enumerate(name.split(", ")):
-        yield (
-            f"{each}: worst margin {found['start'][k]:+.4g} before, {found['best'][k]:+.4g} after; "
-            f"in unseen draws {found['start_unseen'][k]:+.4g} before, "
-            f"{found['best_unseen'][k]:+.4g} after"
-        )
-    yield "  " + " ".join(f"--set '{n}={v}'" for n, v in found["gains"].items())
-
-
 LINES = {
     "sensitivity": _effects,
     "given": _effects,
     "worst": _worst,
     "probability": _probability,
     "boundary": _boundary,
-    "tune": _tuned,
 }
 """Functions that yield the text on one requirement, by the kind of the study."""

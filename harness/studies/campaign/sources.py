@@ -18,7 +18,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from harness.files.checksums import sha256
-from harness.files.paths import is_file, is_folder
+from harness.files.paths import is_file
 from harness.mission.library import places
 from harness.ssp.extends import chain
 from harness.studies.campaign.metrics import file_of, offering
@@ -56,10 +56,10 @@ def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, 
             own = _package(place.folder)
             python.update(own if place.package else (f for each in own for f in _imported(each)))
     packages = {f"version of {name}": Source(name, _state(name)) for name in PACKAGES}
-    return named([*files, *sorted(python)]) | packages
+    return _named([*files, *sorted(python)]) | packages
 
 
-def named(files: Iterable[Path]) -> dict[str, Source]:
+def _named(files: Iterable[Path]) -> dict[str, Source]:
     """Return files as sources, by a name that is unique: the file name, with as many parent folders
     as needed. Without the full path, a campaign that was moved with its files has equal sources.
     """
@@ -74,16 +74,15 @@ def named(files: Iterable[Path]) -> dict[str, Source]:
 
 def differing(then: Mapping[str, Source]) -> list[str]:
     """Return the names of the sources whose hash or version now differs from the recorded one."""
-    known = {n: source for n, source in then.items() if not is_folder(source.place)}
-    return [name for name, source in known.items() if _state(source.place) != source.state]
+    return [name for name, source in then.items() if _state(source.place) != source.state]
 
 
 def _state(place: str) -> str:
-    """Return the version of a package, or the hash of a file or folder; "" if it does not exist."""
+    """Return the version of a package, or the hash of a file; "" if it does not exist."""
     try:
         if place in PACKAGES:
             return version(place)
-        return sha256(place) if is_file(place) or is_folder(place) else ""
+        return sha256(place) if is_file(place) else ""
     except (OSError, PackageNotFoundError):
         return ""
 

@@ -427,7 +427,6 @@ def memory(simulation: Simulation) -> bytes:
 
 
 TORQUES = {f"robot.M_S[{i}]": {"normal": {"mean": 10.0, "sigma": 5.0}} for i in (2, 3)}
-GAIN = {"robot.M_S[1]": {"normal": {"mean": 0.0, "sigma": 5.0}}}
 
 Make = Callable[[Path], Path | None]
 
@@ -719,7 +718,6 @@ def test_a_comparison_in_lanes_has_the_results_of_single_runs(
         ("probability", {"of": "slow", "method": "random", "runs": 24}),
         ("sensitivity", {"method": "morris", "runs": 12}),
         ("boundary", {"of": "slow", "factors": list(TORQUES), "runs": 25}),
-        ("tune", {"of": "slow", "draws": 2, "runs": 48, "gains": GAIN}),
     ],
 )
 def test_a_study_in_lanes_has_the_dataset_of_single_runs(

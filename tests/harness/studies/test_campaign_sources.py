@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from harness import campaign, probability, tune, worst
+from harness import campaign, probability, worst
 from harness.errors import RequirementError, UsageError
 from harness.files import paths
 from harness.mission import library
@@ -79,15 +79,6 @@ runs = 8
 [worst]
 of = "light"
 runs = 24
-"""
-TUNE = """
-[tune]
-of = "light"
-draws = 1
-archive = "s.zarr"
-runs = 240
-[tune.gains]
-"controller.Gamma_scale" = {log_normal = {median = 0.1, sigma = 0.7}}
 """
 FMUS = {
     "a/sync_guidance.fmu": "sync_guidance",
@@ -236,11 +227,3 @@ def test_files_that_differ_in_a_repeated_run_are_named(begun, caplog):
     names = ("light.toml", "one.py")
     text = "differs from the one used in run 1 of c.zarr"
     assert caplog.messages == [f"{name}: {text}" for name in names]
-
-
-def test_the_dataset_of_an_archive_may_not_change_either(place):
-    (place / "t.toml").write_text(STUDY + TUNE)
-    tune("t.toml", "t.zarr", workers=0)
-    tune("t.toml", "t.zarr", workers=0, resume=True)
-    Store.open(Path("s.zarr")).group["numbers"][3] = 2.0
-    assert rejection(tune, "t.toml", "t.zarr") == "s.zarr"

@@ -14,14 +14,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness import Evaluator, boundary, campaign, probability, read, run, sensitivity, tune, worst
+from harness import Evaluator, boundary, campaign, probability, read, run, sensitivity, worst
 from harness.cli import main
 from harness.errors import HarnessError, InterruptionError, RunError, StructureError, UsageError
 from harness.report.campaign import of_dataset
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.analyses import driver as driving
-from harness.studies.analyses import tuning
 from harness.studies.analyses import worst as searches
 from harness.studies.campaign import stopping
 from harness.studies.campaign.campaign import like
@@ -230,19 +229,15 @@ def test_runs_without_a_margin_are_counted_and_nothing_is_met(
 ):
     """Beyond k = 2.5, a third of the way to failing, no run has a margin."""
     margins_become(monkeypatch, lambda k, margin: nothing if k > 2.5 else margin)
-    gain = {"twice.k": {"log_normal": {"median": 1.0, "sigma": 0.5}}}
     entries = {
         "worst": {"of": "small", "runs": 24},
         "probability": {"of": "small", "method": "random", "runs": 60, "below": 0.5},
         "sensitivity": {"of": "small", "runs": 30},
         "boundary": {"of": "small", "factors": ["twice.k", "bad.t_fail"], "runs": 30},
-        "tune": {"of": "small", "gains": gain, "draws": 2, "runs": 100},
     }
-    studies = {"boundary": boundary, "tune": tune, "sensitivity": sensitivity}
+    studies = {"boundary": boundary, "sensitivity": sensitivity}
     for kind, study in (studies | {"worst": worst, "probability": probability}).items():
         given = table(system, **{kind: entries[kind]})
-        if kind == "tune":
-            del given["factors"]["twice.k"]
         found = study(given, tmp_path / f"{kind}.zarr", workers=0)
         _, margins, _, _ = found_by(found)
         count = int((~np.isfinite(margins[:, 0])).sum())
@@ -250,8 +245,6 @@ def test_runs_without_a_margin_are_counted_and_nothing_is_met(
         assert f"small: {count} of {len(margins)} runs are no evidence" in found.summary()
         assert found.verdict is (kind not in ("worst", "probability"))
         assert "exactly not" not in found.summary()
-        if kind == "tune":
-            assert found.estimate["of"]["small"]["gains"]["twice.k"] <= 2.5
         if kind == "worst":
             assert "no failure in 24 runs" in found.summary()
             assert "random ones would say" not in found.summary()
@@ -392,71 +385,6 @@ def test_a_map_follows_the_boundary(system, tmp_path):
     assert "fails with twice.k from 3." in study.summary()
 
 
-@LONG
-def test_gains_are_tuned_against_draws_and_an_archive(system, tmp_path):
-    """`small` needs a small k, `large` a large one: the margins meet at k = 2.5."""
-    given = table(system)
-    gain = {"twice.k": {"log_normal": {"median": 1.0, "sigma": 0.5}}}
-    given["factors"] = {"bad.t_fail": given["factors"]["bad.t_fail"]}
-    given["requirements"] = {"large": "time < 6 s or twice.y >= 10"}
-    archived = {**given, "worst": {"of": "small", "runs": 24}}
-    worst(archived, tmp_path / "w.zarr", workers=0)
-    entry = {"gains": gain, "of": ["small", "large"], "draws": 3, "runs": 450}
-    entry["archive"] = str(tmp_path / "w.zarr")
-    study = tune({**given, "tune": entry}, tmp_path / "t.zarr", workers=0)
-    found = study.estimate["of"]["small, large"]
-    scale = np.abs([20 - 6, 6 - 10])
-    k = found["gains"]["twice.k"]
-    # the best is 5 / 9, where both are equal
-    assert 0.45 < min((20 - 6 * k) / scale[0], (6 * k - 10) / scale[1]) <= 5 / 9
-    assert found["start_unseen"] == pytest.approx([14, -4])
-    assert found["best_unseen"] == pytest.approx([20 - 6 * k, 6 * k - 10])
-    assert "--set 'twice.k=" in study.summary()
-
-
-OTHERS = {
-    "another draw": (
-        {"twice.k": K, "bad.t_fail": {"uniform": {"low": 50.0, "high": 61.0}}},
-        "has factor bad.t_fail = .*61.0.*, expected .*60.0",
-    ),
-    "one less": ({"twice.k": K}, "has factor bad.t_fail = none, expected .*60.0"),
-    "one more": (
-        {"twice.k": K, "bad.t_fail": {"uniform": {"low": 50.0, "high": 60.0}}, "count.n_0": K},
-        "has factor count.n_0 = .*0.5.*, expected none",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_an_archive_of_other_factors_is_rejected(name, system, tmp_path):
-    factors, problem = OTHERS[name]
-    archived = table(system, worst={"of": "small", "runs": 12}, factors=factors)
-    worst(archived, tmp_path / "w.zarr", workers=0)
-    entry = {"gains": {"count.n_0": K}, "of": "small", "archive": str(tmp_path / "w.zarr")}
-    with pytest.raises(UsageError, match=problem):
-        tune(table(system, tune=entry), tmp_path / "t.zarr", workers=0)
-
-
-def test_the_worst_completed_runs_of_an_archive_are_taken_by_the_names_of_their_factors(
-    system, tmp_path
-):
-    """The archive has its factors in another order, runs without a margin and pending ones."""
-    given = table(system, worst={"of": "small", "runs": 36})
-    store = worst(given, tmp_path / "w.zarr", workers=0).store
-    margins = store.array("margin")
-    margins[0] = np.nan
-    store.group["margin"][:] = margins
-    store.group["status"][30:] = 0
-    turned = dict(reversed(given["factors"].items()))
-    gains = {"count.n_0": K}
-    with Evaluator({**given, "factors": {**gains, **turned}}, workers=0) as evaluator:
-        rows = tuning._archived(tmp_path / "w.zarr", ["small"], evaluator, turned)
-    worst_of = 1 + np.argsort(margins[1:30, 0], kind="stable")[:12]
-    assert rows.shape == (12, 3)
-    assert (rows[:, 0] == 0).all()
-    assert (rows[:, [2, 1]] == store.array("numbers")[worst_of]).all()
-
-
 REJECTED = {
     "no such requirement": (worst, {"worst": {"of": "smalls"}}, "close: small"),
     "flag has no slope": (worst, {"worst": {"of": "flag"}}, "change gradually"),
@@ -471,7 +399,6 @@ REJECTED = {
     ),
     "levels": (probability, {"probability": {"of": "small", "runs": 900}}, "at least 1400 "),
     "paths": (sensitivity, {"sensitivity": {"runs": 3}}, "at least 6 "),
-    "gains": (tune, {"tune": {"of": "small"}}, "tune.gains: is empty"),
     "two factors": (
         boundary,
         {"boundary": {"of": "small", "factors": ["twice.k"]}},
@@ -517,17 +444,15 @@ def test_wrong_use_is_rejected(name, system, tmp_path):
     assert name == "nominal" or not (tmp_path / "x.zarr").exists()
 
 
-def test_a_gain_that_is_not_there_is_reported_with_the_file(system, tmp_path):
+def test_a_factor_that_is_not_there_is_reported_with_the_file(system, tmp_path):
     text = f"""
         system = "{system}"
         [factors]
-        "twice.k" = {{normal = {{mean = 2.0, sigma = 0.5}}}}
-        [tune.gains]
-        "twice.kk" = {{log_normal = {{median = 1.0, sigma = 0.5}}}}
+        "twice.kk" = {{normal = {{mean = 2.0, sigma = 0.5}}}}
     """
     (tmp_path / "mine.toml").write_text(text)
     with pytest.raises(StructureError, match=r"^mine.toml: factors.twice.kk: .*close: k"):
-        tune(tmp_path / "mine.toml", tmp_path / "x.zarr", workers=0)
+        worst(tmp_path / "mine.toml", tmp_path / "x.zarr", workers=0)
 
 
 def test_a_system_without_requirements_and_a_campaign_without_any_are_rejected(fmus, tmp_path):
@@ -552,10 +477,8 @@ def test_a_flag_is_allowed_where_no_slope_is_needed(system, tmp_path):
 
 def test_without_cma_a_search_states_how_to_get_it(system, tmp_path, monkeypatch):
     monkeypatch.setattr("harness.errors.find_spec", lambda name: None)
-    entry = {"gains": {"twice.k": K}, "of": "small"}
-    for study, given in ((worst, {"worst": {"of": "small"}}), (tune, {"tune": entry})):
-        with pytest.raises(HarnessError, match=r"pip install 'servicing-fmus\[verify\]'"):
-            study(table(system) | given, tmp_path / "x.zarr", workers=0)
+    with pytest.raises(HarnessError, match=r"pip install 'servicing-fmus\[verify\]'"):
+        worst(table(system, worst={"of": "small"}), tmp_path / "x.zarr", workers=0)
 
 
 def test_runs_of_sobol_are_rounded_to_a_power_of_two_and_this_is_reported(system, tmp_path):
