@@ -44,7 +44,7 @@ INSTEAD = {
     r"whatever": "for any, regardless of",
     r"numbers z": "standard normal coordinates",
     r"others' numbers|numbers by others": "published reference values",
-    r"harness (?:target|map)": "harness processor, harness boundary",
+    r"harness target": "harness processor",
     r"make figures": "make quoted-values",
     r"hands? over|feel inertia": "the quantity in the words of the field",
 }

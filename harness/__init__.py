@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from harness.results.files import read as read
     from harness.results.result import Result as Result
     from harness.ssp.library import load as load
-    from harness.studies.analyses.boundary import boundary as boundary
     from harness.studies.analyses.evaluator import Evaluator as Evaluator
     from harness.studies.analyses.probability import probability as probability
     from harness.studies.analyses.sensitivity import sensitivity as sensitivity
@@ -41,7 +40,6 @@ _HOMES = {
     "HarnessError": "harness.errors",
     "Result": "harness.results.result",
     "Simulation": "harness.master.simulation",
-    "boundary": "harness.studies.analyses.boundary",
     "build": "harness.authoring.build",
     "campaign": "harness.studies.campaign.campaign",
     "compare": "harness.api",

@@ -90,7 +90,6 @@ CAMPAIGN: Keys = {
         "requirements": ("table", "Further requirements, by name"),
         "sensitivity": ("table", "Study `harness sensitivity`"),
         "probability": ("table", "Study `harness probability`"),
-        "boundary": ("table", "Study `harness boundary`"),
         "coordinates": ("whole number", "Written by a study: coordinates per run"),
         "fixed": ("table", "Changes that apply to all runs"),
         "factors": ("table", "Varied values, by parameter or change"),
@@ -140,11 +139,6 @@ CAMPAIGN: Keys = {
         "method": ("text", "`subset` (default) or `random`"),
         "runs": ("whole number", RUNS),
         "below": ("number", "Required bound of the probability: a verdict"),
-    },
-    "boundary": {
-        "of": ("text", "Requirement; default: the first one"),
-        "factors": ("list of texts", "The two factors of the boundary"),
-        "runs": ("whole number", RUNS),
     },
 }  # fmt: skip
 

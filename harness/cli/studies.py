@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Commands for many runs of a system: `harness compare`, `harness campaign`, the analyses
-`sensitivity`, `worst`, `probability`, `boundary`, and `harness study` for a file of the project.
+`sensitivity`, `worst`, `probability`, and `harness study` for a file of the project.
 """
 
 from __future__ import annotations
@@ -304,7 +304,6 @@ STUDIES = {
     The method is subset simulation or random runs. The exit status is 1 unless the probability is
     below the entry `below` of the file.
     """,
-    "boundary": "Map where a requirement fails, over two factors.",
 }
 """Help texts of the analysis commands, by the name of the command and of its table in the file."""
 

@@ -62,15 +62,7 @@ class Probability(msgspec.Struct):
     below: Share = 0.0
 
 
-class Boundary(msgspec.Struct):
-    """Entries of [boundary]; factors: names of two scalar factors ([]: the only two)."""
-
-    of: Text = ""
-    factors: list[str] = []
-    runs: Count = 100
-
-
-TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability, Boundary)}
+TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability)}
 """Types of the tables of studies, by the name of the table in the file of a campaign."""
 
 
@@ -79,7 +71,7 @@ class Study(Campaign):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the study: sensitivity, worst, probability, boundary, or given
+        """Return the kind of the study: sensitivity, worst, probability, or given
         (sensitivity from the runs of a completed campaign).
         """
         return str(self.store.group.attrs["kind"])
@@ -305,24 +297,10 @@ def _probability(name: str, found: Any, _: Study) -> Iterator[str]:
         yield f"  failures towards which the margin does not decrease: p < {p:.2g} {by}"
 
 
-def _boundary(name: str, found: Any, study: Study) -> Iterator[str]:
-    """Yield the lines on the ranges of two factors in which a requirement fails."""
-    store = study.store
-    margins = store.array("margin")[:, store.array("requirement").tolist().index(name)]
-    failed = margins < 0
-    yield f"{name}: {int(failed.sum())} of {len(margins)} runs fail"
-    for factor in found["factors"]:
-        values = store.array(factor)
-        if failed.any():
-            low, high = values[failed].min(), values[failed].max()
-            yield f"  fails with {factor} from {low:.6g} to {high:.6g}"
-
-
 LINES = {
     "sensitivity": _effects,
     "given": _effects,
     "worst": _worst,
     "probability": _probability,
-    "boundary": _boundary,
 }
 """Functions that yield the text on one requirement, by the kind of the study."""

@@ -717,7 +717,6 @@ def test_a_comparison_in_lanes_has_the_results_of_single_runs(
         ("worst", {"of": "slow", "runs": 24}),
         ("probability", {"of": "slow", "method": "random", "runs": 24}),
         ("sensitivity", {"method": "morris", "runs": 12}),
-        ("boundary", {"of": "slow", "factors": list(TORQUES), "runs": 25}),
     ],
 )
 def test_a_study_in_lanes_has_the_dataset_of_single_runs(

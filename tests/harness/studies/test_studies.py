@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness import Evaluator, boundary, campaign, probability, read, run, sensitivity, worst
+from harness import Evaluator, campaign, probability, read, run, sensitivity, worst
 from harness.cli import main
 from harness.errors import HarnessError, InterruptionError, RunError, StructureError, UsageError
 from harness.report.campaign import of_dataset
@@ -233,10 +233,9 @@ def test_runs_without_a_margin_are_counted_and_nothing_is_met(
         "worst": {"of": "small", "runs": 24},
         "probability": {"of": "small", "method": "random", "runs": 60, "below": 0.5},
         "sensitivity": {"of": "small", "runs": 30},
-        "boundary": {"of": "small", "factors": ["twice.k", "bad.t_fail"], "runs": 30},
     }
-    studies = {"boundary": boundary, "sensitivity": sensitivity}
-    for kind, study in (studies | {"worst": worst, "probability": probability}).items():
+    studies = {"sensitivity": sensitivity, "worst": worst, "probability": probability}
+    for kind, study in studies.items():
         given = table(system, **{kind: entries[kind]})
         found = study(given, tmp_path / f"{kind}.zarr", workers=0)
         _, margins, _, _ = found_by(found)
@@ -375,16 +374,6 @@ def test_a_completed_campaign_states_the_influential_factors(system, tmp_path):
     assert "twice.k" in study.summary()
 
 
-def test_a_map_follows_the_boundary(system, tmp_path):
-    given = table(system, boundary={"of": "small", "runs": 60})
-    given["factors"]["twice.k"] = {"uniform": {"low": 0.0, "high": 10.0}}
-    study = boundary(given, tmp_path / "m.zarr", workers=0)
-    k, margin = study.store.array("twice.k"), study.store.array("margin")[:, 0]
-    assert margin == pytest.approx(20 - 6 * k)
-    assert k[margin < 0].min() - k[margin >= 0].max() < 0.5
-    assert "fails with twice.k from 3." in study.summary()
-
-
 REJECTED = {
     "no such requirement": (worst, {"worst": {"of": "smalls"}}, "close: small"),
     "flag has no slope": (worst, {"worst": {"of": "flag"}}, "change gradually"),
@@ -399,11 +388,6 @@ REJECTED = {
     ),
     "levels": (probability, {"probability": {"of": "small", "runs": 900}}, "at least 1400 "),
     "paths": (sensitivity, {"sensitivity": {"runs": 3}}, "at least 6 "),
-    "two factors": (
-        boundary,
-        {"boundary": {"of": "small", "factors": ["twice.k"]}},
-        "expected two",
-    ),
     "a list": (worst, {"factors": {"twice.k": {"list": [1, 2]}}}, "cannot vary a list or range"),
     "a range": (
         probability,
@@ -418,11 +402,6 @@ REJECTED = {
     ),
     "certain": (probability, {"probability": {"of": "small", "below": 1.0}}, "must be a probabil"),
     "no repeat": (probability, {"probability": {"of": "small", "runs": 0}}, "at least 1,"),
-    "small map": (
-        boundary,
-        {"boundary": {"of": "small", "factors": ["twice.k", "bad.t_fail"], "runs": 24}},
-        "at least 25 ",
-    ),
     "no table": (worst, {"worst": "small"}, "must be a table"),
     "nominal": (
         probability,

@@ -12,7 +12,6 @@ import pytest
 from scipy import stats
 
 from harness.studies.analyses import probability, sensitivity, worst
-from harness.studies.analyses.boundary import located
 from harness.studies.campaign import stopping
 from tests.harness.studies.known_failures import (
     CASES,
@@ -318,37 +317,3 @@ def test_a_test_decides_early_where_the_truth_is_clear():
     found = list(decisions(0.002, 200, 10_000))
     assert np.mean([claim for claim, _ in found]) >= 0.9
     assert np.median([n for _, n in found]) <= 600
-
-
-# ---- map
-
-
-def test_a_map_finds_both_edges_of_a_narrow_strip():
-    """Fails between 0.52 and 0.55 of the second factor, a little shifted along the first."""
-
-    def margins(z):
-        u = stats.norm.cdf(z)
-        return np.abs(u[:, 1] - 0.535 - 0.02 * u[:, 0]) - 0.015
-
-    places, y = answer(located(100), margins)
-    assert len(places) == 100
-    failed = places[y < 0]
-    shifted = failed[:, 1] - 0.02 * failed[:, 0]
-    assert shifted.min() < 0.525
-    assert shifted.max() > 0.545
-    near = np.abs(y) < 0.02
-    assert near.sum() > 40
-
-
-@pytest.mark.parametrize("nothing", [math.nan, math.inf])
-def test_a_map_follows_the_edge_of_runs_that_fail_beside_margins_that_are_all_good(nothing):
-    """Runs fail beyond 0.62 of the second factor; some margins have no number."""
-
-    def margins(z):
-        u = stats.norm.cdf(z)
-        y = np.where(u[:, 1] > 0.62, -math.inf, 5 + u[:, 0])
-        return np.where(u[:, 0] > 0.9, nothing, y)
-
-    places, y = answer(located(100), margins)
-    failed = np.isneginf(y)
-    assert places[failed, 1].min() - places[~failed & np.isfinite(y), 1].max() < 0.02
