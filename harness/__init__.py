@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from harness.results.result import Result as Result
     from harness.ssp.library import load as load
     from harness.studies.analyses.evaluator import Evaluator as Evaluator
-    from harness.studies.analyses.probability import probability as probability
     from harness.studies.analyses.sensitivity import sensitivity as sensitivity
     from harness.studies.analyses.worst import worst as worst
     from harness.studies.campaign.campaign import campaign as campaign
@@ -47,7 +46,6 @@ _HOMES = {
     "export": "harness.authoring.export",
     "linearize": "harness.api",
     "load": "harness.ssp.library",
-    "probability": "harness.studies.analyses.probability",
     "read": "harness.results.files",
     "run": "harness.api",
     "sensitivity": "harness.studies.analyses.sensitivity",

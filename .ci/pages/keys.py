@@ -89,7 +89,6 @@ CAMPAIGN: Keys = {
         "until": ("table", "Instead of `runs`: end when `success` is shown with `confidence`"),
         "requirements": ("table", "Further requirements, by name"),
         "sensitivity": ("table", "Study `harness sensitivity`"),
-        "probability": ("table", "Study `harness probability`"),
         "coordinates": ("whole number", "Written by a study: coordinates per run"),
         "fixed": ("table", "Changes that apply to all runs"),
         "factors": ("table", "Varied values, by parameter or change"),
@@ -133,12 +132,6 @@ CAMPAIGN: Keys = {
         "runs": ("whole number", RUNS),
         "box": ("number", "Standard deviations that each coordinate may move"),
         "searches": ("whole number", "Independent searches that share the runs"),
-    },
-    "probability": {
-        "of": ("text", "Requirement; default: the first one"),
-        "method": ("text", "`subset` (default) or `random`"),
-        "runs": ("whole number", RUNS),
-        "below": ("number", "Required bound of the probability: a verdict"),
     },
 }  # fmt: skip
 

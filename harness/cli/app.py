@@ -30,7 +30,7 @@ from harness.spelling import printable
 
 MODULES = {
     "runs": "run",
-    "studies": "compare bound campaign sensitivity worst probability study",
+    "studies": "compare bound campaign sensitivity worst study",
     "look": "list docs show check requirements draw plan plot report convert validate",
     "models": "new build export linearize processor serve",
 }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Commands for many runs of a system: `harness compare`, `harness campaign`, the analyses
-`sensitivity`, `worst`, `probability`, and `harness study` for a file of the project.
+`sensitivity` and `worst`, and `harness study` for a file of the project.
 """
 
 from __future__ import annotations
@@ -298,11 +298,6 @@ STUDIES = {
     "worst": """Search for the worst run of each requirement.
 
     The exit status is 1 if a requirement fails in a run of the search.
-    """,
-    "probability": """Estimate how probable a failure is.
-
-    The method is subset simulation or random runs. The exit status is 1 unless the probability is
-    below the entry `below` of the file.
     """,
 }
 """Help texts of the analysis commands, by the name of the command and of its table in the file."""

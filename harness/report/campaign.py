@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Page of a campaign: success, metrics, the most influential factors, percentile bands over time,
 worst runs and failed runs. The page of a study has further plots: effects of factors as a tornado
-diagram, margins and worst runs of a search, and probabilities of the levels of subset simulation.
+diagram, margins and worst runs of a search.
 """
 
 from __future__ import annotations
@@ -167,8 +167,6 @@ def _shown(store: Store) -> tuple[dict[str, Array], dict[str, Array]]:
 
 WORST = 30
 """Number of worst runs in the plot of standard normal coordinates."""
-DECADES = 1e-12
-"""Smallest probability on the logarithmic axis of a plot; smaller ones are drawn there."""
 
 
 def study_text(store: Store, path: Path) -> str:
@@ -190,8 +188,6 @@ def study_plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
             k = names.index(name)
             yield _convergence(canvas, name, store, k, found)
             yield _parallel(canvas, name, store, k)
-        if found.get("levels"):
-            yield _levels(canvas, name, found["levels"])
 
 
 def confirmed_runs(store: Store, path: Path) -> dict[str, Result]:
@@ -257,15 +253,3 @@ def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
     ]
     title = f"{name}: the worst {len(curves)} runs"
     return diagram(title, "coordinate", "standard deviations", curves)
-
-
-def _levels(canvas: Canvas, name: str, repeats: Any) -> Plot:
-    """Return a plot of the probability that the margin is below a limit, a line for each repeated
-    subset simulation.
-    """
-    curves = []
-    for k, levels in enumerate(repeats):
-        limits, p = np.array([level[:2] for level in levels], dtype=float).T
-        y = np.log10(np.maximum(p, DECADES))
-        curves.append(_line(canvas, limits, y, name=f"repeat {k + 1}", colour=k))
-    return diagram(f"{name}: probability of a smaller margin", "margin", "log10 p", curves)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Processor time of a run of two studies beside one of a plain campaign: what generating runs,
+"""Processor time of a run of a search beside one of a plain campaign: what generating runs,
 storing numbers and margins cost.
 
     python -m tests.bench.studies [RUNS]
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ssp
-from harness import campaign, probability, worst
+from harness import campaign, worst
 
 FILE = Path(ssp.__file__).parent / "sync_approach" / "campaigns" / "sync_approach_studies.toml"
 STOP, ROUNDS = 20.0, 5
@@ -33,16 +33,13 @@ def spent(simulate: Any, table: dict[str, Any], **how: Any) -> float:
 
 
 def each(runs: int) -> tuple[float, ...]:
-    """Processor time of a campaign and of two studies of so many runs [ms]."""
+    """Processor time of a campaign and of a search of so many runs [ms]."""
     given = tomllib.loads(FILE.read_text())
     given["fixed"] |= {"stop": STOP}
-    requested = {"of": "clearance", "runs": runs}
+    searched = given | {"worst": {"of": "clearance", "runs": runs}}
     return (
         spent(campaign, given | {"runs": runs}),
-        spent(
-            probability, given | {"probability": requested | {"method": "random"}}, notify=silent
-        ),
-        spent(worst, given | {"worst": requested}, notify=silent),
+        spent(worst, searched, notify=silent),
     )
 
 
@@ -61,10 +58,9 @@ def milliseconds(runs: int) -> NDArray[np.float64]:
 
 
 def main() -> None:
-    plain, *requested = milliseconds(int(sys.argv[1]) if len(sys.argv) > 1 else 400)
+    plain, search = milliseconds(int(sys.argv[1]) if len(sys.argv) > 1 else 400)
     print(f"a run of {STOP:g} s of a plain campaign: {plain:.1f} ms")
-    for name, of_study in zip(("probability, random", "worst"), requested, strict=True):
-        print(f"{name}: {of_study:.1f} ms, {of_study - plain:+.1f} ms")
+    print(f"worst: {search:.1f} ms, {search - plain:+.1f} ms")
 
 
 if __name__ == "__main__":

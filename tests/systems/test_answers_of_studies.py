@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 import ssp
-from harness import campaign, probability, run, sensitivity, worst
+from harness import campaign, run, sensitivity, worst
 from harness.results.requirements import margin
 from harness.studies.campaign.campaign import like
 
@@ -22,7 +21,6 @@ FILE = SYSTEMS / "sync_approach" / "campaigns" / "sync_approach_studies.toml"
 STUDIES = {
     "worst": (worst, {"runs": 28}),
     "sensitivity": (sensitivity, {"runs": 26}),
-    "probability": (probability, {"method": "random", "runs": 40}),
 }
 
 
@@ -72,22 +70,3 @@ def test_a_map_finds_both_edges_of_the_unsafe_abort_times(tmp_path):
         assert 15_600 < times[-1] < 16_800
         assert len(times) == 1 + (times[-1] - times[0]) / 150
     assert margin.min() == pytest.approx(-0.0795, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("limit", "runs", "low", "high"),
-    [("3.97 m", 1400, 3.2e-3, 6.9e-3), ("3.95 m", 14_000, 1.96e-5, 2.16e-5)],
-)
-def test_subset_simulation_agrees_with_references(limit, runs, low, high, tmp_path):
-    """With 6 000 random runs, of which 29 pass within 3.97 m, and at 3.95 m, the requirement of
-    the study, with 12 000 runs of adaptive importance sampling (lab/notebook.md).
-    """
-    given = tomllib.loads(FILE.read_text())
-    given["requirements"]["near"] = f"guidance.range >= {limit}"
-    given["probability"] = {"of": "near", "runs": runs}
-    study = probability(given, tmp_path / "s.zarr", notify=lambda _: None)
-    found = study.estimate["of"]["near"]
-    assert 1 / 3 < found["p"] / math.sqrt(low * high) < 3
-    assert found["low"] < high
-    assert found["high"] > low
-    assert not found["warning"]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Analyses (studies) that choose further runs from the results of earlier ones: sensitivity, worst
-case, probability of failure.
+"""Analyses (studies) that choose further runs from the results of earlier ones: sensitivity and
+worst case.
 
 The method of an analysis is a generator that does not depend on the simulation. It yields standard
 normal coordinates (rows, d), one row per run, and receives the margins of a requirement in these
@@ -14,12 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from harness.studies.analyses import probability, sensitivity, worst
+from harness.studies.analyses import sensitivity, worst
 from harness.studies.analyses.study import Study
 
 STUDIES: dict[str, Callable[..., Study]] = {
     "sensitivity": sensitivity.sensitivity,
     "worst": worst.worst,
-    "probability": probability.probability,
 }
 """Functions of the analyses by the name of their table in the file of a campaign."""

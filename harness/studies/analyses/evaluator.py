@@ -90,21 +90,19 @@ class Evaluator:
         self.plan = self.plan.with_entries(runs=runs, coordinates=self.d)
         self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
 
-    def columns(
-        self, of: str | Sequence[str], slope: bool, most: int | None = None
-    ) -> dict[str, int]:
+    def columns(self, of: str | Sequence[str], slope: bool) -> dict[str, int]:
         """Return the indices of requirements among the columns of the margins, by requirement.
 
         of: name or names of the requirements ("": all); slope: reject requirements whose margin is
-        not a number that changes gradually; most: largest number of requirements (None: any).
-        Raises UsageError for an unknown or rejected requirement.
+        not a number that changes gradually. Raises UsageError for an unknown or rejected
+        requirement.
         """
         if not self.names:
             raise UsageError(
                 "the system has no requirement; define one in [requirements] of the file"
             )
         names = [of] if of and isinstance(of, str) else list(of or self.names)
-        for name in names[:most]:
+        for name in names:
             if name not in self.names:
                 close = did_you_mean(name, self.names)
                 known = ", ".join(self.names)
@@ -113,10 +111,9 @@ class Evaluator:
             if slope and not has_slope(text):
                 raise UsageError(
                     f"of: the margin of {name} ({text}) does not change gradually, as a search "
-                    "needs; "
-                    f'compare quantities with < or >, or use [probability] with method = "random"'
+                    "needs; compare quantities with < or >"
                 )
-        return {name: self.names.index(name) for name in names[:most]}
+        return {name: self.names.index(name) for name in names}
 
     def __enter__(self) -> Evaluator:
         plan = self.plan

@@ -20,22 +20,17 @@ from harness.studies.analyses.driver import Driver
 from harness.studies.analyses.evaluator import Evaluator
 from harness.studies.campaign.campaign import Campaign
 from harness.studies.campaign.draft import table_of
-from harness.studies.campaign.stopping import clopper_pearson
 from harness.studies.campaign.worker import FAILED
-from harness.system.tables import Count, Positive, Text, problems
+from harness.system.tables import Count, Positive, problems
 
 T = TypeVar("T")
 
 Names = Annotated[str | list[str], Meta(description="a name or a list of names")]
 Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
-Estimator = Annotated[Literal["subset", "random"], Meta(description="subset or random")]
-Share = Annotated[float, Meta(gt=0, lt=1, description="a probability, above 0 and below 1")]
 
 
 class Sensitivity(msgspec.Struct):
-    """Entries of [sensitivity]. In the tables of all studies, `of` names the requirements ("": all,
-    or the first if the study has only one), and `runs` is the budget of runs.
-    """
+    """Entries of [sensitivity]; of: requirements ("": all); runs: budget of runs, as in [worst]."""
 
     of: Names = ""
     method: Method = "morris"
@@ -53,16 +48,7 @@ class Worst(msgspec.Struct):
     searches: Count = 1
 
 
-class Probability(msgspec.Struct):
-    """Entries of [probability]; below: limit that the probability must not exceed (0: no limit)."""
-
-    of: Text = ""
-    method: Estimator = "subset"
-    runs: Count = 20_000
-    below: Share = 0.0
-
-
-TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability)}
+TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst)}
 """Types of the tables of studies, by the name of the table in the file of a campaign."""
 
 
@@ -71,7 +57,7 @@ class Study(Campaign):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the study: sensitivity, worst, probability, or given
+        """Return the kind of the study: sensitivity, worst, or given
         (sensitivity from the runs of a completed campaign).
         """
         return str(self.store.group.attrs["kind"])
@@ -105,14 +91,11 @@ class Study(Campaign):
     @property
     def verdict(self) -> bool:
         """Return whether the exit status of the study is 0: `worst` has found neither a failure nor
-        a run without a verdict, or the limit `below` of `probability` is met. It is always 0 for
-        the other kinds.
+        a run without a verdict. It is always 0 for `sensitivity`.
         """
         found = self.estimate["of"]
-        if self.kind == "worst":
-            unjudged = any(self.estimate["unjudged"][name] for name in found)
-            return not unjudged and all(map(_no_failure, found.values()))
-        return all(each.get("verdict", "met") == "met" for each in found.values())
+        unjudged = any(self.estimate["unjudged"][name] for name in found)
+        return self.kind != "worst" or (not unjudged and all(map(_no_failure, found.values())))
 
 
 def entries(kind: type[T], table: Mapping[str, Any]) -> T:
@@ -245,7 +228,7 @@ def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
             f"|z| = {found['distance']:.1f}"
         )
     else:
-        _, p = clopper_pearson(0, runs, 0.9)
+        p = 1 - 0.05 ** (1 / runs)
         by_chance = f"; {runs} random runs without a failure prove p < {100 * p:.2g} % at 95 %"
         yield (
             f"{name}: no failure in {runs} runs, worst margin "
@@ -276,31 +259,9 @@ def _no_failure(found: Any) -> bool:
     return all(margin >= 0 for margin in margins)
 
 
-def _probability(name: str, found: Any, _: Study) -> Iterator[str]:
-    """Yield the lines on the probability that a requirement fails."""
-    interval = f"95 %: {found['low']:.2g} to {found['high']:.2g}"
-    by = f"by {found['method']}, {found['runs']} runs"
-    yield f"{name}: p = {found['p']:.3g} ({interval}) {by}"
-    if found["parts"]:
-        yield "  repeats: " + ", ".join(f"{p:.2g}" for p in found["parts"])
-    if found["warning"]:
-        yield f"  {found['warning']}"
-    subset = found["method"] == "subset"
-    if verdict := found.get("verdict"):
-        further = {"undecided": ": increase `runs`"}
-        if subset:
-            further["met"] = ", provided that the margin decreases towards every failure"
-        yield f"  below {found['below']:g}: {verdict}{further.get(verdict, '')}"
-    if subset:
-        p = clopper_pearson(0, found["random"], 0.9)[1]
-        by = f"at 95 %, by the {found['random']} random runs alone"
-        yield f"  failures towards which the margin does not decrease: p < {p:.2g} {by}"
-
-
 LINES = {
     "sensitivity": _effects,
     "given": _effects,
     "worst": _worst,
-    "probability": _probability,
 }
 """Functions that yield the text on one requirement, by the kind of the study."""

@@ -82,7 +82,7 @@ class Table(Struct, frozen=True):
     third-party FMU [s]; seeds: parameters that get a different seed in each draw; worst: metric by
     which the worst runs are listed; until: stopping rule in place of `runs`; expected: smallest and
     largest expected mean of a metric over all runs; coordinates: number of standard normal
-    coordinates per run of an analysis; sensitivity, probability: tables of analyses.
+    coordinates per run of an analysis; sensitivity: table of the analysis.
     """
 
     system: Text
@@ -120,7 +120,6 @@ class Table(Struct, frozen=True):
     requirements: dict[str, Text] = {}
     coordinates: Whole = 0
     sensitivity: Any = None
-    probability: Any = None
 
     @property
     def recorded(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Number of runs that a campaign needs: confidence interval of a probability, number of runs for a
-proof, and a stopping rule that is valid even if it is evaluated after every run.
+"""Number of runs that a campaign needs: number for a proof, and a stopping rule that is
+valid even if it is evaluated after every run.
 """
 
 from __future__ import annotations
@@ -20,22 +20,6 @@ LEAST = 1e-6
 Share = Annotated[
     float, Meta(ge=LEAST, lt=1, description=f"a number between 0 and 1, at least {LEAST:g}")
 ]
-
-
-def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the two-sided confidence interval of a failure probability (Clopper & Pearson 1934).
-
-    The number of runs must have been fixed beforehand. The interval is too narrow if it is computed
-    repeatedly to decide when to stop.
-    """
-    from scipy.special import betaincinv
-
-    if runs == 0:
-        return 0.0, 1.0
-    tail = (1 - confidence) / 2
-    low = betaincinv(failures, runs - failures + 1, tail) if failures else 0.0
-    high = betaincinv(failures + 1, runs - failures, 1 - tail) if failures < runs else 1.0
-    return float(low), float(high)
 
 
 def wilks(probability: float, confidence: float, failures: int = 0) -> int:

@@ -715,7 +715,6 @@ def test_a_comparison_in_lanes_has_the_results_of_single_runs(
     ("kind", "entry"),
     [
         ("worst", {"of": "slow", "runs": 24}),
-        ("probability", {"of": "slow", "method": "random", "runs": 24}),
         ("sensitivity", {"method": "morris", "runs": 12}),
     ],
 )

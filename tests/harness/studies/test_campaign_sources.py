@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from harness import campaign, probability, worst
+from harness import campaign, sensitivity, worst
 from harness.errors import RequirementError, UsageError
 from harness.files import paths
 from harness.mission import library
@@ -72,9 +72,8 @@ swap = {guidance = "a/sync_guidance.fmu"}
 "servicer.mass_0" = {normal = {mean = 100.0, sigma = 5.0}}
 [requirements]
 light = "guidance.range > 0 and parameter(servicer.mass_0) >= 99"
-[probability]
+[sensitivity]
 of = "light"
-method = "random"
 runs = 8
 [worst]
 of = "light"
@@ -111,7 +110,7 @@ def begun(tmp_path_factory):
         shutil.copy(paths.fmus()[fmu], folder / name)
     with inside(folder):
         campaign("c.toml", "c.zarr", workers=0)
-        probability("s.toml", "s.zarr", workers=0)
+        sensitivity("s.toml", "s.zarr", workers=0)
     return folder
 
 
@@ -159,7 +158,7 @@ def test_a_campaign_is_not_continued_after_any_single_file_has_changed(place):
 def test_a_study_is_not_continued_after_any_single_file_has_changed(place):
     others = ("mine.py", "parts/factor.py", "parts/one.py", "lib/zero.py")
     others += ("heavy.toml", "b/sync_guidance.fmu")
-    rejected_after_any_change(place, probability, "s.toml", "s.zarr", left_out=others)
+    rejected_after_any_change(place, sensitivity, "s.toml", "s.zarr", left_out=others)
 
 
 def test_changed_entries_of_the_table_are_named(place):
@@ -173,7 +172,7 @@ def test_changed_entries_of_the_table_are_named(place):
         (place / "c.toml").write_text(CAMPAIGN.replace(before, after))
         assert rejection(campaign, "c.toml", "c.zarr") == names
     (place / "s.toml").write_text(STUDY.replace(">= 99", ">= 98"))
-    assert rejection(probability, "s.toml", "s.zarr") == "requirements.light"
+    assert rejection(sensitivity, "s.toml", "s.zarr") == "requirements.light"
     with pytest.raises(UsageError, match="it is not the dataset of a worst"):
         worst("s.toml", "s.zarr", workers=0, resume=True)
 

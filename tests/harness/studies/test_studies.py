@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness import Evaluator, campaign, probability, read, run, sensitivity, worst
+from harness import Evaluator, campaign, read, run, sensitivity, worst
 from harness.cli import main
 from harness.errors import HarnessError, InterruptionError, RunError, StructureError, UsageError
 from harness.report.campaign import of_dataset
@@ -168,42 +168,12 @@ def test_runs_requested_by_another_version_are_rejected(system, tmp_path):
         worst(given, tmp_path / "a.zarr", workers=0, resume=True)
 
 
-LONG = pytest.mark.long
-
-
-@pytest.mark.parametrize(
-    ("method", "runs", "low", "high"),
-    [
-        ("random", 80, 0.0, 4.0),
-        pytest.param("random", 400, 0.0, 4.0, marks=LONG),
-        pytest.param("subset", 1400, 0.4, 2.5, marks=LONG),
-    ],
-)
-def test_probability_by_two_methods(method, runs, low, high, system, tmp_path):
-    below = 0.05 if runs >= 400 else 0.1
-    entry = {"of": "small", "method": method, "runs": runs, "below": below}
-    study = probability(table(system, probability=entry), tmp_path / "p.zarr", workers=0)
-    found = study.estimate["of"]["small"]
-    assert low <= found["p"] / P < high
-    assert found["low"] < P < found["high"]
-    assert len(found_by(study)[0]) <= runs + 1
-    assert study.verdict is (found["verdict"] == "met") is True
-    assert f"by {method}" in study.summary()
-    assumed = "met, provided that the margin decreases towards every failure" in study.summary()
-    alone = "no slope leads: p < 0.012 at 95 %, by the 250 random runs alone" in study.summary()
-    assert assumed == alone == (method == "subset")
-    drawn = "probability of less than a margin" in of_dataset(tmp_path / "p.zarr")
-    assert drawn is (method != "random")
-
-
-def test_a_requirement_that_holds_at_its_limit_does_not_fail(system, tmp_path):
+def test_a_requirement_that_holds_at_its_limit_does_not_fail(system):
     """At its start the system has y = 0 in every run, and both limits are 0."""
-    for text, p in (("twice.y >= 0", 0.0), ("twice.y > 0", 1.0)):
-        entry = {"of": "own", "method": "random", "runs": 20, "below": 0.5}
-        given = table(system, probability=entry, requirements={"own": text})
-        study = probability(given, tmp_path / f"{p}.zarr", workers=0)
-        found = study.estimate["of"]["own"]
-        assert (found["p"], study.verdict) == (p, p == 0)
+    given = table(system, requirements={"closed": "twice.y >= 0", "open": "twice.y > 0"})
+    with Evaluator(given, workers=0) as evaluator:
+        ((_, _, holds, fails),) = evaluator(np.zeros((1, 2)))
+    assert fails < 0 <= holds
 
 
 # ---- runs that are no evidence
@@ -231,10 +201,9 @@ def test_runs_without_a_margin_are_counted_and_nothing_is_met(
     margins_become(monkeypatch, lambda k, margin: nothing if k > 2.5 else margin)
     entries = {
         "worst": {"of": "small", "runs": 24},
-        "probability": {"of": "small", "method": "random", "runs": 60, "below": 0.5},
         "sensitivity": {"of": "small", "runs": 30},
     }
-    studies = {"sensitivity": sensitivity, "worst": worst, "probability": probability}
+    studies = {"sensitivity": sensitivity, "worst": worst}
     for kind, study in studies.items():
         given = table(system, **{kind: entries[kind]})
         found = study(given, tmp_path / f"{kind}.zarr", workers=0)
@@ -242,7 +211,7 @@ def test_runs_without_a_margin_are_counted_and_nothing_is_met(
         count = int((~np.isfinite(margins[:, 0])).sum())
         assert count > 0
         assert f"small: {count} of {len(margins)} runs are no evidence" in found.summary()
-        assert found.verdict is (kind not in ("worst", "probability"))
+        assert found.verdict is (kind != "worst")
         assert "exactly not" not in found.summary()
         if kind == "worst":
             assert "no failure in 24 runs" in found.summary()
@@ -377,20 +346,14 @@ def test_a_completed_campaign_states_the_influential_factors(system, tmp_path):
 REJECTED = {
     "no such requirement": (worst, {"worst": {"of": "smalls"}}, "close: small"),
     "flag has no slope": (worst, {"worst": {"of": "flag"}}, "change gradually"),
-    "flag has no levels": (probability, {"probability": {"of": "flag"}}, "change gradually"),
     "one generation": (worst, {"worst": {"of": "small", "runs": 11}}, "at least 12 "),
     "box": (worst, {"worst": {"box": -1.0}}, "worst.box: must be a finite number above 0"),
     "entry": (worst, {"worst": {"run": 9}}, "close: runs"),
-    "method": (
-        probability,
-        {"probability": {"method": "subsets"}},
-        "must be subset or random",
-    ),
-    "levels": (probability, {"probability": {"of": "small", "runs": 900}}, "at least 1400 "),
+    "method": (sensitivity, {"sensitivity": {"method": "sobols"}}, "must be morris or sobol"),
     "paths": (sensitivity, {"sensitivity": {"runs": 3}}, "at least 6 "),
     "a list": (worst, {"factors": {"twice.k": {"list": [1, 2]}}}, "cannot vary a list or range"),
     "a range": (
-        probability,
+        sensitivity,
         {"factors": {"twice.k": {"range": {"first": 1.0, "last": 2.0, "count": 3}}}},
         "cannot vary a list or range",
     ),
@@ -400,18 +363,9 @@ REJECTED = {
         {"worst": {"of": "small", "box": 0.0}},
         "worst.box: must be a finite number above",
     ),
-    "certain": (probability, {"probability": {"of": "small", "below": 1.0}}, "must be a probabil"),
-    "no repeat": (probability, {"probability": {"of": "small", "runs": 0}}, "at least 1,"),
+    "no run": (sensitivity, {"sensitivity": {"of": "small", "runs": 0}}, "at least 1,"),
+    "no such study": (worst, {"worsd": {"of": "small"}}, "close: worst"),
     "no table": (worst, {"worst": "small"}, "must be a table"),
-    "nominal": (
-        probability,
-        {
-            "fixed": {"set": {"twice.k": 9}},
-            "factors": {"count.n_0": K},
-            "probability": {"of": "small"},
-        },
-        "the nominal run fails",
-    ),
 }
 
 
@@ -420,7 +374,7 @@ def test_wrong_use_is_rejected(name, system, tmp_path):
     study, more, problem = REJECTED[name]
     with pytest.raises((UsageError, StructureError), match=problem):
         study(table(system) | more, tmp_path / "x.zarr", workers=0)
-    assert name == "nominal" or not (tmp_path / "x.zarr").exists()
+    assert not (tmp_path / "x.zarr").exists()
 
 
 def test_a_factor_that_is_not_there_is_reported_with_the_file(system, tmp_path):
@@ -442,16 +396,10 @@ def test_a_system_without_requirements_and_a_campaign_without_any_are_rejected(f
         worst(table(tmp_path / "bare.ssp"), tmp_path / "x.zarr", workers=0)
 
 
-def test_without_a_name_the_first_requirement_is_requested_about(system, tmp_path):
-    given = table(system, probability={"method": "random", "runs": 5})
-    assert [*probability(given, tmp_path / "p.zarr", workers=0).estimate["of"]] == ["small"]
-
-
 def test_a_flag_is_allowed_where_no_slope_is_needed(system, tmp_path):
-    """No draw makes twice.y exactly 5."""
-    given = table(system, probability={"of": "flag", "method": "random", "runs": 30})
-    found = probability(given, tmp_path / "p.zarr", workers=0).estimate["of"]["flag"]
-    assert (found["p"], found["runs"]) == (0, 30)
+    given = table(system, sensitivity={"of": "flag", "runs": 6})
+    study = sensitivity(given, tmp_path / "s.zarr", workers=0)
+    assert [*study.estimate["of"]] == ["flag"]
 
 
 def test_without_cma_a_search_states_how_to_get_it(system, tmp_path, monkeypatch):
