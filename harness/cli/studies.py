@@ -292,8 +292,7 @@ def _file(given: Path) -> Path:
 STUDIES = {
     "sensitivity": """Find out which factors matter.
 
-    The method is Morris or Sobol. For the dataset OUT.zarr of a complete campaign it is the
-    statistical dependence HSIC, which needs no further runs.
+    The method is Morris or Sobol.
     """,
     "worst": """Search for the worst run of each requirement.
 
@@ -323,7 +322,7 @@ def _analyse(kind: str, definition: Path, how: How) -> bool:
         )
     if not how.quiet:
         typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
-        follows = kind == "sensitivity" and definition.suffix == ".toml"
+        follows = kind == "sensitivity"
         typer.echo(f"next: harness worst {definition}" if follows else _next(found.path))
     return found.verdict
 

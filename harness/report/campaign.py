@@ -219,9 +219,8 @@ def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
         bar = [0, found["value"][k], found["value"][k], 0, 0]
         edge = np.array([-0.4, -0.4, 0.4, 0.4, -0.4]) + place
         curves.append(_line(canvas, bar, edge, name=factors[k], fill=True, colour=place))
-        if "low" in found:
-            ends = [found["low"][k], found["high"][k]]
-            curves.append(_line(canvas, ends, [float(place)] * 2, colour=place, dash="dash"))
+        ends = [found["low"][k], found["high"][k]]
+        curves.append(_line(canvas, ends, [float(place)] * 2, colour=place, dash="dash"))
     return diagram(f"{name}: importance of the factors", "effect", "factor", curves)
 
 

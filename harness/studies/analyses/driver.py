@@ -194,7 +194,8 @@ class Driver:
         if not self.store.about.decided:
             self.store.shorten(self.completed)
         counts = dict(zip(self.evaluator.names, self.unjudged, strict=True))
-        write_estimate(self.store, estimate | {"unjudged": counts})
+        found = json.dumps(estimate | {"unjudged": counts}, default=lambda value: value.tolist())
+        self.store.group.attrs["estimate"] = found
         return self.store
 
     def close(self) -> None:
@@ -203,8 +204,3 @@ class Driver:
             self._write(self.store.runs)
         finally:
             self._life.close()
-
-
-def write_estimate(store: Store, estimate: dict[str, Any]) -> None:
-    """Store an estimate as the JSON attribute `estimate` of a dataset, arrays as lists."""
-    store.group.attrs["estimate"] = json.dumps(estimate, default=lambda value: value.tolist())

@@ -57,9 +57,7 @@ class Study(Campaign):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the study: sensitivity, worst, or given
-        (sensitivity from the runs of a completed campaign).
-        """
+        """Return the kind of the study: sensitivity or worst."""
         return str(self.store.group.attrs["kind"])
 
     @property
@@ -184,20 +182,18 @@ def of_unit(value: float | None, unit: str) -> str:
 def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
     """Yield the lines on the effects of the factors on the margin of a requirement."""
     factors, method, unit = study.estimate["factors"], study.estimate["method"], study.unit(name)
-    words = {"morris": "share of the mean effects", "sobol": "total index"}
-    yield f"{name}: {words.get(method, 'dependence R2 (HSIC of ranks)')}"
-    value, p, failed = np.array(found["value"]), found.get("p"), found["failed"]
+    yield f"{name}: {'total index' if method == 'sobol' else 'share of the mean effects'}"
+    value, failed = np.array(found["value"]), found["failed"]
     share = value / value.sum() if value.sum() > 0 else value
-    matters = np.array(p) < 0.05 if p else share > SMALL
     order = np.argsort(-value, kind="stable")
-    shown = [k for k in order[:SHOWN] if matters[k]]
+    shown = [k for k in order[:SHOWN] if share[k] > SMALL]
     for k in shown:
         yield f"  {factors[k]:32} {_effect(found, method, k, share[k], unit)}"
     if len(shown) < len(order):
         hardly = [factors[k] for k in order if k not in shown and (value[k] or failed)]
         yield f"  small effect: {', '.join(hardly) or 'none'}"
     nothing = [factors[k] for k in order if value[k] == 0]
-    if nothing and not p and not failed:
+    if nothing and not failed:
         yield f"  without any effect: {', '.join(nothing)}"
     if failed:
         yield f"  {failed} runs have no finite margin and count as the smallest margin"
@@ -205,11 +201,9 @@ def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
 
 def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
     """Return the effect of factor k as text, with the values that the method gives: `morris` share
-    and effect, `sobol` total index with interval, HSIC R2 with its p value.
+    and effect, `sobol` total index with interval.
     """
     value = found["value"][k]
-    if found.get("p"):
-        return f"{value:.3f}  p {found['p'][k]:.3f}"
     if method == "sobol":
         interval = f"({found['low'][k]:.2f} to {found['high'][k]:.2f})"
         return f"{value:.2f} {interval}  first order {found['first'][k]:.2f}"
@@ -261,7 +255,6 @@ def _no_failure(found: Any) -> bool:
 
 LINES = {
     "sensitivity": _effects,
-    "given": _effects,
     "worst": _worst,
 }
 """Functions that yield the text on one requirement, by the kind of the study."""

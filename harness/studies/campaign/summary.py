@@ -55,7 +55,7 @@ def rank_correlation(x: Array, y: Array) -> float:
     them is not finite; NaN if fewer than three rows remain or one of them is constant.
     """
     both = np.isfinite(x) & np.isfinite(y)
-    a, b = mean_ranks(x[both]), mean_ranks(y[both])
+    a, b = _mean_ranks(x[both]), _mean_ranks(y[both])
     if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
         return math.nan
     return float(np.corrcoef(a, b)[0, 1])
@@ -74,7 +74,7 @@ def effect(x: Array, y: Array) -> float:
     return float(abs(slope) * (high - low) / size) if size else 0.0
 
 
-def mean_ranks(x: Array) -> Array:
+def _mean_ranks(x: Array) -> Array:
     """Return the ranks of the elements of x, from 1 on; equal elements get the mean of their ranks.
     It replaces a function of scipy.stats, whose import takes half a second.
     """

@@ -239,17 +239,6 @@ def test_effects_beside_runs_that_failed_are_not_exact(system, tmp_path):
     assert "exactly not" not in summary
 
 
-def test_sensitivity_of_a_campaign_reports_the_runs_that_are_no_evidence(system, tmp_path):
-    study = campaign(table(system, runs=60), tmp_path / "c.zarr", workers=0)
-    margins = study.store.array("margin")
-    margins[:5, 0], margins[:, 1] = np.nan, np.nan
-    study.store.group["margin"][:] = margins
-    found = sensitivity(tmp_path / "c.zarr")
-    assert "small: 5 of 60 runs are no evidence" in found.summary()
-    assert "flag: 60 of 60 runs are no evidence" in found.summary()
-    assert [*found.estimate["of"]] == ["small"]
-
-
 @pytest.mark.parametrize("where", ["other seeds", "own step"])
 def test_a_failure_beside_the_worst_run_of_a_search_is_one(where, system, tmp_path, monkeypatch):
     """The search meets no failure; a further seed or the macro step of the system does."""
@@ -333,14 +322,6 @@ def test_sensitivity_finds_slopes_and_exact_zeros(system, tmp_path):
         assert value[0] == pytest.approx(step if method == "morris" else 1, rel=0.1)
         assert "without any effect: bad.t_fail" in study.summary()
         assert "small: importance of the factors" in of_dataset(path)
-
-
-def test_a_completed_campaign_states_the_influential_factors(system, tmp_path):
-    campaign(table(system, runs=60), tmp_path / "c.zarr", workers=0)
-    study = sensitivity(tmp_path / "c.zarr")
-    found = dict(zip(study.estimate["factors"], study.estimate["of"]["small"]["p"], strict=True))
-    assert found["twice.k"] < 0.01 < found["bad.t_fail"]
-    assert "twice.k" in study.summary()
 
 
 REJECTED = {
