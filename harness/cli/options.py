@@ -172,12 +172,11 @@ class OnceCommand(TyperCommand):
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
 
 
-def command(name: str, *changes: str, text: str | None = None) -> Callable[[Command], Command]:
+def command(name: str, *changes: str) -> Callable[[Command], Command]:
     """Return a decorator that adds a function as a command to `app`.
 
     A parameter whose type is a data class becomes one option per field. changes: names of options
-    of CHANGES, whose given values the function receives as the mapping `changes`. text: help of the
-    command (None: the docstring).
+    of CHANGES, whose given values the function receives as the mapping `changes`.
     """
 
     def decorate(work: Command) -> Command:
@@ -190,7 +189,7 @@ def command(name: str, *changes: str, text: str | None = None) -> Callable[[Comm
         options = [option for each in own for option in _options(each, changes)]
         with_options.__signature__ = Signature(options)  # type: ignore[attr-defined]
         with_options.__annotations__ = {each.name: each.annotation for each in options}
-        app.command(name, cls=OnceCommand, help=text)(with_options)
+        app.command(name, cls=OnceCommand)(with_options)
         return work
 
     return decorate

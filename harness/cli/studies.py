@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -289,22 +288,10 @@ def _file(given: Path) -> Path:
 
 # ---- analyses
 
-STUDIES = {
-    "sensitivity": """Find out which factors matter.
-
-    The method is Morris or Sobol.
-    """,
-    "worst": """Search for the worst run of each requirement.
-
-    The exit status is 1 if a requirement fails in a run of the search.
-    """,
-}
-"""Help texts of the analysis commands, by the name of the command and of its table in the file."""
-
 
 def _analyse(kind: str, definition: Path, how: How) -> bool:
     """Run an analysis, print its summary and return whether its verdict is positive; kind: a key of
-    STUDIES; definition: the campaign file.
+    analyses.STUDIES; definition: the campaign file.
     """
     from harness.master.progress import counting
     from harness.studies.analyses import STUDIES
@@ -322,22 +309,28 @@ def _analyse(kind: str, definition: Path, how: How) -> bool:
         )
     if not how.quiet:
         typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
-        follows = kind == "sensitivity"
-        typer.echo(f"next: harness worst {definition}" if follows else _next(found.path))
+        further = f"next: harness worst {definition}" if kind == "sensitivity" else ""
+        typer.echo(further or _next(found.path))
     return found.verdict
 
 
-def _add(kind: str, text: str) -> None:
-    """Add the command `harness KIND` of an analysis with its help text."""
+@command("sensitivity")
+def sensitivity_command(definition: StudyArgument, how: How) -> None:
+    """Find out which factors matter.
 
-    @command(kind, text=inspect.cleandoc(text))
-    def study(definition: StudyArgument, how: How) -> None:
-        if not _analyse(kind, _file(definition), how):
-            raise typer.Exit(1)
+    The method is Morris or Sobol.
+    """
+    _analyse("sensitivity", _file(definition), how)
 
 
-for each in STUDIES.items():
-    _add(*each)
+@command("worst")
+def worst_command(definition: StudyArgument, how: How) -> None:
+    """Search for the worst run of each requirement.
+
+    The exit status is 1 if a requirement fails in a run of the search.
+    """
+    if not _analyse("worst", _file(definition), how):
+        raise typer.Exit(1)
 
 
 @command("study")
@@ -355,6 +348,7 @@ def study_command(
     NAME` only the campaign.
     """
     from harness.mission.library import campaigns
+    from harness.studies.analyses import STUDIES
     from harness.studies.campaign.draft import table_of
 
     known = campaigns()

@@ -2,12 +2,11 @@
 """Analyses (studies) that choose further runs from the results of earlier ones: sensitivity and
 worst case.
 
-The method of an analysis is a generator that does not depend on the simulation. It yields standard
-normal coordinates (rows, d), one row per run, and receives the margins of a requirement in these
-runs (rows,), which are negative where it fails and -inf for a failed run. Its return value is its
-estimate. `evaluator.py` performs the runs with the worker pool of a campaign. `driver.py` stores
-every run in the dataset of a campaign, from which a resumed analysis takes the margins of earlier
-runs.
+The method of an analysis does not depend on the simulation. It requests runs by standard normal
+coordinates (rows, d), one row per run, and receives the margins of a requirement in these runs
+(rows,), which are negative where it fails and -inf for a failed run. `evaluator.py` performs the
+runs with the worker pool of a campaign. `driver.py` stores every run in the dataset of a campaign,
+from which a resumed analysis takes the margins of earlier runs.
 """
 
 from __future__ import annotations

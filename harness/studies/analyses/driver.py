@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Driver of an analysis: it performs the runs that the method requests, stores them in the dataset,
-and supplies the margins.
+"""Driver of an analysis: it reads the entries of its table, such as `[worst]` in the file of a
+campaign, performs the runs that the method requests, stores them in the dataset, and supplies the
+margins.
 
 A generation is a set of runs that the method requests together. It receives their margins in the
 order of its request, so results are bit-identical for any number of workers. A resumed analysis
@@ -11,26 +12,31 @@ dataset.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Generator
-from contextlib import ExitStack
-from itertools import groupby
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
-from harness.errors import UsageError
+from harness.errors import StructureError, UsageError
 from harness.files.signals import held
 from harness.master.progress import Progress
 from harness.results.result import Array
 from harness.spelling import one_line
-from harness.studies.analyses.evaluator import Evaluator, margins_of, unjudged
+from harness.studies.analyses.evaluator import Evaluator, margins_of
+from harness.studies.analyses.study import Study, of_unit
+from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.layout import fields
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.store import Store, reject_existing
 from harness.studies.campaign.worker import FAILED, PENDING, Row
+from harness.system.tables import problems
 
 T = TypeVar("T")
+Names = Annotated[str | list[str], Meta(description="a name or a list of names")]
 
 LARGEST_BLOCK, BLOCK_STEPS = 200, 500_000
 """Largest numbers of runs and of macro steps in a block, whose runs are written together. A block
@@ -39,28 +45,14 @@ takes some seconds, which are lost if the process is killed.
 
 
 class _Record(NamedTuple):
-    """Completed run that is not yet written: its generation and number, coordinates (d,), values of
-    the factors, and record.
+    """Completed run that is not yet written: its generation, coordinates (d,), values of the
+    factors, and record.
     """
 
     generation: int
-    run: int
     numbers: Array
     values: Values
     row: Row
-
-
-def run_method(method: Generator[Array, Array, T], evaluate: Callable[[Array], Array]) -> T:
-    """Run a method to its end and return its estimate; evaluate: function from the coordinates that
-    the method yields to the margins that it receives.
-    """
-    try:
-        z = next(method)
-        while True:
-            z = method.send(evaluate(z))
-    except StopIteration as end:
-        found: T = end.value
-        return found
 
 
 class Driver:
@@ -76,8 +68,8 @@ class Driver:
         evaluator: Evaluator,
         path: Path,
         kind: str,
-        resume: bool = False,
-        progress: Callable[[Progress], None] | None = None,
+        resume: bool,
+        progress: Callable[[Progress], None] | None,
     ) -> None:
         self.evaluator, self.path, self.progress = evaluator, path, progress
         self.completed, self.generation, self.failed = 0, 0, 0
@@ -93,63 +85,45 @@ class Driver:
             self.store = Store.create(path, plan, block, laid)
             self.store.group.attrs.update({"kind": kind})
             self._life.enter_context(self.store.alone())
-        names = ("numbers", "margin", "status")
-        self._numbers, self._margins, self._status = map(self.store.array, names)
+        pending = np.flatnonzero(self.store.array("status") == PENDING)
+        self._stored = int(pending[0]) if len(pending) else self.store.runs  # first runs there
+        self._numbers, self._margins = map(self.store.array, ("numbers", "margin"))
         self.unjudged = np.zeros(len(evaluator.names), dtype=int)
         self.nominal = self.evaluate(np.zeros((1, evaluator.d)))[0]
 
     # ---- runs
 
-    def answer(
-        self,
-        method: Generator[Array, Array, T],
-        columns: int | list[int],
-        placed: Callable[[Array], Array] = lambda z: z,
-    ) -> T:
-        """Run a method to its end and return its estimate.
-
-        columns: indices of the requirements whose margins the method receives; placed: function
-        from the points that the method yields to coordinates of runs (rows, d).
-        """
-        return run_method(method, lambda z: self.evaluate(placed(z))[:, columns])
-
     def evaluate(self, numbers: Array) -> Array:
-        """Return the margins (rows, requirements) for coordinates (rows, d), from the dataset if
-        the runs are stored there, otherwise from new runs. The rows are one generation.
+        """Return the margins (rows, requirements) for coordinates (rows, d), from the dataset up to
+        its first pending run, from new runs after it. The rows are one generation.
         """
         first, last = self.completed, self.completed + len(numbers)
-        if last > self.store.runs and not self.store.about.decided:
-            raise UsageError(
-                f"{self.path}: the study needs more runs than the {self.store.runs} reserved in "
-                "the dataset"
-            )
-        there = np.flatnonzero(self._status[first:last] != PENDING)
-        for k in there:
-            self._reject_other(first + int(k), numbers[k])
-        margins = np.full((len(numbers), len(self.evaluator.names)), np.nan)
-        margins[there] = self._margins[first + there]
-        missing = np.setdiff1d(np.arange(len(numbers)), there)
-        for start in range(0, len(missing), self.store.block):
-            part = missing[start : start + self.store.block]
-            margins[part] = self._run(numbers[part], [first + int(place) for place in part])
-        self.unjudged += unjudged(margins).sum(axis=0)
+        known = self._margins[first : min(last, self._stored)]
+        for k in range(len(known)):
+            self._reject_other(first + k, numbers[k])
+        parts, block = [known], self.store.block
+        for k in range(len(known), len(numbers), block):
+            parts.append(self._run(first + k, numbers[k : k + block]))
+        margins = np.concatenate(parts)
+        self.unjudged += (np.isnan(margins) | np.isposinf(margins)).sum(axis=0)
         self._show(last)
         self.completed, self.generation = last, self.generation + 1
         if len(numbers) > 1 and np.isneginf(margins).all():
             raise UsageError(f"all {len(numbers)} runs of a generation failed{self._first()}")
         return margins
 
-    def _run(self, numbers: Array, runs: list[int]) -> Array:
+    def _run(self, first: int, numbers: Array) -> Array:
         """Perform new runs, at most as many as a block has; return their margins, and write the
-        runs of blocks that are complete.
+        runs of blocks that are complete. first: number of the first run.
         """
-        values = list(map(self.evaluator.values, numbers, runs))
+        values = [self.evaluator.values(z, first + k) for k, z in enumerate(numbers)]
         rows = self.evaluator.run(values)
         self.failed += sum(row.status == FAILED for row in rows)
-        each = zip(runs, numbers, values, rows, strict=True)
+        each = zip(numbers, values, rows, strict=True)
         self._waiting += [_Record(self.generation, *record) for record in each]
-        self._write((runs[-1] + 1) // self.store.block * self.store.block)
-        self._show(runs[-1] + 1)
+        done = first + len(rows)
+        self._write(done // self.store.block * self.store.block)
+        self._show(done)
         return margins_of(rows)
 
     def _show(self, done: int) -> None:
@@ -157,18 +131,17 @@ class Driver:
             self.progress(Progress(done, self.store.runs, self.failed))
 
     def _write(self, end: int) -> None:
-        """Write the waiting runs with numbers below `end`, consecutive runs together."""
-        part = [record for record in self._waiting if record.run < end]
-        self._waiting = self._waiting[len(part) :]
-        for _, each in groupby(enumerate(part), lambda placed: placed[1].run - placed[0]):
-            stretch = [record for _, record in each]
-            further: dict[str, list[Any]] = {
-                "numbers": [record.numbers for record in stretch],
-                "generation": [record.generation for record in stretch],
-            }
-            values, rows = [f.values for f in stretch], [f.row for f in stretch]
-            with held():  # an interruption waits until the block is complete
-                self.store.write(stretch[0].run, values, rows, further)
+        """Write the waiting runs with numbers below `end`."""
+        count = max(0, end - self._stored)
+        part, self._waiting = self._waiting[:count], self._waiting[count:]
+        if not part:
+            return
+        generations, numbers, values, rows = zip(*part, strict=True)
+        with held():  # an interruption waits until the block is complete
+            self.store.write(
+                self._stored, values, rows, {"numbers": numbers, "generation": generations}
+            )
+        self._stored += len(part)
 
     def _reject_other(self, run: int, z: Array) -> None:
         """Raise UsageError if a stored run has other coordinates than the requested row z (d,)."""
@@ -186,17 +159,13 @@ class Driver:
 
     # ---- finish
 
-    def finish(self, estimate: dict[str, Any]) -> Store:
-        """Write the waiting runs, remove planned runs that were not needed, and store the estimate
-        as plain data; return the dataset.
-        """
-        self._write(self.completed)
-        if not self.store.about.decided:
-            self.store.shorten(self.completed)
+    def finish(self, estimate: dict[str, Any]) -> Study:
+        """Write the waiting runs, store the estimate as plain data, and return the study."""
+        self._write(self.store.runs)
         counts = dict(zip(self.evaluator.names, self.unjudged, strict=True))
         found = json.dumps(estimate | {"unjudged": counts}, default=lambda value: value.tolist())
         self.store.group.attrs["estimate"] = found
-        return self.store
+        return Study(self.path, self.store)
 
     def close(self) -> None:
         """Write the waiting runs and unlock the dataset."""
@@ -204,3 +173,53 @@ class Driver:
             self._write(self.store.runs)
         finally:
             self._life.close()
+
+
+# ---- parts of every analysis
+
+
+def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T, Evaluator]:
+    """Return the entries of the table of an analysis, and the evaluator of its runs; raise
+    StructureError with all problems of these entries.
+
+    kind: class of the entries; definition: path of a campaign TOML or its table; how: options.
+    """
+    name = kind.__name__.lower()
+    given = table_of(definition).get(name, {})
+    if wrong := list(problems(given, kind, name)):
+        raise StructureError(wrong)
+    workers, lanes = how.get("workers"), how.get("lanes", True)
+    notify = how.get("notify", print)
+    evaluator = Evaluator(definition, workers=workers, lanes=lanes, notify=notify)
+    return msgspec.convert(given, kind), evaluator
+
+
+@contextmanager
+def begun(
+    kind: str, evaluator: Evaluator, runs: int, output: str | Path, how: Mapping[str, Any]
+) -> Iterator[Driver]:
+    """Yield the driver of a study with its dataset open, and close both after the block.
+
+    kind: name of the study; runs: number of planned runs besides the nominal one; output: OUT.zarr;
+    how: options of the study, such as `resume`.
+    """
+    evaluator.reserve(1 + runs)
+    resume, show = how.get("resume", False), how.get("progress")
+    with evaluator, closing(Driver(evaluator, Path(output), kind, resume, show)) as driver:
+        yield driver
+
+
+def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
+    """Report each of these requirements that the nominal run does not meet; raise UsageError if the
+    nominal run does not exercise one. of: indices of the margins by requirement.
+    """
+    for name, k in of.items():
+        margin = driver.nominal[k]
+        if np.isnan(margin):
+            raise UsageError(
+                f"{name}: the nominal run does not exercise this requirement; name others in `of`"
+            )
+        if margin < 0:
+            driver.evaluator.notify(
+                f"{name}: the nominal run fails, with a margin of {of_unit(margin, '')}"
+            )

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
 from harness.master.changes import Changes
@@ -175,16 +174,6 @@ class Evaluator:
         seeds for the run with this number.
         """
         return self.plan.changes(self.values(z, run))
-
-
-def exercised(y: Array) -> Array:
-    """Return margins with inf in place of NaN, so that a run without verdict is never the worst."""
-    return np.where(np.isnan(y), np.inf, y)
-
-
-def unjudged(y: Array) -> NDArray[np.bool_]:
-    """Return by element whether a margin is no evidence for an estimate: NaN or plus infinity."""
-    return np.isnan(y) | np.isposinf(y)
 
 
 def margins_of(rows: list[Row]) -> Array:

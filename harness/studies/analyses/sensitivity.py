@@ -7,28 +7,42 @@ A factor is a group of coordinates that move together, so that a vector or an in
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from harness.errors import UsageError
 from harness.results.result import Array
-from harness.studies.analyses.driver import run_method
-from harness.studies.analyses.study import Sensitivity, Study, begun, prepared, report_nominal
+from harness.studies.analyses.driver import Names, begun, prepared, report_nominal
+from harness.studies.analyses.study import Study
 from harness.studies.campaign.factors import normal_quantile
 from harness.studies.campaign.summary import rank_correlation
+from harness.system.tables import Count
 
-Method = Generator[Array, Array, "Effects"]
 Group = Sequence[int]
 """Indices of the coordinates of one factor."""
+Design = tuple[Array, Callable[[Array], "Effects"]]
+"""Standard normal coordinates (rows, d) of all runs of a method, and function from the margins of a
+requirement in these runs (rows,) to its estimate.
+"""
+Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
 
 LEVELS, STEP = np.array([0.125, 0.375]), 0.5
 """Method of Morris: a number between 0 and 1 is moved by STEP, from one of LEVELS up or back."""
 RESAMPLED = 200
 """Number of resamples of a bootstrap."""
+
+
+class Sensitivity(msgspec.Struct):
+    """Entries of [sensitivity]; of: requirements ("": all); runs: budget of runs."""
+
+    of: Names = ""
+    method: Method = "morris"
+    runs: Count = 130
 
 
 class Effects(NamedTuple):
@@ -55,9 +69,9 @@ def with_finite(y: Array) -> tuple[Array, int]:
     return np.where(finite, y, least), int((~finite).sum())
 
 
-def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Method:
-    """Return the mean absolute effects by the method of Morris: mu* = mean |y_after - y_before| /
-    STEP.
+def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Design:
+    """Return the design for mean absolute effects by the method of Morris: mu* = mean |y_after -
+    y_before| / STEP.
 
     groups: indices of the coordinates of each of the k factors; d: number of coordinates; paths:
     number of paths. A path has k + 1 runs, between which one factor after the other is moved, in
@@ -65,11 +79,15 @@ def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Method:
     """
     rng = np.random.default_rng(seed)
     rows, moved = zip(*(_path(groups, d, rng) for _ in range(paths)), strict=True)
-    y, failed = with_finite((yield normal_quantile(np.concatenate(rows))))
-    steps = np.abs(np.diff(y.reshape(paths, -1), axis=1)) / STEP
-    effects = np.empty((paths, len(groups)))
-    np.put_along_axis(effects, np.array(moved), steps, axis=1)
-    return Effects(effects.mean(axis=0), *_resampled(effects), failed=failed)
+
+    def effects(margins: Array) -> Effects:
+        y, failed = with_finite(margins)
+        steps = np.abs(np.diff(y.reshape(paths, -1), axis=1)) / STEP
+        each = np.empty((paths, len(groups)))
+        np.put_along_axis(each, np.array(moved), steps, axis=1)
+        return Effects(each.mean(axis=0), *_resampled(each), failed=failed)
+
+    return normal_quantile(np.concatenate(rows)), effects
 
 
 def _path(groups: Sequence[Group], d: int, rng: np.random.Generator) -> tuple[Array, Any]:
@@ -95,8 +113,9 @@ def _resampled(effects: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def sobol(groups: Sequence[Group], d: int, n: int, seed: int) -> Method:
-    """Return the first-order indices S and the total indices T of k factors, from n (k + 2) runs.
+def sobol(groups: Sequence[Group], d: int, n: int, seed: int) -> Design:
+    """Return the design for the first-order indices S and the total indices T of k factors, with n
+    (k + 2) runs.
 
     S = mean(f_B (f_AB - f_A)) / V,   T = mean((f_A - f_AB)^2) / 2 V,
 
@@ -109,13 +128,17 @@ def sobol(groups: Sequence[Group], d: int, n: int, seed: int) -> Method:
     u = np.asarray(Sobol(2 * d, rng=seed).random(n)).clip(2**-53, 1 - 2**-53)
     a, b = u[:, :d], u[:, d:]
     rows = [a, b, *(np.where(np.isin(np.arange(d), group), b, a) for group in groups)]
-    y, failed = with_finite((yield normal_quantile(np.concatenate(rows))))
-    f_a, f_b, *f_ab = y.reshape(len(rows), n) - y[: 2 * n].mean()
-    first, total = _indices(f_a, f_b, np.array(f_ab))
-    draws = np.random.default_rng(seed).integers(n, size=(RESAMPLED, n))
-    again = [_indices(f_a[k], f_b[k], np.array(f_ab)[:, k])[1] for k in draws]
-    low, high = np.percentile(again, (2.5, 97.5), axis=0)
-    return Effects(total, low, high, first, failed=failed)
+
+    def effects(margins: Array) -> Effects:
+        y, failed = with_finite(margins)
+        f_a, f_b, *f_ab = y.reshape(len(rows), n) - y[: 2 * n].mean()
+        first, total = _indices(f_a, f_b, np.array(f_ab))
+        draws = np.random.default_rng(seed).integers(n, size=(RESAMPLED, n))
+        again = [_indices(f_a[k], f_b[k], np.array(f_ab)[:, k])[1] for k in draws]
+        low, high = np.percentile(again, (2.5, 97.5), axis=0)
+        return Effects(total, low, high, first, failed=failed)
+
+    return normal_quantile(np.concatenate(rows)), effects
 
 
 def _indices(f_a: Array, f_b: Array, f_ab: Array) -> tuple[Array, Array]:
@@ -138,21 +161,18 @@ def sensitivity(definition: Any, output: str | Path, **how: Any) -> Study:
     of, groups = evaluator.columns(entry.of, slope=False), [*evaluator.groups.values()]
     count, per = _count(entry, len(groups))
     method = {"morris": morris, "sobol": sobol}[entry.method]
-    generate = partial(method, groups, evaluator.d, count, evaluator.plan.table.seed)
+    numbers, effects = method(groups, evaluator.d, count, evaluator.plan.table.seed)
     if count * per != entry.runs:
         evaluator.notify(f"{entry.method}: {count} x {per} = {count * per} runs")
     with begun("sensitivity", evaluator, count * per, output, how) as driver:
         report_nominal(driver, of)
-        numbers = next(generate())  # the same runs for each requirement
-        margins = driver.evaluate(numbers)
-        found = {}
+        margins, found = driver.evaluate(numbers), {}
         for name, k in of.items():
-            if not np.isfinite(margins[:, k]).any():
-                raise UsageError(f"{name}: no run of {len(margins)} has a finite margin")
-            effects = run_method(generate(), lambda _, k=k: margins[:, k])  # type: ignore[misc]
-            found[name] = effects._asdict() | {"signs": _signs(groups, numbers, margins[:, k])}
-        estimate = {"of": found, "factors": [*evaluator.groups], "method": entry.method}
-        return Study(driver.path, driver.finish(estimate))
+            y = margins[:, k]
+            if not np.isfinite(y).any():
+                raise UsageError(f"{name}: no run of {len(y)} has a finite margin")
+            found[name] = effects(y)._asdict() | {"signs": _signs(groups, numbers, y)}
+        return driver.finish({"of": found, "factors": [*evaluator.groups], "method": entry.method})
 
 
 def _count(entry: Sensitivity, factors: int) -> tuple[int, int]:

@@ -1,55 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Common parts of the analyses (studies): the entries of their tables, such as `[worst]` in the
-file of a campaign, their preparation, and the stored estimate with its text.
-"""
+"""Completed analysis (study): the estimate that its dataset stores, as plain data and as text."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from collections.abc import Iterator
+from typing import Any
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 
-from harness.errors import StructureError, UsageError
-from harness.studies.analyses.driver import Driver
-from harness.studies.analyses.evaluator import Evaluator
 from harness.studies.campaign.campaign import Campaign
-from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.worker import FAILED
-from harness.system.tables import Count, Positive, problems
-
-T = TypeVar("T")
-
-Names = Annotated[str | list[str], Meta(description="a name or a list of names")]
-Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
-
-
-class Sensitivity(msgspec.Struct):
-    """Entries of [sensitivity]; of: requirements ("": all); runs: budget of runs, as in [worst]."""
-
-    of: Names = ""
-    method: Method = "morris"
-    runs: Count = 130
-
-
-class Worst(msgspec.Struct):
-    """Entries of [worst]; box: largest absolute coordinate in standard deviations; searches: number
-    of independent searches, among which `runs` is divided.
-    """
-
-    of: Names = ""
-    runs: Count = 200
-    box: Positive = 3.0
-    searches: Count = 1
-
-
-TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst)}
-"""Types of the tables of studies, by the name of the table in the file of a campaign."""
 
 
 class Study(Campaign):
@@ -91,68 +52,10 @@ class Study(Campaign):
         """Return whether the exit status of the study is 0: `worst` has found neither a failure nor
         a run without a verdict. It is always 0 for `sensitivity`.
         """
-        found = self.estimate["of"]
-        unjudged = any(self.estimate["unjudged"][name] for name in found)
-        return self.kind != "worst" or (not unjudged and all(map(_no_failure, found.values())))
-
-
-def entries(kind: type[T], table: Mapping[str, Any]) -> T:
-    """Return the entries for an analysis, such as `[worst]`, in the table of a campaign; raise
-    StructureError with all problems of these entries. kind: class of the entries.
-    """
-    name = kind.__name__.lower()
-    if wrong := list(problems(table.get(name, {}), kind, name)):
-        raise StructureError(wrong)
-    return msgspec.convert(table.get(name, {}), kind)
-
-
-@contextmanager
-def begun(
-    kind: str,
-    evaluator: Evaluator,
-    runs: int,
-    output: str | Path,
-    how: Mapping[str, Any],
-) -> Iterator[Driver]:
-    """Yield the driver of a study with its dataset open, and close both after the block.
-
-    kind: name of the study; runs: number of planned runs besides the nominal one; output: OUT.zarr;
-    how: options of the study, such as `resume`.
-    """
-    evaluator.reserve(1 + runs)
-    resume, show = how.get("resume", False), how.get("progress")
-    with evaluator, closing(Driver(evaluator, Path(output), kind, resume, show)) as driver:
-        yield driver
-
-
-def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T, Evaluator]:
-    """Return the entries of the table of an analysis, and the evaluator of its runs.
-
-    kind: class of the entries; definition: path of a campaign TOML or its table; how: options.
-    """
-    entry = entries(kind, table_of(definition))
-    return entry, Evaluator(definition, notify=how.get("notify", print), **where(how))
-
-
-def where(how: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options `workers` and `lanes` of a study, with default values."""
-    return {"workers": how.get("workers"), "lanes": how.get("lanes", True)}
-
-
-def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
-    """Report each of these requirements that the nominal run does not meet; raise UsageError if the
-    nominal run does not exercise one. of: indices of the margins by requirement.
-    """
-    for name, k in of.items():
-        margin = driver.nominal[k]
-        if np.isnan(margin):
-            raise UsageError(
-                f"{name}: the nominal run does not exercise this requirement; name others in `of`"
-            )
-        if margin < 0:
-            driver.evaluator.notify(
-                f"{name}: the nominal run fails, with a margin of {of_unit(margin, '')}"
-            )
+        if self.kind != "worst":
+            return True
+        found, unjudged = self.estimate["of"], self.estimate["unjudged"]
+        return all(not unjudged[name] and _no_failure(each) for name, each in found.items())
 
 
 # ---- estimates as text

@@ -7,23 +7,22 @@ does not prove that no run is worse.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from harness.errors import HarnessError, InterruptionError, UsageError, installed
 from harness.results.files import save
 from harness.results.requirements import margin
 from harness.results.result import Array
-from harness.studies.analyses.driver import Driver
-from harness.studies.analyses.evaluator import exercised
-from harness.studies.analyses.study import Study, Worst, begun, prepared, report_nominal
+from harness.studies.analyses.driver import Driver, Names, begun, prepared, report_nominal
+from harness.studies.analyses.study import Study
 from harness.studies.reuse import ReusedSimulation
-
-Method = Generator[Array, Array, "Found"]
+from harness.system.tables import Count, Positive
 
 LEAST_GENERATION = 12
 """Smallest number of runs per generation of a search."""
@@ -33,6 +32,17 @@ CLOSE = 0.1
 """Largest change of the worst margin, when its run is repeated with the system's own macro step,
 that is not reported, as a share of the distance between the worst and the nominal margin.
 """
+
+
+class Worst(msgspec.Struct):
+    """Entries of [worst]; box: largest absolute coordinate in standard deviations; searches: number
+    of independent searches, among which `runs` is divided.
+    """
+
+    of: Names = ""
+    runs: Count = 200
+    box: Positive = 3.0
+    searches: Count = 1
 
 
 class Found(NamedTuple):
@@ -51,9 +61,13 @@ def generation(d: int) -> int:
     return max(LEAST_GENERATION, 4 + int(3 * math.log(d)))
 
 
-def search(d: int, seed: int, runs: int, box: float = 3.0) -> Method:
+def search(
+    evaluate: Callable[[Array], Array], d: int, seed: int, runs: int, box: float = 3.0
+) -> Found:
     """Return the worst run that a search finds with this number of runs, in d coordinates with
     |z_k| <= box. It starts at z = 0; after it has converged, it starts again at a random point.
+
+    evaluate: function from coordinates (rows, d) to the margins of a requirement (rows,).
     """
     rng = np.random.default_rng(seed)
     rows, margins = np.empty((0, d)), np.empty(0)
@@ -63,7 +77,7 @@ def search(d: int, seed: int, runs: int, box: float = 3.0) -> Method:
         engine = _engine(start, box, rng)
         while runs - len(margins) >= generation(d) and not engine.stop():
             z = np.array(engine.ask())
-            y = exercised((yield z[:, :d]))
+            y = _exercised(evaluate(z[:, :d]))
             engine.tell(list(z), _ranked(y))
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
@@ -71,7 +85,7 @@ def search(d: int, seed: int, runs: int, box: float = 3.0) -> Method:
         spread = rng.standard_normal((runs - len(margins), d)) / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
-        y = exercised((yield z))
+        y = _exercised(evaluate(z))
         rows, margins = np.concatenate([rows, z]), np.concatenate([margins, y])
     place = int(np.argmin(margins))
     failed = np.flatnonzero(margins < 0)
@@ -97,6 +111,11 @@ def _engine(start: Array, box: float, rng: np.random.Generator) -> Any:
         "verb_disp": 0,
     }
     return cma.CMAEvolutionStrategy(start, 1.0, options)
+
+
+def _exercised(y: Array) -> Array:
+    """Return margins with inf in place of NaN, so that a run without verdict is never the worst."""
+    return np.where(np.isnan(y), np.inf, y)
 
 
 def _ranked(y: Array) -> list[float]:
@@ -141,7 +160,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
                 z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
                 found[name]["other seeds"] = driver.evaluate(z)[:, k]
         _confirm(driver, found, Path(output))
-        return Study(driver.path, driver.finish({"of": found, "box": entry.box}))
+        return driver.finish({"of": found, "box": entry.box})
 
 
 def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
@@ -151,7 +170,7 @@ def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
     first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
     each = entry.runs // entry.searches
     results = [
-        driver.answer(search(d, seed + 1000 * n, each, entry.box), column)
+        search(lambda z: driver.evaluate(z)[:, column], d, seed + 1000 * n, each, entry.box)
         for n in range(entry.searches)
     ]
     k = int(np.argmin([r.margin for r in results]))

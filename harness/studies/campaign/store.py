@@ -52,8 +52,8 @@ class About(Struct, frozen=True):
 
     definition: table of the campaign as JSON; folder: of the files that the table names; system:
     its name; block: number of runs that are written together; repeat: command that repeats a run;
-    sources: see Plan; decided: the campaign or study has ended early, so its runs are complete
-    although more were planned.
+    sources: see Plan; decided: the campaign has ended early, so its runs are complete although
+    more were planned.
     """
 
     definition: str
@@ -280,7 +280,7 @@ class Store:
         array[place] = np.array(values, dtype=object if text else array.dtype)
 
     def shorten(self, runs: int) -> None:
-        """Reduce the dataset to its first `runs` runs, because the campaign or study needs no more;
+        """Reduce the dataset to its first `runs` runs, because the campaign needs no more;
         raise ResultsError if it cannot be written.
         """
         with naming(self.path):

@@ -30,11 +30,7 @@ def indices_of_sobol_g():
     return v / (whole - 1), v * whole / (1 + v) / (whole - 1)
 
 
-def answer(method, function):
-    """Return the result of a method whose requests a function answers."""
-    try:
-        z = next(method)
-        while True:
-            z = method.send(function(z))
-    except StopIteration as end:
-        return end.value
+def answer(design, function):
+    """Return the effects that a design finds with the margins of a function."""
+    numbers, effects = design
+    return effects(function(numbers))

@@ -155,6 +155,17 @@ def test_a_killed_study_has_its_full_blocks_and_continues_to_the_same_bits(
         np.testing.assert_array_equal(ours, theirs)
 
 
+def test_a_study_that_has_lost_a_run_repeats_it_and_all_later_ones(system, tmp_path):
+    given = table(system, worst={"of": "small", "runs": 36})
+    store = worst(given, tmp_path / "a.zarr", workers=0).store
+    whole = [store.array(n) for n in ("numbers", "margin", "status")]
+    store.group["status"][17] = 0
+    store.group["margin"][17:] = 0.0
+    resumed = found_by(worst(given, tmp_path / "a.zarr", workers=0, resume=True))
+    for ours, theirs in zip(whole, resumed, strict=False):
+        np.testing.assert_array_equal(ours, theirs)
+
+
 def there(path):
     """Runs that a dataset has."""
     return int((Store.open(path).array("status") != 0).sum())

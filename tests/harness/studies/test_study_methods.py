@@ -87,7 +87,7 @@ def quadratic(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_search_finds_the_minimum_of_a_quadratic(seed):
-    found = answer(worst.search(12, seed, 1200), quadratic(seed))
+    found = worst.search(quadratic(seed), 12, seed, 1200)
     assert found.margin < -0.99
     assert found.first < 200
     assert np.abs(found.numbers).max() <= 3
@@ -95,12 +95,12 @@ def test_the_search_finds_the_minimum_of_a_quadratic(seed):
 
 def test_a_run_that_fails_is_the_worst():
     fails = lambda z: np.where(z[:, 0] > 1.5, -math.inf, 1 - 0.1 * z[:, 0])  # noqa: E731
-    assert answer(worst.search(3, 0, 60), fails).margin == -math.inf
+    assert worst.search(fails, 3, 0, 60).margin == -math.inf
 
 
 def test_a_margin_of_zero_that_holds_is_no_failure():
     """Margins of 0 at least, as of what saturates."""
-    assert answer(worst.search(2, 0, 24), lambda z: np.maximum(z[:, 0], 0.0)).first == -1
+    assert worst.search(lambda z: np.maximum(z[:, 0], 0.0), 2, 0, 24).first == -1
 
 
 def test_a_search_repeats_its_questions_beside_another_user_of_numpy_random():
@@ -114,7 +114,7 @@ def test_a_search_repeats_its_questions_beside_another_user_of_numpy_random():
             rows.append(z.copy())
             return z.sum(axis=1)
 
-        found = answer(worst.search(6, 4, 66), stated)
+        found = worst.search(stated, 6, 4, 66)
         assert sum(map(len, rows)) == 66
         requested.append((np.concatenate(rows), found))
     assert np.array_equal(requested[0][0], requested[1][0])
