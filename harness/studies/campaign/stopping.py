@@ -22,22 +22,11 @@ Share = Annotated[
 ]
 
 
-def wilks(probability: float, confidence: float, failures: int = 0) -> int:
+def wilks(probability: float, confidence: float) -> int:
     """Return the smallest number of runs n that proves a failure probability below `probability` if
-    at most `failures` of the runs fail (Wilks 1941).
-
-    For a true failure probability of `probability`, P(at most `failures` of n) <= 1 - confidence.
+    none of the runs fails (Wilks 1941): (1 - probability)^n <= 1 - confidence.
     """
-    from scipy.special import bdtr
-
-    few, many = 0, failures + 1
-    while bdtr(failures, many, probability) > 1 - confidence:
-        few, many = many, 2 * many
-    while many - few > 1:
-        middle = (few + many) // 2
-        enough = middle > failures and bdtr(failures, middle, probability) <= 1 - confidence
-        few, many = (few, middle) if enough else (middle, many)
-    return many
+    return math.ceil(math.log(1 - confidence) / math.log1p(-probability))
 
 
 CLAIM = 5.0

@@ -125,15 +125,11 @@ def test_a_search_repeats_its_questions_beside_another_user_of_numpy_random():
 
 
 def test_runs_that_wilks_demands():
-    found = [
-        stopping.wilks(0.05, 0.95),
-        stopping.wilks(0.05, 0.95, failures=1),
-        stopping.wilks(0.01, 0.95),
-        stopping.wilks(0.01, 0.95, failures=1),
-        stopping.wilks(0.001, 0.95),
-        stopping.wilks(1e-4, 0.95),
-    ]
-    assert found == [59, 93, 299, 473, 2995, 29956]
+    required = {0.05: 59, 0.01: 299, 0.001: 2995, 1e-4: 29956, 1e-10: 29957322735}
+    for probability, n in required.items():
+        assert stopping.wilks(probability, 0.95) == n
+        fewer, enough = (np.exp(k * np.log1p(-probability)) for k in (n - 1, n))
+        assert enough <= 0.05 < fewer
 
 
 def decisions(p, campaigns, most):
