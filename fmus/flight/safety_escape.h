@@ -151,14 +151,14 @@ static inline Stride stride(const EscapePath *e, double D)
                     sine_and_cosine(e->n * D)};
 }
 
-/* (7) on a path faster than e->speed: the speed is that of the chord */
+/* (7) on a path faster than e->speed, with the speed along the chord */
 static inline double fast_sagitta(const EscapePath *e, double D, double length_2)
 {
     return D * D / 8 * (2 * e->n * CURVED * sqrt(length_2) / D + e->bend);
 }
 
-/* (8) without R_k: lowers the bound `least` where the path between the points a and b comes nearer to
- * the target than `least` says */
+/* (8) without R_k: lowers the bound `least` if the path between the points a and b comes nearer to the
+ * target than this bound */
 static inline void compare_path(const EscapePath *e, const Stride *s, const PathPoint *a,
                                 const PathPoint *b, double tau, EscapeBound *least)
 {
