@@ -22,11 +22,12 @@
 
 enum { CAN_CAPTURE, NO_FORCE, TOO_MUCH_MOMENTUM, NO_PROPELLANT, ONLY_BY_ARM };
 
+/* R: range R_f of the fly-around; steer: steering there; dv: velocity increment for turning with the
+ * target until mating; verdict: CAN_CAPTURE, NO_FORCE, .. by these; bias: wheel speeds before the
+ * fly-around */
 typedef struct {
-    double R, steer; /* range R_f of the fly-around, steering there */
-    double dv;       /* velocity increment for turning with the target until mating */
-    double verdict;  /* of the values above: CAN_CAPTURE, NO_FORCE, .. */
-    vec3 bias;       /* wheel speeds before the fly-around */
+    double R, steer, dv, verdict;
+    vec3 bias;
 } Budget;
 
 /* acceleration along the axis that the budget leaves for turning with the target */

@@ -57,7 +57,7 @@ def test_an_argument_that_does_not_exist_is_rejected(system):
         UsageError, match=r"^steps: there is no such change of a system \(close: step, stop\)$"
     ):
         apply(system, steps=3)
-    with pytest.raises(UsageError, match=r"^run\(\) has no argument realtime$"):
+    with pytest.raises(UsageError, match=r"^realtime: there is no such change of a system$"):
         run(system, realtime=1.0)
 
 
