@@ -54,7 +54,7 @@ static inline Known known_state(const SafetyParameters *p, const SafetyInput *u,
     return norm(now.state.rho_H) > 0 ? now : before;
 }
 
-/* increment of the abort in H axes from a state */
+/* velocity increment of an abort from the state x, H axes; axis_H: as in Known */
 static inline vec3 relative_increment(const SafetyParameters *p, const RelativeState *x,
                                       vec3 axis_H)
 {

@@ -110,8 +110,10 @@ static inline double speed_value(const void *rule, vec3 p, vec3 v)
     return l->at_zero + l->slope * norm(p) - norm(v);
 }
 
-/* on the arc |p| is above the chord of the root, (p^2 + lo hi)/(lo + hi), and |v| below the chord
- * between its ends; the difference of both chords is again a polynomial */
+/* lower bound of the margin: |p| is replaced by a chord of the concave function sqrt(p^2), which is
+ * below it: |p| >= (p^2 + lo hi)/(lo + hi) for lo <= |p| <= hi. |v| is convex along the arc and
+ * replaced by the chord between both ends, which is above it. The result is a polynomial, which is
+ * nowhere below its smallest Bernstein coefficient. */
 static inline double speed_bound(const void *rule, const Arc *part)
 {
     const SpeedLimit *l = rule;

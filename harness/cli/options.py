@@ -59,7 +59,7 @@ def option(usage: str, text: str, **more: Any) -> Any:
 
 
 def output(text: str) -> Any:
-    """Return the option -o of a command."""
+    """Return the typer declaration of the option `--output -o`; text: its help text."""
     return option("--output -o", text)
 
 

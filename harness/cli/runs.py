@@ -77,8 +77,9 @@ class Requested:
         return Rerun(system, changes)  # type: ignore[arg-type]
 
     def _started(self, system: str | None, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return the changes completed by --epoch and by the start values from the files of
-        --start, which --set overrides.
+        """Return `changes` with the epoch of --epoch and the start values from the files of
+        --start; a value of --set overrides a start value. Raise UsageError if one of these options
+        is given without a system.
         """
         if not self.start and self.epoch is None:
             return changes

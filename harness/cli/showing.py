@@ -120,8 +120,10 @@ def _signal(s: Signal) -> tuple[str, ...]:
 
 
 def _end(s: Signal, wire: str) -> str:
-    """Return the other end of a connection of a signal, COMPONENT.VARIABLE. For an output it is
-    only the component if the connected input has the same name.
+    """Return the text in the table for a variable that is connected to the signal s.
+
+    wire: the connected variable as COMPONENT.VARIABLE. If s is an output and drives an input of the
+    same name, the text is only COMPONENT.
     """
     component, _, variable = wire.rpartition(".")
     return component if s.causality == "output" and variable == s.name else wire

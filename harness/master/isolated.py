@@ -143,8 +143,10 @@ class _Run:
         self._seen: tuple[object, float] = None, 0.0
 
     def result(self, progress: bool) -> Result:
-        """Return the result after the child has ended; raise RunError with the rows so far, or
-        FmuError.
+        """Wait until the child has ended and return the result; progress: show a progress bar.
+
+        Raises RunError, with the rows recorded so far, if an FMU fails, the child crashes or the
+        user stops the run, and FmuError if an FMU cannot be loaded.
         """
         name, steps = self.simulation.system.name, self.simulation.steps
         with Child(_run, *self._order) as self.child:

@@ -85,8 +85,8 @@ def of_system(system: System) -> Start:
 
 
 def remarks(result: Result) -> Iterator[str]:
-    """Yield the lines on a report page that the file exchanges of a mission add about a result,
-    besides the notes of the mission.
+    """Yield the lines that `Exchange.remarks` of the mission of a result adds to its report page,
+    such as eclipses; the notes of the mission are not among these lines.
     """
     for each in _offered(of_result(result)):
         if each.remarks is not None:

@@ -180,7 +180,7 @@ class _Differences:
             with np.errstate(over="ignore", invalid="ignore"):
                 columns[:, k] = (4 * fine - coarse) / 3
             if not np.isfinite(columns[:, k]).all():
-                raise self._no_model(f"the differences by {name} overflow")
+                raise self._no_model(f"the differences for the derivatives by {name} overflow")
         return columns
 
     @np.errstate(over="ignore", invalid="ignore")

@@ -195,9 +195,11 @@ class _Exchange:
     # ---- parameters
 
     def system_with_values(self) -> System:
-        """Return the system with the new FMU. The new FMU gets the values of all parameters that
-        the former FMU has too, under the names in the new FMU. Values that the system has for this
-        FMU override them.
+        """Return the system with the new FMU and values for its parameters.
+
+        A value that the system has for a parameter of the former FMU is retained, under the name in
+        the new FMU, if the new FMU has this parameter. Values in the [alternatives] of the system
+        for the new FMU override retained values.
         """
         theirs = {our: their for their, our in self.names.items()}
         known = self.interface.settable()

@@ -237,7 +237,7 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
     if isinstance(value, str):
         return f"; write [{value}]" if "," in value else ""
     if isinstance(value, Sequence):
-        return "; the number of elements of an FMU is fixed"
+        return "; the FMU fixes the number of elements"
     is_vector = len(index(elements[0])) == 1
     return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]" if is_vector else ""
 

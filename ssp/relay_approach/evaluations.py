@@ -42,7 +42,10 @@ def speeds(result: Result) -> tuple[Array, Array]:
     """
     servicer, target = (np.linalg.norm(result[name], axis=1) for name in VELOCITIES)
     if target.max() > IN_ORBIT:
-        raise NotJudgedError("the target is on an orbit, speeds in the paper's frame are unknown")
+        raise NotJudgedError(
+            "the paper's speeds refer to a frame that moves along the orbit of the target; the "
+            "result does not contain them"
+        )
     return np.asarray(servicer), np.asarray(target)
 
 

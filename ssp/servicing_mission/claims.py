@@ -33,7 +33,9 @@ def by_arm(result: Result) -> bool:
 
 
 def stay(result: Result, phase: str) -> Stay:
-    """Return the first stay in a phase; raise NotExercisedError if the run has none."""
+    """Return the first time span that the mission spends in a phase; raise NotExercisedError if
+    the run does not reach the phase.
+    """
     found = [s for s in stays(result) if s.phase == phase]
     if not found:
         raise NotExercisedError(f"the mission does not reach {phase}")

@@ -102,8 +102,9 @@ class Answer:
     """Impulse of the run by the same cost [N s]."""
 
     def lines(self) -> Iterator[str]:
-        """Yield the report: impulse of the run relative to the optimum, distance between simulation
-        and plan, and the verdicts on the requirements in the simulation of the optimal force.
+        """Yield the lines of the report: the impulse of the run relative to the optimum, then for
+        the simulation with the optimal force its distance from the optimal trajectory at the end
+        and the verdict on each requirement.
         """
         best = self.optimum.impulse
         ratio = f"{self.spent / best:.3g} times the optimum of {best:.4g} N s"

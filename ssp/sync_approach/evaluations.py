@@ -68,14 +68,14 @@ def safe_distance(result: Result) -> float:
 
 
 def attitude_start(result: Result) -> float:
-    """Return the time at which the attitude is released [s]; raise NotExercisedError if the run
-    ends before, NotJudgedError if the attitude is never released.
+    """Return the time until which the attitude of the servicer is frozen [s]; raise
+    NotExercisedError if the run ends before, NotJudgedError if the attitude remains frozen.
     """
     start = derived.release_time(result)
     end = float(result.time[-1])
     if np.isfinite(start) and start >= end:
         raise NotExercisedError(
-            f"the run ends at {end:g} s, the attitude is released at {start:g} s"
+            f"the run ends at {end:g} s, but the attitude is frozen until {start:g} s"
         )
     if not start < end:
         raise NotJudgedError("the attitude is not controlled in this run")

@@ -74,8 +74,9 @@ def to_inertial(q: Array, v: Array) -> Array:
 
 
 def module_motion(result: Result) -> tuple[Array, Array, Array]:
-    """Return the centre of mass of the module from the centre of mass of the base, its velocity and
-    acceleration as seen in the base, base axes, (rows, 3) each.
+    """Return position [m], velocity [m/s] and acceleration [m/s2] of the centre of mass of the
+    module relative to the centre of mass of the base, as seen in the base, (rows, 3) each, in base
+    axes.
     """
     angle, rate, acceleration = (result[name] for name in ARM)
     x, y, z = parameter(result, MODULE)

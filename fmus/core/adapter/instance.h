@@ -79,7 +79,8 @@ void release(const Instance *instance, void *memory);
 bool initialize_checked(const Instance *instance, const char *function, void *model);
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
-/* sets `ruled`: at most variable_count + checked_count runs of outputs */
+/* fills `ruled`, one entry per run of neighbouring outputs with the same rule; `ruled` needs memory
+ * for variable_count + checked_count entries */
 void list_ruled_outputs(Instance *instance);
 
 /* logs a warning for every alarm that has changed to 1 since the last valid state */

@@ -90,7 +90,10 @@ def _gathered(fmu: str, sources: list[Path], folder: Path, taken: set[str]) -> s
     for name, path in files.items():
         known = ours.get(name) or folder / name
         if known.exists() and known.read_bytes() != path.read_bytes():
-            raise NotFusibleError(f"{fmu} has another {name} than the other parts: build it anew")
+            raise NotFusibleError(
+                f"{fmu}: its file {name} differs from {name} of the harness or of another FMU: "
+                "build the FMU anew"
+            )
         if name not in ours:
             shutil.copyfile(path, folder / name)
     symbol = next(s for s in _names(f"{model.stem}_model") if s not in taken)

@@ -60,11 +60,11 @@ class Row:
 
 @dataclass(frozen=True)
 class Model:
-    """Layout of a model as layout.c prints it.
+    """Memory layout of a model, as layout.c prints it.
 
-    size, scratch: number of doubles of the model and of its working memory; inputs, states,
-    outputs: index of the first double of each; start: values of parameters and inputs; rows: its
-    variables.
+    size: length of the model in doubles; scratch: length of its workspace in doubles; inputs,
+    states, outputs: index of the first double of its inputs, states and outputs; start: start
+    values of its parameters and inputs; rows: table of its variables.
     """
 
     symbol: str

@@ -202,7 +202,7 @@ class Reader:
         if self.line[self.at : self.at + 1] != CLOSING[opening]:
             if opening in "|{" or self.at < len(self.line):
                 raise NotationError(f"{self.line.strip()!r}: {opening!r} is not closed")
-            return Node("operator", _fence(opening) + _written(nodes))  # goes on a line below
+            return Node("operator", _fence(opening) + _written(nodes))  # closed on a later line
         self.at += 1
         inside = _written(nodes)
         shown = f"<mrow>{_fence(opening)}{inside}{_fence(CLOSING[opening])}</mrow>"

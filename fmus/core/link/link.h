@@ -56,6 +56,7 @@ unsigned finish_exchange(Link *l, unsigned status);
 unsigned finish_late_answer(Link *l); /* receives an answer that was late for its step */
 fmi2Status send_simple_request(Link *l, Code code); /* without payload */
 fmi2Status send_pending(Link *l);                   /* sends values that have been set */
-fmi2Status read_missing(Link *l);                   /* requests values read but not valid */
+/* requests from the board the values that the master reads and that the link does not know */
+fmi2Status read_missing(Link *l);
 
 #endif

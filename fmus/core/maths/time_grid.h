@@ -17,7 +17,8 @@
 
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
-/* largest distance from x of a number that counts as x */
+/* largest difference at which another number still counts as equal to x: 1e-9 (1 + |x|), at most
+ * `most`, at least two rounding errors of x */
 static inline double time_tolerance(double x, double most)
 {
     double relative = 1e-9 * (1 + fabs(x)), two_roundings = 4.44089209850062616e-16 * fabs(x);

@@ -131,7 +131,7 @@ class Driver:
             self.progress(Progress(done, self.store.runs, self.failed))
 
     def _write(self, end: int) -> None:
-        """Write the waiting runs with numbers below `end`."""
+        """Write the runs with numbers below `end` that are not in the dataset yet."""
         count = max(0, end - self._stored)
         part, self._waiting = self._waiting[:count], self._waiting[count:]
         if not part:
@@ -160,7 +160,9 @@ class Driver:
     # ---- finish
 
     def finish(self, estimate: dict[str, Any]) -> Study:
-        """Write the waiting runs, store the estimate as plain data, and return the study."""
+        """Write the runs that are not in the dataset yet, and the estimate of the analysis as JSON
+        in an attribute of the dataset; return the study.
+        """
         self._write(self.store.runs)
         counts = dict(zip(self.evaluator.names, self.unjudged, strict=True))
         found = json.dumps(estimate | {"unjudged": counts}, default=lambda value: value.tolist())
@@ -168,7 +170,7 @@ class Driver:
         return Study(self.path, self.store)
 
     def close(self) -> None:
-        """Write the waiting runs and unlock the dataset."""
+        """Write the runs that are not in the dataset yet, and unlock the dataset."""
         try:
             self._write(self.store.runs)
         finally:

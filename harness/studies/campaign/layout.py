@@ -144,7 +144,9 @@ def _of_requirements(n: int, task: Task) -> Iterator[Field]:
 
 
 def _of_histories(n: int, task: Task) -> Iterator[Field]:
-    """Yield the arrays of recorded histories, and the array of the times of their rows."""
+    """Yield an array for the time series of each recorded variable, and one array with the times
+    of their rows [s]; no array if nothing is recorded. n: number of runs.
+    """
     for name in task.table.recorded:
         label = name if name in task.table.record.histories else SCRATCH + name
         width = task.kinds[name].reshape(1, -1).shape[1]

@@ -164,8 +164,10 @@ class Store:
         return sorted(each.name for each in self.path.iterdir() if each.is_dir())
 
     def _array(self, name: str) -> Any:
-        """Return an array by name, None if it cannot be read. Later writes to it also store chunks
-        that contain only the fill value, so that each complete block has its chunks.
+        """Return an array by name, None if it cannot be read.
+
+        Later writes to it store also those chunks that contain only the fill value. Otherwise Zarr
+        would omit them, and their block of runs would be taken for lost.
         """
         from zarr import config
 

@@ -83,7 +83,7 @@ def test_another_number_of_thrusters_or_wheels_is_reported_in_one_line_before_th
     )
     line = (
         f"harness: mine.toml: parameters.{place}: expected {sizes[0]} elements, got {sizes[1]} "
-        "elements; the number of elements of an FMU is fixed"
+        "elements; the FMU fixes the number of elements"
     )
     for command in (["check"], ["run", "-o", tmp_path / "x.nc"]):
         assert reported(command[0], tmp_path / "mine.toml", *command[1:]) == (1, [line])

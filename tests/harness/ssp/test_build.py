@@ -157,8 +157,8 @@ def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(
         (
             ("J = [[1, 2], [3, 4]]", "J = [1, 2]"),
             [
-                "parameters.second.J: expected 2 x 2 elements, got 2 elements; the number of "
-                "elements of an FMU is fixed",
+                "parameters.second.J: expected 2 x 2 elements, got 2 elements; the FMU "
+                "fixes the number of elements",
             ],
         ),
         (("M.bias = 8", "M.bias = nan"), ["sets.other.second.M.bias: it must not be NaN"]),

@@ -77,7 +77,7 @@ def test_assignment_fits_the_shape_of_the_variable():
         ("rho", 1.0, r"expected 3 elements, got a number; write \[1, 1, 1\]"),
         ("mass", [1.0], "expected a number, got 1 element"),
         ("J", [1, 2, 3, 4], "expected 2 x 2 elements, got 4 elements"),
-        ("J", [[1, 2]] * 3, "got 3 x 2 elements; the number of elements of an FMU is fixed"),
+        ("J", [[1, 2]] * 3, "got 3 x 2 elements; the FMU fixes the number of elements"),
         ("J", [[1, 2], [3]], "expected 2 x 2 elements, got a ragged list"),
         ("J", [[1, 2], 3], "expected 2 x 2 elements, got a ragged list"),
         ("rho", [], "an empty list has no elements"),
