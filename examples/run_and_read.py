@@ -23,7 +23,7 @@ print(f"from {distance[0]:.2f} m to {distance[-1]:.2f} m in {result.time[-1]:.0f
 print("mass at the start", result.parameter("servicer.mass_0"), "kg")
 print("moments of inertia", np.diag(result.parameter("servicer.J_S")), "kg m2")
 
-# .nc (xarray), .csv or .parquet; all of them come back with the same numbers
+# .nc (xarray) or .csv; both come back with the same numbers
 file = Path("approach.nc")
 ResultFile(file).write(result)
 again = read(file)

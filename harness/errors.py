@@ -141,7 +141,7 @@ EXTRAS = {
     "report": ("jinja2", "k3d", "plotly"),
     "campaign": ("zarr",),
     "notebook": ("pandas", "xarray"),
-    "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),
+    "exchange": ("astropy", "erfa", "oem", "sgp4"),
     "python": ("pythonfmu",),
     "learn": ("gymnasium",),
     "live": ("ziglang",),

@@ -302,7 +302,7 @@ def _page(source: Any, output: Path, live: bool = False, lesson: Path | None = N
 
 
 ConvertedOption = Annotated[
-    Path, output("File to write: .nc, .csv, .parquet; for one body .oem, .aem, .czml")
+    Path, output("File to write: .nc, .csv; for one body .oem, .aem, .czml")
 ]
 
 

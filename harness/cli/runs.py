@@ -36,7 +36,7 @@ SystemOption = Annotated[
         "[SYSTEM]", "System: name, or path of an .ssp (not needed with --like RESULT)", systems
     ),
 ]
-OutputOption = Annotated[Path | None, output("File to write: .nc, .csv or .parquet")]
+OutputOption = Annotated[Path | None, output("File to write: .nc or .csv")]
 
 
 @dataclass(frozen=True)

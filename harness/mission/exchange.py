@@ -33,15 +33,15 @@ def convert(
     (default: from the run, else J2000). Raises UsageError, ResultsError, and HarnessError if a
     library is missing.
     """
-    from harness.results.files import WRITERS, read, save
+    from harness.results.files import FORMATS, read, save
 
     path, result = Path(target), read(source)
-    if path.suffix in WRITERS:
+    if path.suffix in FORMATS:
         return save(result, path)
     writers = {k: w for each in _offered(of_result(result)) for k, w in each.writers.items()}
     if path.suffix not in writers:
         raise UsageError(
-            f"{path}: results are converted to {', '.join((*WRITERS, *writers))}, not to "
+            f"{path}: results are converted to {', '.join((*FORMATS, *writers))}, not to "
             f"'{path.suffix or path.name}'"
         )
     own = result.provenance.epoch if result.provenance else ""

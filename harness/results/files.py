@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Results files: .csv and .parquet (flat columns), and .nc (netCDF4: vectors, units, long names).
+"""Results files: .csv (flat columns), and .nc (netCDF4: vectors, units, long names).
 
-All formats also store the parameters of the run and its provenance. A .nc stores parameters as
-variables without time and provenance as attributes, a .parquet both in the metadata of the file. A
-.csv is a plain table for any reader of tables, so parameters, provenance and units are in
-NAME.csv.toml beside it.
+Both formats also store the parameters of the run and its provenance. A .nc stores parameters as
+variables without time and provenance as attributes. A .csv is a plain table for any reader of
+tables, so parameters, provenance and units are in NAME.csv.toml beside it.
 
 A run that ended early is written to NAME.partial.nc beside NAME.nc, so that only a complete run
 replaces a complete file. A partial .nc has `complete = 0`, a .csv ends with a line `# incomplete:
@@ -20,18 +19,16 @@ import tempfile
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
-from harness.errors import HarnessError, ResultsError, UsageError, reason_of
+from harness.errors import ResultsError, UsageError, reason_of
 from harness.files.output import new_beside, written
 from harness.files.signals import held
-from harness.results.formats import comma_separated, netcdf, parquet, sound
+from harness.results.formats import comma_separated, netcdf, sound
 from harness.results.result import Result
 from harness.spelling import some
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 
-FORMATS = {".csv": comma_separated, ".nc": netcdf, ".parquet": parquet}
-WRITERS = {ending: kind.write for ending, kind in FORMATS.items()}
-READERS = {ending: kind.read for ending, kind in FORMATS.items()}
+FORMATS = {".csv": comma_separated, ".nc": netcdf}
 
 
 class ResultFile:
@@ -127,12 +124,10 @@ class ResultFile:
     def _write(self, result: Result, path: Path) -> None:
         try:
             with held(), nullcontext(path) if self._special else written(path) as target:
-                WRITERS[path.suffix](result, target)
+                FORMATS[path.suffix].write(result, target)
             if path.suffix == ".csv" and not self._special:
                 comma_separated.write_beside(result, path)
         except Exception as error:  # OSError, or what the libraries of a format raise
-            if isinstance(error, HarnessError) and not isinstance(error, ResultsError):
-                raise  # a library is missing
             cause = error.__cause__ if isinstance(error, ResultsError) else None
             raise self._unwritable(reason_of(cause or error)) from error
 
@@ -145,7 +140,7 @@ def _rescued(result: Result, path: Path) -> Path | None:
     for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
         place = folder / f"{path.stem[:100]}-{secrets.token_hex(6)}{ending}"
         with suppress(Exception), written(place) as target:  # the original error is reported
-            WRITERS[ending](result, target)
+            FORMATS[ending].write(result, target)
         if place.exists():
             return place
     return None
@@ -161,16 +156,14 @@ def read(file: str | Path) -> Result:
     if path.suffix not in FORMATS:
         raise UsageError(f"{path}: expected a results file ({', '.join(FORMATS)})")
     try:
-        return sound(READERS[path.suffix](path))
-    except HarnessError:  # a library is missing
-        raise
+        return sound(FORMATS[path.suffix].read(path))
     except Exception as error:  # OSError, or what the libraries of a format raise
         raise ResultsError(f"{path}: cannot be read ({reason_of(error)})") from error
 
 
 def save(result: Result, path: str | Path) -> Path:
-    """Write a result to a .nc, .csv or .parquet file, an incomplete result to a NAME.partial
-    file beside it; return the path of the file. Raises UsageError, ResultsError.
+    """Write a result to a .nc or .csv file, an incomplete result to a NAME.partial file beside
+    it; return the path of the file. Raises UsageError, ResultsError.
     """
     file = ResultFile(Path(path))
     if not result.complete:

@@ -51,11 +51,15 @@ def test_without_extras_a_system_runs_and_is_evaluated_and_the_rest_states_what_
         '[factors]\n"servicer.mass_0" = {uniform = {low = 90, high = 110}}\n'
         '[metrics]\nend = "last(time)"\n'
     )
+    (tmp_path / "x.tle").write_text(
+        "1 25544U 98067A   20194.88612269 -.00002218  00000-0 -31515-4 0  9992\n"
+        "2 25544  51.6461 221.2784 0001413  89.1723 280.4612 15.49507896236008\n"
+    )
     needing = {
         "plot x.csv": "plot",
         "report x.csv -o x.html": "report",
         "campaign c.toml -o c.zarr": "campaign",
-        "convert x.csv -o x.parquet": "exchange",
+        "run sync_approach --start target=x.tle -o y.csv": "exchange",
     }
     simulated, *others = bare(tmp_path, "run sync_approach --stop 5 -o x.csv", *needing)
     assert simulated[0] == 0, simulated[1]

@@ -158,7 +158,7 @@ def test_the_head_of_a_module_lists_its_own_commands():
         (["run", "dmo"], "dmo: there is no such system (close: demo)"),
         (
             ["run", "demo", "-o", "x.txt"],
-            "x.txt: results are written as .csv, .nc, .parquet, not as '.txt'",
+            "x.txt: results are written as .csv, .nc, not as '.txt'",
         ),
         (
             ["run", "demo", "--set", "twice.kk=1"],

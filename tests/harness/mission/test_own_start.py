@@ -267,4 +267,4 @@ def test_a_mission_brings_files_of_its_own(tmp_path, capsys):
     assert main(["convert", str(out), "-o", str(tmp_path / "x.mine")]) == 0
     assert (tmp_path / "x.mine").read_text() == "weighed None 2026-03-01T06:00:00"
     assert main(["convert", str(out), "-o", str(tmp_path / "x.oem")]) == 2
-    assert "to .csv, .nc, .parquet, .mine, not to '.oem'" in capsys.readouterr().err
+    assert "to .csv, .nc, .mine, not to '.oem'" in capsys.readouterr().err

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from harness.errors import ResultsError
-from harness.results.files import READERS, read
+from harness.results.files import FORMATS, read
 from harness.results.provenance import Provenance
 from harness.results.result import Result
 from harness.spelling import one_line
@@ -48,7 +48,7 @@ def named(*odds):
     )
 
 
-@pytest.mark.parametrize("ending", READERS)
+@pytest.mark.parametrize("ending", FORMATS)
 def test_names_units_and_texts_come_back(tmp_path, ending):
     result = named(*(odd for odd in ODD if odd not in REJECTED.get(ending, ())))
     back = read(result.save(tmp_path / f"out{ending}"))
@@ -68,7 +68,7 @@ def test_names_that_cannot_be_held_are_rejected(tmp_path, ending):
             named(odd).save(tmp_path / f"out{ending}")
 
 
-@pytest.mark.parametrize("ending", READERS)
+@pytest.mark.parametrize("ending", FORMATS)
 def test_the_reason_of_an_early_end_comes_back_in_one_line(tmp_path, ending):
     message = "a.b: " + "".join(f"one{odd}two" for odd in ODD if odd != "\0")
     back = read(replace(named("y"), complete=False, message=message).save(tmp_path / f"x{ending}"))

@@ -3,14 +3,11 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from dataclasses import replace
 
 import netCDF4
 import numpy as np
-import pyarrow
-import pyarrow.parquet
 import pytest
 import tomli_w
 
@@ -19,7 +16,7 @@ from harness.cli import main
 from harness.errors import ResultsError
 from harness.files.checksums import sha256
 from harness.results import formats
-from harness.results.files import READERS
+from harness.results.files import FORMATS
 from harness.results.result import Result
 
 
@@ -146,21 +143,14 @@ SIDECARS = {
 }
 
 
-@pytest.mark.parametrize("ending", [".csv", ".parquet"])
 @pytest.mark.parametrize("case", SIDECARS)
-def test_damaged_descriptions_beside_the_numbers_are_rejected(result, tmp_path, case, ending):
+def test_damaged_descriptions_beside_the_numbers_are_rejected(result, tmp_path, case):
     changes, problem = SIDECARS[case]
-    path = result.save(tmp_path / f"crafted{ending}")
-    if ending == ".csv":
-        beside = path.with_name("crafted.csv.toml")
-        about = tomllib.loads(beside.read_text(encoding="utf-8")) | changes
-        assert about["sha256"] == sha256(path)
-        beside.write_text(tomli_w.dumps(about), encoding="utf-8")
-    else:
-        table = pyarrow.parquet.read_table(path)
-        about = json.loads(table.schema.metadata[b"servicing-fmus"]) | changes
-        metadata = {b"servicing-fmus": json.dumps(about).encode()}
-        pyarrow.parquet.write_table(table.replace_schema_metadata(metadata), path)
+    path = result.save(tmp_path / "crafted.csv")
+    beside = path.with_name("crafted.csv.toml")
+    about = tomllib.loads(beside.read_text(encoding="utf-8")) | changes
+    assert about["sha256"] == sha256(path)
+    beside.write_text(tomli_w.dumps(about), encoding="utf-8")
     with pytest.raises(ResultsError) as rejected:
         read(path)
     assert f"cannot be read ({problem}" in str(rejected.value)
@@ -184,34 +174,12 @@ def test_a_time_on_other_axes_is_rejected(tmp_path, axes, problem):
     assert f"cannot be read ({problem})" in str(rejected.value)
 
 
-@pytest.mark.parametrize(
-    ("names", "about", "problem"),
-    [
-        (("t", "a.x"), None, "the first column must be named time"),
-        (("time", "a.x"), "[1]", "the metadata of the key servicing-fmus are not a JSON table"),
-        (("time", "a.x"), None, None),
-    ],
-)
-def test_a_parquet_of_another_tool_is_a_table_or_rejected(tmp_path, names, about, problem):
-    table = pyarrow.table([[0.0, 1.0], [2.0, 3.0]], names=names)
-    if about is not None:
-        table = table.replace_schema_metadata({b"servicing-fmus": about})
-    pyarrow.parquet.write_table(table, tmp_path / "crafted.parquet")
-    if problem is None:
-        found = read(tmp_path / "crafted.parquet")
-        assert (found.system, found["a.x"].tolist()) == ("crafted", [2, 3])
-        return
-    with pytest.raises(ResultsError) as rejected:
-        read(tmp_path / "crafted.parquet")
-    assert f"cannot be read ({problem})" in str(rejected.value)
-
-
 def test_a_table_without_rows_is_no_result(tmp_path):
     (tmp_path / "empty.csv").write_text("time,a.x\n")
     with pytest.raises(ResultsError, match=r"cannot be read"):
         read(tmp_path / "empty.csv")
     nothing = Result("s", np.zeros(0), ("a.x",), ("m",), np.zeros((0, 1)), ("",))
-    for ending in READERS.keys() - {".csv"}:
+    for ending in FORMATS.keys() - {".csv"}:
         with pytest.raises(ResultsError, match="cannot be read"):
             read(nothing.save(tmp_path / f"empty{ending}"))
 
@@ -251,9 +219,8 @@ def test_values_that_a_third_party_file_declares_missing_are_not_numbers(tmp_pat
     assert np.array_equal(found["a.n"], [np.nan, 2, 3], equal_nan=True)
 
 
-@pytest.mark.parametrize("ending", [".nc", ".parquet"])
-def test_a_file_larger_than_half_of_the_memory_is_rejected(result, tmp_path, ending, monkeypatch):
-    path = result.save(tmp_path / f"out{ending}")
+def test_a_file_larger_than_half_of_the_memory_is_rejected(result, tmp_path, monkeypatch):
+    path = result.save(tmp_path / "out.nc")
     assert np.array_equal(read(path).time, result.time)
     monkeypatch.setattr(formats, "SMALL", 0)
     monkeypatch.setattr(formats, "_memory", lambda: result.values.nbytes)

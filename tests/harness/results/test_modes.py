@@ -40,7 +40,7 @@ def test_names_of_modes_survive_every_format(tmp_path):
     assert result.mode("guidance.mode", 2.0) == "burn"
     assert result.mode("guidance.mode", 7.0) == "7"
     assert not result.mode_names("guidance.range")
-    for ending in ("nc", "csv", "parquet"):
+    for ending in ("nc", "csv"):
         again = read(result.save(tmp_path / f"r.{ending}"))
         assert again.modes == result.modes, ending
 

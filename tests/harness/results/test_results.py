@@ -175,7 +175,7 @@ def test_netcdf_has_vectors_with_units_and_long_names(result, tmp_path):
     assert back.description("a.m") == "meaning of a.m"
 
 
-@pytest.mark.parametrize("ending", [".csv", ".nc", ".parquet"])
+@pytest.mark.parametrize("ending", [".csv", ".nc"])
 def test_an_incomplete_run_stays_marked_as_such(result, tmp_path, ending):
     partial = replace(
         result, complete=False, message="a: step failed: burnt through (at t = 0.4 s)"
@@ -199,7 +199,7 @@ def test_a_missing_folder_is_made(result, tmp_path):
         (
             "x.txt",
             UsageError,
-            r"results are written as \.csv, \.nc, \.parquet, not as '\.txt'",
+            r"results are written as \.csv, \.nc, not as '\.txt'",
         ),
         ("x", UsageError, "not as 'x'"),
         ("folder.csv", ResultsError, "is a folder; give the name of a file"),
@@ -223,7 +223,7 @@ def test_looking_whether_it_can_be_written_leaves_nothing_and_touches_nothing(tm
     assert old.read_text() == "old"
 
 
-@pytest.mark.parametrize("ending", [".csv", ".nc", ".parquet"])
+@pytest.mark.parametrize("ending", [".csv", ".nc"])
 def test_a_failure_while_writing_is_reported_in_one_line_and_leaves_the_old_file(
     result, tmp_path, monkeypatch, ending
 ):
@@ -268,8 +268,8 @@ def test_a_file_that_is_no_result_is_reported_in_one_line(tmp_path, name, conten
 
 
 def test_other_endings_and_missing_files_cannot_be_read_back(tmp_path):
-    with pytest.raises(UsageError, match=r"expected a results file \(\.csv, \.nc, \.parquet\)"):
+    with pytest.raises(UsageError, match=r"expected a results file \(\.csv, \.nc\)"):
         read(tmp_path / "x.txt")
-    for ending in (".csv", ".nc", ".parquet"):
+    for ending in (".csv", ".nc"):
         with pytest.raises(ResultsError, match="No such file"):
             read(tmp_path / f"gone{ending}")
