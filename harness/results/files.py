@@ -16,13 +16,17 @@ from __future__ import annotations
 import os
 import secrets
 import tempfile
+from collections import Counter
+from collections.abc import Iterator
 from contextlib import nullcontext, suppress
 from pathlib import Path
+
+import numpy as np
 
 from harness.errors import ResultsError, UsageError, reason_of
 from harness.files.output import new_beside, written
 from harness.files.signals import held
-from harness.results.formats import comma_separated, netcdf, sound
+from harness.results.formats import comma_separated, netcdf
 from harness.results.result import Result
 from harness.spelling import some
 from harness.system.graph import read_interfaces
@@ -156,7 +160,7 @@ def read(file: str | Path) -> Result:
     if path.suffix not in FORMATS:
         raise UsageError(f"{path}: expected a results file ({', '.join(FORMATS)})")
     try:
-        return sound(FORMATS[path.suffix].read(path))
+        return _sound(FORMATS[path.suffix].read(path))
     except Exception as error:  # OSError, or what the libraries of a format raise
         raise ResultsError(f"{path}: cannot be read ({reason_of(error)})") from error
 
@@ -170,3 +174,45 @@ def save(result: Result, path: str | Path) -> Path:
         return Path(file.write_partial(result))
     file.write(result)
     return Path(path)
+
+
+# ---- the result of a file
+
+
+def _sound(result: Result) -> Result:
+    """Return the result of a file if it is consistent; raise ValueError with its first fault."""
+    for problem in _problems(result):
+        raise ValueError(problem)
+    return result
+
+
+def _problems(result: Result) -> Iterator[str]:
+    if result.time.ndim != 1:
+        size = " x ".join(map(str, result.time.shape))
+        yield f"time: expected one value per row, got an array of {size}"
+    if not len(result.time):
+        yield "the file contains no rows"
+    if not (finite := np.isfinite(result.time)).all():
+        yield f"row {np.argmin(finite)} has the time {result.time[~finite][0]}"
+    if (np.diff(result.time) < 0).any():
+        yield f"row {np.argmax(np.diff(result.time) < 0) + 1} is earlier than the one before"
+    for name, text in (("system", result.system), ("message", result.message)):
+        if not isinstance(text, str):
+            yield f"{name}: expected a text, got {text!r:.40}"
+    yield from _faults(result, len(result.time), "variable")
+    if result.parameters is not None:
+        yield from _faults(result.parameters, 1, "parameter")
+
+
+def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
+    """Yield the faults of the columns, units and values of a table that should have `rows` rows."""
+    width = len(table.columns)
+    if table.values.shape != (rows, width):
+        yield f"{kind}s: expected {rows} rows of {width} values, got {table.values.shape}"
+    if twice := [name for name, times in Counter(table.columns).items() if times > 1]:
+        yield f"{kind} {twice[0]} occurs twice"
+    given = {"unit": table.units, "description": table.descriptions, "mode": table.modes}
+    for about, texts in given.items():
+        for name, text in zip(table.columns, texts, strict=False):
+            if not isinstance(text, str):
+                yield f"{about} of {kind} {name}: expected a text, got {text!r:.40}"

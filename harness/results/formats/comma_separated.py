@@ -12,16 +12,16 @@ import csv
 import logging
 import os
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
 from harness.files.checksums import sha256
 from harness.files.output import written
-from harness.results.formats import completed, content
+from harness.results import provenance
 from harness.results.result import Result
 
 INCOMPLETE = "# incomplete: "
@@ -100,7 +100,7 @@ def write_beside(result: Result, path: Path) -> None:
     """Write the NAME.csv.toml of a .csv that is already written; raise OSError or ResultsError."""
     import tomli_w
 
-    about = {"sha256": sha256(path), **content(result)}
+    about = {"sha256": sha256(path), **_content(result)}
     with written(beside(path)) as target:
         target.write_text(tomli_w.dumps(about), encoding="utf-8")
 
@@ -121,4 +121,67 @@ def _completed(result: Result, path: Path) -> Result:
             "%s: ignored, because it belongs to another version of %s", beside(path).name, path.name
         )
         return result
-    return completed(result, about)
+    return _with(result, about)
+
+
+def _content(result: Result) -> dict[str, Any]:
+    """Return everything in a result except the values of its table, for TOML."""
+    about: dict[str, Any] = {
+        "system": result.system,
+        "complete": result.complete,
+        "message": result.message,
+    }
+    if result.provenance is not None:
+        about["provenance"] = provenance.table(result.provenance)
+    if (fixed := result.parameters) is not None:
+        values = dict(zip(fixed.columns, fixed.values[0].tolist(), strict=True))
+        about["parameters"] = {"values": values, **_texts(fixed)}
+    return {**about, "columns": _texts(result)}
+
+
+def _texts(result: Result) -> dict[str, Any]:
+    """Return units, descriptions and modes, each by column, without empty texts."""
+    given = {"units": result.units, "descriptions": result.descriptions, "modes": result.modes}
+    return {
+        kind: {name: text for name, text in zip(result.columns, texts, strict=False) if text}
+        for kind, texts in given.items()
+    }
+
+
+def _with(result: Result, about: Mapping[str, Any]) -> Result:
+    """Return a result that has only columns and values, completed by the texts, parameters and
+    provenance in `about`, as _content() returned them; raise ValueError if `about` is invalid.
+    """
+    origin, parameters = _table(about, "provenance"), _table(about, "parameters")
+    return replace(
+        _named(result, _table(about, "columns")),
+        system=about.get("system", result.system),
+        parameters=_parameters(result, parameters) if parameters else None,
+        provenance=provenance.from_table(origin) if origin else None,
+    )
+
+
+def _table(about: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the table with this name inside a table, {} if it is missing; raise ValueError if the
+    entry is not a table.
+    """
+    if not isinstance(found := about.get(name, {}), dict):
+        raise ValueError(f"{name}: expected a table, got {found!r:.40}")
+    return found
+
+
+def _named(result: Result, texts: Mapping[str, Any]) -> Result:
+    found: dict[str, Any] = {
+        kind: tuple(_table(texts, kind).get(name, "") for name in result.columns)
+        for kind in ("units", "descriptions", "modes")
+    }
+    return replace(result, **found)
+
+
+def _parameters(result: Result, table: Mapping[str, Any]) -> Result:
+    given = _table(table, "values")
+    for name, value in given.items():
+        if not isinstance(value, int | float):
+            raise ValueError(f"parameter {name}: expected a number, got {value!r:.40}")
+    values = np.array([list(given.values())], dtype=np.float64)
+    return _named(Result(result.system, result.time[:1], tuple(given), (), values), table)

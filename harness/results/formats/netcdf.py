@@ -5,6 +5,7 @@ provenance is in attributes.
 
 from __future__ import annotations
 
+import os
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping
@@ -16,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from harness.results import provenance
-from harness.results.formats import check_size, numbers
 from harness.results.result import (
     ELEMENTS,
     PROVENANCE,
@@ -91,7 +91,7 @@ def read(path: Path) -> Result:
     histories, fixed = {}, {}
     with netCDF4.Dataset(path) as file:
         file.set_auto_mask(False)
-        check_size(sum(8 * v.size for v in file.variables.values()), path.stat().st_size)
+        _check_size(sum(8 * v.size for v in file.variables.values()), path.stat().st_size)
         about = {name: file.getncattr(name) for name in file.ncattrs()}
         time = _values("time", file["time"])
         for name, variable in file.variables.items():
@@ -116,10 +116,10 @@ def _values(name: str, variable: Any) -> Array:
     conventions).
     """
     if not {"_FillValue", "missing_value"} & {*variable.ncattrs()}:
-        return numbers(name, variable[...])
+        return _numbers(name, variable[...])
     variable.set_auto_mask(True)
     found = np.ma.asanyarray(variable[...])
-    return np.where(np.ma.getmaskarray(found), np.nan, numbers(name, found.data))
+    return np.where(np.ma.getmaskarray(found), np.nan, _numbers(name, found.data))
 
 
 def _flat_columns(
@@ -150,3 +150,45 @@ def _from_lines(text: str) -> list[str]:
 
 _MEANT = {r"\\": "\\", r"\n": "\n"}
 _ESCAPED = re.compile(r"\\[\\n]")
+
+
+# ---- size
+
+
+RATIO = 1100
+"""Largest plausible ratio of unpacked to packed size: zlib reaches 1032."""
+SMALL = 64 * 1024**2
+"""Unpacked size [bytes] up to which no file is rejected."""
+
+
+def _check_size(unpacked: int, packed: int) -> None:
+    """Raise ValueError if the unpacked numbers [bytes] exceed half of the memory of this machine,
+    or are more than a file of `packed` bytes can plausibly contain.
+    """
+    if unpacked > SMALL and unpacked > _memory() / 2:
+        raise ValueError(
+            f"it unpacks to {_size(unpacked)}, more than half of the memory of this machine"
+        )
+    if unpacked > max(SMALL, RATIO * packed):
+        raise ValueError(
+            f"the file of {_size(packed)} unpacks to {_size(unpacked)}, which cannot be a result"
+        )
+
+
+def _memory() -> int:
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # not on every machine
+        return 16 * 1024**3
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e9:.3g} GB" if count >= 1e8 else f"{count / 1e3:.3g} kB"
+
+
+def _numbers(name: str, values: Any) -> Array:
+    """Return an array of a file as doubles; raise ValueError if it contains something else."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name}: expected numbers, got {array.dtype}")
+    return array.astype(np.float64, copy=False)

@@ -15,8 +15,8 @@ from harness import read, run
 from harness.cli import main
 from harness.errors import ResultsError
 from harness.files.checksums import sha256
-from harness.results import formats
 from harness.results.files import FORMATS
+from harness.results.formats import netcdf
 from harness.results.result import Result
 
 
@@ -195,7 +195,7 @@ def test_a_nc_that_unpacks_to_gigabytes_is_rejected_before_it_is_read(tmp_path, 
     assert path.stat().st_size < 20_000
     with pytest.raises(ResultsError, match=r"unpacks? to 24 GB"):
         read(path)
-    monkeypatch.setattr(formats, "_memory", lambda: 2**50)  # even where the memory suffices
+    monkeypatch.setattr(netcdf, "_memory", lambda: 2**50)  # even where the memory suffices
     with pytest.raises(
         ResultsError, match=r"the file of .* kB unpacks to 24 GB, which cannot be " "a result"
     ):
@@ -222,8 +222,8 @@ def test_values_that_a_third_party_file_declares_missing_are_not_numbers(tmp_pat
 def test_a_file_larger_than_half_of_the_memory_is_rejected(result, tmp_path, monkeypatch):
     path = result.save(tmp_path / "out.nc")
     assert np.array_equal(read(path).time, result.time)
-    monkeypatch.setattr(formats, "SMALL", 0)
-    monkeypatch.setattr(formats, "_memory", lambda: result.values.nbytes)
+    monkeypatch.setattr(netcdf, "SMALL", 0)
+    monkeypatch.setattr(netcdf, "_memory", lambda: result.values.nbytes)
     with pytest.raises(
         ResultsError, match=r"it unpacks to .* more than half of the memory of this machine"
     ):
@@ -232,7 +232,7 @@ def test_a_file_larger_than_half_of_the_memory_is_rejected(result, tmp_path, mon
 
 def test_a_file_of_constants_is_a_result(tmp_path):
     """The content that compresses best of all that we write."""
-    rows = 2 * formats.SMALL // 8 // 8
+    rows = 2 * netcdf.SMALL // 8 // 8
     flat = Result("s", np.arange(float(rows)), ("a.x",), ("",), np.zeros((rows, 1)), ("",))
     path = flat.save(tmp_path / "flat.nc")
     assert read(path).complete
