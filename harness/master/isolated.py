@@ -20,7 +20,6 @@ from harness.errors import FmuError, InterruptionError, RunError
 from harness.files import signals
 from harness.files.paths import is_ours
 from harness.master import child
-from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Block, Child, Send, array, block
 from harness.master.messages import noted
 from harness.master.progress import Show, progress_bar
@@ -54,9 +53,12 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     after which the child is killed [s].
     """
     how: Any = {"executor": executor, "every": every}
-    if in_process or all_ours(system):
-        return here.simulate(system, progress=progress, **how)
-    return _Run(system, how, patience).result(progress)
+    if not (in_process or all_ours(system)):
+        return _Run(system, how, patience).result(progress)
+    with Simulation(system, **how) as simulation:
+        with progress_bar(system.name, simulation.steps, progress) as show:
+            simulation.advance(progress=show)
+        return simulation.result()
 
 
 def all_ours(system: System) -> bool:

@@ -33,7 +33,7 @@ from harness.master.executors import (
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.messages import as_typed
-from harness.master.progress import Show, progress_bar
+from harness.master.progress import Show
 from harness.master.recorder import Recorder
 from harness.master.steering import Ports, steered
 from harness.results.provenance import now, run_provenance
@@ -490,19 +490,3 @@ class Simulation:
     def parameters(self) -> Result:
         """Return the values of all parameters of the system in this run, as a table of one row."""
         return parameters_of(self.system.name, self.graph, self.clock.start)
-
-
-def simulate(
-    system: System,
-    *,
-    executor: str = "c",
-    every: int | None = None,
-    progress: bool = False,
-) -> Result:
-    """Run a system to which all changes have been applied; executor, every, progress: as for
-    run().
-    """
-    with Simulation(system, executor=executor, every=every) as simulation:
-        with progress_bar(system.name, simulation.steps, progress) as show:
-            simulation.advance(progress=show)
-        return simulation.result()

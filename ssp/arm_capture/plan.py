@@ -19,7 +19,8 @@ import numpy as np
 
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
-from harness.master.simulation import Simulation, simulate
+from harness.master.isolated import simulate
+from harness.master.simulation import Simulation
 from harness.results.histories import turned
 from harness.results.result import Array, Result
 from harness.ssp.library import load

@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
-from harness.master.simulation import simulate
+from harness.master.isolated import simulate
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.graph import read_interfaces

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from harness.errors import UsageError
 from harness.files import paths
 from harness.master.changes import apply
-from harness.master.simulation import simulate
+from harness.master.isolated import simulate
 from harness.results.result import Result
 from harness.ssp.library import load
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from harness import load
 from harness.master.changes import apply
-from harness.master.simulation import simulate
+from harness.master.isolated import simulate
 from harness.results.result import Result
 
 SYSTEM = "relay_approach"

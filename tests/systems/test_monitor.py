@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from harness import load, run
-from harness.master.simulation import simulate
+from harness.master.isolated import simulate
 from ssp.shared.relative_motion import range_
 from tests.each import some
 

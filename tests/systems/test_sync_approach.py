@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.master.simulation import Simulation, simulate
+from harness.master.isolated import simulate
+from harness.master.simulation import Simulation
 from tests.bench.monolith import Monolith
 
 from .sync_case import (

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from harness.master.simulation import simulate
+from harness.master.isolated import simulate
 
 from ..reference import adaptive, closed_loop, guidance, integrate, servicer, target
 from .sync_case import GYROSCOPIC, STEP, Case, deviation, recording, reference_system, system

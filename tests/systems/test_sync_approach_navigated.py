@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from harness import load, run
 from harness.master.changes import apply
-from harness.master.simulation import simulate
+from harness.master.isolated import simulate
 from tests.each import some
 
 from ..fmu.driver import Kind, Unit

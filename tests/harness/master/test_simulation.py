@@ -14,7 +14,8 @@ import pytest
 
 from harness import run
 from harness.errors import FmuError, InterruptionError, RunError, StructureError, UsageError
-from harness.master.simulation import Simulation, simulate
+from harness.master.isolated import simulate
+from harness.master.simulation import Simulation
 
 pytestmark = pytest.mark.usefixtures("trusted")
 
