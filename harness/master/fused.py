@@ -71,7 +71,7 @@ def write_whole(
     scalars: elements of vectors and matrices are separate variables also in FMI 3.0.
     """
     interfaces = {node.component.name: node.interface for node in graph.nodes}
-    plan = _plan(system, graph, system.name) | whole_provenance(system, interfaces)._asdict()
+    plan = _plan(system, graph, system.name) | whole_provenance(system, interfaces)
     _make(plan | {"scalars": scalars}, path, _command(COMPILER), fmi)
 
 

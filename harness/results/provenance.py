@@ -153,20 +153,10 @@ def run_provenance(system: System, executor: str, every: int) -> Provenance:
     )
 
 
-class WholeProvenance(NamedTuple):
-    """Provenance of a system that was written as one FMU. version: of this package; date: of the
-    newest of its FMUs (or SOURCE_DATE_EPOCH); provenance: parameter set, changes, schedule and FMUs
-    of the system.
-    """
-
-    version: str
-    date: str
-    provenance: dict[str, Any]
-
-
-def whole_provenance(system: System, interfaces: Mapping[str, Interface]) -> WholeProvenance:
-    """Return the provenance of a system that is written as one FMU; interfaces: of its components
-    by name.
+def whole_provenance(system: System, interfaces: Mapping[str, Interface]) -> dict[str, Any]:
+    """Return the provenance of a system that is written as one FMU. version: of this package; date:
+    of the newest of its FMUs (or SOURCE_DATE_EPOCH); provenance: parameter set, changes, schedule
+    and FMUs of the system. interfaces: of its components by name.
     """
     settings = table(run_provenance(system, "", system.experiment.every))
     fixed = {k: v for k, v in settings.items() if k not in OF_A_RUN and v not in ("", [])}
@@ -183,7 +173,7 @@ def whole_provenance(system: System, interfaces: Mapping[str, Interface]) -> Who
     ]
     newest = max(model.generationDateAndTime or "" for model in models)
     date = now() if os.environ.get("SOURCE_DATE_EPOCH") or not newest else newest
-    return WholeProvenance(__version__, date, {**fixed, "fmus": fmus})
+    return {"version": __version__, "date": date, "provenance": {**fixed, "fmus": fmus}}
 
 
 @lru_cache
