@@ -50,17 +50,14 @@ _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFIL
 """Error numbers that show a fault of the folder to unpack into, not of the archive."""
 
 
-def unpack(
-    path: Path, folder: Path, limit: int = MAX_UNPACKED, content: bytes | None = None
-) -> None:
+def unpack(path: Path, folder: Path, content: bytes | None = None) -> None:
     """Unpack a zip archive into a folder, which is created if missing; raise ArchiveError if the
     archive is missing, damaged or unsafe, or if the disk is full.
 
-    limit: largest sum of unpacked sizes [bytes]; content: the bytes of the archive, if they have
-    been read already.
+    content: the bytes of the archive, if they have been read already.
     """
     with _opened(path, "unpacked", content) as archive:
-        _reject_unsafe(path, archive.infolist(), limit)
+        _reject_unsafe(path, archive.infolist())
         try:
             folder.mkdir(exist_ok=True)
             archive.extractall(folder)
@@ -76,7 +73,7 @@ def inspect(path: Path) -> tuple[str, ...]:
     archive.
     """
     with _opened(path, "unpacked") as archive:
-        _reject_unsafe(path, archive.infolist(), MAX_UNPACKED)
+        _reject_unsafe(path, archive.infolist())
         return tuple(entry.filename for entry in archive.infolist() if not entry.is_dir())
 
 
@@ -85,7 +82,7 @@ def read_all(path: Path) -> dict[str, bytes]:
     reject the archive.
     """
     with _opened(path, "read") as archive:
-        _reject_unsafe(path, archive.infolist(), MAX_UNPACKED)
+        _reject_unsafe(path, archive.infolist())
         return {e.filename: archive.read(e) for e in archive.infolist() if not e.is_dir()}
 
 
@@ -160,18 +157,18 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return entry
 
 
-def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> None:
+def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo]) -> None:
     """Raise ArchiveError for an archive that must not be unpacked, and BadZipFile for a truncated
     one: zipfile then finds an archive nested inside, whose first entry is not at offset 0.
     """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")
-    for fault in _faults(entries, limit):
+    for fault in _faults(entries):
         raise ArchiveError(f"{path}: rejected, it {fault}")
 
 
-def _faults(entries: list[zipfile.ZipInfo], limit: int) -> Iterator[str]:
-    """Yield the reasons why an archive must not be unpacked; limit: largest sum of sizes, bytes."""
+def _faults(entries: list[zipfile.ZipInfo]) -> Iterator[str]:
+    """Yield the reasons why an archive must not be unpacked."""
     for entry in entries:
         if reason := _unsafe(entry):
             yield f"holds {reason}: {entry.orig_filename!r}"
@@ -180,8 +177,8 @@ def _faults(entries: list[zipfile.ZipInfo], limit: int) -> Iterator[str]:
     if len(entries) > MAX_FILES:
         yield f"holds {len(entries)} files, more than the limit of {MAX_FILES}"
     size = sum(entry.file_size for entry in entries)
-    if size > limit:
-        yield f"would unpack to {size} bytes, more than the limit of {limit}"
+    if size > MAX_UNPACKED:
+        yield f"would unpack to {size} bytes, more than the limit of {MAX_UNPACKED}"
 
 
 def _double(entries: list[zipfile.ZipInfo]) -> str | None:

@@ -257,10 +257,7 @@ def _word(*parts: bytes) -> str:
     """Return the name of an entry: a hash of the given parts and of the layout of entries, so that
     versions of the harness with another layout use other names.
     """
-    total = hashlib.sha256(checksums.LAYOUT)
-    for part in parts:
-        total.update(part)
-    return total.hexdigest()
+    return hashlib.sha256(b"".join((checksums.LAYOUT, *parts))).hexdigest()
 
 
 def _entry(place: Path, make: Callable[[Path], None]) -> Path:

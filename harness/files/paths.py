@@ -13,7 +13,6 @@ import filecmp
 import os
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 PACKAGE = Path(__file__).resolve().parent.parent
 BUILD = PACKAGE.parent / "build"
@@ -45,21 +44,16 @@ def is_folder(path: str | Path) -> bool:
     return os.path.isdir(path)  # noqa: PTH112
 
 
-class Stamp(NamedTuple):
-    """Identity of the present content of a file: another file, and the same file after a change,
-    has another stamp.
-    """
-
-    device: int
-    node: int
-    modified: int
-    size: int
+Stamp = tuple[int, int, int, int]
+"""Identity of the present content of a file: another file, and the same file after a change, has
+another stamp.
+"""
 
 
 def stamp(path: Path) -> Stamp:
     """Return the stamp of an existing file; raise OSError."""
     found = path.stat()
-    return Stamp(found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size)
+    return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def is_ours(fmu: Path) -> bool:
@@ -72,14 +66,14 @@ def is_ours(fmu: Path) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _is_ours(fmu: Path, found: Stamp, _chosen: tuple[Path, ...]) -> bool:
+def _is_ours(fmu: Path, _: Stamp, _chosen: tuple[Path, ...]) -> bool:
     packed = (*fmus().values(), *_files("fmus3", "fmu").values())
-    return any(_are_same(path, fmu, found.size) for path in packed)
+    return any(_are_same(path, fmu) for path in packed)
 
 
-def _are_same(ours: Path, fmu: Path, size: int) -> bool:
+def _are_same(ours: Path, fmu: Path) -> bool:
     try:
-        return ours.stat().st_size == size and filecmp.cmp(ours, fmu, shallow=False)
+        return filecmp.cmp(ours, fmu, shallow=False)
     except FileNotFoundError:  # a file has been removed since the folder was listed
         return False
 
