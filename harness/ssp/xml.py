@@ -118,44 +118,38 @@ def parse(source: Path, schema: str) -> XmlElement:
         root = parsed(contents(source, MAX_ENTRY))
     except (OSError, UnsafeXmlError) as error:
         raise StructureError([f"{name}: {reason_of(error)}"]) from error
-    _made_readable(root)
-    _validate(root, schema, name)
-    return root
+    return _valid(root, schema, name)
 
 
 def embedded(element: XmlElement, schema: str) -> XmlElement:
     """Return a copy of an element inside another file as a root element of its own, valid against
     one of the SSP schemas; raise StructureError if it is not.
     """
-    root = deepcopy(element)
-    _made_readable(root)
-    _validate(root, schema, kind_of(root))
-    return root
+    return _valid(deepcopy(element), schema, kind_of(element))
 
 
-def _made_readable(root: XmlElement) -> None:
-    """Rewrite names of SSP 2.0 as names of SSP 1.0, and remove empty optional attributes."""
+def _valid(root: XmlElement, schema: str, name: str) -> XmlElement:
+    """Return a root after its names of SSP 2.0 were rewritten as names of SSP 1.0 and its empty
+    optional attributes removed; raise StructureError, which begins with `name`, if it is not valid.
+    """
     if is_version_2(root):
         simplify(root)
     for element in root.iter():  # OMSimulator writes optional attributes as empty texts
         needed = ("source",) if element.tag == tag("ssd:Component") else ()
-        for name in OPTIONAL:
-            if element.get(name) == "" and name not in needed:
-                del element.attrib[name]
-
-
-def _validate(root: XmlElement, schema: str, name: str) -> None:
+        for each in OPTIONAL:
+            if element.get(each) == "" and each not in needed:
+                del element.attrib[each]
     validator = fmpy_schema("ssp", "schema", schema)
     found = [
         f"line {e.sourceline}: the {kind_of(e)} of {_named(e)} is not supported"
         for e in root.iter(*NOT_SUPPORTED)
     ]
-    if is_version_2(root):
-        root = as_version_1(root)
-    if not validator.validate(root):
+    old = as_version_1(root) if is_version_2(root) else root
+    if not validator.validate(old):
         found += [f"line {e.line}: {' '.join(e.message.split())}" for e in validator.error_log]
     if found:
         raise StructureError(f"{name}, {line}" for line in found)
+    return root
 
 
 def _named(element: XmlElement) -> str:
