@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from harness.errors import HarnessError, UsageError
-from harness.files.signals import held
+from harness.files.signals import NUMBERS, held
 from harness.master.messages import NOTE_SIZE, Notes, noted_call, share_note
 
 _log = logging.getLogger("harness")
@@ -245,9 +245,8 @@ def _work(
 
 def _stand_alone() -> None:
     """Ignore the signals of a terminal (Ctrl-C, hang-up), and end together with the parent."""
-    for name in ("SIGINT", "SIGHUP", "SIGTERM"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in NUMBERS:
+        signal.signal(number, signal.SIG_IGN)
     if hasattr(os, "setsid"):
         os.setsid()
     end_with_parent()

@@ -16,7 +16,7 @@ from harness.files.archive import XmlElement
 from harness.ssp.xml import NS, tag
 from harness.system.interface import Interface, Interfaces, read_interface
 from harness.system.model import Connection
-from harness.system.values import Index, Name, Variable, elements_of, grid, index
+from harness.system.values import Index, Name, Variable, base, elements_of, grid, index, parts_of
 
 
 def elements(fmu: Path | None, variable: str) -> dict[Index, str]:
@@ -103,14 +103,14 @@ def connector_name(interface: Interface, variable: Variable) -> str:
     """Return the name of the SSP connector of a variable: the variable's own name, or the name of
     the whole array for an element of an array of FMI 3.0.
     """
-    return Name.read(variable.name).variable if shape(interface, variable) else variable.name
+    return base(variable.name) if shape(interface, variable) else variable.name
 
 
 def shape(interface: Interface, variable: Variable) -> Index:
     """Return the shape of the array of FMI 3.0 to which a variable belongs, () for a scalar. In FMI
     2.0 every element is a scalar.
     """
-    name = Name.read(variable.name)
+    name = parts_of(variable.name)
     if interface.fmi == 2 or not name.element:
         return ()
     row = [v.name for v in interface.row(variable)]

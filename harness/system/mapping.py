@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
-from harness.system.values import Index, Name, grid
+from harness.system.values import Index, grid, parts_of
 
 Names = dict[str, str]
 """Names of scalar variables of the component by the names of the FMU that takes its place."""
@@ -66,7 +66,7 @@ def _read(text: str) -> tuple[str, str, Index]:
     """Return the parts of the name of an element: name of its vector or matrix, style of its
     indices ("[", "(", "_" or ""), and indices.
     """
-    name = Name.read(text)
+    name = parts_of(text)
     if name.element:
         return name.variable, "[", name.element
     if match := _ROUND.fullmatch(text):

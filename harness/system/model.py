@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harness.system.units import Hop, Unit
-from harness.system.values import Name, Scalar
+from harness.system.values import Scalar, base
 
 DEFAULT_SET = "default"
 """Name of the parameter set that a system has if none is chosen."""
@@ -33,7 +33,7 @@ class Port(NamedTuple):
         """Name of the scalar, vector or matrix to which the variable belongs: its name without
         indices.
         """
-        return Name.read(self.variable).variable
+        return base(self.variable)
 
 
 class Connection(NamedTuple):

@@ -31,11 +31,6 @@ class Name(NamedTuple):
     variable: str
     element: Index = ()
 
-    @classmethod
-    def read(cls, text: str) -> Name:
-        """Return the parts of a name as an FMU has it or a user writes it."""
-        return _read(text)
-
     def __str__(self) -> str:
         if not self.element:
             return self.variable
@@ -46,7 +41,8 @@ _ELEMENT = re.compile(r"(.+)\[(\d{1,9}(?: *, *\d{1,9})*)\]", re.ASCII | re.DOTAL
 
 
 @lru_cache(maxsize=1 << 16)
-def _read(text: str) -> Name:
+def parts_of(text: str) -> Name:
+    """Return the parts of a name as an FMU has it or a user writes it."""
     match = _ELEMENT.fullmatch(text)
     return Name(match[1], tuple(map(int, match[2].split(",")))) if match else Name(text)
 
@@ -55,12 +51,12 @@ def base(text: str) -> str:
     """Return the name of the vector or matrix of which a scalar variable is an element, the name
     itself for a scalar.
     """
-    return _read(text).variable
+    return parts_of(text).variable
 
 
 def index(text: str) -> Index:
     """Return the indices of an element; () for a scalar."""
-    return _read(text).element
+    return parts_of(text).element
 
 
 def elements_of(port: str, names: Collection[str]) -> list[str]:
@@ -222,7 +218,7 @@ def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, S
     is_scalar = elements == [name]
     whole = None if is_scalar else grid(map(index, elements))
     by_place = expand(name, value, whole.first if whole else ())
-    places = {e: e if is_scalar else str(Name.read(e)) for e in elements}
+    places = {e: e if is_scalar else str(parts_of(e)) for e in elements}
     if by_place.keys() != set(places.values()):
         required = "a number" if is_scalar else _shape(elements)
         got = _quoted(value) if isinstance(value, str) else _shape([*by_place])

@@ -10,7 +10,7 @@ from harness.cli.app import main
 from harness.errors import UsageError
 from harness.master.changes import apply
 from harness.master.isolated import simulate
-from harness.system.values import Grid, Name, assign, coerce, grid
+from harness.system.values import Grid, assign, coerce, grid, parts_of
 
 
 def value_of(system, name):
@@ -75,7 +75,7 @@ def test_a_grid_is_whole_or_none():
     "text", ["x[4000000000]", "x[²]", "x[-1]", "x[]", "[1]", "x[1][2]", "x[01]"]
 )
 def test_odd_names_are_read_without_harm(text):
-    name = Name.read(text)
+    name = parts_of(text)
     assert isinstance(name.variable, str)
     assert np.prod(name.element or (1,)) >= 0
 
