@@ -32,7 +32,7 @@ FORMATS = ("svg", "pdf", "png")
 INK, PAPER, GREY = "#34506b", "#eef3f8", "#5a6b7c"
 PIXELS = 96.0
 """Pixels per inch, as in CSS."""
-STYLE = Style("diagram", sheets=("diagram.mplstyle",))
+STYLE = Style(("diagram.mplstyle",))
 Place = tuple[int, int]
 
 

@@ -9,7 +9,7 @@ import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +24,10 @@ NARROW, HOURS = 8.0, 7200.0
 """Largest width on the screen [in] of a figure that fits into one column of a paper; shortest time
 span [s] that is shown in hours.
 """
+COLUMN, PAGE, STRETCH = 3.5, 7.0, 1.15
+"""In a paper: width [in] of a figure in one column and of a figure across the page; factor on the
+height of a figure in a column, besides the factor on its width.
+"""
 TITLE = 0.75
 """Largest length of a title line in characters of ordinary text, as a share of the figure width: a
 title has larger characters.
@@ -36,31 +40,21 @@ MANY = 10
 class Style:
     """Look of figures for the screen or a paper.
 
-    sheets: style sheets, a later one overrides an earlier one; column, page: width [in] of a figure
-    in one column and of a figure across the page (None: the size on the screen); stretch: factor on
-    the height of a figure in a column, besides the factor on its width; titled: whether figures
-    have titles (in a paper the caption states them).
+    sheets: style sheets, a later one overrides an earlier one; printed: whether figures go into a
+    paper, with its widths and without titles, because the caption states them.
     """
 
-    name: str
     sheets: tuple[str, ...] = ("screen.mplstyle",)
-    column: float | None = None
-    page: float | None = None
-    stretch: float = 1.0
-    titled: bool = True
-
-    @property
-    def printed(self) -> bool:
-        """Return whether figures go into a paper."""
-        return self.column is not None
+    printed: bool = False
 
     def size(self, size: tuple[float, float]) -> tuple[float, float]:
         """Return width and height of a figure in this style [in]; size: on the screen [in]."""
-        if self.column is None or self.page is None:
+        width, height = size
+        if not self.printed:
             return size
-        if size[0] > NARROW:
-            return self.page, size[1] * self.page / size[0]
-        return self.column, size[1] * self.stretch * self.column / size[0]
+        if width > NARROW:
+            return PAGE, height * PAGE / width
+        return COLUMN, height * STRETCH * COLUMN / width
 
     @contextmanager
     def used(self) -> Iterator[None]:
@@ -75,10 +69,10 @@ class Style:
             yield
 
 
-SCREEN = Style("screen")
-PAPER = Style("paper", ("paper.mplstyle",), column=3.5, page=7.0, stretch=1.15, titled=False)
-SERIF = replace(PAPER, name="serif", sheets=("paper.mplstyle", "serif.mplstyle"))
-STYLES = {style.name: style for style in (SCREEN, PAPER, SERIF)}
+SCREEN = Style()
+PAPER = Style(("paper.mplstyle",), printed=True)
+SERIF = Style(("paper.mplstyle", "serif.mplstyle"), printed=True)
+STYLES = {"screen": SCREEN, "paper": PAPER, "serif": SERIF}
 
 
 def style_of(name: str) -> Style:
@@ -97,7 +91,7 @@ def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> 
 
     canvas = Figure(layout="constrained", figsize=style.size(size))
     FigureCanvasAgg(canvas)
-    if style.titled:
+    if not style.printed:
         lines = (wrapped(line, TITLE * size[0]) for line in title.splitlines())
         canvas.suptitle("\n".join(lines))
     return canvas

@@ -32,7 +32,7 @@ Plot = dict[str, Any]
 Shown = tuple[str, str, str, list[Plot]]
 """Figure of a page: section, name and title of the figure, and its plots."""
 
-PAGE = Style("page", sheets=("screen.mplstyle", "page.mplstyle"))
+PAGE = Style(("screen.mplstyle", "page.mplstyle"))
 """Style in which figures are drawn before their axes are read back for a page."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 """Line styles of the elements of a vector, so that curves differ in more than colour."""
