@@ -131,7 +131,6 @@ CAMPAIGN: Keys = {
         "of": ("list of texts", OF),
         "runs": ("whole number", RUNS),
         "box": ("number", "Standard deviations that each coordinate may move"),
-        "searches": ("whole number", "Independent searches that share the runs"),
     },
 }  # fmt: skip
 

@@ -35,14 +35,11 @@ that is not reported, as a share of the distance between the worst and the nomin
 
 
 class Worst(msgspec.Struct):
-    """Entries of [worst]; box: largest absolute coordinate in standard deviations; searches: number
-    of independent searches, among which `runs` is divided.
-    """
+    """Entries of [worst]; box: largest absolute coordinate in standard deviations."""
 
     of: Names = ""
     runs: Count = 200
     box: Positive = 3.0
-    searches: Count = 1
 
 
 class Found(NamedTuple):
@@ -142,15 +139,13 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     installed("cma", "verify")
     entry, evaluator = prepared(Worst, definition, how)
     of = evaluator.columns(entry.of, slope=True)
-    each, least = entry.runs // entry.searches, generation(evaluator.d)
-    if each < least:
+    if entry.runs < (least := generation(evaluator.d)):
         raise UsageError(
-            f"worst.runs: expected at least {least * entry.searches} (one generation of "
-            f"{least} runs per "
-            f"search), got {entry.runs}"
+            f"worst.runs: expected at least {least} (one generation of {least} runs per search), "
+            f"got {entry.runs}"
         )
     seeds = SEEDS if evaluator.plan.table.seeds else 0
-    runs = len(of) * (each * entry.searches + seeds)
+    runs = len(of) * (entry.runs + seeds)
     found: dict[str, Any] = {}
     with begun("worst", evaluator, runs, output, how) as driver:
         report_nominal(driver, of)
@@ -160,33 +155,25 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
                 z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
                 found[name]["other seeds"] = driver.evaluate(z)[:, k]
         _confirm(driver, found, Path(output))
-        return driver.finish({"of": found, "box": entry.box})
+        return driver.finish({"of": found})
 
 
 def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
-    """Return the worst run of a requirement as the entries of its estimate, from searches with
-    equally many runs and different seeds; column: index of the requirement.
+    """Return the worst run of a requirement as the entries of its estimate; column: index of the
+    requirement.
     """
     first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
-    each = entry.runs // entry.searches
-    results = [
-        search(lambda z: driver.evaluate(z)[:, column], d, seed + 1000 * n, each, entry.box)
-        for n in range(entry.searches)
-    ]
-    k = int(np.argmin([r.margin for r in results]))
-    failed = [n * each + r.first + 1 for n, r in enumerate(results) if r.first >= 0]
-    place = k * each + results[k].place
+    worst = search(lambda z: driver.evaluate(z)[:, column], d, seed, entry.runs, entry.box)
     return {
-        "margin": results[k].margin,
-        "run": first + place,
-        "first": failed[0] if failed else None,
-        "runs": each * entry.searches,
-        "place": place,
-        "numbers": results[k].numbers,
-        "moved": driver.evaluator.moved(results[k].numbers),
-        "distance": np.linalg.norm(results[k].numbers),
+        "margin": worst.margin,
+        "run": first + worst.place,
+        "first": worst.first + 1 if worst.first >= 0 else None,
+        "runs": entry.runs,
+        "place": worst.place,
+        "numbers": worst.numbers,
+        "moved": driver.evaluator.moved(worst.numbers),
+        "distance": np.linalg.norm(worst.numbers),
         "nominal": driver.nominal[column],
-        "converged": [r.margin for r in results],
     }
 
 
