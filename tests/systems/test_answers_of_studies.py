@@ -32,7 +32,7 @@ def answered(name, path, workers):
 
 def bits(study):
     """Requested runs and their answers."""
-    names = ("numbers", "margin", "status", "generation")
+    names = ("numbers", "margin", "status")
     return [study.store.array(name).tobytes() for name in names]
 
 

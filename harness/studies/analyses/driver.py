@@ -31,7 +31,7 @@ from harness.studies.analyses.study import Study, of_unit
 from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.layout import fields
 from harness.studies.campaign.plan import Values
-from harness.studies.campaign.store import Store, reject_existing
+from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import FAILED, PENDING, Row
 from harness.system.tables import problems
 
@@ -45,11 +45,10 @@ takes some seconds, which are lost if the process is killed.
 
 
 class _Record(NamedTuple):
-    """Completed run that is not yet written: its generation, coordinates (d,), values of the
-    factors, and record.
+    """Completed run that is not yet written: its coordinates (d,), values of the factors, and
+    record.
     """
 
-    generation: int
     numbers: Array
     values: Values
     row: Row
@@ -72,7 +71,7 @@ class Driver:
         progress: Callable[[Progress], None] | None,
     ) -> None:
         self.evaluator, self.path, self.progress = evaluator, path, progress
-        self.completed, self.generation, self.failed = 0, 0, 0
+        self.completed, self.failed = 0, 0
         self._life = ExitStack()
         self._waiting: list[_Record] = []
         plan, task = evaluator.plan, evaluator.task
@@ -80,7 +79,6 @@ class Driver:
         if resume and path.exists():
             self.store = Store.resumed(path, plan, laid, self._life, kind)
         else:
-            reject_existing(path)
             block = task.block(min(LARGEST_BLOCK, BLOCK_STEPS // task.steps))
             self.store = Store.create(path, plan, block, laid)
             self.store.group.attrs.update({"kind": kind})
@@ -107,7 +105,7 @@ class Driver:
         margins = np.concatenate(parts)
         self.unjudged += (np.isnan(margins) | np.isposinf(margins)).sum(axis=0)
         self._show(last)
-        self.completed, self.generation = last, self.generation + 1
+        self.completed = last
         if len(numbers) > 1 and np.isneginf(margins).all():
             raise UsageError(f"all {len(numbers)} runs of a generation failed{self._first()}")
         return margins
@@ -119,8 +117,7 @@ class Driver:
         values = [self.evaluator.values(z, first + k) for k, z in enumerate(numbers)]
         rows = self.evaluator.run(values)
         self.failed += sum(row.status == FAILED for row in rows)
-        each = zip(numbers, values, rows, strict=True)
-        self._waiting += [_Record(self.generation, *record) for record in each]
+        self._waiting += map(_Record, numbers, values, rows)
         done = first + len(rows)
         self._write(done // self.store.block * self.store.block)
         self._show(done)
@@ -136,11 +133,9 @@ class Driver:
         part, self._waiting = self._waiting[:count], self._waiting[count:]
         if not part:
             return
-        generations, numbers, values, rows = zip(*part, strict=True)
+        numbers, values, rows = zip(*part, strict=True)
         with held():  # an interruption waits until the block is complete
-            self.store.write(
-                self._stored, values, rows, {"numbers": numbers, "generation": generations}
-            )
+            self.store.write(self._stored, values, rows, {"numbers": numbers})
         self._stored += len(part)
 
     def _reject_other(self, run: int, z: Array) -> None:

@@ -38,7 +38,6 @@ VERDICT: Labels = {
 }
 MARGIN: Labels = {"long_name": "distance of a requirement to failing, negative where it fails"}
 NUMBERS: Labels = {"units": "1", "long_name": "standard normal coordinates"}
-GENERATION: Labels = {"long_name": "generation of runs that were requested together"}
 TIME: Labels = {"units": "s", "long_name": "time"}
 END: Labels = {"units": "s", "long_name": "time of the last row"}
 EXPERIMENT = {
@@ -73,8 +72,8 @@ def _known(labels: Mapping[str, str]) -> Labels:
 SCRATCH = "history_of_"
 """Prefix of histories that are recorded only until their bands are computed."""
 OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile",
-       "requirement", "requirement_text", "verdict", "margin", "margin_units", "numbers",
-       "generation")  # fmt: skip
+       "requirement", "requirement_text", "verdict", "margin", "margin_units",
+       "numbers")  # fmt: skip
 """Names of arrays that the layout itself uses, so metrics cannot have them."""
 LONGEST = 200
 """Largest number of bytes of a name. An array is a folder, whose name may have a prefix, and file
@@ -115,7 +114,6 @@ def fields(plan: Plan, task: Task) -> Iterator[Field]:
     yield from _of_histories(n, task)
     if d := task.table.coordinates:
         yield Field("numbers", np.float64, (n, d), ("run", "number"), about=NUMBERS)
-        yield Field("generation", np.int32, (n,), ("run",), 0, GENERATION)
     yield _texts("column", names, "column")
     yield _texts("column_units", kinds.units, "column")
 

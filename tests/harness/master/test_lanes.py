@@ -738,7 +738,7 @@ def test_a_study_in_lanes_has_the_dataset_of_single_runs(
             table, tmp_path / f"{lanes_too}.zarr", workers=0, lanes=lanes_too, notify=len
         )
         assert (len(groups) > before) == lanes_too
-        names = ("numbers", "margin", "status", "generation")
+        names = ("numbers", "margin", "status")
         made.append([study.store.array(name).tobytes() for name in names])
     assert made[0] == made[1]
     assert max(groups) == lanes.width()

@@ -77,7 +77,7 @@ def test_a_run_that_failed_has_failed_everything(system):
 
 def found_by(study):
     """Numbers, margins and status of a dataset."""
-    return [study.store.array(n) for n in ("numbers", "margin", "status", "generation")]
+    return [study.store.array(n) for n in ("numbers", "margin", "status")]
 
 
 def test_worst_finds_the_corner_and_its_run_repeats(system, tmp_path):
@@ -86,7 +86,7 @@ def test_worst_finds_the_corner_and_its_run_repeats(system, tmp_path):
     assert found["margin"] == pytest.approx(20 - 6 * k_of(3), abs=0.05)
     assert found["nominal"] == pytest.approx(8)
     assert not study.verdict
-    numbers, margins, status, _ = found_by(study)
+    numbers, margins, status = found_by(study)
     assert (len(numbers), status.min()) == (121, 1)
     assert found["run"] == 1 + np.argmin(margins[1:, 0])
     changes = like(f"{tmp_path / 'w.zarr'}#{found['run']}")[1]
@@ -218,7 +218,7 @@ def test_runs_without_a_margin_are_counted_and_nothing_is_met(
     for kind, study in studies.items():
         given = table(system, **{kind: entries[kind]})
         found = study(given, tmp_path / f"{kind}.zarr", workers=0)
-        _, margins, _, _ = found_by(found)
+        _, margins, _ = found_by(found)
         count = int((~np.isfinite(margins[:, 0])).sum())
         assert count > 0
         assert f"small: {count} of {len(margins)} runs are no evidence" in found.summary()
