@@ -60,16 +60,10 @@ def compared(
         if len(runs) < min(2, len(results)):
             alone.append(f"{figure.name} ({next(iter(runs))})")
             continue
-        found.append((named(figure, runs, results), runs))
+        absent = ", ".join(label for label in results if label not in runs)
+        title = f"{figure.title}; without {absent}" if absent else figure.title
+        found.append((replace(figure, title=title), runs))
     return found, alone
-
-
-def named(
-    figure: Figure | Overlay, runs: Mapping[str, Result], results: Mapping[str, Result]
-) -> Figure | Overlay:
-    """Return a figure whose title names the runs that are in `results` but not in `runs`."""
-    absent = ", ".join(label for label in results if label not in runs)
-    return replace(figure, title=f"{figure.title}; without {absent}") if absent else figure
 
 
 def general(result: Result) -> Iterator[Figure]:

@@ -6,7 +6,6 @@ diagram, margins and worst runs of a search.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -48,18 +47,20 @@ def of_dataset(path: Path) -> str:
 
 
 def _page(store: Store, path: Path) -> str:
-    canvas, confirmed = Canvas(Arrays(), POINTS), confirmed_runs(store, path)
+    study = Study(path, store) if "estimate" in store.group.attrs else None
+    canvas, confirmed = Canvas(Arrays(), POINTS), confirmed_runs(study) if study else {}
     beside = comparison.canvas_of(confirmed, canvas.arrays)
     compared = comparison.figures(beside, confirmed, "beside") if confirmed else ()
+    shown = _figures(canvas, store, study)
     return render(
         "campaign.html",
         canvas,
-        comparison.side_by_side(confirmed, canvas.arrays, [*_figures(canvas, store), *compared]),
+        comparison.side_by_side(confirmed, canvas.arrays, [*shown, *compared]),
         name=path.name,
         system=store.system,
         command=f"harness run {store.system} --like {path}#",
         confirmed=list(confirmed),
-        study=study_text(store, path),
+        study=study.summary() if study else "",
         **_texts(store),
     )
 
@@ -96,9 +97,9 @@ def _finite(store: Store) -> dict[str, Array]:
     return {n: x for n, x in summary.metric_columns(store).items() if np.isfinite(x).any()}
 
 
-def _figures(canvas: Canvas, store: Store) -> Iterator[Shown]:
+def _figures(canvas: Canvas, store: Store, study: Study | None) -> Iterator[Shown]:
     """Yield the figures of all sections of the page."""
-    yield "study", "study", "", list(study_plots(canvas, store))
+    yield "study", "study", "", list(study_plots(canvas, study)) if study else []
     with PAGE.used():
         for section, _, drawing in drawings(store, PAGE):
             yield section, section, "", painted(canvas, drawing)
@@ -169,17 +170,9 @@ WORST = 30
 """Number of worst runs in the plot of standard normal coordinates."""
 
 
-def study_text(store: Store, path: Path) -> str:
-    """Return the summary of a study as text, "" for a campaign that is no study; path: of the
-    dataset, as commands in the text name it.
-    """
-    return "" if _estimate(store) is None else Study(path, store).summary()
-
-
-def study_plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
-    """Yield the plots of a study, none for a campaign that is no study."""
-    if (estimate := _estimate(store)) is None:
-        return
+def study_plots(canvas: Canvas, study: Study) -> Iterator[Plot]:
+    """Yield the plots of a study."""
+    store, estimate = study.store, study.estimate
     names = [str(n) for n in store.array("requirement")]
     for name, found in estimate["of"].items():
         if "value" in found:
@@ -190,19 +183,14 @@ def study_plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
             yield _parallel(canvas, name, store, k)
 
 
-def confirmed_runs(store: Store, path: Path) -> dict[str, Result]:
+def confirmed_runs(study: Study) -> dict[str, Result]:
     """Return the results of the nominal run and the worst runs of a search for the worst case, by
-    label, as far as their files exist; path: of the dataset.
+    label, as far as their files exist.
     """
-    if store.group.attrs.get("kind") != "worst" or (estimate := _estimate(store)) is None:
+    if study.kind != "worst":
         return {}
-    return {label: read(file) for label, file in confirmed(path, estimate["of"]).items()}
-
-
-def _estimate(store: Store) -> Any:
-    """Return the estimate of a study, None for a campaign that is no study."""
-    given = store.group.attrs.get("estimate")
-    return None if given is None else json.loads(given)
+    files = confirmed(study.path, study.estimate["of"])
+    return {label: read(file) for label, file in files.items()}
 
 
 def _line(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:

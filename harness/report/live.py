@@ -222,8 +222,7 @@ def _slider(result: Result, module: Module, slider: Slider) -> Data:
     """Return a slider as data for the template, with the value of its parameter in the run."""
     place = module.names.index(slider.name)
     value = float(module.values[place])
-    table = result.parameters
-    held = table is not None and slider.name in table.columns
+    known = result.parameters.columns if result.parameters else ()
     return {
         "name": slider.name,
         "text": slider.variable.description,
@@ -232,6 +231,6 @@ def _slider(result: Result, module: Module, slider: Slider) -> Data:
         "high": max(slider.high, value),
         "value": repr(value),
         "place": place,
-        "constant": table.columns.index(slider.name) if table is not None and held else -1,
+        "constant": known.index(slider.name) if slider.name in known else -1,
         "steps": 1 if (slider.variable.low, slider.variable.high) == (0, 1) else STEPS,
     }

@@ -50,15 +50,12 @@ def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
     """Return the figures of a page by section. Figures with the same section and name are combined
     into one, and figures without plots are left out.
     """
-    figures: dict[tuple[str, str], dict[str, Any]] = {}
+    listed: dict[str, dict[str, dict[str, Any]]] = defaultdict(dict)
     for section, name, title, plots in found:
-        figure = figures.setdefault((section, name), {"name": name, "title": title, "plots": []})
-        figure["plots"] += plots
-    listed: dict[str, list[dict[str, Any]]] = defaultdict(list)
-    for (section, _), figure in figures.items():
-        if figure["plots"]:
-            listed[section].append(figure)
-    return [{"name": section, "figures": shown} for section, shown in listed.items()]
+        if plots:
+            empty = {"name": name, "title": title, "plots": []}
+            listed[section].setdefault(name, empty)["plots"] += plots
+    return [{"name": name, "figures": list(shown.values())} for name, shown in listed.items()]
 
 
 # ---- figures read back from matplotlib
