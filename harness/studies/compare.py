@@ -12,7 +12,6 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import takewhile
 from pathlib import Path
 
 from harness.errors import HarnessError, ResultsError, RunError, UsageError
@@ -35,8 +34,8 @@ from harness.ssp.library import load
 from harness.studies.campaign.engine import Block, prestart, processes, worker_pool
 from harness.studies.reuse import (
     ReusedSimulation,
+    alike,
     compiling,
-    kind,
     quietly,
     rejected_before,
     retained,
@@ -104,14 +103,13 @@ class ComparisonRuns:
         work_for(self.command)
         with quietly():
             reused = retained(self, lambda: ReusedSimulation(self.system, self.executor))
-            found: list[Outcome] = []
-            while len(found) < len(part):
-                group = _alike(part[len(found) :][: reused.width])
-                runs, every = [variant.changes for variant, _, _ in group], group[0][2]
+            found: dict[int, Outcome] = {}
+            for group in alike([variant.changes for variant, _, _ in part], lambda: reused.width):
+                runs, every = [part[k][0].changes for k in group], part[group[0]][2]
                 results = reused.together(runs, every, None) if len(runs) > 1 else [None]
-                for order, result in zip(group, results, strict=True):
-                    found.append(_run(reused, order, self.patience, result))
-            return found
+                for k, result in zip(group, results, strict=True):
+                    found[k] = _run(reused, part[k], self.patience, result)
+            return [found[k] for k in sorted(found)]
 
     @staticmethod
     def lost(message: str) -> Outcome:
@@ -119,20 +117,7 @@ class ComparisonRuns:
         return Outcome(None, message)
 
 
-def _alike(orders: Sequence[Order]) -> list[Order]:
-    """Return the longest beginning of a list of orders whose changes differ in parameter values
-    only, so that their runs can be made together.
-    """
-    first = kind(orders[0][0].changes)
-    return list(takewhile(lambda order: kind(order[0].changes) == first, orders))
-
-
-def _run(
-    reused: ReusedSimulation,
-    order: Order,
-    patience: float,
-    result: Result | None,
-) -> Outcome:
+def _run(reused: ReusedSimulation, order: Order, patience: float, result: Result | None) -> Outcome:
     """Write the results file of a variant and return its outcome; perform the run first if
     `result` is None.
     """
@@ -183,14 +168,14 @@ class Comparison:
         """Return the comparison as text: the line `in_force`, the table of metrics, warnings,
         definitions of the metrics, and the requirements; names: metrics to show (default: all).
         """
+        keys = {(m.name, m.unit): m for m in self.mission.metrics}
         hidden = {
-            (m.name, m.unit) for m in self.mission.metrics
-            if not any(x > m.above for x in self.metrics.get((m.name, m.unit), {}).values())
+            key for key, m in keys.items()
+            if not any(x > m.above for x in self.metrics.get(key, {}).values())
         }  # fmt: skip
         chosen = {
             k: c for k, c in self.metrics.items() if (k[0] in names if names else k not in hidden)
         }
-        keys = {(m.name, m.unit): m for m in self.mission.metrics}
         about = {key: m.about(self.limits, self.results) for key, m in keys.items() if m.about}
         words = {key: m.words for key, m in keys.items() if m.words}
         doubts = (each(self.mission.metrics, self.metrics) for each in (apart, exceeding))
@@ -198,7 +183,7 @@ class Comparison:
         defined = (
             text for lines in self.mission.definitions for text in several(str, lines, self.limits)
         )
-        shown = table(chosen, self.labels, about, words)
+        shown = table(chosen, [*self.outcomes], about, words)
         head = [self.in_force, ""] if self.in_force else []
         lines = [*head, shown, *warnings, *defined, *self.findings()]
         return "\n".join(line if "\n" in line else _wrapped(line) for line in lines)
@@ -214,11 +199,6 @@ class Comparison:
                 lines.setdefault(text, []).append(label)
         shown = [f"{', '.join(labels)}: {text}" for text, labels in lines.items()]
         return ["", verdicts(found), *shown] if any(found.values()) else []
-
-    @property
-    def labels(self) -> list[str]:
-        """Return the labels of the variants in the order of the table."""
-        return [*self.outcomes]
 
     @property
     def failures(self) -> list[str]:
@@ -274,7 +254,7 @@ def compare(  # noqa: PLR0913 - options of a comparison
     paces = {label: each.pace for label, each in outcomes.items() if not each.failure}
     taken = measured(offered.metrics, results, held) | {("macro step", "us"): paces}
     comparison = Comparison(outcomes, results, held, taken, offered, in_force)
-    write_csv(comparison.metrics, comparison.labels, directory / TABLE)
+    write_csv(taken, [*outcomes], directory / TABLE)
     return comparison
 
 

@@ -11,6 +11,7 @@ import logging
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Any
 
@@ -139,6 +140,16 @@ def kind(changes: Changes) -> str:
     return repr({name: value for name, value in changes.items() if name != "set"})
 
 
+def alike(part: Sequence[Changes], most: Callable[[], int]) -> Iterator[list[int]]:
+    """Yield the indices of runs in groups of runs whose changes differ in parameter values only;
+    most: returns the largest size of the next group.
+    """
+    kinds = [kind(changes) for changes in part]
+    for _, same in groupby(sorted(range(len(part)), key=kinds.__getitem__), kinds.__getitem__):
+        while group := list(islice(same, most())):
+            yield group
+
+
 class ReusedSimulation:
     """System with a simulation that is created for the first run and reused for all later ones.
 
@@ -235,9 +246,8 @@ class ReusedSimulation:
                 changed = rest(self._changed(changes))
                 if begun or isolated.all_ours(changed):  # all runs have the same FMUs
                     begun[place] = self._begun(place, changed, every, needed)
-        compiled, complete = self._lanes(), list[bool]()
-        if compiled is not None and begun:
-            complete = compiled.advance([*begun.values()])
+        compiled = self._lanes() if begun else None
+        complete = [] if compiled is None else compiled.advance([*begun.values()])
         for place, good in zip(begun, complete, strict=False):
             each = begun[place]
             self._in_lanes, self.pace = each.pace, 1e6 * each.pace

@@ -9,7 +9,6 @@ variables. The same code runs in the main process and in worker processes.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,7 +29,7 @@ from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
 from harness.studies.campaign.metrics import is_condition, measured, read
 from harness.studies.campaign.plan import SUCCESS, Table
-from harness.studies.reuse import Reading, ReusedSimulation, kind, quietly, retained
+from harness.studies.reuse import Reading, ReusedSimulation, alike, quietly, retained
 
 PENDING, COMPLETE, FAILED = 0, 1, 2
 """Values of the array `status` of a dataset: the run is not done, complete, or has failed."""
@@ -165,20 +164,18 @@ class _Runner(ReusedSimulation):
         """Perform runs and return their records in the same order. Runs that differ in parameter
         values only are made at once where the task allows it.
         """
+
+        def most() -> int:
+            return self.width if self.task.lanes and self.needed is not None else 1
+
         rows: dict[int, Row] = {}
-        kinds = [kind(changes) for changes in part]
-        left = deque(sorted(range(len(part)), key=lambda k: (kinds[k], k)))
-        while left:
-            group = [left.popleft()]
-            most = self.width if self.task.lanes and self.needed is not None else 1
-            while left and len(group) < most and kinds[left[0]] == kinds[group[0]]:
-                group.append(left.popleft())
+        for group in alike(part, most):
             results: list[Result | None] = [None]
             if len(group) > 1:
                 runs = [part[k] for k in group]
                 results = self.together(runs, self.task.table.every, self.needed or ())
-            for k in group:
-                rows[k] = _run(self, part[k], results.pop(0))
+            for k, result in zip(group, results, strict=True):
+                rows[k] = _run(self, part[k], result)
         return [rows[k] for k in sorted(rows)]
 
 

@@ -80,7 +80,7 @@ def test_the_fused_executor_gives_the_same_bits_and_rejects_no_one(system, tmp_p
 
 def test_the_table_has_one_line_per_run_and_is_retained_with_all_digits(system, tmp_path):
     found = simulated(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
-    lines = table(found.metrics, found.labels).splitlines()
+    lines = table(found.metrics, [*found.outcomes]).splitlines()
     assert [line.split()[0] for line in lines[-2:]] == ["jacobi", "gauss-seidel"]
     with (tmp_path / "out" / "comparison.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -153,7 +153,7 @@ def test_a_run_that_fails_ends_early_and_the_others_continue(system, tmp_path):
     assert found.results["default"].complete
     assert not found.results["hot"].complete
     assert found.results["hot"].time[-1] == 3.0
-    assert table(found.metrics, found.labels).splitlines()[-1].split() == ["hot", "-"]
+    assert table(found.metrics, [*found.outcomes]).splitlines()[-1].split() == ["hot", "-"]
 
 
 def test_a_crash_inside_an_fmu_takes_no_other_run_with_it(system, fmus, crashing, tmp_path):
