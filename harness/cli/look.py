@@ -14,12 +14,8 @@ import typer
 from harness.cli.options import (
     CHANGES,
     Drawing,
-    DrawnArgument,
-    FileArgument,
     MissionOption,
-    ReportArgument,
     RequireOption,
-    ShownArgument,
     StrictOption,
     SystemArgument,
     argument,
@@ -83,7 +79,7 @@ def docs_command(
 @command("show", "params", "set", "swap", "map", "step")
 def show_command(
     *,
-    system: ShownArgument,
+    system: Annotated[str, argument("WHAT", "SYSTEM, SYSTEM.component or FMU, by name or path")],
     word: Annotated[
         str | None, argument("[WORD]", "Show only rows with this word in name or description")
     ] = None,
@@ -122,15 +118,12 @@ def show_command(
     typer.echo(showing.text(found, heads))
 
 
-CheckedArgument = Annotated[
-    str | None, argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu")
-]
-
-
 @command("check", *CHANGES)
 def check_command(
     *,
-    system: CheckedArgument = None,
+    system: Annotated[
+        str | None, argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu")
+    ] = None,
     strict: Annotated[bool, option("--strict", "Treat warnings as errors")] = False,
     changes: Any,
 ) -> None:
@@ -215,17 +208,14 @@ def _use(mission: Path | None) -> None:
         use(mission, always=True)
 
 
-VariablesOption = Annotated[
-    str | None, option("--var C.NAME,..", "Draw one figure of these variables")
-]
-
-
 @command("plot")
 def plot_command(
     *,
-    file: DrawnArgument,
+    file: Annotated[Path, argument("FILE", "Results of `harness run` or `harness campaign`")],
     output: Annotated[Path | None, output("Folder for the figures (default: FILE_figures)")] = None,
-    variables: VariablesOption = None,
+    variables: Annotated[
+        str | None, option("--var C.NAME,..", "Draw one figure of these variables")
+    ] = None,
     drawing: Drawing,
     mission: MissionOption = None,
 ) -> None:
@@ -253,7 +243,9 @@ def plot_command(
 
 @command("report")
 def report_command(  # noqa: PLR0913, PLR0917 - options
-    file: ReportArgument,
+    file: Annotated[
+        Path, argument("FILE", "Results of a run; with -o also a folder of compare or a .zarr")
+    ],
     output: Annotated[Path | None, output("Write an HTML page with plots and a replay")] = None,
     live: Annotated[
         bool, option("--live", "Include the system: sliders change it and run it in the browser")
@@ -301,15 +293,10 @@ def _page(source: Any, output: Path, live: bool = False, lesson: Path | None = N
     typer.echo(write_page(source, output, live, lesson))
 
 
-ConvertedOption = Annotated[
-    Path, output("File to write: .nc, .csv; for one body .oem, .aem, .czml")
-]
-
-
 @command("convert")
 def convert_command(
-    file: FileArgument,
-    output: ConvertedOption,
+    file: Annotated[Path, argument("FILE", "Results of `harness run`")],
+    output: Annotated[Path, output("File to write: .nc, .csv; for one body .oem, .aem, .czml")],
     body: Annotated[
         str | None, option("COMPONENT", "Write this body (default: the first one)")
     ] = None,

@@ -13,7 +13,6 @@ import typer
 
 from harness.cli.options import (
     FmuArgument,
-    PlaceOption,
     SystemArgument,
     Texts,
     argument,
@@ -33,7 +32,9 @@ def new_command(
         str | None, argument("NAME", "Name of the new component or mission, and of its folder")
     ] = None,
     language: Annotated[Literal["c", "python"], option("", "Language of a component")] = "c",
-    place: PlaceOption = None,
+    place: Annotated[
+        str | None, option("--for SYSTEM.COMPONENT", "Give the new component the ports of this one")
+    ] = None,
     base: Annotated[str | None, option("--from SYSTEM", "System that the mission extends")] = None,
 ) -> None:
     """Create a controller, a sensor, a plant or a mission of your own.

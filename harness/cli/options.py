@@ -17,8 +17,6 @@ from typer.core import TyperCommand
 
 from harness.files import paths
 
-KEYWORD_ONLY = Parameter.KEYWORD_ONLY
-
 Command = TypeVar("Command", bound=Callable[..., None])
 
 
@@ -83,18 +81,9 @@ Texts = list[str] | None
 """Values of an option that may be given several times."""
 
 SystemArgument = Annotated[str, argument("SYSTEM", "System: name, or path of an .ssp", systems)]
-ShownArgument = Annotated[str, argument("WHAT", "SYSTEM, SYSTEM.component or FMU, by name or path")]
 FmuArgument = Annotated[str, argument("FMU", "FMU: name, or path of a .fmu")]
-FileArgument = Annotated[Path, argument("FILE", "Results of `harness run`")]
-DrawnArgument = Annotated[Path, argument("FILE", "Results of `harness run` or `harness campaign`")]
-ReportArgument = Annotated[
-    Path, argument("FILE", "Results of a run; with -o also a folder of compare or a .zarr")
-]
 MissionOption = Annotated[
     Path | None, option("--mission FOLDER", "Use figures and claims of the mission in this folder")
-]
-PlaceOption = Annotated[
-    Text, option("--for SYSTEM.COMPONENT", "Give the new component the ports of this one")
 ]
 RequireOption = Annotated[
     Texts, option("--require 'C.NAME >= 4 m'", "Require this in every row, else exit status 1")
@@ -147,13 +136,6 @@ class Drawing:
         from harness.figures.style import style_of
 
         return self.ending, style_of(self.style)
-
-
-@dataclass(frozen=True)
-class Pictures(Drawing):
-    """Format and style of figures, and whether to draw any."""
-
-    figures: Annotated[bool, option("--figures/--no-figures", "Draw figures, or none")] = True
 
 
 class OnceCommand(TyperCommand):
@@ -210,12 +192,12 @@ def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter
     """
     if parameter.name == "changes":
         for name in changes:
-            yield Parameter(name, KEYWORD_ONLY, default=None, annotation=CHANGES[name])
+            yield Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=CHANGES[name])
     elif group := _group(parameter):
         for each in group:
             yield from _options(each, changes)
     else:
-        yield parameter.replace(kind=KEYWORD_ONLY)
+        yield parameter.replace(kind=Parameter.KEYWORD_ONLY)
 
 
 def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any]) -> Any:

@@ -17,7 +17,6 @@ from harness.cli.options import (
     Drawing,
     ExecutorOption,
     PatienceOption,
-    Pictures,
     QuietOption,
     StrictOption,
     SystemArgument,
@@ -121,7 +120,8 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
     varied: Varied,
     output: Annotated[Path | None, output("Folder to write (default: results/SYSTEM)")] = None,
     compared: Compared,
-    pictures: Pictures,
+    drawing: Drawing,
+    figures: Annotated[bool, option("--figures/--no-figures", "Draw figures, or none")] = True,
     strict: StrictOption = False,
     quiet: QuietOption = False,
     changes: Any,
@@ -146,9 +146,14 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
         found = compare(system, variants, folder, progress=show, **how)
     if found.results and not quiet:
         typer.echo(printable(found.text(names)))
-    written = _written(found.results, folder, pictures)
+    contents = "results and comparison.csv"
+    if figures:
+        from harness.figures.plots import overlay
+
+        drawn = overlay(found.results, folder, *drawing.how())
+        contents = f"results, comparison.csv and {len(drawn)} figures"
     if not quiet:
-        typer.echo(f"\n{written} in {folder}")
+        typer.echo(f"\n{contents} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
     insist(found.results, changes.get("require", ()), strict)
@@ -188,18 +193,6 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
             f"-o {output}: optima of phases are simulated one by one, there is no single run"
         )
     save(found.verified, output)
-
-
-def _written(results: Any, folder: Path, pictures: Pictures) -> str:
-    """Draw the figures of a comparison if requested, and return a text about what its folder
-    contains.
-    """
-    if not pictures.figures:
-        return "results and comparison.csv"
-    from harness.figures.plots import overlay
-
-    drawn = overlay(results, folder, *pictures.how())
-    return f"results, comparison.csv and {len(drawn)} figures"
 
 
 @dataclass(frozen=True, kw_only=True)
