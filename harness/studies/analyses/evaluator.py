@@ -86,7 +86,8 @@ class Evaluator:
 
     def reserve(self, runs: int) -> None:
         """Plan a dataset with this number of runs."""
-        self.plan = self.plan.with_entries(runs=runs, coordinates=self.d)
+        entries = {**self.plan.definition, "runs": runs, "coordinates": self.d}
+        self.plan = replace(self.plan, definition=entries)
         self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
 
     def columns(self, of: str | Sequence[str], slope: bool) -> dict[str, int]:
@@ -136,15 +137,15 @@ class Evaluator:
             )
         return margins_of(self.run([self.values(z, k) for k, z in enumerate(numbers)]))
 
-    def moved(self, numbers: Array, count: int = 5) -> str:
-        """Return as text the `count` factors that a row of coordinates (d,) moves farthest from
-        their medians, with the distances in standard deviations.
+    def moved(self, numbers: Array) -> str:
+        """Return as text the five factors that a row of coordinates (d,) moves farthest from their
+        medians, with the distances in standard deviations.
         """
         names: list[str] = []
         for name, places in self.groups.items():
             elements = [f"{name}[{k + 1}]" for k in range(len(places))]
             names += elements if len(places) > 1 else [name]
-        order = np.argsort(-np.abs(numbers), kind="stable")[:count]
+        order = np.argsort(-np.abs(numbers), kind="stable")[:5]
         return ", ".join(f"{names[k]} {numbers[k]:+.1f} sigma" for k in order)
 
     def run(self, values: Sequence[Values]) -> list[Row]:

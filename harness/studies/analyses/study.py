@@ -36,7 +36,7 @@ class Study(Campaign):
         status = self.store.array("status")
         lines = [f"{len(status)} runs, {int((status == FAILED).sum())} failed"]
         for name, found in self.estimate["of"].items():
-            lines += ["", *LINES[self.kind](name, found, self)]
+            lines += ["", *(_worst if self.kind == "worst" else _effects)(name, found, self)]
         for name, count in self.estimate["unjudged"].items():
             if count:
                 lines += ["", f"{name}: {count} of {len(status)} runs {UNJUDGED}"]
@@ -154,10 +154,3 @@ def _no_failure(found: Any) -> bool:
     """
     margins = [found["margin"], found["own step"], *found.get("other seeds", ())]
     return all(margin >= 0 for margin in margins)
-
-
-LINES = {
-    "sensitivity": _effects,
-    "worst": _worst,
-}
-"""Functions that yield the text on one requirement, by the kind of the study."""

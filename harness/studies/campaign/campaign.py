@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.master.messages import logged_once
 from harness.master.progress import Progress
+from harness.results.result import Array
 from harness.spelling import some
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics, worker
@@ -164,35 +164,29 @@ def _write(
     early if the stopping rule `until` is decided.
     """
     status, rule = store.array("status"), plan.table.until
-    missed = np.where(status == PENDING, PENDING, _missed(store) if rule else 1)
-    done, failed = int((status != 0).sum()), int((status == FAILED).sum())
+    success = store.array(SUCCESS) if rule else status
     for first, rows in completed:
-        earlier = status[first : first + len(rows)]
+        part = slice(first, first + len(rows))
         with held():  # an interruption waits until the block is complete
             store.write(first, [plan.values(first + k) for k in range(len(rows))], rows, {})
-        done += len(rows) - int((earlier != 0).sum())
-        failed += sum(row.status == FAILED for row in rows) - int((earlier == FAILED).sum())
-        if rule is not None:
-            missed[first : first + len(rows)] = [2 - (r.metrics[SUCCESS] == 1) for r in rows]
+        status[part] = [row.status for row in rows]
         if progress is not None:
+            done, failed = int((status != PENDING).sum()), int((status == FAILED).sum())
             progress(Progress(done, plan.runs, failed))
-        if rule is not None and (n := _decided(rule, missed)):
-            store.shorten(n)
-            return
+        if rule is not None:
+            success[part] = [row.metrics[SUCCESS] for row in rows]
+            if n := _decided(rule, status, success):
+                store.shorten(n)
+                return
 
 
-def _missed(store: Store) -> NDArray[np.int8]:
-    """Return by run: 1 if it has succeeded, otherwise 2."""
-    succeeded = store.array(SUCCESS) == 1 if SUCCESS in store.names("metric") else False
-    return np.where(succeeded, 1, 2)
-
-
-def _decided(rule: Until, missed: NDArray[np.int8]) -> int | None:
+def _decided(rule: Until, status: Array, success: Array) -> int | None:
     """Return the number of first runs after which the stopping rule is decided, None if it is not.
-    Only runs before the first pending one count; missed: by run PENDING, 1 (success) or 2.
+    Only runs before the first pending one count. status, success: by run.
     """
-    gap = np.flatnonzero(missed == PENDING)
-    return rule.decided((missed[: gap[0] if len(gap) else None] == 2).tolist())
+    pending = np.flatnonzero(status == PENDING)
+    end = pending[0] if len(pending) else None
+    return rule.decided((success[:end] != 1).tolist())
 
 
 def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:

@@ -233,9 +233,8 @@ class _Draft:
         none in some structure. Return the names of the variables that metrics, requirements and
         histories read, None if a user's function may read any variable.
         """
-        sizes = {
-            (s.graph.slots, s.steps): (system, s) for system, s in structures
-        }  # structures with equal variables and steps have the same metrics
+        # structures with equal variables and steps have the same metrics
+        sizes = {(s.graph.slots, s.steps): (system, s) for system, s in structures}
         results = [_blank(*each, self.table.every) for each in sizes.values()]
         texts = self.table.texts
         for name, text in texts.items():

@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -195,10 +195,6 @@ class Plan:
         if self.table.requirements:
             changes["require"] = dict(self.table.requirements)
         return changes  # type: ignore[return-value]
-
-    def with_entries(self, **entries: Any) -> Plan:
-        """Return the plan with some entries of its table replaced. They are not checked."""
-        return replace(self, definition={**self.definition, **entries})
 
     @cached_property
     def factors(self) -> tuple[Factor, ...]:

@@ -89,12 +89,10 @@ class Until(Struct, frozen=True):
         """Return one line that states the rule and whether the runs prove it."""
         needed = f"success above {100 * self.success:g} % at {100 * self.confidence:g} %"
         if self.fixed:
-            shown = failures == 0 and runs >= self.runs
+            word = "shown" if failures == 0 and runs >= self.runs else "NOT shown"
             rule = f"Wilks: {self.runs} runs without a failure"
         else:
-            decision = wald(failures, runs, 1 - self.success, self.confidence)
-            shown, rule = bool(decision), "Wald's test"
-            if decision is None:
-                return f"{needed}: not decided by {runs} runs, {failures} failed ({rule})"
-        word = "shown" if shown else "NOT shown" if self.fixed else "disproved"
+            words = {True: "shown", False: "disproved", None: "not decided"}
+            word = words[wald(failures, runs, 1 - self.success, self.confidence)]
+            rule = "Wald's test"
         return f"{needed}: {word} by {runs} runs, {failures} failed ({rule})"

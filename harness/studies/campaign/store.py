@@ -102,9 +102,7 @@ class Store:
             beside = new_beside(path.absolute(), folder=True)
             life.callback(shutil.rmtree, beside, ignore_errors=True)
             store = cls(path, zarr.open_group(beside, mode="w", zarr_format=3))
-            given = msgspec.structs.asdict(about)
-            del given["decided"]
-            store.group.attrs.update(given)
+            store.group.attrs.update(msgspec.structs.asdict(about))
             for field in laid:
                 store._lay_out(field, block)
             on_the_disk(beside)
@@ -412,9 +410,8 @@ class Store:
                 label = f"{plain}_band"
                 if label not in self.group:
                     self._bands(self._array(name), plain)
-                    (self.path / (MAKING + label)).rename(
-                        self.path / label
-                    )  # a band is complete or absent
+                    # a band is complete or absent
+                    (self.path / (MAKING + label)).rename(self.path / label)
                 if name.startswith(SCRATCH):
                     gone = (self.path / name).rename(self.path / (MAKING + name))
                     shutil.rmtree(gone)

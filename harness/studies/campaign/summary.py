@@ -180,7 +180,8 @@ def text(store: Store, shown: str) -> str:
     lines += ["", *_table(metrics, store.units())] if metrics else []
     lines += [*lacking(store), *(each.text for each in expectations(store))]
     lines += _groups(store)
-    factors = _varied(store, status != 0)
+    seeds = store.definition()[0].get("seeds", ())  # a rank correlation with a seed means nothing
+    factors = {name: x for name, x in varying_factors(store).items() if name not in seeds}
     if metrics and factors:
         head = (
             "rank correlation with factors (change from 5 to 95 % of the factor, relative to mean)"
@@ -189,15 +190,6 @@ def text(store: Store, shown: str) -> str:
     lines += _failures(store, shown)
     lines += ["", *_worst(store, metrics, shown)] if metrics else []
     return "\n".join(lines)
-
-
-def _varied(store: Store, over: NDArray[np.bool_]) -> dict[str, Array]:
-    """Return the columns of factor_columns() that differ between the runs `over`, without seeds,
-    because a rank correlation with a seed has no meaning.
-    """
-    seeds = store.definition()[0].get("seeds", ())
-    columns = {n: c for n, c in factor_columns(store).items() if n not in seeds}
-    return {name: column for name, column in columns.items() if np.ptp(column[over]) > 0}
 
 
 class Share(NamedTuple):
