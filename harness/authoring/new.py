@@ -33,7 +33,6 @@ from harness.system.model import System
 from harness.system.values import Name
 
 KINDS = ("controller", "sensor", "plant")
-LANGUAGES = {"c": ".c", "python": ".py"}
 
 NAME = re.compile(r"[\w.]+(\[\d+\])?", re.ASCII)
 
@@ -85,13 +84,11 @@ def new_component(
     and the errors of show() for the place.
     """
     target = _new_folder(kind, name, folder, paths.fmus())
-    if language not in LANGUAGES:
-        raise UsageError(f"--language {language}: expected {' or '.join(LANGUAGES)}")
     examples = [e for e in everything().examples if e.kind == kind]
     if place is None and examples and kind != "controller":
         return _added(name, language, target, examples[0])
     place = place or next((e.place for e in examples), "")
-    return _replacing(name, LANGUAGES[language], place, target)
+    return _replacing(name, ".py" if language == "python" else ".c", place, target)
 
 
 def _added(name: str, language: str, target: Path, example: Example) -> Created:
@@ -185,13 +182,13 @@ def _example(name: str, ending: str, example: Example) -> str:
 # ---- missions
 
 
-def new_mission(name: str, base: str | None = None, folder: str | Path = ".") -> Path:
-    """Create `folder`/NAME, a mission that extends a system, and return its folder.
+def new_mission(name: str, base: str | None = None) -> Path:
+    """Create the folder NAME, a mission that extends a system, and return its folder.
 
     base: name of the system (None: the system of the first example of the available missions).
     Existing files are never overwritten. Raises UsageError, and the errors of load() for the base.
     """
-    target = _new_folder("mission", name, folder, {**paths.systems(), **places()})
+    target = _new_folder("mission", name, ".", {**paths.systems(), **places()})
     chosen = base or next((e.place.partition(".")[0] for e in everything().examples), "")
     with load(chosen) as system:
         words = _words(system) | {"name": name, "base": chosen}

@@ -9,14 +9,14 @@ in the metadata entry `ports` in the same form. `harness build` builds an FMU fr
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 
+from harness.authoring.new import filled
 from harness.errors import UsageError
 from harness.results.result import Array
 
@@ -25,9 +25,6 @@ ACTIVATIONS: Mapping[str, tuple[Callable[[Array], Array], str]] = {
     "relu": (lambda x: np.maximum(x, 0.0), "larger(x, 0)"),
 }
 """Activation functions by name: in Python, and as an expression of x in C."""
-
-NAMES = {"Tanh": "tanh", "Relu": "relu"}
-"""Names of activation functions here, by their names in ONNX."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +95,6 @@ class Policy:
     def source(self, name: str) -> str:
         """Return the C source of an FMU with this name that evaluates the policy."""
         p = self.ports
-        text = Template(Path(__file__).with_name("templates").joinpath("policy.c.template")
-                        .read_text(encoding="utf-8"))  # fmt: skip
         rows = [f'    INPUT({n}, "{u}", "observed"),' for n, u, _ in p.inputs]
         rows += [f'    OUTPUT({n}, "{u}", "commanded"),' for n, u, _ in p.outputs]
         commanded = {name for name, _, _ in p.outputs}
@@ -108,7 +103,8 @@ class Policy:
         reads = _copies("u->", p.inputs, "x[{i}] = {port} / size[{i}];")
         writes = _copies("y->", p.outputs, "{port} = command(x, {i});")
         sizes = [(len(b), np.shape(w)[1]) for w, b in self.layers]
-        return text.substitute(
+        return filled(
+            "policy.c",
             name=name,
             inputs=_members(p.inputs),
             outputs=_members([*p.outputs, *held]),
@@ -147,15 +143,10 @@ def _members(ports: Sequence[tuple[str, str, int]]) -> str:
 
 
 def _copies(head: str, ports: Sequence[tuple[str, str, int]], line: str) -> str:
-    def lines() -> Iterator[str]:
-        i = 0
-        for name, _, n in ports:
-            for k in range(n):
-                port = f"{head}{name}{f'[{k}]' if n > 1 else ''}"
-                yield "    " + line.format(i=i + k, port=port)
-            i += n
-
-    return "\n".join(lines())
+    elements = [
+        f"{head}{name}{f'[{k}]' if n > 1 else ''}" for name, _, n in ports for k in range(n)
+    ]
+    return "\n".join("    " + line.format(i=i, port=port) for i, port in enumerate(elements))
 
 
 # ---- files
@@ -201,8 +192,8 @@ def _onnx(path: Path) -> Policy:
                 layers.append((given[0].T, np.zeros(given[0].shape[1])))
             case "Add" if given and layers:
                 layers[-1] = layers[-1][0], layers[-1][1] + given[0]
-            case op if op in NAMES:
-                used.add(NAMES[op])
+            case "Tanh" | "Relu" as op:
+                used.add(op.lower())
             case op if op not in ("Identity", "Flatten", "Cast"):
                 raise ValueError(f"operator {op}; expected Gemm, MatMul, Add, Tanh, Relu")
     if len(used) > 1 or "ports" not in about:

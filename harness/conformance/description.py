@@ -150,10 +150,6 @@ class Declared:
         """
         return int(self.own["derivative"]) if "derivative" in self.own else None
 
-    def attribute(self, name: str) -> str | None:
-        """Return an attribute of the variable, or else of its declared type."""
-        return self.all.get(name)
-
     def number(self, name: str) -> float | None:
         """Return an attribute of the variable or its declared type as a number, None if missing."""
         return float(self.all[name]) if name in self.all else None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from harness.conformance.description import Declared, Description, repeated
 from harness.spelling import some
@@ -165,7 +165,7 @@ def _aliases(d: Description) -> Iterator[str]:
             yield f"{some(free)}: share a value reference, so only one of them can be set"
         if len({v.variability == "constant" for v in group}) > 1:
             yield f"{some(group)}: share a value reference, so all or none must be constant"
-        if len({v.attribute("unit") for v in group}) > 1:
+        if len({v.all.get("unit") for v in group}) > 1:
             yield f"{some(group)}: share a value reference, so their units must be equal"
 
 
@@ -244,7 +244,7 @@ def _limits(d: Description, v: Declared) -> Iterator[str]:
     """Check that start values are within the limits, that nominal is not zero and that units are
     defined.
     """
-    low, high = (float(v.attribute(name) or end) for name, end in (("min", "-inf"), ("max", "inf")))
+    low, high = (float(v.all.get(name, end)) for name, end in (("min", "-inf"), ("max", "inf")))
     if low > high:
         yield f"min {low:g} exceeds max {high:g}"
     for start in map(float, v.starts if v.type in ("Real", "Integer", "Enumeration") else ()):
@@ -255,13 +255,11 @@ def _limits(d: Description, v: Declared) -> Iterator[str]:
     if v.own.get("unit") not in (None, *d.units):
         yield f"its unit {v.own['unit']} is not defined"
     shown = v.own.get("displayUnit")
-    if shown not in (None, *d.units.get(v.attribute("unit") or "", ())):
+    if shown not in (None, *d.units.get(v.all.get("unit", ""), ())):
         yield f"its display unit {shown} is not defined"
 
 
-OF_VARIABLES: tuple[Callable[[Description, Declared], Iterator[str]], ...] = (
-    *(_naming, _kind, _roles, _exchanged, _starts, _limits),
-)
+OF_VARIABLES = (_naming, _kind, _roles, _exchanged, _starts, _limits)
 
 
 # ---- further files of FMI 3.0

@@ -126,9 +126,8 @@ def move(system: System, places: Mapping[str, Place]) -> System:
     for (processor, group), names in _processors(places).items():
         parts = [Part(name, fmus[name]) for name in names]
         word, settings = group if len(parts) > 1 else "", places[names[0]].settings
-        moved |= zip(
-            names, on_processor(parts, find_processor(processor), word, settings), strict=True
-        )
+        made = on_processor(parts, find_processor(processor), word, settings)
+        moved |= zip(names, made, strict=True)
     components = tuple(replace(c, fmu=moved.get(c.name, c.fmu)) for c in system.components)
     return replace(system, components=components)
 

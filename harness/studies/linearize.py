@@ -201,8 +201,9 @@ class _Differences:
         near, far = after(value + distance), after(value + 2 * distance)
         return np.asarray((4 * near - far - 3 * after(value)) / (2 * distance))
 
-    def _no_model(self, reason: str) -> RunError:
-        return RunError(self.component.name, self.at, f"there is no linear model: {reason}")
+    def _no_model(self, reason: str, variable: str | None = None) -> RunError:
+        text = f"there is no linear model: {reason}"
+        return RunError(self.component.name, self.at, text, variable)
 
     def model(self, steps: int) -> LinearModel:
         """Return the linear model at the operating point that is reached after `steps` steps. The
@@ -213,12 +214,7 @@ class _Differences:
         again = dict(zip(self.names, self._run(self._restart(state), self.at, 0), strict=True))
         for name, value in state.items():
             if abs(again[name] - value) > 1e-9 * max(1.0, abs(again[name])):
-                raise RunError(
-                    self.component.name,
-                    self.at,
-                    "there is no linear model: the FMU restarted at its state has another state",
-                    name,
-                )
+                raise self._no_model("the FMU restarted at its state has another state", name)
         self.state = {name: value for name, value in state.items() if self._follows(name, state)}
         by_state = self._matrix(self.state, RELATIVE_STATE, True)
         by_input = self._matrix(self.inputs, RELATIVE_INPUT, False)

@@ -82,9 +82,8 @@ class WorkerPool:
 
     def __enter__(self) -> Self:
         try:
-            with (
-                ExitStack() as files
-            ):  # fail here if too few file descriptors are free, before the fork server fails
+            # fail here if too few file descriptors are free, before the fork server fails
+            with ExitStack() as files:
                 for _ in range(FILES + FILES_OF_A_PROCESS * len(self._workers)):
                     files.callback(os.close, os.dup(2))
             with held():

@@ -277,7 +277,7 @@ def _whole(d: Description, v: Declared, optional: bool) -> Variable:
     is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
     has_limits = v.type in ("Real", "Integer")
     return Variable(
-        v.name, v.reference, v.type, v.causality, v.attribute("unit"),
+        v.name, v.reference, v.type, v.causality, v.all.get("unit"),
         str(v.element.get("description", "")),
         settable=bool(v.starts) and v.type != "Binary" and not is_fixed,
         items={str(item.get("name")): int(item.get("value")) for item in items},
