@@ -116,8 +116,8 @@ def _detail(found: Finding) -> str:
     none, as text.
     """
     if found.value is None or found.verdict is Verdict.NOT_EXERCISED:
-        applies = found.verdict is Verdict.NOT_JUDGED
-        return found.reason if applies else "its condition applies in no run"
+        unjudged = found.verdict is Verdict.NOT_JUDGED
+        return found.reason if unjudged else "its condition applies in no run"
     place = "" if found.time is None else f" in run {found.time:.0f}"
     if math.isnan(found.value):
         return f"not a number{place}"
