@@ -14,7 +14,7 @@ import pytest
 from matplotlib.figure import Figure as MplFigure
 
 from harness import run
-from harness.figures.choice import figures_of, named
+from harness.figures.choice import compared, figures_of
 from harness.figures.finish import finish, look_of, mathematical, plain_number
 from harness.figures.plots import overlay, paint
 from harness.figures.style import PAPER, SERIF
@@ -210,7 +210,8 @@ def test_variables_of_one_run_alone_are_not_compared_and_the_missing_run_is_name
     assert all(
         name.split(" (")[0] not in names for m in alone for name in m.split(": ")[1].split(", ")
     )
-    figure = Figure("f", "Angles", ())
-    three = {"a": ours, "b": ours, "c": other}
-    assert named(figure, {"a": ours, "b": ours}, three).title == "Angles; without c"
-    assert named(figure, three, three) is figure
+    without = compared({"a": ours, "b": other, "c": run("relay_approach", stop=5.0)})[0]
+    titles = [figure.title for figure, runs in without if len(runs) == 2]
+    assert titles
+    assert all(title.endswith("; without c") for title in titles)
+    assert not any("without" in figure.title for figure, _ in compared({"a": ours, "b": other})[0])

@@ -415,7 +415,8 @@ def test_doubled_names_are_offered_once():
         ),
         (
             ["run", "sync_approach", "--set", "servicer.J_S=[1,2,3]"],
-            "--set servicer.J_S: expected 3 x 3 elements, got 3 elements; the number of elements",
+            "--set servicer.J_S: expected 3 x 3 elements, got 3 elements; the FMU fixes the number "
+            "of elements",
         ),
         (["new", "my_pd"], "new my_pd: expected `harness new controller|sensor|plant|"),
         (["build", "text.txt"], "text.txt: expected a .c or .py file"),
