@@ -219,8 +219,8 @@ def write_page(
 
 
 def _plot(self: Result, *names: str) -> Any:
-    """Return a matplotlib Figure of these variables, the figure with this name, or the first figure
-    of the result. Raises UsageError, ResultsError.
+    """Return a matplotlib Figure. names: variables to draw, or the name of one figure of the
+    mission (none: the first figure of the result). Raises UsageError, ResultsError.
     """
     from harness.figures.plots import shown
 
@@ -234,7 +234,7 @@ def _report(self: Result, path: str | Path) -> Path:
     return write_page(self, path)
 
 
-# attached here, so that harness.results need not import the packages that draw and report
+# methods of Result, set here so that harness.results need not import the packages that draw
 Result.plot = _plot
 Result.save = save
 Result.report = _report

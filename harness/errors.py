@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Errors of the harness. Every failure raises one of these classes with a message for the user.
 
-    HarnessError             one line for the user, or a line per problem; status 1
+    HarnessError             base class: one line for the user, or a line per problem; status 1
     ├── UsageError           wrong use of the command line or of run(); exit status 2
     ├── ArchiveError         a .ssp or .fmu is damaged or unsafe to unpack
-    ├── StructureError       a system contradicts itself; carries all problems, one line each
+    ├── StructureError       wrong entries in a system or another file; one line per problem
     ├── FmuError             an FMU cannot be read, loaded or instantiated
-    ├── RunError             an FMU failed in initialization or in a step; carries the rows so far
+    ├── RunError             an FMU failed in initialization or in a step; holds the recorded rows
     │   ├── InterruptionError    the user stopped the run
     │   └── RejectedValueError   an FMU rejects values of parameters
-    ├── ComparisonError      runs of a comparison ended early, a line each; the others are complete
-    ├── RequirementError     requirements are not met, a line each; the results are complete
+    ├── ComparisonError      some runs of a comparison ended early; one line per such run
+    ├── RequirementError     requirements are not met; one line each; the results are complete
     └── ResultsError         a results file cannot be written or read
 
-If an error reports several problems, its message has one line per problem. A missing library raises
-HarnessError itself.
+If an error reports several problems, its message has one line per problem. If a library is not
+installed, HarnessError itself is raised.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any
 
 
 def reason_of(error: BaseException) -> str:
-    """Return the reason of a failure in one line."""
+    """Return the reason that an exception states, as one line of text."""
     text = getattr(error, "strerror", None) or " ".join(str(error).split())
     return text or type(error).__name__
 
@@ -65,7 +65,9 @@ class ArchiveError(HarnessError):
 
 
 class StructureError(HarnessError):
-    """Contradictions inside a system; `problems`: all of them, one line each."""
+    """Wrong or contradictory entries of a system, a campaign or another file; `problems`: all of
+    them, one line each.
+    """
 
     def __init__(self, problems: Iterable[str]) -> None:
         self.problems = tuple(dict.fromkeys(problems))
@@ -118,13 +120,13 @@ class RejectedValueError(RunError):
 
 
 class ComparisonError(HarnessError):
-    """Early end of some runs of a comparison; one line each."""
+    """Early end of some runs of a comparison; the message has one line per run that ended early."""
 
 
 class RequirementError(HarnessError):
-    """Requirements that are not met or cannot be evaluated; one line each.
+    """Requirements that are not met or cannot be evaluated; the message has one line for each.
 
-    partial: the Campaign whose success cannot be evaluated, else None.
+    partial: the completed Campaign if the error is about a campaign, else None.
     """
 
     partial: Any = None
@@ -149,11 +151,14 @@ EXTRAS = {
 }
 """Extras of this package (`pip install servicing-fmus[NAME]`) and the libraries each installs."""
 HOMES = {"erfa": "pyerfa"}
-"""Name of the package to install, by module, where both names differ."""
+"""Name of the package to install, by name of the module, where the two names differ."""
 
 
 def library(name: str, extra: str) -> Any:
-    """Return a module of an extra of this package; raise HarnessError if it is not installed."""
+    """Import and return the module `name`; raise HarnessError if it is not installed.
+
+    extra: extra of this package that installs the module.
+    """
     try:
         return import_module(name)
     except ImportError as error:
@@ -161,8 +166,10 @@ def library(name: str, extra: str) -> Any:
 
 
 def installed(name: str, extra: str) -> ModuleSpec:
-    """Return the specification (with the location) of a module of an extra, without importing it;
-    raise HarnessError if it is not installed.
+    """Return the specification (with the location) of the module `name` without importing it; raise
+    HarnessError if it is not installed.
+
+    extra: extra of this package that installs the module.
     """
     if (found := find_spec(name)) is None:
         raise HarnessError(_needed(name, extra))
@@ -176,15 +183,16 @@ _LIMITS: dict[Any, tuple[str, str, str, int]] = {
     **dict.fromkeys(("new thread", "map segment", "allocate memory"), _MEMORY),
     **dict.fromkeys((errno.EMFILE, errno.ENFILE), _FILES),
 }
-"""Limits of the machine, by the errno, the class or a part of the message of the error that shows
-that one is reached: the exhausted resource, the name of its limit in the module `resource`, the
-command that shows the limit, and the unit of that command in units of `resource`.
+"""Limits of the machine by which an error is recognised: an errno, a class of exceptions, or a part
+of the message. Values: the exhausted resource, the name of its limit in the Python module
+`resource`, the shell command that prints the limit, and the unit of that command in units of
+`resource`.
 """
 
 
 def exhausted(error: BaseException | None) -> str | None:
-    """Return a line about the limit of the machine that an error or one of its causes shows to be
-    reached; None if there is none.
+    """Return a line that names the exhausted resource of the machine (memory, open files) and its
+    limit, if this caused the error or one of its causes; otherwise None.
     """
     while error is not None:
         signs = getattr(error, "errno", None), type(error)
@@ -207,7 +215,9 @@ def _limit(name: str, kind: str, command: str, unit: int) -> str:
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
-    """Return a line with the command that installs a missing module; None if no extra has it."""
+    """Return a line with the command that installs a missing module; None if no extra of this
+    package installs it.
+    """
     name = (error.name or "").partition(".")[0]
     extra = next((extra for extra, names in EXTRAS.items() if name in names), None)
     return None if extra is None else _needed(name, extra)

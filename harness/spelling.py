@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Texts for messages and tables: close matches of misspelt names, texts without control characters,
-names of files, numbers, columns.
+"""Functions for texts in messages and tables: close matches of misspelt names, texts without
+control characters, names of files, numbers, columns.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from functools import lru_cache
 from typing import Any
 
 LONGEST = 100
-"""Length of the longest name that is compared, since the time grows with its square."""
+"""Largest length of a name that is compared with known names [characters], because the time of a
+comparison grows with the square of the length.
+"""
 
 CANDIDATES = 20
 """Number of names before and after the misspelt name, in each of two sorted lists, that are
@@ -38,9 +40,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def _neighbours(name: str, known: tuple[str, ...]) -> Iterator[str]:
-    """Yield the known names that are near a name in alphabetical order, or in the order of the
-    reversed names. A name with one wrong letter is near the right one in at least one of both, so
-    few of many thousands of names need to be compared.
+    """Yield the known names that are near `name` in alphabetical order, or in the alphabetical
+    order of the names spelled backwards. A known name that differs in one letter is near in at
+    least one of the two orders, so few of many thousands of names need to be compared.
     """
     beginnings, ends = _ordered(known)
     at, end = bisect(beginnings, name), bisect(ends, name[::-1])
@@ -50,7 +52,9 @@ def _neighbours(name: str, known: tuple[str, ...]) -> Iterator[str]:
 
 @lru_cache(maxsize=8)
 def _ordered(known: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Return the names in alphabetical order, and the reversed names in alphabetical order."""
+    """Return two lists: the names in alphabetical order, and the names spelled backwards in
+    alphabetical order.
+    """
     names = [each for each in known if len(each) <= LONGEST]
     return sorted(names), sorted(each[::-1] for each in names)
 
@@ -110,7 +114,7 @@ def file_stem(name: str) -> str:
 
 
 def is_number(text: str) -> bool:
-    """Return whether a text reads as a number."""
+    """Return whether a text can be read as a number."""
     try:
         float(text)
     except ValueError:
@@ -126,7 +130,7 @@ def number(value: Any) -> str:
 
 
 def pieces(text: str) -> list[str]:
-    """Return the parts of a text between commas outside brackets."""
+    """Split a text at its commas and return the parts; commas inside brackets do not split."""
     found, depth = [""], 0
     for character in text:
         depth += (character == "[") - (character == "]")

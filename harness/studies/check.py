@@ -2,9 +2,9 @@
 """Check of a system or an FMU, which reports all problems at once and separates errors from
 warnings.
 
-An error prevents a run, and a run would end with the same error. A warning is a deviation from the
-standard. An FMU checks its parameters when it is initialised. This needs no other FMU, so rejected
-values are found before any run by initialising each FMU alone.
+An error prevents a run: the run would end with the same error. A warning is a deviation from the
+standard. An FMU checks the values of its parameters when it is initialised. This needs no other
+FMU, so rejected values are found before any run by initialising each FMU alone.
 """
 
 from __future__ import annotations
@@ -88,8 +88,8 @@ def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdic
 
 
 def machine() -> Iterator[str]:
-    """Yield one line per flight processor: `ready` if this machine has the compiler and the
-    emulator for it, otherwise which of them is missing.
+    """Yield one line per flight processor: `ready` if this machine has its compiler and emulator,
+    otherwise the missing tools.
     """
     for processor in PROCESSORS.values():
         yield missing(processor) or f"{processor.name}: {processor.text}: ready"
@@ -141,9 +141,9 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
 
 def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
     """Yield one line per error in the time span, FMUs, connections and parameter values of a
-    system. Values of an FMU that cannot be read are not checked.
+    system. Values for an FMU that cannot be read are not checked.
 
-    chosen: the system with each parameter set whose values are checked.
+    chosen: the system with each of the parameter sets whose values are checked.
     """
     experiment = system.experiment
     if experiment.step is not None and experiment.stop is not None:
@@ -175,7 +175,7 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
 
 def log_decided(system: System) -> None:
     """Log a warning for each requirement whose verdict is the same in every run, because the
-    requirement is not met in the first row or depends on parameters only.
+    requirement fails already in the first row or depends on parameters only.
     """
     period = max(max(1, c.every) for c in system.components)
     experiment = system.experiment
@@ -210,8 +210,9 @@ def rejected(
     """Yield an error for each component whose FMU rejects its parameter values. Every component is
     initialised alone, once per distinct combination of its values.
 
-    third_party: names of components that are initialised although their FMUs are third-party, each
-    in a separate process; patience: limit for one call into such an FMU [s].
+    third_party: names of components that are initialised even if their FMUs are third-party, each
+    in a separate process (other third-party FMUs are left out); patience: limit for one call into
+    such an FMU [s].
     """
     for system in _alone_once(systems, third_party):
         try:
@@ -223,9 +224,9 @@ def rejected(
 
 
 def _alone_once(systems: Iterable[System], third_party: Collection[str]) -> Iterator[System]:
-    """Yield systems of one component each: one for every component and distinct combination of its
-    values. Components without a readable file are left out, and components with third-party FMUs
-    unless `third_party` names them.
+    """Yield systems with one component each: one for every component and distinct combination of
+    its values. Components without a readable file are left out, and so are components with
+    third-party FMUs that `third_party` does not name.
     """
     tried = set()
     for system in systems:
@@ -240,8 +241,9 @@ def _alone_once(systems: Iterable[System], third_party: Collection[str]) -> Iter
 def always_rejected(
     systems: Iterable[System], given: Mapping[str, Any], varied: Collection[str], patience: float
 ) -> Iterator[HarnessError]:
-    """Yield an error for each component that rejects values in every run, because these values do
-    not vary between runs. The error names the values as the user typed them.
+    """Yield an error for each component whose FMU rejects values in every run, because the
+    parameters with these values do not vary between runs. The error shows the values as the user
+    typed them.
 
     given: fixed values by parameter, as typed; varied: names of the parameters that vary; patience:
     limit for one call into a third-party FMU [s].
@@ -253,8 +255,8 @@ def always_rejected(
 
 
 def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessError]:
-    """Yield an error for each of these components whose board does not answer, contains another
-    FMU, or rejects values. Each board is initialised alone, in a separate process.
+    """Yield an error for each named component whose board does not answer, contains another FMU, or
+    rejects values. Each board is initialised alone, in a separate process.
     """
     for name in components:
         try:

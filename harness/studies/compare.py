@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Comparison of several runs of one system in one table. The worker pool of campaigns executes the
+"""Comparison of several runs of one system in one table. The worker pool of campaigns performs the
 runs, and every run is stored as a complete results file.
 """
 
@@ -48,23 +48,25 @@ from harness.system.values import base
 ROWS = 20_000
 """Largest number of rows of a results file if the user gives no `every`."""
 TOGETHER = 4
-"""Number of runs per task with the executor `fused`, if there are that many for every worker."""
+"""Number of runs per task with the executor `fused`, if there are at least as many runs for every
+worker.
+"""
 TABLE = "comparison.csv"
 WIDTH = 120
 """Largest width of a table printed as text [columns]."""
 Order = tuple[Variant, Path, int]
 """Run to perform: its variant, the path of its results file, and its macro steps per row."""
 Metrics = Mapping[tuple[str, str], Mapping[str, float]]
-"""Values of metrics: by (name, unit) of the metric, then by the label of the run."""
+"""Values of metrics: by name and unit of the metric, then by the label of the run."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Outcome of a run.
 
-    file: its results file, a partial one if the run ended early, None if there are no results;
-    failure: one line that states why the run ended early, "" if it is complete; pace: computing
-    time of a macro step in the fastest tenth of a second of the run [us].
+    file: its results file, a partial file if the run ended early, None if there are no results;
+    failure: one line with the reason of an early end, "" if the run is complete; pace: computing
+    time per macro step in the fastest tenth of a second of the run [us].
     """
 
     file: Path | None
@@ -91,8 +93,8 @@ class ComparisonRuns:
         return TOGETHER if self.executor == FUSED else 1
 
     def blocks(self, orders: Sequence[Order], workers: int) -> Iterator[Block]:
-        """Yield the runs in blocks, one block per task: of `piece` runs if there are that many for
-        every worker, otherwise of one run.
+        """Yield the runs in blocks; a block is one task of a worker. It has `piece` runs if there
+        are at least that many for every worker, otherwise one run.
         """
         size = self.piece if len(orders) >= self.piece * workers else 1
         for k in range(0, len(orders), size):
@@ -151,10 +153,10 @@ def _ended(file: ResultFile, error: RunError) -> Outcome:
 class Comparison:
     """Completed comparison.
 
-    outcomes, results: by the label of the run, results only of runs that have some; limits: bands
-    of position and attitude errors for metrics of settling; metrics: values by (name, unit), then
-    by label; mission: definitions of the metrics; in_force: line that states which parameter set
-    applied, "" if none did.
+    outcomes: by label of the run; results: by label, only of runs that have results; limits:
+    position and attitude errors within which metrics count an error as settled; metrics: values by
+    (name, unit), then by label; mission: mission that defines the metrics; in_force: line that
+    states which parameter set the comparison used, "" if none.
     """
 
     outcomes: Mapping[str, Outcome]
@@ -190,7 +192,7 @@ class Comparison:
 
     def findings(self) -> list[str]:
         """Return the lines of a table of runs and requirements, then one line for each requirement
-        that a run does not meet or that has no verdict in a run.
+        that is not met or has no verdict, with the labels of these runs; [] without requirements.
         """
         found = {label: findings(result) for label, result in self.results.items()}
         lines: dict[str, list[str]] = {}
@@ -260,8 +262,8 @@ def compare(  # noqa: PLR0913 - options of a comparison
 
 def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence[Variant], str]:
     """Return the variants with the parameter set that the system declares for comparisons, and a
-    line that states this parameter set. If a variant names a parameter set (`--params`), return the
-    variants unchanged, and a line that states the named ones.
+    line that states this parameter set. If a variant has a parameter set of its own (`--params`),
+    return the variants unchanged, and a line that states their parameter sets.
     """
     with load(system) as found:
         sets = {s.name: s for s in found.sets}
@@ -285,7 +287,7 @@ def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence
 
 
 def _check(work: ComparisonRuns, variants: Sequence[Variant], file: ResultFile) -> list[int]:
-    """Check all variants before the first run; return the number of macro steps of each."""
+    """Check all variants before the first run; return the number of macro steps of each variant."""
     with load(work.system) as found, logged_once():
         systems = [_applied(found, variant) for variant in variants]
         for changed in systems:
@@ -300,8 +302,8 @@ def _check(work: ComparisonRuns, variants: Sequence[Variant], file: ResultFile) 
 
 
 def _applied(system: System, variant: Variant) -> System:
-    """Return the system with the changes of a variant. An error for a value that `--vary` gave
-    names `--vary`, not `--set`.
+    """Return the system with the changes of a variant. An error about a value that the user gave by
+    `--vary` names `--vary`, although the value is applied as `--set`.
     """
     try:
         return rest(apply(system, **variant.changes))
@@ -310,7 +312,9 @@ def _applied(system: System, variant: Variant) -> System:
 
 
 def _as_given(variant: Variant, text: str) -> str:
-    """Return a text with `--vary` in place of `--set` before the parameters that `--vary` gave."""
+    """Return the text of an error with `--vary` in place of `--set` before each parameter that the
+    user gave by `--vary`.
+    """
     for name in variant.varied:
         text = re.sub(rf"--set (?={re.escape(name)}(?!\w))", "--vary ", text)
     return text
@@ -318,7 +322,7 @@ def _as_given(variant: Variant, text: str) -> str:
 
 def _thinning(steps: int) -> int:
     """Return the number of macro steps per row with which a run of `steps` macro steps has at most
-    ROWS rows; if possible one that divides `steps`, so that the last row is the end of the run.
+    ROWS rows; if possible a divisor of `steps`, so that the last row is the end of the run.
     """
     least = math.ceil(steps / ROWS)
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)
@@ -333,11 +337,12 @@ def table(
     about: Mapping[tuple[str, str], str] = {},
     words: Mapping[tuple[str, str], Sequence[str]] = {},
 ) -> str:
-    """Return the table of metrics as text, in blocks at most WIDTH wide, one line per run. Metrics
-    without a value in any run are left out; a missing value is `-`.
+    """Return the table of metrics as text, in blocks at most WIDTH characters wide, one line per
+    run. Metrics without a value in any run are left out; a missing value is `-`.
 
-    labels: of the runs, in the order of the lines; about: last line of the heading of a metric;
-    words: texts to show instead of the values 0, 1, ... of a metric.
+    labels: labels of the runs, in the order of the lines; about: last line of the heading of a
+    metric; words: texts to show instead of the values 0, 1, ... of a metric; about and words by
+    (name, unit).
     """
     shown = {
         key: column for key, column in metrics.items() if any(map(math.isfinite, column.values()))
@@ -368,8 +373,8 @@ def verdicts(found: Mapping[str, Sequence[Finding]]) -> str:
 
 
 def _blocks(first: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
-    """Return a table as text, split into blocks at most WIDTH wide, each of which begins with the
-    column `first`.
+    """Return a table as text, split into blocks at most WIDTH characters wide. Each block begins
+    with the column `first`.
     """
     first = [label.ljust(max(map(len, first))) for label in first]
     blocks = [[first]]
@@ -383,13 +388,16 @@ def _blocks(first: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
 
 
 def _block(columns: Sequence[Sequence[str]]) -> str:
-    """Return the lines of a table from its columns, whose cells are padded to one width."""
+    """Return the lines of a table of text, given by its columns. All cells of a column are padded
+    to the same width.
+    """
     return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
 
 
 def _numbers(values: Sequence[float]) -> list[str]:
-    """Return the numbers of a column as text with equally many decimals, four digits for the
-    largest number; with powers of ten if the smallest would be printed as 0; `-` if not finite.
+    """Return the numbers of a column as text: equally many decimals, with four digits for the
+    largest number; with powers of ten if the smallest number would be printed as 0; `-` if not
+    finite.
     """
     sizes = [abs(v) for v in values if math.isfinite(v) and v]
     decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))
@@ -400,7 +408,7 @@ def _numbers(values: Sequence[float]) -> list[str]:
 
 def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
     """Return the values in a file of write_csv(), by heading `name [unit]` and then by label of the
-    run, and the list of labels; raise ResultsError if the file cannot be read.
+    run; return also the list of labels. Raise ResultsError if the file cannot be read.
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:

@@ -6,9 +6,9 @@
 x, u, y: deviations of states, inputs and outputs from the operating point; u is constant over a
 step. The states of an FMU are the outputs whose start value is a parameter: output `x` starts at
 parameter `x_0`, position `r_BN_N` or velocity `v_BN_N` at `r_0_N` or `v_0_N`. An output that does
-not change with its start parameter (the angle of a panel that does not exist) is not a state. For
-each difference the FMU is restarted at the operating point with one state moved, so only standard
-FMI calls are needed.
+not change with its start parameter (such as the angle of a panel that does not exist) is not a
+state. For each difference the FMU is restarted at the operating point with one state or input
+moved, so only standard FMI calls are needed.
 """
 
 from __future__ import annotations
@@ -98,9 +98,9 @@ def linearize(
 
 
 def start_parameters(interface: Interface) -> dict[str, str]:
-    """Return the names of the output elements that may be states, each with the name of its start
-    parameter. Of two outputs with the same start parameter (body and centre of mass) only the first
-    is returned.
+    """Return the names of the scalar outputs that may be states, each with the name of the
+    parameter that sets its start value. If two outputs have the same start parameter (position of
+    the body and of its centre of mass), only the first output is returned.
     """
     found: dict[str, str] = {}
     for name in interface.outputs():
@@ -131,14 +131,16 @@ class _Differences:
         self.inputs = {n: self._begin(n) for n in self.interface.named("input")}
 
     def _begin(self, name: str) -> float:
-        """Return the value of an input that the user has set, otherwise its start value."""
+        """Return the value of an input: the value that the user has set, otherwise the start value
+        in the FMU.
+        """
         if name in self.component.parameters:
             return float(self.component.parameters[name].value)
         return self.interface.variables[name].start or 0.0
 
     def _run(self, values: Mapping[str, float], start: float, steps: int) -> Array:
-        """Return all outputs after a number of steps from the time `start` [s], with these values
-        of parameters and inputs in addition to those that the user has set.
+        """Return the values of all outputs after `steps` steps from the time `start` [s]; values:
+        further values of parameters and inputs, besides those that the user has set.
         """
         parameters = {**self.component.parameters, **{n: Parameter(v) for n, v in values.items()}}
         stop = start + max(steps, 1) * self.h
@@ -165,11 +167,12 @@ class _Differences:
         return bool(found[self.names.index(name)] != state[name])
 
     def _matrix(self, values: Mapping[str, float], relative: float, moves_state: bool) -> Array:
-        """Return the derivatives of all outputs after one step with respect to each of `values`
-        (outputs, values), by Richardson extrapolation of the differences at distances d and d/2.
+        """Return the derivatives (outputs, values) of all outputs after one step with respect to
+        each state or input in `values`, by Richardson extrapolation of differences at the distances
+        d and d/2.
 
-        relative: d relative to the length of the vector; moves_state: whether `values` are states,
-        not inputs.
+        relative: d, relative to the length of the vector that the moved element belongs to;
+        moves_state: whether `values` are states, not inputs.
         """
         columns = np.zeros((len(self.names), len(values)))
         for k, (name, value) in enumerate(values.items()):
@@ -185,9 +188,9 @@ class _Differences:
 
     @np.errstate(over="ignore", invalid="ignore")
     def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
-        """Return the derivatives of all outputs after one step with respect to one state or input:
-        by a central difference, or by a one-sided difference of second order if the variable would
-        fall below its lower limit.
+        """Return the derivatives of all outputs after one step with respect to one state or input.
+        The difference is central, or one-sided of second order if the variable would fall below its
+        lower limit.
         """
 
         def after(moved: float) -> Array:
@@ -233,8 +236,8 @@ class _Differences:
 
 
 def _size(name: str, values: Mapping[str, float]) -> float:
-    """Return the Euclidean length of the vector that a scalar is an element of, or the absolute
-    value of a scalar that belongs to no vector; values: of all scalars by name.
+    """Return the length of the vector to which the scalar `name` belongs, or the absolute value of
+    a scalar that belongs to no vector; values: values of all scalars by name.
     """
     parts = [v for n, v in values.items() if base(n) == base(name) and index(n)]
     return math.hypot(*(parts or [values[name]]))

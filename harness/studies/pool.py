@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Pool of worker processes on this machine. When a worker process is killed or crashes inside an
-FMU, its present task is lost and a new process replaces it. Other users of the machine cannot
-connect to a worker.
+FMU, the task that it performs fails and a new process replaces it. Other users of the machine
+cannot connect to a worker.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from harness.master.child import end_with_parent
 _log = logging.getLogger("harness")
 
 RETAINED = 32 << 20
-"""Largest block that malloc of a worker takes from its heap, the maximum of glibc [bytes]."""
+"""Largest memory block that malloc of a worker takes from its heap, the maximum of glibc [bytes].
+"""
 ENVIRONMENT = {
     "MALLOC_ARENA_MAX": 1,
     "MALLOC_TRIM_THRESHOLD_": 8 * RETAINED,
@@ -58,7 +59,7 @@ GRACE_SECONDS = 5.0
 """Time that a process has to end by itself after Ctrl-C, before it is killed [s]."""
 
 Ready = Callable[[], AbstractContextManager[object]]
-"""Function that returns the context manager inside which a worker performs its tasks."""
+"""Function that returns a context manager; a worker performs its tasks inside this context."""
 
 
 class LostWorkerError(Exception):
@@ -69,8 +70,8 @@ class WorkerPool:
     """Pool of `count` worker processes, started on entry. The future of a task raises the exception
     of the task, or LostWorkerError if the worker process has ended.
 
-    ready: returns the context manager inside which each worker performs its tasks. It must be a
-    function at the top level of a module, so that it can be pickled.
+    ready: function that returns the context manager inside which each worker performs its tasks. It
+    must be defined at the top level of a module, so that it can be pickled.
     """
 
     def __init__(self, count: int, ready: Ready) -> None:
@@ -100,7 +101,9 @@ class WorkerPool:
         self.shutdown(cancel_futures=kind is not None)
 
     def submit(self, work: Callable[..., Any], *given: Any) -> Future[Any]:
-        """Schedule a task for the next free worker, in the order of the calls."""
+        """Schedule the task work(*given) for the next free worker, in the order of the calls;
+        return its future.
+        """
         return self._threads.submit(self._done, work, given)
 
     def _done(self, *work: Any) -> Any:
@@ -121,8 +124,8 @@ class WorkerPool:
             known = stopped
 
     def shutdown(self, cancel_futures: bool) -> None:
-        """End all worker processes after the tasks that were submitted. With `cancel_futures`
-        terminate them at once, and kill each process that has not ended within GRACE_SECONDS.
+        """End all worker processes after the submitted tasks. With `cancel_futures` terminate the
+        processes at once, and kill each process that has not ended within GRACE_SECONDS.
         """
         if cancel_futures:
             with held():  # a second Ctrl-C takes effect after the grace period
@@ -139,7 +142,7 @@ class WorkerPool:
 
 
 class _Worker:
-    """Worker of a pool: a process, which is replaced when it ends, and the pipe to this process."""
+    """Worker of a pool: a process, which is replaced when it ends, and the pipe to the process."""
 
     def __init__(self, ready: Ready) -> None:
         self._ready = ready
@@ -162,7 +165,8 @@ class _Worker:
             theirs.close()
 
     def done(self, *work: Any) -> Any:
-        """Return the result of a task: work = (function, arguments).
+        """Perform a task, work = (function, *arguments), in the worker process and return its
+        result.
 
         Raises the exception of the task, or LostWorkerError if the process ends.
         """
@@ -188,7 +192,9 @@ class _Worker:
                 self._process.terminate()
 
     def kill(self, end: float) -> None:
-        """Wait for the process until the time `end` of the monotonic clock [s], then kill it."""
+        """Wait until the process has ended, at most until the time `end` of the monotonic clock
+        [s]; then kill it.
+        """
         process, left = self._process, max(0.0, end - time.monotonic())
         if process is not None and not connection.wait([process.sentinel], left):
             process.kill()
@@ -205,7 +211,8 @@ class _Worker:
 
     def end(self) -> None:
         """Close the pipe and wait until the process has ended; kill a process that is stopped
-        (SIGSTOP). A stopped fork server is continued, because it reports the end of the process.
+        (SIGSTOP). If the fork server is stopped, continue it, because it reports the end of the
+        process.
         """
         if self._process is not None:
             self._line.close()
@@ -266,8 +273,9 @@ def prepare(*modules: str) -> None:
 
 @cache
 def _private(_: int) -> PrivateFolder:
-    """Return the folder for the socket of the fork server, which is removed when this process ends.
-    The argument is the id of this process, so that a forked child gets a new folder.
+    """Create and return the folder for the socket of the fork server; it is removed when this
+    process ends. The argument is the id of this process, so that the cached folder is not used in a
+    forked child.
     """
     folder = PrivateFolder()
     atexit.register(folder.close)
@@ -292,12 +300,12 @@ def _forget_inherited() -> None:
 
 @contextmanager
 def _own_start() -> Iterator[None]:
-    """Prepare this process for starting worker processes inside the block.
+    """Prepare this process for starting worker processes inside the `with` block.
 
-    Workers started there do not run the user's script again, because their tasks are functions of
-    this package, which import the user's files where needed. They never receive SIGINT; a SIGINT
-    that arrives meanwhile reaches this process after the block. They get the variables of
-    ENVIRONMENT that the user has not set.
+    Workers that are started there do not run the user's script again: their tasks are functions of
+    this package, which import the user's files where needed. The workers never receive SIGINT; a
+    SIGINT that arrives during the block reaches this process after it. The workers get those
+    variables of ENVIRONMENT that the user has not set.
     """
     with _ONE, ExitStack() as life:
         life.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Computing cost of FMUs on emulated flight processors, and bitwise comparison of their outputs
-with this machine.
+with the outputs on this machine.
 
 The FMUs that belong to one system run together in the default run of this system, each on its own
-emulated processor. All recorded signals are compared with a run on this machine alone. The outcome
-of every completed run is stored in the cache, so that an interrupted command continues there.
+emulated processor. All recorded variables are compared with a run on this machine alone. The
+outcome of every completed run is stored in the cache, so that an interrupted command does not
+repeat completed runs.
 """
 
 from __future__ import annotations
@@ -37,14 +38,14 @@ from harness.system.model import Origin, System
 from harness.system.swap import find_fmu
 
 PATIENCE = 600.0
-"""Limit for one answer of an emulator [s]. Guidance that plans a trajectory takes longest on a busy
-machine.
+"""Limit for one answer of an emulator [s]. Guidance that plans a trajectory takes longest, on a
+busy machine.
 """
 
 
 class Place(NamedTuple):
-    """Component of a system as which an FMU is run; swapped: whether this FMU replaces a different
-    one that the system has there.
+    """Component of a system in whose place an FMU is run; swapped: whether the FMU replaces another
+    FMU, which this component has in the system.
     """
 
     system: str
@@ -64,10 +65,10 @@ def compute_costs(  # noqa: PLR0913 - every one is an option of the command line
 ) -> list[Row]:
     """Run every FMU on every processor, and return a row with its cost for each combination.
 
-    fmus: names or paths; processors: names; place: `SYSTEM.COMPONENT` as which the FMU runs
-    (default: a component with the name of the FMU); stop: end of the run [s] (default: of the
-    system); clock: frequency of the processors [Hz] (default: of each processor); notify: called
-    with every row when it is complete. Raises UsageError, FmuError, RunError.
+    fmus: names or paths; processors: names; place: component in whose place the FMU runs,
+    `SYSTEM.COMPONENT` (default: a component that has this FMU); stop: end of the run [s] (default:
+    of the system); clock: frequency of the processors [Hz] (default: of each processor); notify:
+    called with every row when it is complete. Raises UsageError, FmuError, RunError.
     """
     if clock is not None and not 0 < clock < math.inf:
         raise UsageError(f"--clock {clock:g}: expected a frequency above 0 [Hz]")
@@ -108,11 +109,11 @@ def _rows(
 def _compared(
     system: System, components: Sequence[str], processor: Processor, here: Callable[[], Result]
 ) -> Any:
-    """Run these components on emulated processors and compare the run with `here`, unless the cache
-    has the outcome for the same files and emulator.
+    """Run components of a system on emulated processors and compare the run with a run on this
+    machine alone. If the cache has the outcome for the same files and emulator, no run is made.
 
-    here: function that returns the result of the run on this machine alone. Returns the number of
-    compared rows, the first difference ("": none), and (sizes, cost) by component.
+    here: function that returns the result of the run on this machine. Returns the number of
+    compared rows, the first difference ("": none), and by component a pair (sizes, cost).
     """
     place = f"{processor.name}?timeout={PATIENCE:g}"
     moved = apply(system, on=dict.fromkeys(components, place))
@@ -159,8 +160,8 @@ def _mark(system: System) -> bytes:
 
 
 def digest(fmu: Path) -> str:
-    """Return the first twelve digits of the SHA-256 of the C code of an FMU without comments and
-    repeated blanks.
+    """Return the first twelve hexadecimal digits of the SHA-256 of the C code of an FMU. Comments
+    and repeated blanks do not count.
     """
     about = hashlib.sha256()
     for name, content in sorted(read_all(fmu).items()):
@@ -174,11 +175,11 @@ def digest(fmu: Path) -> str:
 
 
 def groups(fmus: Sequence[str], place: str | None) -> list[list[Place]]:
-    """Return the places of FMUs, in groups that share one run: the FMUs of one system run together,
-    but an FMU that replaces another one runs alone.
+    """Return the components in whose place the FMUs run, in groups that share one run: the FMUs of
+    one system run together, but an FMU that replaces another FMU runs alone.
 
-    fmus: names or paths; place: `SYSTEM.COMPONENT` (default: a component with the name of the FMU).
-    Raises UsageError.
+    fmus: names or paths; place: `SYSTEM.COMPONENT` (default: a component that has this FMU). Raises
+    UsageError.
     """
     found: dict[object, list[Place]] = {}
     for each in _places(fmus, place):
@@ -203,9 +204,9 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
 
 
 def _homes() -> dict[str, tuple[str, str]]:
-    """Return for every FMU, by its name, the system and component in which it runs by default: a
-    component that has this FMU rather than one that lists it as an alternative, in the system with
-    the fewest components, the first in the alphabet among equals.
+    """Return for every FMU, by name, the system and component in whose place it runs by default. A
+    component that has the FMU precedes one that lists it as an alternative; then the system with
+    the fewest components, then the first in the alphabet is chosen.
     """
     own: dict[str, tuple[str, str]] = {}
     others: dict[str, tuple[str, str]] = {}
@@ -223,12 +224,13 @@ def _homes() -> dict[str, tuple[str, str]]:
 
 
 class Row(NamedTuple):
-    """Cost of an FMU on a processor, and the comparison with this machine.
+    """Cost of an FMU on a processor, and the comparison of its outputs with this machine.
 
-    place: `SYSTEM.COMPONENT` as which the FMU ran; sizes: of its program; cost: instructions and
-    memory of its steps; period: time between two steps [s]; clock: frequency of the processor [Hz];
-    rows: number of compared rows; until: end of the run [s] (None: of the default run); difference:
-    variable and time at which the bits first differ ("": nowhere); sources: digest of the C code.
+    place: `SYSTEM.COMPONENT` in whose place the FMU ran; sizes: sizes of its program; cost:
+    instructions and memory of its steps; period: time between two steps [s]; clock: frequency of
+    the processor [Hz]; rows: number of compared rows; until: end of the run [s] (None: of the
+    default run); difference: variable and time at which the bits first differ ("": nowhere);
+    sources: digest of the C code.
     """
 
     fmu: str

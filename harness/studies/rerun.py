@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Repetition of a run from its results file, and bitwise comparison of the new result with it."""
+"""Repetition of a run from its results file, and bitwise comparison of the repeated run with the
+original one.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,8 @@ _log = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Rerun:
-    """Run to repeat: its system, changes, executor and macro steps per row (None: default); model:
-    the earlier result to reproduce, None for a run of a campaign.
+    """Run to repeat. every: macro steps per row (None: default); model: result of the original run,
+    whose bits are to be reproduced; None for a run of a campaign.
     """
 
     system: str | Path
@@ -39,12 +41,12 @@ class Rerun:
 
 
 def again(text: str, system: str | Path | None, changes: Changes) -> Rerun:
-    """Return the run that a results file or `OUT.zarr#N` records, as a run to repeat.
+    """Return the run that a results file, or the run N of a dataset `OUT.zarr#N`, records.
 
-    system: name or present path of the system (None: the recorded path); changes: options of
-    run(), applied after the recorded ones. A warning is logged for every file that differs from the
-    original one. Raises UsageError (nothing to repeat, the system or an FMU is missing) and
-    ResultsError.
+    text: path of the results file, or `OUT.zarr#N`; system: name or present path of the system
+    (None: the recorded path); changes: options of run(), applied after the recorded ones. A warning
+    is logged for every file that differs from the original one. Raises UsageError (nothing to
+    repeat, the system or an FMU is missing) and ResultsError.
     """
     if "#" in text and not is_file(text):
         from harness.studies.campaign.campaign import like  # with zarr
@@ -70,8 +72,8 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Rerun:
 
 
 def _changed(earlier: Provenance, system: str | Path, changes: Changes) -> Iterator[str]:
-    """Yield a line per file (system, swapped FMUs, parameter set) whose hash is not the recorded
-    one.
+    """Yield a line per file (system, swapped FMUs, parameter set) whose hash differs from the
+    recorded hash.
     """
     swaps: Any = changes.get("swap", {})
     files = [(find_system(system), earlier.sha256)]
@@ -102,8 +104,8 @@ def agreement(model: Result, result: Result, changed: bool = False) -> tuple[boo
 
 
 def _differing(model: Result, result: Result) -> Iterator[str]:
-    """Yield a text for every difference of a result from its model: in the number of rows, the
-    variables, the parameters, the times, and the first value that differs.
+    """Yield a text for every difference of a repeated run from its original, `model`: in the number
+    of rows, the variables, the parameters, the times, and the first value that differs.
     """
     rows = len(model.time)
     if len(result.time) != rows and (model.complete or len(result.time) < rows):

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Driver of an analysis: it reads the entries of its table, such as `[worst]` in the file of a
-campaign, performs the runs that the method requests, stores them in the dataset, and supplies the
-margins.
+"""Driver of an analysis: it reads the table of the analysis, such as `[worst]` in the file of a
+campaign, performs the runs that the method requests, stores them in the dataset, and returns their
+margins to the method.
 
-A generation is a set of runs that the method requests together. It receives their margins in the
-order of its request, so results are bit-identical for any number of workers. A resumed analysis
-starts its method from the beginning, and the driver takes the margins of completed runs from the
-dataset.
+A generation is a set of runs that the method requests together. The method receives their margins
+in the order of its request, so results are bit-identical for any number of workers. A resumed
+analysis starts its method from the beginning, and the driver takes the margins of completed runs
+from the dataset.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ T = TypeVar("T")
 Names = Annotated[str | list[str], Meta(description="a name or a list of names")]
 
 LARGEST_BLOCK, BLOCK_STEPS = 200, 500_000
-"""Largest numbers of runs and of macro steps in a block, whose runs are written together. A block
-takes some seconds, which are lost if the process is killed.
+"""Largest numbers of runs and of macro steps in a block. The runs of a block are written together.
+A block takes some seconds; its runs are lost if the process is killed before they are written.
 """
 
 
 class _Record(NamedTuple):
-    """Completed run that is not yet written: its coordinates (d,), values of the factors, and
-    record.
+    """Completed run that is not yet written to the dataset: its standard normal coordinates (d,),
+    the values of its factors, and its row of the dataset.
     """
 
     numbers: Array
@@ -57,9 +57,9 @@ class _Record(NamedTuple):
 class Driver:
     """Driver of one analysis, which performs its runs and writes its dataset.
 
-    path, kind: of the dataset; completed: number of runs so far; nominal: margins (requirements,)
-    of run 0, the nominal run; unjudged: number of runs so far whose margin is no evidence, by
-    requirement; failed: number of failed runs.
+    path: of the dataset; completed: number of runs so far; failed: number of failed runs; nominal:
+    margins (requirements,) of run 0, the nominal run; unjudged: by requirement, the number of runs
+    so far whose margin is NaN or infinite and which say nothing about the requirement.
     """
 
     def __init__(
@@ -92,8 +92,9 @@ class Driver:
     # ---- runs
 
     def evaluate(self, numbers: Array) -> Array:
-        """Return the margins (rows, requirements) for coordinates (rows, d), from the dataset up to
-        its first pending run, from new runs after it. The rows are one generation.
+        """Return the margins (rows, requirements) of one generation of runs, given by standard
+        normal coordinates (rows, d). Margins of runs that are in the dataset are taken from it; all
+        other runs are performed.
         """
         first, last = self.completed, self.completed + len(numbers)
         known = self._margins[first : min(last, self._stored)]
@@ -111,8 +112,9 @@ class Driver:
         return margins
 
     def _run(self, first: int, numbers: Array) -> Array:
-        """Perform new runs, at most as many as a block has; return their margins, and write the
-        runs of blocks that are complete. first: number of the first run.
+        """Perform new runs, at most as many as a block has, write all blocks that are now complete,
+        and return the margins (rows, requirements). first: number of the first run; numbers:
+        standard normal coordinates (rows, d).
         """
         values = [self.evaluator.values(z, first + k) for k, z in enumerate(numbers)]
         rows = self.evaluator.run(values)
@@ -147,7 +149,9 @@ class Driver:
             )
 
     def _first(self) -> str:
-        """Return the message of the first failed run as text for an error, "" if there is none."""
+        """Return the message of the first failed run, as the end of an error message; "" if no run
+        has failed.
+        """
         messages = [f.row.message for f in self._waiting if f.row.status == FAILED]
         messages += [m for m in self.store.array("message") if m]
         return f"; first message: {one_line(messages[0])}" if messages else ""
@@ -155,8 +159,8 @@ class Driver:
     # ---- finish
 
     def finish(self, estimate: dict[str, Any]) -> Study:
-        """Write the runs that are not in the dataset yet, and the estimate of the analysis as JSON
-        in an attribute of the dataset; return the study.
+        """Write the runs that are not in the dataset yet, and `estimate`, the result of the
+        analysis, as JSON in an attribute of the dataset; return the completed study.
         """
         self._write(self.store.runs)
         counts = dict(zip(self.evaluator.names, self.unjudged, strict=True))
@@ -176,10 +180,11 @@ class Driver:
 
 
 def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T, Evaluator]:
-    """Return the entries of the table of an analysis, and the evaluator of its runs; raise
-    StructureError with all problems of these entries.
+    """Return the entries of the table of an analysis, and the evaluator that performs its runs;
+    raise StructureError with all problems of the entries.
 
-    kind: class of the entries; definition: path of a campaign TOML or its table; how: options.
+    kind: class of the entries, in lower case the name of the table; definition: path of a campaign
+    TOML or its table; how: options workers, lanes and notify as for campaign().
     """
     name = kind.__name__.lower()
     given = table_of(definition).get(name, {})
@@ -195,10 +200,10 @@ def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T,
 def begun(
     kind: str, evaluator: Evaluator, runs: int, output: str | Path, how: Mapping[str, Any]
 ) -> Iterator[Driver]:
-    """Yield the driver of a study with its dataset open, and close both after the block.
+    """Open the dataset of a study, yield its driver, and close both after the block.
 
-    kind: name of the study; runs: number of planned runs besides the nominal one; output: OUT.zarr;
-    how: options of the study, such as `resume`.
+    kind: name of the study; runs: number of planned runs besides the nominal one; output: path of
+    the dataset, OUT.zarr; how: options of the study, such as `resume`.
     """
     evaluator.reserve(1 + runs)
     resume, show = how.get("resume", False), how.get("progress")
@@ -207,8 +212,9 @@ def begun(
 
 
 def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
-    """Report each of these requirements that the nominal run does not meet; raise UsageError if the
-    nominal run does not exercise one. of: indices of the margins by requirement.
+    """Notify the user of each requirement that the nominal run does not meet; raise UsageError if
+    the nominal run does not exercise a requirement. of: column of each requirement among the
+    margins.
     """
     for name, k in of.items():
         margin = driver.nominal[k]

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Evaluator that performs runs for standard normal coordinates and returns the margins of their
-requirements, for optimisers and analyses.
+"""Evaluator that performs one run per row of standard normal coordinates and returns the margins of
+the requirements, for optimisers and analyses.
 
     with harness.Evaluator("my.toml", workers=4) as evaluator:
         margins = evaluator(np.zeros((1, evaluator.d)))     # (rows, requirements)
 
-A row contains the coordinates z of all random factors of one run. A coordinate determines the
-number u between 0 and 1 from which its factor is drawn, u = Phi(z). A row of zeros gives the median
-of every factor: the nominal run.
+A row contains the coordinates z of all random factors of one run. A factor is drawn from numbers u
+between 0 and 1, one per coordinate: u = Phi(z). A row of zeros gives the median of every factor:
+the nominal run.
 """
 
 from __future__ import annotations
@@ -41,12 +41,13 @@ UNUSED = ("record", "sampler", "until", "expected", "success")
 
 
 class Evaluator:
-    """Function from standard normal coordinates to the margins of the requirements, which performs
-    a run for each row of coordinates with the worker pool of a campaign.
+    """Function from standard normal coordinates to the margins of the requirements. It performs one
+    run per row of coordinates with the worker pool of a campaign.
 
-    d: number of coordinates of a row; groups: their indices by factor; names: requirements in the
-    order of the columns of the margins. definition: path of the .toml of a campaign, or the table
-    itself; workers, lanes, notify: as for campaign().
+    Attributes: d: number of coordinates of a row; groups: indices of the coordinates of each
+    factor, by its name; names: requirements in the order of the columns of the margins. Arguments:
+    definition: path of the .toml of a campaign, or the table itself; workers, lanes, notify: as for
+    campaign().
 
     Raises UsageError, or StructureError with all problems of the table, before the first run.
     """
@@ -85,13 +86,14 @@ class Evaluator:
         self._run_blocks: RunBlocks | None = None
 
     def reserve(self, runs: int) -> None:
-        """Plan a dataset with this number of runs."""
+        """Set the number of runs for which the dataset of a study is laid out."""
         entries = {**self.plan.definition, "runs": runs, "coordinates": self.d}
         self.plan = replace(self.plan, definition=entries)
         self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
 
     def columns(self, of: str | Sequence[str], slope: bool) -> dict[str, int]:
-        """Return the indices of requirements among the columns of the margins, by requirement.
+        """Return the index of the column of each requirement in the margins, by name of the
+        requirement.
 
         of: name or names of the requirements ("": all); slope: reject requirements whose margin is
         not a number that changes gradually. Raises UsageError for an unknown or rejected
@@ -138,8 +140,8 @@ class Evaluator:
         return margins_of(self.run([self.values(z, k) for k, z in enumerate(numbers)]))
 
     def moved(self, numbers: Array) -> str:
-        """Return as text the five factors that a row of coordinates (d,) moves farthest from their
-        medians, with the distances in standard deviations.
+        """Return a text with the five coordinates of a row (d,) that are farthest from 0: name of
+        the factor and coordinate in standard deviations.
         """
         names: list[str] = []
         for name, places in self.groups.items():
@@ -149,7 +151,9 @@ class Evaluator:
         return ", ".join(f"{names[k]} {numbers[k]:+.1f} sigma" for k in order)
 
     def run(self, values: Sequence[Values]) -> list[Row]:
-        """Perform a run for each dictionary of factor values; return the records in this order."""
+        """Perform a run for each dictionary of factor values; return the rows of the dataset for
+        these runs, in the same order.
+        """
         if self._run_blocks is None:
             raise UsageError(
                 "Evaluator: use it in a with block, `with Evaluator(...) as evaluator:`"
@@ -162,8 +166,8 @@ class Evaluator:
         return [row for k in sorted(completed) for row in completed[k]]
 
     def values(self, z: Array, run: int) -> Values:
-        """Return the values of all factors for a row of coordinates z (d,), including the seeds for
-        the run with this number.
+        """Return the values of all factors, by name, for a row of coordinates z (d,), including the
+        seeds for the run with the number `run`.
         """
         from scipy.special import ndtr
 
@@ -171,12 +175,14 @@ class Evaluator:
         return self.plan.of_numbers(u) | self.plan.seeds_of(run)
 
     def changes(self, z: Array, run: int) -> Changes:
-        """Return the keyword arguments of harness.run() for a row of coordinates z (d,) and the
-        seeds for the run with this number.
+        """Return the keyword arguments of harness.run() for a row of coordinates z (d,), with the
+        seeds for the run with the number `run`.
         """
         return self.plan.changes(self.values(z, run))
 
 
 def margins_of(rows: list[Row]) -> Array:
-    """Return the margins (rows, requirements) in records of runs; -inf for a failed run."""
+    """Return the margins (rows, requirements) that the rows of a dataset record; -inf for a failed
+    run.
+    """
     return np.array([row.margins for row in rows], dtype=np.float64)

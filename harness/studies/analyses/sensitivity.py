@@ -24,21 +24,25 @@ from harness.studies.campaign.summary import rank_correlation
 from harness.system.tables import Count
 
 Group = Sequence[int]
-"""Indices of the coordinates of one factor."""
+"""Indices of the standard normal coordinates from which one factor is drawn."""
 Design = tuple[Array, Callable[[Array], "Effects"]]
-"""Standard normal coordinates (rows, d) of all runs of a method, and function from the margins of a
-requirement in these runs (rows,) to its estimate.
+"""Standard normal coordinates (rows, d) of all runs of a method, and the function that computes the
+effects of the factors from the margins of a requirement in these runs (rows,).
 """
 Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
 
 LEVELS, STEP = np.array([0.125, 0.375]), 0.5
-"""Method of Morris: a number between 0 and 1 is moved by STEP, from one of LEVELS up or back."""
+"""Method of Morris: the numbers between 0 and 1 from which a factor is drawn are moved by STEP, up
+from one of LEVELS or back down to it.
+"""
 RESAMPLED = 200
 """Number of resamples of a bootstrap."""
 
 
 class Sensitivity(msgspec.Struct):
-    """Entries of [sensitivity]; of: requirements ("": all); runs: budget of runs."""
+    """Entries of the table [sensitivity]; of: names of requirements ("": all); runs: about how many
+    runs to perform.
+    """
 
     of: Names = ""
     method: Method = "morris"
@@ -46,7 +50,8 @@ class Sensitivity(msgspec.Struct):
 
 
 class Effects(NamedTuple):
-    """Effects of factors on a margin; all arrays have one element per factor.
+    """Effects of the factors on the margin of one requirement; all arrays have one element per
+    factor.
 
     value: mean absolute effect in the unit of the margin (Morris), or total index (Sobol); low,
     high: 95 % interval of the value; first: first-order index (Sobol); failed: number of runs
@@ -61,8 +66,8 @@ class Effects(NamedTuple):
 
 
 def with_finite(y: Array) -> tuple[Array, int]:
-    """Return margins with the smallest finite margin in place of NaN and infinite ones, and the
-    number of replaced margins.
+    """Return the margins y with the smallest finite margin in place of each NaN or infinite one,
+    and the number of replaced margins.
     """
     finite = np.isfinite(y)
     least = y[finite].min() if finite.any() else 0.0
@@ -70,12 +75,12 @@ def with_finite(y: Array) -> tuple[Array, int]:
 
 
 def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Design:
-    """Return the design for mean absolute effects by the method of Morris: mu* = mean |y_after -
-    y_before| / STEP.
+    """Return the design of the method of Morris, which computes the mean absolute effect of each
+    factor: mu* = mean |y_after - y_before| / STEP.
 
     groups: indices of the coordinates of each of the k factors; d: number of coordinates; paths:
-    number of paths. A path has k + 1 runs, between which one factor after the other is moved, in
-    random order.
+    number of paths. A path has k + 1 runs; from one run to the next, one factor is moved. Every
+    path moves the factors in another random order.
     """
     rng = np.random.default_rng(seed)
     rows, moved = zip(*(_path(groups, d, rng) for _ in range(paths)), strict=True)
@@ -91,8 +96,10 @@ def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Design:
 
 
 def _path(groups: Sequence[Group], d: int, rng: np.random.Generator) -> tuple[Array, Any]:
-    """Return the numbers between 0 and 1 for the runs of one path (k + 1, d), and the order in
-    which its k factors are moved.
+    """Return the runs of one path (k + 1, d) as numbers between 0 and 1, and the order in which the
+    k factors are moved.
+
+    groups: indices of the columns of each factor; d: number of columns.
     """
     low, up = rng.choice(LEVELS, d), rng.random(d) < 0.5
     order = rng.permutation(len(groups))
@@ -176,8 +183,8 @@ def sensitivity(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _count(entry: Sensitivity, factors: int) -> tuple[int, int]:
-    """Return the number of paths (Morris) or points (Sobol) for the requested runs, and the runs
-    that each of them needs; raise UsageError if there are fewer than two paths.
+    """Return the number of paths (Morris) or sample points (Sobol) that `entry.runs` allows, and
+    the number of runs per path or point; raise UsageError if there are fewer than two paths.
     """
     per = factors + (1 if entry.method == "morris" else 2)
     count = max(1, entry.runs // per)
@@ -192,8 +199,10 @@ def _count(entry: Sensitivity, factors: int) -> tuple[int, int]:
 
 
 def _signs(groups: list[list[int]], numbers: Array, y: Array) -> list[float]:
-    """Return for each factor the rank correlation of the margins y (rows,) with the coordinate of
-    the factor that has the largest absolute correlation; numbers: coordinates (rows, d).
+    """Return the rank correlation of the margins y (rows,) with each factor. For a factor with
+    several coordinates it is the correlation with the largest absolute value.
+
+    groups: indices of the coordinates of each factor; numbers: coordinates (rows, d).
     """
     signs = []
     for group in groups:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Completed analysis (study): the estimate that its dataset stores, as plain data and as text."""
+"""Completed analysis (study) with its estimate, the result of the analysis, which its dataset
+stores.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from harness.studies.campaign.worker import FAILED
 
 
 class Study(Campaign):
-    """Completed study with its dataset and its estimate."""
+    """Completed study: its dataset, and its estimate, the result of the analysis."""
 
     @property
     def kind(self) -> str:
@@ -23,15 +25,16 @@ class Study(Campaign):
 
     @property
     def estimate(self) -> dict[str, Any]:
-        """Return the estimate as plain data: values by requirement under `of`, number of runs
-        without evidence by requirement under `unjudged`, and further entries of the method.
+        """Return the estimate as dictionaries, lists and numbers. `of`: values by requirement;
+        `unjudged`: by requirement, the number of runs whose margin is NaN or infinite; further
+        entries depend on the analysis.
         """
         found: dict[str, Any] = json.loads(self.store.group.attrs["estimate"])
         return found
 
     def summary(self) -> str:
-        """Return the estimate as text, with the numbers of failed runs and of runs that are no
-        evidence for it.
+        """Return the estimate as text, with the number of failed runs and the number of runs that
+        the estimate cannot use.
         """
         status = self.store.array("status")
         lines = [f"{len(status)} runs, {int((status == FAILED).sum())} failed"]
@@ -63,13 +66,15 @@ class Study(Campaign):
 SHOWN = 8
 """Largest number of factors that the text of a sensitivity lists with their effects."""
 SMALL = 0.03
-"""Share of the sum of all effects up to which the effect of a factor counts as small."""
+"""Share of the sum of the effects of all factors, up to which the effect of one factor counts as
+small.
+"""
 UNJUDGED = "are no evidence: not exercised, not judged or with an infinite margin"
-"""End of a line on runs that an estimate does not use."""
+"""End of the line that states how many runs an estimate does not use."""
 
 
 def of_unit(value: float | None, unit: str) -> str:
-    """Return a margin with its unit as text, small lengths in mm and angles in degrees."""
+    """Return a margin with its unit as text; small lengths in mm, angles in degrees."""
     if value is None or np.isnan(value):
         return "no margin"
     if np.isneginf(value):
@@ -83,7 +88,9 @@ def of_unit(value: float | None, unit: str) -> str:
 
 
 def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
-    """Yield the lines on the effects of the factors on the margin of a requirement."""
+    """Yield the lines of text about the effects of the factors on the margin of the requirement
+    `name`; found: the estimate for this requirement.
+    """
     factors, method, unit = study.estimate["factors"], study.estimate["method"], study.unit(name)
     yield f"{name}: {'total index' if method == 'sobol' else 'share of the mean effects'}"
     value, failed = np.array(found["value"]), found["failed"]
@@ -103,8 +110,10 @@ def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
 
 
 def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
-    """Return the effect of factor k as text, with the values that the method gives: `morris` share
-    and effect, `sobol` total index with interval.
+    """Return the effect of factor k as text. Morris: its share of the sum of all effects, and the
+    effect with its sign. Sobol: total index with interval, and first-order index.
+
+    found: the estimate for a requirement.
     """
     value = found["value"][k]
     if method == "sobol":
@@ -115,7 +124,9 @@ def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
 
 
 def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
-    """Yield the lines on the worst run of a requirement and its repetitions."""
+    """Yield the lines of text about the worst run of the requirement `name` and its repetitions;
+    found: the estimate for this requirement.
+    """
     unit, runs = study.unit(name), found["runs"]
     nominal = of_unit(found["nominal"], unit)
     if found["margin"] < 0:
@@ -149,8 +160,9 @@ def _not_met(margin: float) -> str:
 
 
 def _no_failure(found: Any) -> bool:
-    """Return whether the requirement is met in the worst run, and in its repetitions with the macro
-    step of the system and with other seeds.
+    """Return whether the requirement is met in the worst run, in its repetition with the macro step
+    of the system, and in its repetitions with other seeds; found: the estimate for this
+    requirement.
     """
     margins = [found["margin"], found["own step"], *found.get("other seeds", ())]
     return all(margin >= 0 for margin in margins)

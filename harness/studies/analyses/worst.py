@@ -29,13 +29,15 @@ LEAST_GENERATION = 12
 SEEDS = 10
 """Number of further seeds with which the worst run is repeated if the campaign has seeds."""
 CLOSE = 0.1
-"""Largest change of the worst margin, when its run is repeated with the system's own macro step,
-that is not reported, as a share of the distance between the worst and the nominal margin.
+"""Largest difference between the worst margin and the margin of its repetition with the macro step
+of the system that is not reported, as a share of the difference between worst and nominal margin.
 """
 
 
 class Worst(msgspec.Struct):
-    """Entries of [worst]; box: largest absolute coordinate in standard deviations."""
+    """Entries of the table [worst]; of: names of requirements ("": all); runs: number of runs per
+    requirement; box: largest absolute coordinate in standard deviations.
+    """
 
     of: Names = ""
     runs: Count = 200
@@ -43,8 +45,8 @@ class Worst(msgspec.Struct):
 
 
 class Found(NamedTuple):
-    """Worst run of a search: coordinates (d,), margin, index among the runs of the search (place),
-    and index of the first run with a negative margin (-1: none).
+    """Worst run that a search found: coordinates (d,), margin, number of the run in the search from
+    0 (place), and number of the first run with a negative margin (first; -1: none).
     """
 
     numbers: Array
@@ -61,8 +63,9 @@ def generation(d: int) -> int:
 def search(
     evaluate: Callable[[Array], Array], d: int, seed: int, runs: int, box: float = 3.0
 ) -> Found:
-    """Return the worst run that a search finds with this number of runs, in d coordinates with
-    |z_k| <= box. It starts at z = 0; after it has converged, it starts again at a random point.
+    """Perform `runs` runs in search of the smallest margin, and return the worst run. The search
+    has d coordinates z with |z_k| <= box. It starts at z = 0; each time it has converged, it starts
+    again at a random point.
 
     evaluate: function from coordinates (rows, d) to the margins of a requirement (rows,).
     """
@@ -111,7 +114,9 @@ def _engine(start: Array, box: float, rng: np.random.Generator) -> Any:
 
 
 def _exercised(y: Array) -> Array:
-    """Return margins with inf in place of NaN, so that a run without verdict is never the worst."""
+    """Return the margins y with inf in place of NaN, so that a run without a verdict is never the
+    worst.
+    """
     return np.where(np.isnan(y), np.inf, y)
 
 
@@ -159,8 +164,8 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
-    """Return the worst run of a requirement as the entries of its estimate; column: index of the
-    requirement.
+    """Search for the worst run of one requirement; return the entries about it in the estimate.
+    column: index of the requirement among the margins.
     """
     first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
     worst = search(lambda z: driver.evaluate(z)[:, column], d, seed, entry.runs, entry.box)
@@ -179,7 +184,8 @@ def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
 
 def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
     """Repeat the worst runs and the nominal run with the macro step of the system, write their
-    results, and add to the estimates `found` whether the margins differ.
+    results beside `output`, and add to `found`, the estimates by requirement, the repeated margin
+    and whether it differs.
     """
     evaluator, folder = driver.evaluator, _folder(output)
     folder.mkdir(parents=True, exist_ok=True)
@@ -221,5 +227,7 @@ def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
 
 
 def _file(name: str) -> str:
-    """Return the name of a requirement with `_` for all characters unsafe in file names."""
+    """Return the name of a requirement, with `_` in place of each character that is unsafe in a
+    file name.
+    """
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)

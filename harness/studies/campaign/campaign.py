@@ -111,8 +111,11 @@ def _begun(
     pool: AbstractContextManager[RunBlocks],
     life: ExitStack,
 ) -> tuple[Store, CompletedBlocks]:
-    """Create or reopen the dataset, locked until the end of `life`, and start the missing runs;
-    return the dataset and the iterator of completed blocks.
+    """Create the dataset, or reopen it with `resume`, and start the missing runs; return the
+    dataset and the iterator of completed blocks.
+
+    read: plan and task of the campaign; pool: context manager of the function that performs blocks;
+    life: stack that unlocks the dataset and ends the workers at its end.
     """
     plan, task = read
     laid = list(fields(plan, task))
@@ -181,8 +184,10 @@ def _write(
 
 
 def _decided(rule: Until, status: Array, success: Array) -> int | None:
-    """Return the number of first runs after which the stopping rule is decided, None if it is not.
-    Only runs before the first pending one count. status, success: by run.
+    """Return after how many of the first runs the stopping rule is decided; None if it is not
+    decided yet. Only runs before the first pending run count.
+
+    status, success: status and value of the metric `success` of every run (runs,).
     """
     pending = np.flatnonzero(status == PENDING)
     end = pending[0] if len(pending) else None
@@ -190,7 +195,9 @@ def _decided(rule: Until, status: Array, success: Array) -> int | None:
 
 
 def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
-    """Yield blocks of `size` runs that begin at these runs, with the changes of each run."""
+    """Yield blocks of `size` runs with the changes of each run; firsts: number of the first run of
+    each block.
+    """
     for first in firsts:
         runs = range(first, min(first + size, plan.runs))
         yield Block(first, [plan.changes(plan.values(run)) for run in runs])
@@ -200,11 +207,11 @@ def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
 
 
 def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Changes]:
-    """Return the system and the changes with which run() repeats one run of a dataset.
+    """Return the system and the changes with which harness.run() repeats one run of a dataset.
 
-    text: dataset and number of the run, `OUT.zarr#1234`; system: name or present path of the system
-    (None: the path in the dataset). Raises UsageError (no such run, or the dataset belongs to
-    another system) or ResultsError.
+    text: path of the dataset and number of the run, `OUT.zarr#1234`; system: name or present path
+    of the system (None: the path in the dataset). Raises UsageError (no such run, or the dataset
+    belongs to another system) or ResultsError.
     """
     name, mark, number = text.rpartition("#")
     if not mark or not number.isdigit():

@@ -35,8 +35,8 @@ from harness.system.values import base, plain
 
 
 def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table of a campaign as plain data, given as its .toml or as a table. Raise
-    UsageError or StructureError if the file cannot be read.
+    """Return the table of a campaign as a dictionary; definition: path of its .toml, or the table
+    itself. Raise UsageError or StructureError if the file cannot be read.
     """
     given = definition if isinstance(definition, Mapping) else read_toml(Path(definition))
     return {name: plain(value) for name, value in given.items()}
@@ -45,10 +45,11 @@ def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
 def read_plan(
     definition: str | Path | Mapping[str, Any], path: Path | None = None
 ) -> tuple[Plan, Task]:
-    """Check a campaign; return its plan, and the data that all its runs share.
+    """Check the table of a campaign; return its plan, and the data that all its runs share.
 
-    definition: path of the .toml, or the table; path: file that contains the table, for a given
-    table. Raises UsageError (no such file or system), or StructureError with all problems.
+    definition: path of the .toml, or the table itself; path: file that contains the table if
+    `definition` is the table. Raises UsageError (no such file or system), or StructureError with
+    all problems.
     """
     if not isinstance(definition, Mapping):
         path = Path(definition)
@@ -104,8 +105,8 @@ class _Draft:
         self.problems += [line for line in lines if line not in self.problems]
 
     def task(self) -> Task | None:
-        """Check the whole table against its system, and add all problems found to `problems`;
-        return the data that all runs share, None if the entries have problems by themselves.
+        """Check the whole table against its system, and add all problems found to `problems`.
+        Return the data that all runs share; None if an entry is wrong independently of the system.
         """
         table, system, declared = self.table, self.plan.system, len(self.problems)
         self.problems += wrong_names(table)
@@ -157,7 +158,9 @@ class _Draft:
     # ---- against the system
 
     def _fits(self, system: System, factors: Sequence[Factor]) -> None:
-        """Check that the system accepts fixed changes, requirements, factors and seeds."""
+        """Check that the system accepts the fixed changes, the requirements, values of all factors,
+        and the seeds; add the problems found.
+        """
         fixed: Any = dict(self.plan.definition.get("fixed", {}))
         start = self._applied("fixed", system, fixed)
         further = dict(self.table.requirements)
@@ -177,14 +180,17 @@ class _Draft:
             self._applied(f"seeds.{name}", start, changes_of({name: 1}))
 
     def _applied(self, name: str, system: System, changes: Changes) -> System | None:
-        """Return the system with changes, None if they cause a problem of the entry `name`."""
+        """Return the system with changes; if they are not possible, add a problem of the entry
+        `name` and return None.
+        """
         with self._about(name):
             return apply(system, **changes)
         return None
 
     def _task(self, system: System, found: Mapping[str, BaseMetric]) -> Task | None:
-        """Return the data that all runs share. Before that, check the system in every structure
-        (combination of swaps and other options), and metrics and histories in the first structure.
+        """Check the system in every structure (combination of swaps and other options), and the
+        names of metrics and recorded variables in the first structure. Return the data that all
+        runs share; None if the first structure is wrong. found: metrics by name.
         """
         structures: dict[int, tuple[System, Checked]] = {}
         for run in self.plan.structures():
@@ -217,7 +223,9 @@ class _Draft:
         return Task(*common, kinds, first.requirements, begin, step, steps, read)
 
     def _names(self, kinds: Result) -> None:
-        """Check that the system has all variables that metrics and recorded histories name."""
+        """Check that the system has all variables that metrics and recorded time series name.
+        kinds: result that has the names of all variables.
+        """
         named = [(_place(n), v) for n, t in self.table.texts.items() for v in metrics.variables(t)]
         named += [("record.histories", name) for name in self.table.record.histories]
         named += [("record.bands", name) for name in self.table.record.bands]
@@ -229,9 +237,12 @@ class _Draft:
     def _measurable(
         self, structures: Sequence[tuple[System, Checked]], found: Mapping[str, BaseMetric]
     ) -> frozenset[str] | None:
-        """Add problems for metrics that have a value in no structure, and for a success that has
-        none in some structure. Return the names of the variables that metrics, requirements and
-        histories read, None if a user's function may read any variable.
+        """Add a problem for each metric that has a value in no structure (combination of options),
+        and for a `success` that lacks a value in some structure. Return the names of the variables
+        that metrics, requirements and recorded time series read; None if a function of the user may
+        read any variable.
+
+        structures: system and outcome of its check, for each structure; found: metrics by name.
         """
         # structures with equal variables and steps have the same metrics
         sizes = {(s.graph.slots, s.steps): (system, s) for system, s in structures}
@@ -253,7 +264,9 @@ def _place(metric: str) -> str:
 
 
 def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
-    """Return whether a listed value is a text, and its shape, (-1,) for rows of unequal length."""
+    """Return whether a listed value of a factor is a text, and its shape as an array; (-1,) for
+    rows of unequal length.
+    """
     try:
         return isinstance(choice, str), np.shape(choice)
     except ValueError:
@@ -261,8 +274,8 @@ def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
 
 
 def _blank(system: System, found: Checked, every: int) -> Reading:
-    """Return a result with the rows and variables of a run and all values 1, on which metrics can
-    be tried before any run.
+    """Return a result with the rows and variables of a run in which all values are 1. Metrics are
+    tried on it before any run. found: outcome of the check of the system.
     """
     steps = recorded(found.steps, every)
     begin, step = system.experiment.start, system.experiment.step or 0.0
@@ -276,9 +289,9 @@ def _blank(system: System, found: Checked, every: int) -> Reading:
 
 
 def _table(slots: Sequence[Slot], parameters: Result, values: Any = None) -> Result:
-    """Return a result with the names, units and descriptions of the slots, before the first run.
+    """Return a result with the names, units and descriptions of variables, before any run.
 
-    slots: variables of a system; values: (rows, slots), None: one row without meaning.
+    slots: variables of a system; values: (rows, slots); None: one row of arbitrary values.
     """
     names, units, texts, modes = columns(slots)
     values = np.empty((1, len(slots))) if values is None else values

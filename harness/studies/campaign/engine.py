@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Execution of many runs: in this process, or by worker processes.
 
-A function of this module receives blocks of runs and yields the rows of each block when it is
-complete, in any order. If a worker process ends, the runs of its task are repeated one by one. A
-run whose worker ends again gets a row without results.
+A function of this module receives blocks of runs and yields the rows of the dataset for each block
+when it is complete, in any order. If a worker process ends, the runs of its task are repeated one
+by one. If the worker of a repeated run ends too, this run gets a row with a message only.
 """
 
 from __future__ import annotations
@@ -36,12 +36,14 @@ class Work(Protocol):
         """Perform runs one after the other in this process; return their rows in the same order."""
 
     def lost(self, message: str) -> Any:
-        """Return the row of a run whose worker process has ended: a message without results."""
+        """Return the row of a run whose worker process has ended: it has the message but no
+        results.
+        """
 
 
 class Block(NamedTuple):
-    """Consecutive runs that are stored together: index of the first run, and the order of each run
-    (its changes, or other data that the Work needs).
+    """Consecutive runs that are stored together: number of the first run, and for each run its
+    order, which is the data that the Work needs to perform it, such as its changes.
     """
 
     first: int
@@ -49,7 +51,8 @@ class Block(NamedTuple):
 
 
 CompletedBlocks = Iterator[tuple[int, list[Any]]]
-"""Iterator over completed blocks: index of the first run, and the rows of all runs of the block."""
+"""Iterator over completed blocks: number of the first run, and the rows of all runs of the block.
+"""
 RunBlocks = Callable[[Any, Iterable[Block]], CompletedBlocks]
 """Function that takes a Work and its blocks, and performs all runs; it can be called repeatedly."""
 
@@ -60,8 +63,8 @@ def processes(workers: int | None) -> int:
 
 
 def prestart(workers: int | None, module: str) -> None:
-    """Start the fork server early, unless all runs are made in this process (workers = 0); module:
-    name of the module that the workers need, which the server imports.
+    """Start the fork server early and let it import a module that the workers need; do nothing if
+    all runs are made in this process (workers = 0). module: name of the module.
     """
     if workers != 0:
         prepare(module)
@@ -69,10 +72,10 @@ def prestart(workers: int | None, module: str) -> None:
 
 @contextmanager
 def worker_pool(workers: int | None) -> Iterator[RunBlocks]:
-    """Yield a function that performs blocks of runs on worker processes, which may still be
-    starting when the block is entered.
+    """Yield a function that performs blocks of runs on worker processes. The workers may still be
+    starting when the `with` block begins.
 
-    workers: their number (None: one per processor, 0: the runs are made in this process).
+    workers: number of workers (None: one per processor, 0: the runs are made in this process).
     """
     if workers == 0:
         with retaining():
@@ -88,7 +91,7 @@ def _here(work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
 
 
 def _spread(pool: WorkerPool, work: Work, blocks: Iterable[Block]) -> CompletedBlocks:
-    """Submit the first blocks at once, before the returned iterator of completed blocks is used."""
+    """Submit the first blocks to the workers at once; return the iterator of completed blocks."""
     spread = _Spread(pool, work, blocks)
     spread.fill()
     return spread.completed()
@@ -125,7 +128,7 @@ class _Spread:
         return self.pool.submit(self.work.run, part)
 
     def completed(self) -> CompletedBlocks:
-        """Yield blocks as they are completed, and submit the next ones in their place."""
+        """Yield blocks as they are completed, and submit further blocks in their place."""
         while self.jobs:
             job = self.over.get()
             block, place, part = self.jobs.pop(job)
@@ -137,8 +140,8 @@ class _Spread:
                 yield block.first, [row for place in sorted(rows) for row in rows[place]]
 
     def _rows(self, job: Future[list[Any]], part: Sequence[Any]) -> list[Any]:
-        """Return the rows of a completed part of a block. If the worker process has ended before
-        the part was complete, repeat its runs one by one.
+        """Return the rows of a part of a block, which its task `job` has computed. If the worker
+        process has ended before the task was complete, repeat the runs one by one.
         """
         try:
             return job.result()
@@ -153,8 +156,8 @@ class _Spread:
 
 
 def last_in_pieces(blocks: Iterable[Block], count: int, piece: int) -> Iterator[tuple[Block, int]]:
-    """Yield every block with the number of its runs per task: all of its runs, but `piece` runs for
-    the last `count` blocks.
+    """Yield every block with the number of runs per task: the last `count` blocks are divided into
+    tasks of `piece` runs, each earlier block is one task.
     """
     left = iter(blocks)
     last = deque(islice(left, count))

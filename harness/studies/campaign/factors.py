@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Factors: the parameters and options in which the runs of a campaign differ, and their values for
-numbers between 0 and 1.
+"""Factors: the parameters and options in which the runs of a campaign differ, and how their values
+are drawn from numbers between 0 and 1.
 
-A random factor applies the inverse of its distribution function to these numbers, so random, Latin
-hypercube and Sobol numbers can be used for all factors.
+A random factor applies the inverse of its distribution function to these numbers. They can come
+from a random, Latin hypercube or Sobol sampler.
 """
 
 from __future__ import annotations
@@ -22,9 +22,12 @@ from harness.results.result import Array
 from harness.system.tables import Number
 
 SMALLEST = 2.0**-53
-"""Smallest distance of the numbers from 0 and 1, at which a normal draw would be infinite."""
+"""Smallest distance from 0 and from 1 of the numbers from which factors are drawn; a normal draw
+for 0 or 1 would be infinite.
+"""
 LEAST_PROBABILITY = 1e-300
-"""Smallest probability of the interval `within` of a normal distribution."""
+"""Smallest permitted probability that a normally distributed value is inside the limits `within`.
+"""
 MAX_VALUES = 1_000_000
 """Largest number of listed values of one factor."""
 
@@ -37,8 +40,8 @@ NONE: Any = None
 
 
 class Draw(NamedTuple):
-    """Draw of a random factor: `value` takes an array of as many numbers between 0 and 1 as
-    `numbers` states, and returns one value of the factor.
+    """Distribution of a random factor: `value` returns one value of the factor for an array of
+    numbers between 0 and 1, whose length is `numbers`.
     """
 
     numbers: int
@@ -60,7 +63,7 @@ class Factor:
 
 
 class Range(Struct, frozen=True):
-    """Equally spaced values: `count` numbers from `first` to `last`, both included."""
+    """Equally spaced values: `count` values from `first` to `last`, both included."""
 
     first: Number
     last: Number
@@ -98,11 +101,11 @@ class Normal(Struct, frozen=True):
         return Draw(m.size, value)
 
     def _probabilities(self, m: Array, s: Array) -> tuple[Any, Any, Any]:
-        """Return by element: the sign 1 or -1, the distribution function at the lower end of
-        `within`, and its increase up to the upper end. m: means; s: standard deviations.
+        """Return three arrays by element: a sign 1 or -1, the distribution function at the lower
+        end of `within`, and its increase up to the upper end. m: means; s: standard deviations.
 
-        An interval above the mean is mirrored at the mean (sign -1), because numbers near 1 cannot
-        represent the distribution function of the upper tail precisely.
+        An interval above the mean is mirrored at the mean (sign -1), because floating-point numbers
+        near 1 cannot represent the distribution function of the upper tail precisely.
         """
         if self.within is None:
             return 1.0, 0.0, 1.0
@@ -115,7 +118,9 @@ class Normal(Struct, frozen=True):
         return side, low, width
 
     def _correlated(self) -> Draw:
-        """Return the draw x = mean + L z with L L^T = covariance and a standard normal z."""
+        """Return the distribution x = mean + L z with L L^T = covariance and a standard normal
+        vector z.
+        """
         _demand(self.within is None, "`within` only with sigma, not with a covariance")
         m = np.asarray(self.mean, dtype=np.float64)
         _demand(m.ndim == 1, f"a vector as mean, not {self.mean}")
@@ -215,7 +220,7 @@ class Inertia(Struct, frozen=True):
 
 
 class Varied(Struct, frozen=True):
-    """Table of a factor in the file of a campaign. It must contain exactly one of these entries."""
+    """Table of one factor in the file of a campaign. It must have exactly one of these entries."""
 
     list: Values = NONE
     range: Range | None = None
@@ -227,7 +232,9 @@ class Varied(Struct, frozen=True):
 
 
 CHOICES = ("list", "range")
-"""Entries of a factor that list its values, unlike the random distributions."""
+"""Entries in the table of a factor that list its values; all other entries are random
+distributions.
+"""
 
 
 def factor(name: str, table: Varied | Mapping[str, Any]) -> Factor:
@@ -250,7 +257,7 @@ def factor(name: str, table: Varied | Mapping[str, Any]) -> Factor:
 
 
 def _demand(holds: Any, words: str) -> None:
-    """Raise ValueError("expected " + words) unless `holds` is true for all elements."""
+    """Raise ValueError("expected " + words) unless all elements of `holds` are true."""
     if not np.all(holds):
         raise ValueError(f"expected {words}")
 
@@ -266,7 +273,9 @@ def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
 
 
 def _shaped(values: Array, *given: Any) -> Any:
-    """Return `values` as a list if one of the given entries is a list, otherwise as a number."""
+    """Return `values` as a list if one of the given entries of the user is a list, otherwise as a
+    number.
+    """
     return values.tolist() if any(np.ndim(g) for g in given) else float(values[0])
 
 
@@ -279,7 +288,9 @@ def normal_quantile(p: Array) -> Array:
 
 _quantiles = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])
 _normal_below = np.vectorize(lambda z: math.erfc(-z / math.sqrt(2)) / 2, otypes=[np.float64])
-"""Standard normal distribution function, by erfc(), which is precise in the lower tail too."""
+"""Standard normal distribution function, computed by erfc(), which is precise in the lower tail
+too.
+"""
 
 
 def _exponential(phi: Array) -> Array:
@@ -301,8 +312,8 @@ def _matrix(q: Array) -> Array:
 
 
 def _symmetric(j: Array) -> list[list[float]]:
-    """Return a nearly symmetric matrix (3, 3) as rows, with the bits of its upper triangle in both
-    triangles.
+    """Return a nearly symmetric matrix (3, 3) as a list of rows that is exactly symmetric: elements
+    below the diagonal are copied from above it.
     """
     return [[float(j[min(a, b), max(a, b)]) for b in range(3)] for a in range(3)]
 
@@ -310,12 +321,12 @@ def _symmetric(j: Array) -> list[list[float]]:
 # ---- numbers for all draws of a campaign, and the seeds of its runs
 
 LARGEST_SEED = 2**31
-"""Upper limit of seeds. Every FMU can represent the smaller ones exactly."""
+"""Upper limit of seeds, not included. Every FMU can represent smaller seeds exactly."""
 
 
 def _random(n: int, d: int, seed: int) -> Array:
-    """Return independent random numbers (n, d). Row k depends on seed and k only, so that a longer
-    campaign begins with the runs of a shorter one.
+    """Return independent random numbers (n, d) between 0 and 1. Row k depends on seed and k only,
+    so that a longer campaign begins with the runs of a shorter campaign.
     """
     rows = (np.random.default_rng([seed, k]).random(d) for k in range(n))
     return np.array(list(rows)).reshape(n, d)
@@ -342,14 +353,16 @@ SAMPLERS: dict[str, Callable[[int, int, int], Array]] = {
 
 
 def numbers(sampler: str, n: int, d: int, seed: int) -> Array:
-    """Return the numbers of a sampler for n draws of d numbers each (n, d), above 0 and below 1."""
+    """Return numbers (n, d) from a sampler for n draws of all factors, above 0 and below 1;
+    sampler: a key of SAMPLERS; d: numbers per draw.
+    """
     if d == 0:
         return np.empty((n, 0))
     return np.clip(SAMPLERS[sampler](n, d, seed), SMALLEST, 1 - SMALLEST)
 
 
 def run_seed(seed: int, k: int, place: int) -> int:
-    """Return the seed in draw k for the parameter with index `place` in the list `seeds`; seed: of
-    the campaign.
+    """Return the seed that a parameter gets in draw k; seed: seed of the campaign; place: index of
+    the parameter in the list `seeds` of the campaign.
     """
     return int(np.random.default_rng([seed, k, place + 1]).integers(LARGEST_SEED))

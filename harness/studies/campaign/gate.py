@@ -45,7 +45,8 @@ MET, LOWER, METRIC = "parameter met", "parameter lower", "metric"
 def wrong(texts: Sequence[str], shares: Collection[str], units: Mapping[str, str]) -> Iterator[str]:
     """Yield one line per condition that the campaign cannot evaluate.
 
-    shares: names of requirements, and `success` if it is defined; units: of the metrics by name.
+    texts: conditions of the user; shares: names of requirements, and `success` if it is defined;
+    units: units of the metrics by name.
     """
     for text in texts:
         try:
@@ -80,7 +81,8 @@ def _every_run(store: Store, found: Share | None) -> Outcome:
 
 def _table(store: Store, shares: Mapping[str, Share]) -> Result:
     """Return the metrics of all complete runs as a Result, so that conditions can be evaluated like
-    requirements: a row per run, with the number of the run as its time, and shares as parameters.
+    requirements. It has a row per run, whose time is the number of the run, and a column per
+    metric; the shares and their lower bounds are its parameters.
     """
     found = summary.metric_columns(store)
     runs = np.flatnonzero((status := store.array("status")) == COMPLETE)
@@ -95,7 +97,9 @@ def _table(store: Store, shares: Mapping[str, Share]) -> Result:
 
 
 def _demanded(text: str, table: Result, shares: Mapping[str, Share]) -> Outcome:
-    """Return the verdict on a condition of the user; table: see _table(); shares: by name."""
+    """Return the verdict on a condition of the user; table: result of _table(); shares: shares of
+    runs that succeeded or met a requirement, by name.
+    """
     units = {n.partition(".")[2]: u for n, u in zip(table.columns, table.units, strict=True)}
     expression = _expression(text, shares, units)
     parts = [name.partition(".") for name in condition(expression).variables]
@@ -112,8 +116,8 @@ def _demanded(text: str, table: Result, shares: Mapping[str, Share]) -> Outcome:
 
 
 def _detail(found: Finding) -> str:
-    """Return the worst value of a condition with the number of its run, or the reason why there is
-    none, as text.
+    """Return a text with the worst value of a condition and the number of its run, or with the
+    reason why the condition has no value.
     """
     if found.value is None or found.verdict is Verdict.NOT_EXERCISED:
         unjudged = found.verdict is Verdict.NOT_JUDGED
@@ -125,7 +129,9 @@ def _detail(found: Finding) -> str:
 
 
 def _outcome(text: str, verdict: Verdict, *details: object) -> Outcome:
-    """Return the verdict on a condition with a line that contains the details."""
+    """Return the verdict on a condition, with a line that contains the condition, the verdict and
+    the details.
+    """
     head = f"{Kind.REQUIREMENT.word(verdict).upper()}: {text}"
     line = "; ".join(filter(None, [head, *map(str, details)]))
     return Outcome(Kind.REQUIREMENT, text, verdict, line)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Layout of the dataset of a campaign: its arrays with the CF attributes `units` and `long_name`,
-and a check that names of metrics, factors and variables can be names of arrays.
+and a check that the names of metrics, factors and variables can be names of arrays.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from harness.studies.campaign.plan import SUCCESS, Plan, Table
 from harness.studies.campaign.worker import PENDING, VERDICTS, Task
 
 Labels = Mapping[str, Any]
-"""Attributes of an array by name."""
+"""Attributes of an array, by name of the attribute."""
 
 STATUS: Labels = {
     "long_name": "status of the run",
@@ -47,7 +47,7 @@ EXPERIMENT = {
 
 
 def of_variable(name: str, kinds: Result | None) -> Labels:
-    """Return unit and description of a variable as attributes; {} if `kinds` has no such variable.
+    """Return unit and description of a variable as attributes of an array; {} if unknown.
 
     kinds: result that has the units and descriptions of the variables.
     """
@@ -57,9 +57,7 @@ def of_variable(name: str, kinds: Result | None) -> Labels:
 
 
 def _of_metric(name: str, task: Task) -> Labels:
-    """Return the attributes of the array of a metric: its unit, which follows from its text, and
-    the text itself.
-    """
+    """Return the attributes of the array of a metric: its role, its unit if known, and its text."""
     text = task.table.texts.get(name, "all requirements are met")
     unit = "1" if name == SUCCESS else metrics.unit(text, task.kinds)
     return {"role": "metric", **_known({"units": unit, "long_name": text})}
@@ -70,11 +68,13 @@ def _known(labels: Mapping[str, str]) -> Labels:
 
 
 SCRATCH = "history_of_"
-"""Prefix of histories that are recorded only until their bands are computed."""
+"""Prefix of the arrays of time series that are recorded only until their percentile bands are
+computed.
+"""
 OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile",
        "requirement", "requirement_text", "verdict", "margin", "margin_units",
        "numbers")  # fmt: skip
-"""Names of arrays that the layout itself uses, so metrics cannot have them."""
+"""Names of arrays that every dataset has; a metric cannot have one of these names."""
 LONGEST = 200
 """Largest number of bytes of a name. An array is a folder, whose name may have a prefix, and file
 systems limit names to 255 bytes.
@@ -82,7 +82,7 @@ systems limit names to 255 bytes.
 
 
 class Field(NamedTuple):
-    """Array of a dataset to be created.
+    """Array of a dataset, before the array is created.
 
     kind: type of the elements; axes: name of each dimension, the first of which is `run` if the
     array has an entry per run; fill: value of elements that are not written; about: attributes;
@@ -167,7 +167,7 @@ def _texts(name: str, values: Sequence[str], axis: str) -> Field:
 
 def wrong_names(table: Table) -> Iterator[str]:
     """Yield one line per metric, factor or recorded variable whose name cannot be the name of an
-    array, or is the name of two different arrays.
+    array, or would be the name of two different arrays.
     """
     varied, recorded = (*table.factors, *table.seeds), table.recorded
     alike = Counter(normalize("NFKC", name) for name in table.metrics)

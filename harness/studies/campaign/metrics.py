@@ -30,9 +30,9 @@ from harness.results.verdict import OPEN, Verdict
 
 
 def metric(text: str, folder: Path) -> BaseMetric:
-    """Return the metric that a text defines; raise ValueError if the text is no metric.
+    """Return the metric that a text defines; raise ValueError if the text defines none.
 
-    folder: folder in which the file of a user's function is searched.
+    folder: folder in which the Python file of a user's function is searched.
     """
     if offered := offering(text):
         return offered[1]
@@ -44,8 +44,10 @@ def metric(text: str, folder: Path) -> BaseMetric:
 
 
 def read(name: str, text: str, folder: Path) -> BaseMetric:
-    """Return the metric with a name and a text. The metric named `success` is 1 if its text holds
-    as a requirement in every row; it may be a function of the user instead.
+    """Return the metric that a text defines, under a name. If the text of the metric `success` is a
+    requirement, the metric is 1 if the requirement is met in every row, else 0.
+
+    folder: folder in which the Python file of a user's function is searched.
     """
     if name != "success" or not is_condition(text):
         return metric(text, folder)
@@ -73,9 +75,9 @@ def _succeeded(text: str, result: Result) -> bool:
 
 
 def offering(text: str) -> tuple[str, Metric] | None:
-    """Return the built-in metric with this name, and before it the name of its mission; None if the
-    text is an expression, a function, or no known name. Missions are imported one by one until one
-    has the metric.
+    """Return the name of a mission and its built-in metric with the name `text`; None if the text
+    is an expression, a function, or no known name. Missions are imported one by one until one has
+    the metric.
     """
     if file_of(text) or is_expression(text):
         return None
@@ -85,7 +87,7 @@ def offering(text: str) -> tuple[str, Metric] | None:
 
 @lru_cache(maxsize=256)
 def is_expression(text: str) -> bool:
-    """Return whether a text is an expression; the name of a built-in metric is none."""
+    """Return whether the text of a metric is an expression, not the name of a built-in metric."""
     try:
         return bool(parsed(text))
     except ValueError:
@@ -93,8 +95,8 @@ def is_expression(text: str) -> bool:
 
 
 def _expression(text: str) -> Node:
-    """Return the tree of an expression; raise ValueError if the text is none, with the names of
-    built-in metrics that are spelled like it.
+    """Return the syntax tree of an expression; raise ValueError if the text is none, with the names
+    of built-in metrics that are spelled similarly.
     """
     if is_expression(text):
         return parsed(text)
@@ -102,7 +104,9 @@ def _expression(text: str) -> Node:
 
 
 def variables(text: str) -> tuple[str, ...]:
-    """Return the variables in the text of an expression, () for a built-in metric or a function."""
+    """Return the variables that an expression names; () for a built-in metric or a function of the
+    user.
+    """
     return () if offering(text) or file_of(text) else _expression(text).outputs
 
 
@@ -142,8 +146,8 @@ def _function(file: Path, name: str) -> Callable[[Result], Any]:
 def measured(
     metrics: Mapping[str, BaseMetric], result: Result
 ) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the values of all metrics of a run by name, NaN for a metric without a value, and the
-    reason for each NaN by name.
+    """Return the values of all metrics of a run by name, NaN for a metric without a value, and by
+    name the reason for each NaN.
     """
     values, reasons, limits = {}, {}, cache(partial(_limits, result))
     for name, each in metrics.items():
@@ -154,8 +158,8 @@ def measured(
 
 
 def _limits(result: Result) -> Limits:
-    """Return the bands of position and attitude errors with which the mission of a run evaluates
-    its metrics.
+    """Return the position and attitude errors within which the mission of a run counts an error as
+    settled.
     """
     return of_result(result).limits(Limits(), {"": result})
 
@@ -163,9 +167,10 @@ def _limits(result: Result) -> Limits:
 def value(
     each: Callable[..., Any], result: Result, limits: Callable[[], Limits] | None = None
 ) -> tuple[float, str]:
-    """Return the value of a metric and "", or NaN and the reason why it has no value.
+    """Return the value of a metric in a result and "", or NaN and the reason why it has no value.
 
-    limits: function that returns the error bands for a built-in metric (None: use _limits()).
+    each: function of the metric; limits: function that returns the error bands for a built-in
+    metric (None: use _limits()).
     """
     try:
         with np.errstate(all="ignore"), catch_warnings():
@@ -179,11 +184,12 @@ def value(
 
 
 def rejection(text: str, each: BaseMetric, results: Sequence[Result], all_of_them: bool) -> str:
-    """Return the reason why a metric can have no value in a campaign, "" if there is none. The
-    function of a user is not checked, because only a run can check it.
+    """Return the reason why a metric can have no value in a campaign, "" if it can have one. A
+    function of the user is not checked, because only a run can check it.
 
-    results: one result without meaningful values per structure (combination of FMUs and options);
-    all_of_them: reject a metric that lacks a value in one structure, not only in all of them.
+    results: one result with arbitrary values per structure (combination of FMUs and options);
+    all_of_them: reject a metric that lacks a value in any structure, not only one that lacks it in
+    all structures.
     """
     if file_of(text):
         return ""

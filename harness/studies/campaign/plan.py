@@ -33,7 +33,7 @@ from harness.system.tables import Count, Number, Positive, Text, Whole
 MAX_RUNS = 10_000_000
 """Largest number of runs of one campaign, because the values of all runs are drawn at once."""
 SUCCESS = "success"
-"""Name of the metric that is 1 for a run that has succeeded, and 0 otherwise, also if it failed."""
+"""Name of the metric that is 1 for a run that succeeded, and 0 for a run that did not."""
 Values = dict[str, Any]
 """Values of all factors of a run by name."""
 
@@ -60,14 +60,15 @@ class Fixed(Struct, frozen=True):
 
 
 CHANGES = {each.name: each.type for each in msgspec.structs.fields(Fixed)}
-"""Types of the options of run() by name."""
+"""Types of the options of run() in `[fixed]`, by name of the option."""
 NAMED = {"swap": Text, "latency": Whole}
 """Types of the options that can be a factor for one component, such as `swap.COMPONENT`."""
 
 
 class Record(Struct, frozen=True):
-    """Table `[record]` of a campaign: variables whose history is recorded in every run, variables
-    whose percentile bands over all runs are recorded, and about how many rows both have.
+    """Table `[record]` of a campaign: variables whose time series are recorded in every run
+    (histories), variables whose percentile bands over all runs are recorded (bands), and about how
+    many rows a time series or band has.
     """
 
     histories: Texts = []
@@ -123,7 +124,9 @@ class Table(Struct, frozen=True):
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """Return the variables whose histories are recorded, at least until their bands exist."""
+        """Return the variables whose time series are recorded, permanently or until their
+        percentile bands are computed.
+        """
         return tuple(dict.fromkeys((*self.record.histories, *self.record.bands)))
 
     @property
@@ -136,8 +139,8 @@ class Table(Struct, frozen=True):
 
 
 class Source(NamedTuple):
-    """File or package on which the runs depend: `place` is a path or the name of a package, `state`
-    the hash of the file or the version of the package.
+    """File or package that influences the results of the runs: `place` is the path of the file or
+    the name of the package, `state` the hash of the file or the version of the package.
     """
 
     place: str
@@ -149,7 +152,7 @@ class Plan:
     """Campaign whose table has been checked, with the values of the factors in each run.
 
     definition: the table; folder: folder of the files that the table names; sources: files and
-    packages on which the runs depend, by name.
+    packages that influence the results of the runs, by name.
     """
 
     definition: Mapping[str, Any]
@@ -176,8 +179,8 @@ class Plan:
 
     @cached_property
     def decisive(self) -> dict[str, str]:
-        """Return all data that determine the runs as texts by name: the entries of the table, then
-        the hashes and versions of the sources.
+        """Return all data that determine the runs, as texts by name: the entries of the table as
+        JSON, and the hashes of files and versions of packages.
         """
         found = {}
         for name, given in self.definition.items():
@@ -208,8 +211,8 @@ class Plan:
 
     @cached_property
     def groups(self) -> dict[str, range]:
-        """Return for each random factor, by name, the indices of its numbers among all numbers of a
-        draw.
+        """Return for each random factor, by name, the indices of its numbers in the row of numbers
+        of one draw.
         """
         places, first = {}, 0
         for each in self.factors:
@@ -236,12 +239,16 @@ class Plan:
         return numbers(self.table.sampler, draws, width, self.table.seed)
 
     def values(self, run: int) -> Values:
-        """Return the values of all factors in a run by name, including the seeds."""
+        """Return the values of all factors in the run with the number `run` by name, including the
+        seeds.
+        """
         draw, cell = divmod(run, self.cells)
         return self._cell(cell) | self.of_numbers(self._numbers[draw]) | self.seeds_of(draw)
 
     def of_numbers(self, numbers: NDArray[np.float64]) -> Values:
-        """Return the values of all random factors for the numbers of a draw, between 0 and 1."""
+        """Return the values of all random factors by name, for the row of numbers between 0 and 1
+        of one draw.
+        """
         draws = {f.name: f.draw for f in self.factors if f.draw}
         return {
             n: draws[n].value(numbers[each.start : each.stop]) for n, each in self.groups.items()
@@ -252,8 +259,9 @@ class Plan:
         return {n: run_seed(self.table.seed, draw, k) for k, n in enumerate(self.table.seeds)}
 
     def structures(self) -> list[int]:
-        """Return the numbers of runs that together cover all structures: one run of the first draw
-        for each combination of the listed factors that are options, such as swaps, not parameters.
+        """Return the numbers of runs that together have every combination of values of those listed
+        factors that are options, such as swaps, not parameters. All of them belong to the first
+        draw.
         """
         shape = [len(f.choices) for f in self.listed]
         ways = [range(len(f.choices)) if kind_of(f.name) else (0,) for f in self.listed]
@@ -295,8 +303,9 @@ def changes_of(values: Values) -> Changes:
 
 
 def option_of(factor: str) -> tuple[str, str]:
-    """Return the option of run() that a factor changes, and the entry of this option: ("set",
-    "component.parameter"), ("swap", "component") or ("stop", "").
+    """Return the option of run() that a factor changes, and the name of the changed entry in this
+    option: ("set", "component.parameter"), ("swap", "component"); ("stop", "") for an option
+    without entries.
     """
     if factor in CHANGES:
         return factor, ""

@@ -60,8 +60,9 @@ def sources(plan: Plan, loaded: System, changed: Iterable[System]) -> dict[str, 
 
 
 def _named(files: Iterable[Path]) -> dict[str, Source]:
-    """Return files as sources, by a name that is unique: the file name, with as many parent folders
-    as needed. Without the full path, a campaign that was moved with its files has equal sources.
+    """Return files as sources by a unique name: the file name, with as many parent folders as
+    needed. The names lack the full path, so that a campaign that was moved with its files has equal
+    sources.
     """
     found: dict[str, Source] = {}
     for path in (file.resolve() for file in files):
@@ -73,12 +74,14 @@ def _named(files: Iterable[Path]) -> dict[str, Source]:
 
 
 def differing(then: Mapping[str, Source]) -> list[str]:
-    """Return the names of the sources whose hash or version now differs from the recorded one."""
+    """Return the names of the sources whose hash or version differs from `then`, the recorded
+    sources.
+    """
     return [name for name, source in then.items() if _state(source.place) != source.state]
 
 
 def _state(place: str) -> str:
-    """Return the version of a package, or the hash of a file; "" if it does not exist."""
+    """Return the version of the package or the hash of the file `place`; "" if there is none."""
     try:
         if place in PACKAGES:
             return version(place)

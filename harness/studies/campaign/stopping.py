@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Number of runs that a campaign needs: number for a proof, and a stopping rule that is
-valid even if it is evaluated after every run.
+"""Number of runs that a campaign needs: the number of runs without a failure that proves a
+probability of success, and a stopping rule that may be evaluated after every run.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from msgspec import Meta, Struct
 from harness.system.tables import Count, Flag
 
 LEAST = 1e-6
-"""Smallest share that `until` accepts. For a much smaller probability p, 1 - p would be rounded to
-1, but the test needs log(1 - p).
+"""Smallest probability p that `until` accepts. For a much smaller p, 1 - p would be rounded to 1,
+but the test needs log(1 - p).
 """
 Share = Annotated[
     float, Meta(ge=LEAST, lt=1, description=f"a number between 0 and 1, at least {LEAST:g}")
@@ -56,9 +56,9 @@ def wald(failures: int, runs: int, probability: float, confidence: float) -> boo
 class Until(Struct, frozen=True):
     """Stopping rule of a campaign: `until = {success = 0.99, confidence = 0.95}`.
 
-    success: share of successful runs to prove; confidence: of the proof; fixed: make the number of
-    runs that Wilks requires without a failure, otherwise stop when Wald's test has decided; most:
-    largest number of runs for Wald's test (0: twenty times the number of Wilks).
+    success: share of successful runs to prove; confidence: confidence of the proof; fixed: true:
+    perform as many runs as Wilks requires if none fails; false: stop when Wald's test is decided;
+    most: largest number of runs for Wald's test (0: twenty times the number of Wilks).
     """
 
     success: Share
@@ -68,13 +68,13 @@ class Until(Struct, frozen=True):
 
     @property
     def runs(self) -> int:
-        """Return the number of runs to plan, which the rule can only reduce."""
+        """Return the number of runs to plan. The campaign can need fewer runs, but not more."""
         least = wilks(1 - self.success, self.confidence)
         return least if self.fixed else self.most or 20 * least
 
     def decided(self, failed: Sequence[bool]) -> int | None:
-        """Return the number of first runs after which Wald's test is decided, None if all runs do
-        not decide it; failed: whether each run failed, in order.
+        """Return after how many of the first runs Wald's test is decided; None if it is not decided
+        after all runs. failed: whether each run failed, in the order of the runs.
         """
         if self.fixed:
             return None

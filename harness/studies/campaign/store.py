@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Dataset of a campaign: a Zarr group with one entry per run in each array, which xarray opens.
 
-It is created with all its arrays or not at all. Runs are written in blocks. A block is one chunk of
-each array, with a checksum, so that no rows wait in memory, no chunk is written twice, and a lost
-chunk is detected. The status of the runs of a block is written last. After an interruption, runs
-whose status is pending are repeated.
+A dataset is created with all its arrays or not at all. Consecutive runs are written together as a
+block. A block is one chunk of each array, with a checksum, so that no chunk is written twice, and a
+lost or damaged chunk is detected. Of each block, the array `status` is written last. After an
+interruption, runs whose status is pending are repeated.
 """
 
 from __future__ import annotations
@@ -33,16 +33,18 @@ from harness.studies.campaign.worker import PENDING, Row
 from harness.system.tables import Count
 
 Columns = Mapping[str, Sequence[Any]]
-"""Entries of consecutive runs, by name of the array."""
+"""Entries of consecutive runs in each array, by name of the array."""
 PERCENTILES = np.array([5.0, 25.0, 50.0, 75.0, 95.0])
-"""Percentages of the recorded bands."""
+"""Percentiles of which the recorded bands consist [%]."""
 AXIS = Field("percentile", np.float64, PERCENTILES.shape, ("percentile",), values=PERCENTILES)
 COMPRESSED = 4096
 """Smallest size of a chunk that is compressed [bytes]; for less, compression is not worth it."""
 MAKING = "unfinished_"
 """Prefix of the name of an array that is being written or removed."""
 SCHEMA = 1
-"""Version of the layout of a dataset, see docs/release.md. A dataset without this number has 1."""
+"""Version of the layout of a dataset, see docs/release.md. A dataset without a version number has
+version 1.
+"""
 DAMAGES = (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError)
 """Exceptions that zarr raises for an array that it cannot read."""
 
@@ -50,10 +52,10 @@ DAMAGES = (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError,
 class About(Struct, frozen=True):
     """Attributes of a dataset.
 
-    definition: table of the campaign as JSON; folder: of the files that the table names; system:
-    its name; block: number of runs that are written together; repeat: command that repeats a run;
-    sources: see Plan; decided: the campaign has ended early, so its runs are complete although
-    more were planned.
+    definition: table of the campaign as JSON; folder: folder of the files that the table names;
+    system: name of the system; block: number of runs that are written together; repeat: command
+    that repeats a run; sources: see Plan; schema: see SCHEMA; decided: the stopping rule has ended
+    the campaign before all planned runs, so the dataset is complete.
     """
 
     definition: str
@@ -67,8 +69,8 @@ class About(Struct, frozen=True):
 
 
 class Labels(Struct, frozen=True):
-    """Attributes of an array of a dataset; role: factor, metric, history or band; whole: all values
-    of a factor are whole numbers.
+    """Attributes of an array of a dataset; role: factor, metric, history (time series) or band;
+    whole: whether all values of a factor are whole numbers.
     """
 
     role: str = ""
@@ -90,7 +92,8 @@ class Store:
     def create(cls, path: Path, plan: Plan, block: int, laid: Iterable[Field]) -> Store:
         """Create a dataset in which every run is pending; raise UsageError if the path exists.
 
-        block: number of runs that are written together; laid: arrays of the dataset.
+        block: number of runs that are written together; laid: arrays of the dataset; plan:
+        campaign.
         """
         import zarr
 
@@ -132,11 +135,11 @@ class Store:
     def resumed(
         cls, path: Path, plan: Plan, laid: Iterable[Field], life: ExitStack, kind: str = ""
     ) -> Store:
-        """Reopen the dataset of an interrupted campaign or study, locked until the end of `life`;
-        set lost runs to pending.
+        """Reopen the dataset of an interrupted campaign or study, and set runs whose data are lost
+        to pending. The dataset is locked until the end of `life`.
 
-        laid: arrays that the dataset should have; kind: of a study, such as `worst` ("": campaign).
-        Raises UsageError if the definition or a source has changed.
+        laid: arrays that the dataset should have; kind: kind of a study, such as `worst` ("":
+        campaign). Raises UsageError if the definition or a source has changed.
         """
         store = cls.open(path)
         if kind and store.group.attrs.get("kind") != kind:
@@ -164,8 +167,8 @@ class Store:
     def _array(self, name: str) -> Any:
         """Return an array by name, None if it cannot be read.
 
-        Later writes to it store also those chunks that contain only the fill value. Otherwise Zarr
-        would omit them, and their block of runs would be taken for lost.
+        A chunk that contains only the fill value is written too. By default Zarr omits such chunks,
+        and mend() would take the runs of a missing chunk for lost.
         """
         from zarr import config
 
@@ -208,8 +211,8 @@ class Store:
             ) from error
 
     def _lay_out(self, field: Field, block: int) -> Any:
-        """Create an array and return it, replacing an existing one. With an axis `run`, a chunk
-        contains `block` runs.
+        """Create an array, replacing an existing one, and return it. If its first axis is `run`,
+        each chunk contains `block` runs.
         """
         from zarr import config
         from zarr.codecs import Crc32cCodec, ZstdCodec
@@ -252,7 +255,7 @@ class Store:
             yield slice(first, min(first + self.block, self.runs))
 
     def pending(self) -> Iterator[int]:
-        """Return an iterator over the first run of each block with pending runs."""
+        """Return an iterator over the number of the first run of each block with pending runs."""
         status = self.array("status")
         return (part.start for part in self.blocks() if (status[part] == PENDING).any())
 
@@ -261,8 +264,8 @@ class Store:
     ) -> None:
         """Write the entries of consecutive runs into all arrays, `status` last.
 
-        first: number of the first run; values: of the factors, by run; rows: records of the runs;
-        further: entries of other arrays. Raises ResultsError.
+        first: number of the first run; values: values of the factors, one dictionary per run; rows:
+        results of the runs; further: entries of other arrays. Raises ResultsError.
         """
         columns = {**further, **{n: [v[n] for v in values] for n in values[0]}, **_columns(rows)}
         for name in self._histories:
@@ -297,7 +300,7 @@ class Store:
 
     def mend(self, laid: Iterable[Field]) -> None:
         """Repair the dataset after an interruption: create missing arrays again, and set the status
-        of runs whose chunks are missing or damaged to pending, so that they are repeated.
+        of all runs in blocks with missing or damaged chunks to pending, so that they are repeated.
 
         laid: arrays that the dataset should have. Raises ResultsError if it cannot be written.
         """
@@ -332,8 +335,8 @@ class Store:
         return [n for n, a in self._arrays() if (a.metadata.dimension_names or [""])[0] == "run"]
 
     def _whole(self, name: str, part: slice) -> bool:
-        """Return whether the chunk of an array for a block of runs exists and has the checksum that
-        was written with it.
+        """Return whether the chunk of an array for a block of runs exists and agrees with its
+        checksum. part: numbers of the runs of the block.
         """
         array = self._array(name)
         place = (part.start // self.block, *[0] * (array.ndim - 1))
@@ -350,8 +353,8 @@ class Store:
         return [n for n, a in self._arrays() if a.attrs.get("role") == role]
 
     def units(self) -> dict[str, str]:
-        """Return the units of all arrays except for dimensionless ones, by name of the factor,
-        metric or variable.
+        """Return the units of all factors, metrics and variables that are not dimensionless, by
+        name.
         """
         given = {n.removesuffix("_band"): a.attrs.get("units", "") for n, a in self._arrays()}
         return {name: unit for name, unit in given.items() if unit not in {"", "1"}}
@@ -395,14 +398,14 @@ class Store:
         return Plan(*self.definition(), self.about.sources)
 
     def definition(self) -> tuple[Mapping[str, Any], Path]:
-        """Return the table of the campaign, and the folder of the files that it names."""
+        """Return the table of the campaign, and the folder of the files that the table names."""
         return json.loads(self.about.definition), Path(self.about.folder)
 
     # ---- bands
 
     def finish(self) -> None:
-        """Compute the percentile bands of all recorded histories, and remove histories that were
-        recorded for their bands only; raise ResultsError if the dataset cannot be written.
+        """Compute the percentile bands of the recorded time series, and remove time series that
+        were recorded for their bands only; raise ResultsError if the dataset cannot be written.
         """
         with naming(self.path):
             for name in self.names("history"):
@@ -417,8 +420,8 @@ class Store:
                     shutil.rmtree(gone)
 
     def _bands(self, source: Any, plain: str) -> None:
-        """Write the bands of a history (runs, rows, elements) into a new array with the prefix
-        MAKING; plain: name of the variable.
+        """Compute the percentile bands of a time series (runs, rows, elements), and write them into
+        a new array whose name has the prefix MAKING; plain: name of the variable.
         """
         if "percentile" not in self.group:
             self._lay_out(AXIS, self.block)
@@ -436,8 +439,8 @@ class Store:
 
 
 def _columns(rows: Sequence[Row]) -> Columns:
-    """Return the entries of all arrays from the records of runs, except for factors, histories and
-    status.
+    """Return the entries of consecutive runs, by name of the array, except for factors, time series
+    and status. rows: results of the runs.
     """
     columns: dict[str, list[Any]] = {"message": [row.message for row in rows]}
     columns |= {"end_time": [row.time for row in rows], "last": [row.last for row in rows]}

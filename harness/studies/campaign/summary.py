@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Summary of a campaign from its dataset: share of successful runs, statistics of the metrics,
-factors that influence them, failed runs and worst runs.
+"""Summary of a campaign from its dataset: share of successful runs, statistics of the metrics, most
+influential factors, failed runs and worst runs.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ Z95 = 1.959963984540054
 WORST = 10
 """Number of worst runs in the summary."""
 LISTED = 100
-"""Largest number of runs without success that the summary lists; page and dataset contain all."""
+"""Largest number of runs without success that the summary lists; page and dataset contain all such
+runs.
+"""
 DRAWN = 8
 """Largest number of factors in the figures of one metric."""
 SHOWN = 5
@@ -51,8 +53,8 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
 
 
 def rank_correlation(x: Array, y: Array) -> float:
-    """Return Spearman's rank correlation of x (rows,) and y (rows,), without rows in which one of
-    them is not finite; NaN if fewer than three rows remain or one of them is constant.
+    """Return Spearman's rank correlation of x (rows,) and y (rows,), without rows in which x or y
+    is not finite; NaN if fewer than three rows remain, or if x or y is constant.
     """
     both = np.isfinite(x) & np.isfinite(y)
     a, b = _mean_ranks(x[both]), _mean_ranks(y[both])
@@ -62,9 +64,9 @@ def rank_correlation(x: Array, y: Array) -> float:
 
 
 def effect(x: Array, y: Array) -> float:
-    """Return the change of y between the 5 and 95 % percentiles of x on the line of least squares,
-    relative to the mean of |y|. It shows whether a change is large enough to matter, which a rank
-    correlation does not show.
+    """Return the absolute change of y on the least-squares line when x rises from its 5th to its
+    95th percentile, relative to the mean of |y|. Unlike a rank correlation it shows whether the
+    change is large enough to matter.
     """
     both = np.isfinite(x) & np.isfinite(y)
     x, y = x[both], y[both]
@@ -75,8 +77,8 @@ def effect(x: Array, y: Array) -> float:
 
 
 def _mean_ranks(x: Array) -> Array:
-    """Return the ranks of the elements of x, from 1 on; equal elements get the mean of their ranks.
-    It replaces a function of scipy.stats, whose import takes half a second.
+    """Return the ranks of the elements of x, counted from 1; equal elements get the mean of their
+    ranks. The function of scipy.stats is not used, because its import takes half a second.
     """
     _, place, count = np.unique(x, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(count) - (count - 1) / 2)[place])
@@ -84,8 +86,8 @@ def _mean_ranks(x: Array) -> Array:
 
 def factor_columns(store: Store) -> dict[str, Array]:
     """Return the values of all numeric factors as columns (runs,) by name, one column per element
-    of a vector or matrix. Of a matrix that is symmetric in every run, only the upper triangle is
-    returned. Factors with texts are in categories().
+    of a vector or matrix; for a matrix that is symmetric in every run, only its upper triangle.
+    Factors whose values are texts are in categories().
     """
     columns = {}
     for name in store.names("factor"):
@@ -119,7 +121,7 @@ def metric_columns(store: Store) -> dict[str, Array]:
 
 
 def varying_factors(store: Store) -> dict[str, Array]:
-    """Return the columns of factor_columns() whose values differ between runs."""
+    """Return those columns of factor_columns() whose values differ between runs."""
 
     def varies(x: Array) -> bool:
         return bool(np.isfinite(x).any() and np.ptp(x[np.isfinite(x)]) > 0)
@@ -193,10 +195,10 @@ def text(store: Store, shown: str) -> str:
 
 
 class Share(NamedTuple):
-    """Share of runs that succeeded or met a requirement.
+    """Share of runs that succeeded or that met a requirement.
 
-    met: number of these runs; evaluated: number of runs with a verdict; missed, unjudged: indices
-    of the runs that did not succeed, and of the runs without a verdict.
+    met: number of runs that succeeded or met it; evaluated: number of runs with a verdict; missed,
+    unjudged: numbers of the runs that did not, and of the runs without a verdict.
     """
 
     met: int
@@ -231,10 +233,11 @@ class Share(NamedTuple):
 def _share(
     status: Array, met: NDArray[np.bool_], missed: NDArray[np.bool_], among: Any = True
 ) -> Share:
-    """Return the share of successes. A run with status FAILED counts as missed in any case.
+    """Return the share of runs that succeeded. A run with status FAILED counts as missed in any
+    case.
 
-    met, missed: whether each run has succeeded and whether it has not; neither: it has no verdict;
-    among: mask of the runs that count (True: all).
+    met, missed: whether each run has succeeded, and whether it has not; if both are false, it has
+    no verdict; among: mask of the runs that count (True: all).
     """
     complete, failed = (status == COMPLETE) & among, (status == FAILED) & among
     met, missed = complete & met, (complete & missed) | failed
@@ -272,8 +275,8 @@ def requirements(store: Store, among: Any = True) -> dict[str, Share]:
 
 
 def by_category(store: Store) -> dict[str, dict[str, dict[str, Share]]]:
-    """Return the shares of success and requirements separately for each value of each factor with
-    texts: by factor, then by value, then by `success` or requirement.
+    """Return the shares of success and requirements separately for each value of each factor whose
+    values are texts: by factor, then by value, then by `success` or name of the requirement.
     """
     found: dict[str, dict[str, dict[str, Share]]] = {}
     for factor, texts in categories(store).items():
@@ -285,8 +288,8 @@ def by_category(store: Store) -> dict[str, dict[str, dict[str, Share]]]:
 
 
 def _groups(store: Store) -> Iterator[str]:
-    """Yield the lines of a table per factor with texts: a row per value of the factor, a column per
-    requirement.
+    """Yield the lines of one table for each factor whose values are texts: a row per value of the
+    factor, a column per requirement.
     """
     for factor, rows in by_category(store).items():
         heads = [*next(iter(rows.values()))]
@@ -365,7 +368,7 @@ def expectations(store: Store) -> Iterator[Outcome]:
 
 
 def _mean(store: Store, name: str) -> tuple[float, str]:
-    """Return the mean of a metric over all runs that have ended, or the share of `success`, and a
+    """Return the mean of a metric over all runs that have ended, or the share of `success`; also a
     text that states in how many of these runs the value is missing or infinite.
     """
     if name == SUCCESS and (share := success(store)) is not None:
@@ -393,9 +396,7 @@ def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[s
 
 
 def statistics(values: Array) -> list[float]:
-    """Return mean, standard deviation, minimum, the percentiles of PERCENTILES, and maximum of the
-    finite values.
-    """
+    """Return mean, standard deviation, minimum, PERCENTILES, and maximum of the finite values."""
     finite = values[np.isfinite(values)]
     middle = np.percentile(finite, PERCENTILES)
     return [finite.mean(), finite.std(), finite.min(), *middle, finite.max()]
@@ -416,7 +417,9 @@ def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterat
 
 
 def failures(store: Store) -> dict[int, str]:
-    """Return the reason why each run failed or did not succeed, by the number of the run."""
+    """Return the reason why a run failed or did not succeed, by number of the run, for all such
+    runs.
+    """
     found, messages = success(store), store.array("message")
     runs = found.missed if found else np.flatnonzero(store.array("status") == FAILED).tolist()
     reasons = {run: messages[run].splitlines() or [f"{SUCCESS}: not met"] for run in runs}
@@ -427,8 +430,8 @@ def failures(store: Store) -> dict[int, str]:
 
 
 def failures_by_category(store: Store) -> dict[int, str]:
-    """Return failures() in the order of the values of factors with texts, which precede each
-    reason.
+    """Return failures(), ordered by the values of the factors whose values are texts; these values
+    precede each reason.
     """
     found, groups = failures(store), categories(store)
     names = {

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Work of one process of a campaign: it performs the runs of a block with a reused simulation, and
-returns a row of the dataset for each run.
+returns one Row per run, which is stored in the dataset.
 
-A run that fails gives a row too, with its message, the time of failure and the last values of all
+A run that fails gives a Row too, with its message, the time of failure and the last values of all
 variables. The same code runs in the main process and in worker processes.
 """
 
@@ -38,7 +38,7 @@ VERDICTS = (Verdict.NOT_JUDGED, Verdict.MET, Verdict.NOT_MET, Verdict.NOT_EXERCI
 
 PIECE_STEPS = 100_000
 """Number of macro steps per task of a worker. They take a tenth of a second or more, while sending
-a task takes some milliseconds.
+a task to the worker takes some milliseconds.
 """
 
 TOGETHER = 8
@@ -46,12 +46,13 @@ TOGETHER = 8
 
 
 class Row(NamedTuple):
-    """Record of one run.
+    """Result of one run, as the dataset stores it.
 
-    status: PENDING, COMPLETE or FAILED; message: why the run failed, or a line per requirement that
-    is not met and per metric without a value; time: of the last row [s]; last: last values of all
-    variables; verdicts, margins: by requirement, as indices of VERDICTS and as distances to failing
-    (-inf for a failed run); histories: (rows, elements) by variable, NaN after the end of the run.
+    status: PENDING, COMPLETE or FAILED; message: reason of a failure, or a line per requirement
+    that is not met and per metric without a value; time: time of the last row [s]; last: last
+    values of all variables; metrics: values by name; verdicts, margins: by requirement, as indices
+    of VERDICTS and as distances to failing (-inf for a failed run); histories: recorded time series
+    (rows, elements) by variable, NaN after the end of the run.
     """
 
     status: int
@@ -69,11 +70,11 @@ class Task:
     """Data that all runs of a campaign share, which can be sent to workers, and the code that
     performs runs in a worker.
 
-    key: hash of the plan; folder: of the files that the table names; kinds: result without
+    key: hash of the plan; folder: folder of the files that the table names; kinds: result without
     meaningful values, for names, units and descriptions of variables and parameters; requirements:
-    texts by name; start, step: of the time span [s]; steps: macro steps of the longest run; needed:
-    variables that metrics and requirements read (None: unknown); lanes: whether a worker may make
-    several runs at once, which does not change a bit.
+    texts by name; start, step: start time and macro step [s]; steps: macro steps of the longest
+    run; needed: variables that metrics and requirements read (None: unknown); lanes: whether a
+    worker may make several runs at once, with the same bits.
     """
 
     key: str
@@ -105,7 +106,7 @@ class Task:
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
-        """Return the indices of the rows of a result that recorded histories contain."""
+        """Return the indices of those rows of a result that the recorded time series contain."""
         rows = len(recorded(self.steps, self.table.every))
         return recorded(rows - 1, max(1, -(-rows // self.table.record.rows)))
 
@@ -135,21 +136,25 @@ class Task:
         return max(size, runs - runs % size)
 
     def run(self, part: Sequence[Changes]) -> list[Row]:
-        """Perform runs in this process, and return their records in the same order."""
+        """Perform runs in this process, and return their results in the same order."""
         with quietly():
             runner: _Runner = retained(self.key, lambda: _Runner(self))
             return runner.rows(part)
 
     def lost(self, message: str, time: float = math.nan) -> Row:
-        """Return the record of a run that failed without any row; time: of the failure [s]."""
+        """Return the Row of a run that failed without any recorded row; time: time of the failure
+        [s].
+        """
         last = np.full(len(self.kinds.columns), np.nan)
         nothing, count = dict.fromkeys(self.metrics, math.nan), len(self.requirements)
         return Row(FAILED, message, time, last, nothing, (0,) * count, (-math.inf,) * count, {})
 
 
 class _Runner(ReusedSimulation):
-    """Reused simulation of this process, with the metrics to compute for each run; needed: names of
-    variables that metrics and requirements are expected to read or have read (None: unknown).
+    """Reused simulation of this process, which performs runs and computes their metrics.
+
+    needed: names of the variables that a run records, because metrics and requirements read them
+    (None: unknown, all are recorded).
     """
 
     def __init__(self, task: Task) -> None:
@@ -161,8 +166,8 @@ class _Runner(ReusedSimulation):
         super().__init__(task.system, task.table.executor)
 
     def rows(self, part: Sequence[Changes]) -> list[Row]:
-        """Perform runs and return their records in the same order. Runs that differ in parameter
-        values only are made at once where the task allows it.
+        """Perform runs and return their results in the same order. Runs that differ in parameter
+        values only are made at once if the task allows it.
         """
 
         def most() -> int:
@@ -180,8 +185,8 @@ class _Runner(ReusedSimulation):
 
 
 def _run(runner: _Runner, changes: Changes, result: Result | None) -> Row:
-    """Return the record of a run, which is performed first if `result` is None. If metrics read a
-    variable that the run did not record, repeat the run with all variables.
+    """Return the Row of a run, which is performed first if `result` is None. If metrics read a
+    variable that the run did not record, the run is repeated with all variables.
     """
     task, table = runner.task, runner.task.table
     try:
@@ -256,7 +261,9 @@ def _last(task: Task, result: Result) -> Array:
 
 
 def _thinned(task: Task, history: Array) -> Array:
-    """Return the recorded rows of a history (rows, elements), NaN after the end of the run."""
+    """Return those rows of a time series (rows, elements) that the dataset records, and NaN for
+    rows after the end of the run.
+    """
     flat = history.reshape(len(history), -1)
     rows = [row for row in task.rows if row < len(flat)]
     full = np.full((len(task.rows), flat.shape[1]), np.nan)
