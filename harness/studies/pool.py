@@ -165,8 +165,7 @@ class _Worker:
             theirs.close()
 
     def done(self, *work: Any) -> Any:
-        """Perform a task, work = (function, *arguments), in the worker process and return its
-        result.
+        """Perform a task in the worker process and return its result; work = (function, arguments).
 
         Raises the exception of the task, or LostWorkerError if the process ends.
         """

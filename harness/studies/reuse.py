@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reuse of a simulation by a process that runs one system many times. The FMUs of this package stay
+"""Reuse of one simulation by a process that runs a system many times. The FMUs of this package stay
 loaded between runs. A run with third-party FMUs takes place in a separate process, which ends with
 the run.
 """
@@ -37,12 +37,12 @@ from harness.system.values import base
 _log = logging.getLogger("harness")
 
 LONG = 5_000_000
-"""Number of macro steps of all runs together from which compiling the library of lanes (several
-runs at once in vector registers) is worth its time.
+"""Smallest number of macro steps of all runs together for which it saves time to compile the
+library of lanes (several runs at once in vector registers).
 """
 ROWS_TOGETHER = 5 * 2**28
 """Limit for the recorded rows of the runs that a process makes at once [bytes]. Up to four runs at
-once are allowed to exceed it.
+once are always allowed.
 """
 
 _retained: dict[Any, ReusedSimulation] = {}
@@ -93,11 +93,12 @@ def rejected_before(
     executor: str,
 ) -> list[HarnessError]:
     """Check systems before their runs: return an error for each component whose FMU rejects values
-    in every run. If there is none, log the warnings on the systems, and compile them if the
+    in every run. If there is no error, log the warnings about the systems, and compile them if the
     executor is `fused`.
 
-    ready: systems of the runs, checked; fixed: values by parameter, as typed; varied: names of the
-    parameters that vary; patience: limit for one call into a third-party FMU [s].
+    ready: each system with the outcome of its check; fixed: values that are the same in all runs,
+    by parameter, as typed; varied: names of the parameters that vary; patience: limit for one call
+    into a third-party FMU [s].
     """
     systems = [system for system, _ in ready]
     kinds = {(s.origin.params, *s.origin.swaps.values()): s for s in reversed(systems)}
@@ -116,10 +117,11 @@ def rejected_before(
 
 @contextmanager
 def compiling(system: str | Path, changes: Changes, steps: int) -> Iterator[None]:
-    """Compile the library of lanes of a fused system in the background while the block runs. Do
-    nothing if the library exists, the system has third-party FMUs, or the runs are short.
+    """Compile the library of lanes of a fused system in the background while the `with` block runs.
+    Do nothing if the library exists, the system has third-party FMUs, or the runs are short.
 
-    changes: of one of the runs; steps: macro steps of all runs together, at least LONG to compile.
+    changes: changes of one of the runs; steps: macro steps of all runs together; fewer than LONG
+    count as short.
     """
     if steps < LONG:
         yield
@@ -136,13 +138,14 @@ def compiling(system: str | Path, changes: Changes, steps: int) -> Iterator[None
 
 
 def kind(changes: Changes) -> str:
-    """Return a text that is equal for runs whose changes differ in parameter values only."""
+    """Return a text that is equal for two runs whose changes differ in parameter values only."""
     return repr({name: value for name, value in changes.items() if name != "set"})
 
 
 def alike(part: Sequence[Changes], most: Callable[[], int]) -> Iterator[list[int]]:
-    """Yield the indices of runs in groups of runs whose changes differ in parameter values only;
-    most: returns the largest size of the next group.
+    """Yield lists of indices of runs whose changes differ in parameter values only.
+
+    part: changes of the runs; most: function that returns the largest length of the next list.
     """
     kinds = [kind(changes) for changes in part]
     for _, same in groupby(sorted(range(len(part)), key=kinds.__getitem__), kinds.__getitem__):
@@ -151,10 +154,10 @@ def alike(part: Sequence[Changes], most: Callable[[], int]) -> Iterator[list[int
 
 
 class ReusedSimulation:
-    """System with a simulation that is created for the first run and reused for all later ones.
+    """System with a simulation that is created for the first run and reused for all later runs.
 
-    pace: computing time of a macro step in the fastest part of the last run [us]; _alone and
-    _in_lanes: the same for the last run made alone and the last one made together with others [s].
+    pace: computing time per macro step in the fastest part of the last run [us]; _alone, _in_lanes:
+    the same time for the last single run and for the last run made in a lane [s].
     """
 
     def __init__(self, system: str | Path, executor: str = "c") -> None:
@@ -203,7 +206,7 @@ class ReusedSimulation:
     def _changed(self, changes: Changes) -> System:
         """Return the system with the changes of a run. Requirements that are the same as in the
         last run are not checked again, unless the run swaps FMUs: a swap may remove variables that
-        they need.
+        the requirements need.
         """
         given = changes.get("require", ())
         if not given or changes.get("swap"):
@@ -229,10 +232,10 @@ class ReusedSimulation:
     def together(
         self, part: Sequence[Changes], every: int, needed: Collection[str] | None
     ) -> list[Result | None]:
-        """Make several runs at once, one in each lane of vector registers, and return a result or
-        None for each. None means that the run must be made alone by run(): a value is rejected, the
-        run does not complete in its lane, an FMU is third-party, or the library of lanes is missing
-        or slower than single runs.
+        """Make several runs at once, one in each lane of vector registers; return for each run a
+        result or None. None means that the run must be made alone by run(): a value is rejected,
+        the run does not complete in its lane, an FMU is third-party, or the library of lanes is
+        missing or slower than single runs.
 
         part: changes of the runs, which differ in parameter values only; every, needed: as for
         run(). A result is valid until the next call.
@@ -268,7 +271,9 @@ class ReusedSimulation:
         return min(compiled.width, max(4, fitting))
 
     def _lanes(self) -> Lanes | None:
-        """Return the library of lanes for the present fused system; None if the cache has none."""
+        """Return the library of lanes for the fused system of the simulation; None if the cache has
+        none.
+        """
         whole = None if self._simulation is None else self._simulation.fused
         if whole is not None and (self._library is None or self._library[0] is not whole):
             path = library(whole.interface.path)
@@ -299,11 +304,11 @@ class ReusedSimulation:
 
 class Reading(Result):
     """Result of a run that recorded only some variables. It notes which variables are read, so that
-    a run can be repeated if one of them was not recorded.
+    the run can be repeated if a variable that was not recorded is read.
 
-    recorded: result with the recorded variables; last: last values of all variables; read: names of
-    the variables read so far, all names after an access to `values`. Columns, units and
-    descriptions include the variables that are not recorded.
+    recorded: result with the recorded variables; slots: all variables of the system; last: last
+    values of all variables; read: names of the variables read so far, all names after an access to
+    `values`. Columns, units and descriptions include the variables that are not recorded.
     """
 
     recorded: Result

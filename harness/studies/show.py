@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Contents of a system: its components, the inputs, outputs and parameters of a component or FMU,
-and the answers of its mission: its plan, and the least impulse of its run.
+"""Contents of a system: its components, and the inputs, outputs and parameters of a component or
+FMU. Also the plan that the mission computes for a system, and the least impulse of a run.
 """
 
 from __future__ import annotations
@@ -70,8 +70,10 @@ class Part(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """Parameter or open input, named `component.name`, whose value differs between two systems;
-    before, after: its values, None where the component does not have it.
+    """Parameter or open input, named `component.name`, whose value differs between two systems.
+
+    before, after: its values in the two systems, None where the component has no such variable;
+    text: description.
     """
 
     name: str
@@ -83,8 +85,8 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True)
 class Shown:
-    """Contents to show: a title of one line, and rows, which are the components of a system, the
-    signals of an FMU, or the differences between two systems.
+    """Contents to show. title: one line; rows: the components of a system, the variables of an FMU
+    or component, or the differences between two systems.
     """
 
     title: str
@@ -112,8 +114,9 @@ def differences(
 ) -> Shown:
     """Return the values that differ between two variants of a system, or of one of its components.
 
-    name: `SYSTEM` or `SYSTEM.component`; word: as for show(); before, after: changes that define
-    the two variants, as for run() (empty: the system itself). Raises the errors of show().
+    name: `SYSTEM` or `SYSTEM.component`; word: as for show(); before, after: changes by which the
+    two variants are made from the system, as for run() (empty: the system itself). Raises the
+    errors of show().
     """
     if (place := of_component(name)) is None:
         raise UsageError(f"{name or '(nothing)'}: expected SYSTEM or SYSTEM.component")
@@ -128,7 +131,7 @@ def differences(
 
 
 def _different(before: System, after: System, component: str) -> Iterator[Difference]:
-    """Yield the values of a component that differ between two systems."""
+    """Yield the variables of a component whose values differ between two systems."""
     signals = [
         {s.name: s for s in _of_component(each, component).rows if isinstance(s, Signal)}
         for each in (before, after)
@@ -140,7 +143,9 @@ def _different(before: System, after: System, component: str) -> Iterator[Differ
 
 
 def _with_word(found: Shown, word: str) -> Shown:
-    """Return the rows with a word in name or description; raise UsageError if there are none."""
+    """Return only the rows that have the word in their name or description; raise UsageError if
+    there are none.
+    """
     rows = tuple(r for r in found.rows if word.casefold() in f"{r.name}\n{r.text}".casefold())
     if not rows:
         close = did_you_mean(word, [row.name for row in found.rows])
@@ -206,10 +211,11 @@ def _title(name: str, description: str | None) -> str:
 def _signals(
     interface: Interface, given: Parameters, ends: Mapping[str, Sequence[Port]]
 ) -> Iterator[Signal]:
-    """Yield the variables of an FMU, the elements of a vector or matrix combined into one signal. A
-    vector or matrix with missing elements is yielded as scalars.
+    """Yield the variables of an FMU, all elements of a vector or matrix as one Signal. If elements
+    of a vector or matrix are missing, each existing element is a Signal.
 
-    given: values of the component in its system; ends: connected ports by variable.
+    given: values of the component in its system; ends: by variable, the variables of other
+    components to which it is connected.
     """
     for causality in GROUPS:
         groups: dict[str, list[str]] = {}
@@ -254,9 +260,10 @@ def _value(name: str, given: Parameters, interface: Interface) -> Scalar | None:
 
 
 def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
-    """Return the values of the elements as a scalar, list or list of rows; None if there are none.
+    """Return a scalar, a list (vector) or a list of rows (matrix) with the values of the elements;
+    None if no element has a value.
 
-    whole: shape of the vector or matrix (None: a scalar); values: by the name of the element.
+    whole: shape of the vector or matrix (None: a scalar); values: by name of the element.
     """
     if whole is None or all(value is None for value in values.values()):
         return next(iter(values.values()))
@@ -298,11 +305,12 @@ def bound(
     without: Collection[str] = (),
     **changes: Unpack[Changes],
 ) -> LeastImpulse:
-    """Return the least impulse of a run of a system, as its mission computes it.
+    """Return the least impulse that a run of a system needs, as its mission computes it.
 
-    cost: one of COSTS; grid: time step of the problem [s] (None: as the mission defines); without:
-    names of constraints to leave out; changes: as for run(). Raises UsageError if the mission
-    defines no problem for the system, the errors of run(), and HarnessError if there is no optimum.
+    cost: one of COSTS; grid: time step of the optimisation problem [s] (None: as the mission
+    defines); without: names of constraints to leave out; changes: as for run(). Raises UsageError
+    if the mission defines no problem for the system, the errors of run(), and HarnessError if there
+    is no optimum.
     """
     if cost not in COSTS:
         raise UsageError(f"--cost {cost}: expected {' or '.join(COSTS)}")

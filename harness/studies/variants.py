@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Variants of a comparison: all combinations of the values of options that have several. Such an
-option is a factor with listed values, as in a campaign.
+"""Variants of a comparison: all combinations of the values of those options to which the user gives
+several values. Each such option is treated as a factor with listed values, as in a campaign.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Variant:
 
 
 def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Variant]:
-    """Return a variant for every combination of the values of all options; the last option changes
-    fastest. Labels contain only options with several values.
+    """Return a variant for every combination of the values of all options; from one variant to the
+    next, the last option changes fastest. Labels contain only options with several values.
 
     fixed: changes common to all variants; varied: pairs of option and text, e.g. ("params", "A,B"),
     ("swap", "component=FMU1,FMU2"), ("latency", "component=0,1"), ("set", "component.name=1,2") or
@@ -82,14 +82,16 @@ def _factor(option: str, text: str) -> Factor:
 
 
 def _given(factor: str) -> str:
-    """Return the option by which the user gives a factor, such as `--vary component.parameter`."""
+    """Return the option and name by which the user gives a factor, such as `--vary
+    component.parameter`.
+    """
     option, name = option_of(factor)
     return f"--{'vary' if option == 'set' else option} {name}".rstrip()
 
 
 def _range(text: str, place: str) -> Sequence[str]:
-    """Return the numbers of a range `first:last:step`, both ends included, as texts; return any
-    other text as the only value. place: option and text for the message of an error.
+    """Return the numbers of a range `first:last:step`, both ends included, as texts; for any other
+    text, return this text as the only value. place: option and text for an error message.
     """
     parts = text.split(":")
     if len(parts) != 3 and (len(parts) == 1 or not all(map(is_number, parts))):
@@ -107,8 +109,9 @@ def _range(text: str, place: str) -> Sequence[str]:
 
 
 def _labels(factor: Factor, several: Sequence[Factor]) -> dict[str, str]:
-    """Return the labels of a factor's values, by value. An FMU file is labelled by its stem unless
-    two stems are equal, preceded by its component if FMUs of several components are compared.
+    """Return the label of each value of a factor, by value. The label of an FMU file is its stem,
+    or the whole text if two stems are equal; the component precedes it if FMUs of several
+    components are compared.
 
     several: all factors with more than one value.
     """
@@ -128,7 +131,7 @@ def _labels(factor: Factor, several: Sequence[Factor]) -> dict[str, str]:
 
 
 def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
-    """Return every variant with only those entries of --map whose ports its swapped FMUs have;
+    """Return every variant with only those entries of --map that name ports of its swapped FMUs;
     raise UsageError for an entry that applies to no variant.
     """
     names = dict(pairs("--map", variants[0].changes.get("map", ())))
