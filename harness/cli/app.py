@@ -35,10 +35,12 @@ MODULES = {
     "models": "new build export linearize processor serve",
 }
 HOMES = {name: module for module, names in MODULES.items() for name in names.split()}
-"""Name of the module of every command, by command, in the order in which --help lists them."""
+"""Name of the module that contains each command, by command, in the order in which --help lists the
+commands.
+"""
 
 INTERRUPTED = 130
-"""Exit status of newer versions of typer after Ctrl-C."""
+"""Exit status after Ctrl-C, as newer versions of typer return it."""
 
 
 class _Printable(logging.Formatter):
@@ -133,7 +135,9 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 @cache
 def group() -> Any:
-    """Return the group of all commands, cached because typer would build it for every call."""
+    """Return the typer group of all commands. It is cached, because typer would build it for every
+    call.
+    """
     found: Any = typer.main.get_command(app)
     found.commands = _Commands()
     return found

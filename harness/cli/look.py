@@ -201,7 +201,9 @@ def plan_command(
 
 
 def _use(mission: Path | None) -> None:
-    """Use the mission in a folder for every result."""
+    """Use the mission in the given folder for every result, instead of the mission that the result
+    names; None: change nothing.
+    """
     if mission is not None:
         from harness.mission.library import use
 

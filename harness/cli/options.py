@@ -33,22 +33,24 @@ Completion = Callable[[str], list[str]]
 
 
 def systems(incomplete: str) -> list[str]:
-    """Return the names of systems that begin with a text, for the completion of the shell."""
+    """Return the names of systems that begin with the typed text, for completion in the shell."""
     return [name for name in paths.systems() if name.startswith(incomplete)]
 
 
 def argument(metavar: str, text: str, completed: Completion | None = None) -> Any:
-    """Return the typer declaration of an argument with its help text; completed: function that
-    completes a beginning in the shell.
+    """Return the typer declaration of a positional argument.
+
+    metavar: name in the help; text: help text; completed: function that returns the possible
+    completions of a beginning typed in the shell.
     """
     return typer.Argument(metavar=metavar, help=text, autocompletion=completed)
 
 
 def option(usage: str, text: str, **more: Any) -> Any:
-    """Return the typer declaration of an option with its help text.
+    """Return the typer declaration of an option.
 
     usage: names and placeholder as on a command line, `--output -o FILE`; without a name the option
-    has the name of the function's parameter. more: further settings of typer.
+    has the name of the function's parameter; text: help text; more: further settings of typer.
     """
     words = usage.split(" ")
     names = [word for word in words if word.startswith("-")]
@@ -62,7 +64,9 @@ def output(text: str) -> Any:
 
 
 def seconds(text: str) -> float:
-    """Return the number of seconds in a text of the user; raise BadParameter for other texts."""
+    """Return the number of seconds that a text of the user states; raise BadParameter if the text
+    is no number.
+    """
     try:
         return float(text)
     except ValueError:
@@ -70,7 +74,9 @@ def seconds(text: str) -> float:
 
 
 def positive(text: str) -> float:
-    """Return the number of seconds in a text of the user; raise BadParameter if not above 0."""
+    """Return the number of seconds that a text of the user states; raise BadParameter if it is not
+    a number above 0.
+    """
     if not (time := seconds(text)) > 0:
         raise typer.BadParameter(f"{text}: expected a number of seconds above 0, as in 60")
     return time
@@ -116,7 +122,9 @@ CHANGES: dict[str, Any] = {
     "algorithm": Annotated[Text, option("", "Set the order of execution: gauss-seidel or jacobi")],
     "require": RequireOption,
 }
-"""Options that change a system before the run, by the names of harness.master.changes.Changes."""
+"""Options that change a system before the run. The keys are the names of the fields of
+harness.master.changes.Changes.
+"""
 
 
 @dataclass(frozen=True)
@@ -132,7 +140,7 @@ class Drawing:
     ] = "screen"
 
     def how(self) -> tuple[str, Any]:
-        """Return file ending and Style, the arguments of the drawing functions."""
+        """Return file ending and Style of the figures, the arguments of the functions that draw."""
         from harness.figures.style import style_of
 
         return self.ending, style_of(self.style)
@@ -187,8 +195,9 @@ def _group(parameter: Parameter) -> list[Parameter]:
 
 
 def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter]:
-    """Yield the command-line options for one parameter of a command's function: one for each name
-    in `changes` if the parameter is `**changes`, one for each field of a data class, else one.
+    """Yield the command-line options for one parameter of a command's function: an option for each
+    name in `changes` if the parameter is `**changes`, an option for each field if its type is a
+    data class, otherwise one option.
     """
     if parameter.name == "changes":
         for name in changes:
@@ -201,7 +210,9 @@ def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter
 
 
 def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any]) -> Any:
-    """Return the value for one parameter of a command's function; given: values of all options."""
+    """Return the value that a command's function receives for one of its parameters; changes: names
+    of options of CHANGES; given: values of all options by name.
+    """
     if parameter.name == "changes":
         return {name: given[name] for name in changes if given[name] is not None}
     if group := _group(parameter):
@@ -210,7 +221,7 @@ def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any
 
 
 def size_of(path: Path) -> str:
-    """Return the size of a file as text, " (1.2 MB)", to end a line; "" for a pipe or device."""
+    """Return the size of a file as a text to end a line, " (1.2 MB)"; "" for a pipe or device."""
     if not path.is_file():
         return ""
     size = path.stat().st_size

@@ -61,8 +61,8 @@ class Requested:
     ] = None
 
     def run(self, system: str | None, changes: dict[str, Any]) -> Any:
-        """Return the run to execute: of `system` with changes, or the repeated one of --like;
-        raise UsageError if neither is given.
+        """Return the run to execute: a run of `system` with changes, or with --like the repetition
+        of a result; raise UsageError if neither is given.
         """
         from harness.studies.rerun import Rerun, again
 
@@ -77,9 +77,9 @@ class Requested:
         return Rerun(system, changes)  # type: ignore[arg-type]
 
     def _started(self, system: str | None, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return `changes` with the epoch of --epoch and the start values from the files of
-        --start; a value of --set overrides a start value. Raise UsageError if one of these options
-        is given without a system.
+        """Return `changes` completed by the epoch of --epoch and the start values in the files of
+        --start; a value of --set replaces a start value. Raise UsageError if --epoch or --start is
+        given without a system.
         """
         if not self.start and self.epoch is None:
             return changes
@@ -100,8 +100,8 @@ class Requested:
         return {**changes, "set": given, "epoch": begun.epoch}
 
     def how(self, wanted: Any) -> dict[str, Any]:
-        """Return the arguments of simulate(); wanted: the requested run, whose own settings apply
-        where the command line has no option.
+        """Return the keyword arguments of simulate(). wanted: the run to execute; its settings
+        apply where the command line has no option.
         """
         return {
             "executor": self.executor or wanted.executor,
@@ -151,8 +151,8 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
 
 
 def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool) -> Any:
-    """Run the system, write the result to `file` and print its notes. After a failure the rows
-    recorded so far are written.
+    """Run the system, write the result to `file` and print its notes. If the run fails, write the
+    rows recorded so far.
     """
     from harness.files.signals import held
     from harness.master.changes import apply

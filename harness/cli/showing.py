@@ -78,8 +78,9 @@ def _time(experiment: Experiment) -> str:
 
 
 def text(shown: Shown, heads: tuple[str, str] = ("before", "after")) -> str:
-    """Return the text of `harness show`: the title, then a table of components, of differences, or
-    of inputs, outputs and parameters. heads: titles of the two columns of differing values.
+    """Return the text of `harness show`: a title, then a table of components, of differences, or of
+    inputs, outputs and parameters. heads: titles of the two columns of values in a table of
+    differences.
     """
     parts = [row for row in shown.rows if isinstance(row, Part)]
     signals = [row for row in shown.rows if isinstance(row, Signal)]
@@ -101,7 +102,7 @@ def text(shown: Shown, heads: tuple[str, str] = ("before", "after")) -> str:
 
 
 def _signals(causality: str, signals: Sequence[Signal]) -> str:
-    """Return a table of signals without empty columns."""
+    """Return a table of variables of one causality, without empty columns."""
     wires = {"input": "driven by", "output": "read by", "parameter": ""}[causality]
     head = (f"{causality}s", "size", "unit", wires, "value", "default", "limits", "description")
     columns = list(zip(head, *map(_signal, signals), strict=True))
@@ -157,7 +158,7 @@ def _limits(s: Signal) -> str:
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table as text. If its lines would be too long, the cells of the widest columns are
-    wrapped at blanks, but never those in the first column.
+    wrapped at blanks; cells in the first column are never wrapped.
     """
     from rich.console import Console
     from rich.table import Table

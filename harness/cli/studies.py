@@ -65,7 +65,7 @@ class Varied:
     algorithm: Annotated[str | None, option("A,B", "Compare gauss-seidel,jacobi")] = None
 
     def options(self) -> list[tuple[str, str]]:
-        """Return pairs of option and comma-separated values, the arguments of combinations()."""
+        """Return pairs of an option and its comma-separated values, for combinations()."""
         several = {"swap": self.swap, "latency": self.latency, "set": self.vary}
         varied = [("params", self.params), ("algorithm", self.algorithm)]
         varied += [(option, text) for option, texts in several.items() for text in texts or ()]
@@ -94,8 +94,8 @@ class Compared:
         }
 
     def columns(self, system: str) -> list[str]:
-        """Return the names in --metrics, [] without this option (all metrics); raise UsageError for
-        an unknown metric.
+        """Return the names of metrics in --metrics, [] without this option (show all metrics);
+        raise UsageError for an unknown metric.
         """
         if not self.metrics:
             return []
@@ -251,7 +251,7 @@ class Campaign:
 
 
 def _next(dataset: Path) -> str:
-    """Return a line for the user with the command that writes a report of a dataset."""
+    """Return a line for the user with the command that writes an HTML report of a dataset."""
     return f"next: harness report {dataset} -o {dataset.stem}.html"
 
 

@@ -57,8 +57,9 @@ def insist(
     """Raise RequirementError with a line for every requirement, safety rule or claim that makes the
     exit status 1.
 
-    results: by the label of the run; required: requirements of --require; strict: all requirements
-    and safety rules count; claims: claims of papers count too.
+    results: results by label of the run; required: requirements given by --require, which always
+    count; strict: all requirements and safety rules count; claims: claims of papers count too
+    (without `strict` only claims that have no verdict).
     """
     lines = [
         f"{label}: {line}" if label else line
