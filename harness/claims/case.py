@@ -4,7 +4,7 @@ which the paper states its claims.
 
 The settings of the run are compared with the settings that the system of the case has now: FMUs,
 parameters, time span, macro step, order of execution. Only a result without deviations gives a
-verdict on a paper. FMUs are also compared with published reference values.
+verdict on a paper. A second part of the module compares FMUs with published reference values.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ ROUNDING = 1e-12
 
 
 def unlike(paper: Paper, result: Result) -> list[str]:
-    """Return the deviations of a result from the case of a paper with the fewest, a text each."""
+    """Return one text per deviation of a result from the case of the paper, [] without deviations.
+    If the paper has several cases, the case with the fewest deviations is used.
+    """
     if paper.cases and result.parameters is None:
         return ["the file does not contain the parameters of the run"]
     known = (_deviations(result, case) for case in paper.cases)
@@ -43,8 +45,8 @@ def unlike(paper: Paper, result: Result) -> list[str]:
 
 
 def _deviations(result: Result, case: Case) -> list[str] | None:
-    """Return the deviations of a result from a case, a text each; None if the system of the case is
-    not available.
+    """Return one text per deviation of a result from a case; None if the system of the case is not
+    available.
     """
     path = paths.systems().get(case.system)
     if path is None:
@@ -61,8 +63,9 @@ def _deviations(result: Result, case: Case) -> list[str] | None:
 
 @lru_cache(maxsize=64)
 def _settings(case: Case, path: Path, _modified: int) -> tuple[Provenance, Result]:
-    """Return provenance and parameters that a run of a case has, without running it; path: its
-    system.
+    """Return the provenance and the parameters that a run of a case would have, without running it.
+    path: file of its system; _modified: time of its last change, so that a changed file is read
+    again.
     """
     with load(path) as system:
         simulation = Simulation(system, params=case.params, swap=dict(case.swap))
@@ -70,9 +73,10 @@ def _settings(case: Case, path: Path, _modified: int) -> tuple[Provenance, Resul
 
 
 def _schedule_differences(result: Result, wanted: Provenance, free: Sequence[str]) -> Iterator[str]:
-    """Yield differences in time span, macro step, order of execution and FMUs, a text each.
+    """Yield one text per difference in time span, macro step, order of execution and FMUs.
 
-    free: names that may differ, such as "stop".
+    wanted: provenance that a run of the case would have; free: names that may differ, such as
+    "stop".
     """
     ours = result.provenance
     end = float(result.time[-1]) if len(result.time) else np.nan
@@ -100,8 +104,9 @@ def _component_differences(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iter
 
 
 def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) -> Iterator[str]:
-    """Yield a text for every parameter that exists in both runs with different values, except those
-    in `free`.
+    """Yield a text for every parameter that exists in both runs with different values.
+
+    wanted: parameters that a run of the case would have; free: names of parameters that may differ.
     """
     ours = result.parameters
     assert ours is not None
@@ -115,7 +120,7 @@ def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) 
 
 
 def listed(texts: Sequence[str]) -> str:
-    """Return the first SHOWN deviations in one line, and the number of further ones."""
+    """Return the first SHOWN texts in one line, and how many more there are."""
     unlike = list(dict.fromkeys(texts))
     more = f"; and {len(unlike) - SHOWN} more" if len(unlike) > SHOWN else ""
     return "; ".join(unlike[:SHOWN]) + more
@@ -125,8 +130,9 @@ def listed(texts: Sequence[str]) -> str:
 
 
 def validate(names: Sequence[str] | None = None) -> list[Row]:
-    """Return the comparison with published reference values, one row per quantity, for the cases
-    with these names (None: all cases); raise UsageError for an unknown name.
+    """Compare FMUs with published reference values; return one row per compared quantity.
+
+    names: names of the cases to compare (None: all cases). Raises UsageError for an unknown name.
     """
     offered = everything().validations
     known = {name: each for each in offered for name in each.names()}
@@ -138,8 +144,8 @@ def validate(names: Sequence[str] | None = None) -> list[Row]:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the rows as plain text, one line per quantity, with the number of cases that agree at
-    the end.
+    """Return the compared quantities as plain text, one line per row; the last line states how many
+    cases agree.
     """
     head = ("case", "quantity", "difference", "tolerance", "unit", "verdict")
     cells = [
@@ -150,7 +156,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def agreement(rows: Sequence[Row]) -> str:
-    """Return a text with the number of cases in which all quantities are within tolerance."""
+    """Return a text that states in how many cases all quantities are within tolerance."""
     cases = {row.case for row in rows}
     agree = cases - {row.case for row in rows if not row.within}
     return f"{len(agree)} of {len(cases)} cases agree"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Report of a result as plain text: its requirements, and for every claim of a paper the text, the
-value of the result and the verdict; then the findings of the safety monitor.
+"""Report of a result as plain text: its requirements; for every claim of a paper the text of the
+claim, the value in the result and the verdict; then the findings of the safety monitor.
 
-The mission of a result lists the papers. The variables of the result determine to which of them it
-belongs.
+The mission of a result lists the papers. Which of these papers the result belongs to depends on the
+variables of the result.
 """
 
 from __future__ import annotations
@@ -25,14 +25,17 @@ from harness.spelling import columns
 WIDTH = 120
 OTHER = "not the case of the paper"
 CELL = "    {:12}"
-"""Format of the beginning of a line about a claim: "our value", "reproduced", "partly", "verdict".
+"""Format of the name at the beginning of a line about a claim: "our value", "reproduced", "partly",
+"verdict".
 """
 CELLS = len(CELL.format(""))
 
 
 class Line(NamedTuple):
-    """Line or paragraph of a report. verdict: the verdict that the line states, to be coloured, or
-    None; start: text in front of its first line, as wide as the indentation of further lines.
+    """Line or paragraph of a report.
+
+    verdict: verdict that the line states, which determines its colour, or None; start: text in
+    front of the first line. Further lines of a paragraph are indented by the width of `start`.
     """
 
     text: str
@@ -79,8 +82,8 @@ def _without_claims(result: Result) -> str:
 
 
 def outcomes(result: Result) -> list[Outcome]:
-    """Return the outcomes of all claims about a result. The verdict "not reproduced" is left out if
-    the result deviates from the cases of the paper.
+    """Return the outcomes of all claims that apply to a result. Claims with the verdict "not
+    reproduced" are left out if the result deviates from the cases of the paper.
     """
     return [
         Outcome(Kind.CLAIM, claim.name, found.verdict, f"{claim.name}: {_outcome(found)}")
@@ -95,7 +98,9 @@ def _outcome(found: Judgement) -> str:
 
 
 class PaperJudgements(NamedTuple):
-    """Claims of a paper with their judgements, and deviations of the run from the paper's cases."""
+    """Paper with the judgements of its claims, and the deviations of the run from the cases of the
+    paper.
+    """
 
     paper: Paper
     claims: list[tuple[Claim, Judgement]]
@@ -103,7 +108,7 @@ class PaperJudgements(NamedTuple):
 
 
 def judgements(result: Result) -> list[PaperJudgements]:
-    """Return all papers to which a result belongs, with the judgements of their claims."""
+    """Return each paper to which a result belongs, with the judgements of its claims."""
     return [
         PaperJudgements(
             paper,
@@ -116,7 +121,9 @@ def judgements(result: Result) -> list[PaperJudgements]:
 
 
 def _section(result: Result, paper: PaperJudgements) -> Iterator[Line]:
-    """Yield the lines about a paper: title, deviations of the run, claims, counts of verdicts."""
+    """Yield the lines about a paper: title, deviations of the run, claims, number of claims per
+    verdict.
+    """
     yield from (Line(""), Line(paper.paper.title), Line(""), Line(f"Run {result.summary}"))
     if paper.deviations:
         yield Line(f"Not the case of the paper: {listed(paper.deviations)}")
@@ -132,8 +139,8 @@ def _section(result: Result, paper: PaperJudgements) -> Iterator[Line]:
 def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
     """Yield the lines with value, criteria and verdict of a claim.
 
-    other: whether the run is not a case of the paper. The verdict then has no colour, and a note
-    states this unless the verdict is open.
+    other: whether the run differs from all cases of the paper. Then the verdict has no colour, and
+    a note states the difference unless the claim has no verdict.
     """
     cells = {
         "our value": found.value,
@@ -150,13 +157,13 @@ HEADING = "Safety: smallest margin of every rule in force, between samples too"
 
 
 def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:
-    """Return the findings of the monitors of a run, rule by rule."""
+    """Return the findings of the safety monitors of a run, one for each monitor and safety rule."""
     return [found for rules in mission.rules for found in several(RuleFinding, rules, result)]
 
 
 def safety(mission: Mission, result: Result) -> str:
-    """Return a table with one line per safety rule in force during the run; "" if there is none, or
-    no monitor in the system.
+    """Return a table with one line per safety rule in force during the run; "" if no rule was in
+    force or the system has no safety monitor.
     """
     rows = [
         (each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit)
