@@ -17,7 +17,9 @@ from harness.results.result import Array
 Canvas = Any
 """Figure of matplotlib."""
 COLUMNS, TICKS = 3, 8
-"""Number of panels side by side; largest number of grid values of a factor that all get a tick."""
+"""Number of panels side by side; largest number of values of a grid factor for which each value has
+a tick.
+"""
 
 
 def histograms(metrics: Mapping[str, Array], style: Style) -> Canvas:
@@ -33,9 +35,10 @@ def histograms(metrics: Mapping[str, Array], style: Style) -> Canvas:
 def scatter(
     metric: str, values: Array, factors: Mapping[str, tuple[Array, float]], style: Style
 ) -> Canvas:
-    """Draw one metric, an array (runs,), over each factor in a panel of its own.
+    """Draw the values of a metric (runs,) over each factor, one panel per factor.
 
-    factors: values (runs,) and rank correlation with the metric by name, in the order of panels.
+    factors: by name of the factor: its values (runs,) and its rank correlation with the metric, in
+    the order of the panels.
     """
     canvas, panels = _grid(metric, len(factors), style)
     for axes, (name, (x, correlation)) in zip(panels, factors.items(), strict=True):
@@ -48,8 +51,8 @@ def scatter(
 
 
 def groups(metric: str, values: Array, factor: str, texts: Any, style: Style) -> Canvas:
-    """Draw one metric (runs,) for each text that a factor takes: a row of dots, one dot per run,
-    and a line at their median. texts: the text of the factor in every run.
+    """Draw the values of a metric (runs,) separately for each text that a factor takes: one row per
+    text with a dot per run and a line at the median. texts: text of the factor in every run.
     """
     canvas, (axes,) = _grid("", 1, style)
     names = [str(name) for name in np.unique(texts)]
@@ -64,8 +67,8 @@ def groups(metric: str, values: Array, factor: str, texts: Any, style: Style) ->
 
 
 def chart(metric: str, values: Array, factors: Mapping[str, Array], style: Style) -> Canvas:
-    """Draw one metric (runs,) as colours over a grid of two factors, given as values (runs,) by
-    name; cells without a run are white.
+    """Draw the values of a metric (runs,) as colours over a grid of two factors. Cells without a
+    run are white. factors: values (runs,) of the two factors by name.
     """
     x, y = factors.values()
     columns, rows = np.unique(x), np.unique(y)
@@ -85,10 +88,12 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], style: Style
 def bands(
     labels: Sequence[str], time: Array, percentiles: Sequence[float], band: Array, style: Style
 ) -> Canvas:
-    """Draw percentiles of a time series over all runs, one panel per element: filled between each
-    lower percentile and its counterpart from the top, a line at the middle one.
+    """Draw percentiles of a time series over all runs, one panel per element. The areas between the
+    first and the last percentile, the second and the second last, and so on, are filled; the middle
+    percentile is a line.
 
-    labels: label per element; band: values (percentile, time, element).
+    labels: one label per element; time: [s]; percentiles: [%], in increasing order, odd in number;
+    band: values (percentile, time, element).
     """
     canvas, panels = _grid(labels[0].partition("[")[0].strip(), len(labels), style)
     unit, words = time_axis(time).seconds, time_axis(time).label

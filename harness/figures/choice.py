@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Choice of the figures of a result: the figures of its mission whose variables it has, otherwise
-general figures; and a figure of given variables with one panel each.
+"""Choice of the figures of a result: the figures of its mission whose variables the result has,
+otherwise general figures. Also a figure of given variables with one panel per variable.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _log = logging.getLogger("harness")
 
 
 def figures_of(result: Result) -> list[Figure | Drawing]:
-    """Return the figures of the mission that a result has the variables for; if two have one name,
-    the first. Without such a figure, return general ones.
+    """Return the figures of the mission for which the result has the variables; of two figures with
+    the same name, the first. If there is no such figure, return general figures.
     """
     if note := missing(result):
         _log.warning("%s", note)
@@ -35,8 +35,8 @@ def figures_of(result: Result) -> list[Figure | Drawing]:
 
 
 def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
-    """Return the figures of the missions for which at least one of several runs, given by label,
-    has the variables. Without such a figure, return general ones of the first run.
+    """Return the figures of the missions for which at least one run has the variables. If there is
+    no such figure, return general figures of the first run. results: by label of the run.
     """
     offered = together(of_result(result) for result in results.values()).overlays
     fitting = [f for f in offered if any(f.fits(r) for r in results.values())]
@@ -46,11 +46,12 @@ def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
 def compared(
     results: Mapping[str, Result],
 ) -> tuple[list[tuple[Figure | Overlay, dict[str, Result]]], list[str]]:
-    """Return the figures that compare several runs, given by label, each with the runs that have
-    its variables; its title names the runs that it leaves out. Figures in which nothing changes are
-    left out.
+    """Return two lists. First: the figures that compare several runs, each with the results that
+    have its variables; its title names the runs that are left out. Figures in which nothing changes
+    are omitted.
 
-    Return also the texts `FIGURE (RUN)` of figures for which only one run has the variables.
+    Second: texts `FIGURE (RUN)` for the figures for which only one run has the variables. results:
+    by label of the run.
     """
     found, alone = [], []
     for figure in overlays_of(results):
@@ -67,7 +68,9 @@ def compared(
 
 
 def general(result: Result) -> Iterator[Figure]:
-    """Yield figures of the variables that change, by component, at most PANELS per figure."""
+    """Yield figures of all variables that change, separately for each component, at most PANELS
+    variables per figure.
+    """
     components: dict[str, list[str]] = {}
     for name in result.names:
         if len(result.time) and np.ptp(result[name], axis=0).any():
@@ -80,10 +83,11 @@ def general(result: Result) -> Iterator[Figure]:
 
 
 def figure_of(result: Result, names: Sequence[str]) -> Figure:
-    """Return one figure of the named variables with one panel each. A name is a variable, one
-    element, or a part before a point, such as a component, for all variables that begin with it.
+    """Return one figure with one panel for each variable.
 
-    Raises UsageError with close matches for an unknown name.
+    names: each is a variable, one element of a variable, or the beginning of names up to a point,
+    such as a component, which selects all variables with this beginning. Raises UsageError with
+    close matches for an unknown name.
     """
     found = list(dict.fromkeys(v for name in names for v in _expanded(result, name)))
     about = result.description(found[0]) if len(found) == 1 else ""

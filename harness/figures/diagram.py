@@ -27,7 +27,8 @@ CHARACTER, LINE = 7.3, 15
 PAD, GAP, MARGIN = 7, 18, 20
 """Distances between text and edge of a field, between fields, and around the diagram [px]."""
 LEAST = 60
-"""Number of characters to which a line of the title may always extend, in a narrow diagram too."""
+"""Number of characters that fit into a line of the title at least, even if the diagram is narrower.
+"""
 FORMATS = ("svg", "pdf", "png")
 INK, PAPER, GREY = "#34506b", "#eef3f8", "#5a6b7c"
 PIXELS = 96.0
@@ -37,7 +38,7 @@ Place = tuple[int, int]
 
 
 class Field(NamedTuple):
-    """A rectangle with lines of text: left, top, width, height [px]."""
+    """Rectangle with lines of text; left, top, width, height in [px]."""
 
     x: float
     y: float
@@ -87,8 +88,8 @@ def lay_out(system: System) -> dict[Place, Field]:
 
 
 def draw(system: System, path: Path) -> None:
-    """Write the diagram of a system; raise UsageError for an ending outside FORMATS, ResultsError
-    if the file cannot be written.
+    """Write the diagram of a system to a file; raise UsageError if the ending of `path` is not in
+    FORMATS, ResultsError if the file cannot be written.
     """
     ending = path.suffix.removeprefix(".")
     if ending not in FORMATS:

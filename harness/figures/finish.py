@@ -26,17 +26,20 @@ DASHES = (
 dashes and gaps, in line widths.
 """
 WIDTHS = (1.0, 1.9, 0.5, 2.8)
-"""Factors on the line width: when all dash patterns are in use, they are used again with the next
-width.
+"""Factors on the line width. After all dash patterns have been used with one factor, they are used
+again with the next.
 """
 CROWD = 0.06
-"""Share of the length of a time axis within which the tick at its end replaces other ticks."""
+"""Share of the length of a time axis: ticks that are nearer than this to the tick at the end of the
+axis are removed.
+"""
 LEAST_TICKS = 3
 STEPS = (1, 2, 5)
-"""Multiples of powers of ten at which a logarithmic axis has ticks if it spans too few decades."""
+"""Multiples of powers of ten at which a logarithmic axis that spans too few decades has ticks."""
 ROUNDING = 1e-10
-"""Ratio below which a curve shows only rounding errors: of its largest value to the largest value
-in the same unit in another panel, or of its variation to its own largest value.
+"""Ratio below which a curve shows only rounding errors: the largest value in a panel relative to
+the largest value in any panel with the same unit, or the variation of a curve relative to its own
+largest value.
 """
 DECADES = 1e-9
 """Smallest ratio of the lower to the upper end of a logarithmic axis."""
@@ -74,7 +77,7 @@ def finish(canvas: Any, end: float | None, distinct: bool) -> Any:
 
 
 def plane(canvas: Any) -> list[Any]:
-    """Return the axes of a figure that are neither three-dimensional nor colour bars."""
+    """Return the two-dimensional axes of a figure, without colour bars."""
     return [axes for axes in canvas.axes if axes.name != "3d" and axes.get_label() != "<colorbar>"]
 
 
@@ -84,9 +87,10 @@ def plane(canvas: Any) -> list[Any]:
 def hide_rounding(panels: Sequence[tuple[Any, str]]) -> None:
     """Set the limits of panels whose curves would otherwise show rounding errors at full height.
 
-    panels: axes with their labels. A panel whose values are far below the largest ones in the same
-    unit gets the limits of the panel with these, and a note. A constant gets limits 5 % below and
-    above it. The lower end of a logarithmic axis is raised above rounding errors.
+    panels: axes with their labels. If the values in a panel are far below the largest values in
+    another panel with the same unit, the panel gets the limits of that other panel, and a note. A
+    panel with a constant gets limits 5 % below and above the constant. The lower end of a
+    logarithmic axis is raised above rounding errors.
     """
     for axes, _ in panels:
         _limit_decades(axes)
@@ -132,7 +136,9 @@ def _values(axes: Any) -> Array:
 
 
 def label_of(axes: Any, which: str) -> str:
-    """Return the label of the x or y axis, which may be set at other axes that share it."""
+    """Return the label of the x or y axis (`which`), which may be set at other axes that share this
+    axis.
+    """
     shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
     labels = (getattr(each, f"get_{which}label")() for each in (axes, *shared))
     return next(filter(None, labels), "")
@@ -184,8 +190,8 @@ def look_of(line: Any) -> tuple[Any, ...]:
 
 
 def distinguish(axes: Any) -> None:
-    """Give curves of different colours different dashes. Curves that look the same, such as the two
-    edges of a band, get the same dashes.
+    """Give curves of different colours different dashes. Curves that had the same colour and style
+    before, such as the two edges of a band, get the same dashes.
     """
     taken: set[Any] = set()
     for lines in _groups(axes):
@@ -209,7 +215,9 @@ def _groups(axes: Any) -> Iterable[list[Any]]:
 
 
 def _update_legend(legend: Any, shown: Iterable[Any]) -> None:
-    """Give the entries of a legend the dashes and widths of their curves, `shown`."""
+    """Give the entries of a legend the dashes and widths of the curves `shown`, which they
+    describe.
+    """
     from matplotlib.lines import Line2D
 
     for handle, line in zip(legend.legend_handles, shown, strict=False):
@@ -259,7 +267,9 @@ def _formula(found: re.Match[str]) -> str:
 
 
 def plain_number(value: float) -> str:
-    """Return the number at a tick as plain text, `2×10⁷` instead of a formula of matplotlib."""
+    """Return the number at a tick as plain text such as `2×10⁷`, without the formula notation of
+    matplotlib.
+    """
     if 1e-4 < abs(value) < 1e5:
         return f"{value:.4g}"
     power = int(np.floor(np.log10(abs(value))))

@@ -43,11 +43,11 @@ def plot(
     style: Style = SCREEN,
     variables: Sequence[str] = (),
 ) -> list[Path]:
-    """Draw every figure whose variables the result holds, or one figure of the named variables;
-    return the paths of the files.
+    """Draw every figure for which the result has the variables, or one figure of the named
+    variables; return the paths of the files.
 
-    ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be
-    written, UsageError for a variable that the result does not hold.
+    ending: png, svg or pdf. Raises ResultsError if there is no figure to draw or the directory
+    cannot be written, UsageError for a variable that the result lacks.
     """
     figures = _moving(result, variables)
     drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
@@ -55,8 +55,9 @@ def plot(
 
 
 def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Drawing]:
-    """Return the figures of a result by name, without those in which nothing changes. For named
-    variables, return one figure of them in any case. Raises ResultsError if there is none.
+    """Return the figures of a result by name, without figures in which nothing changes. If
+    `variables` names variables, return only one figure of them, even if nothing changes. Raises
+    ResultsError if there is no figure.
     """
     if variables:
         figure = figure_of(result, variables)
@@ -73,8 +74,8 @@ def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Draw
 def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
     """Return a matplotlib figure for a notebook.
 
-    names: name of a figure of the mission, or names of variables; without names the first figure of
-    the result is drawn. Raises ResultsError if all variables are constant, UsageError for a name
+    names: name of one figure of the mission, or names of variables; without names the first figure
+    of the result is drawn. Raises ResultsError if all variables are constant, UsageError for a name
     that is neither a figure nor a variable.
     """
     known = {f.name: f for f in figures_of(result) if not f.is_empty(result)}
@@ -97,13 +98,13 @@ def _png(canvas: Canvas) -> bytes:
 def overlay(
     results: Mapping[str, Result], directory: Path, ending: str = "png", style: Style = SCREEN
 ) -> list[Path]:
-    """Draw several runs, by label, into the same figures; return the paths of the files, none if no
-    figure fits.
+    """Draw several runs into the same figures; return the paths of the files, [] if no figure can
+    be drawn. results: by label of the run.
 
-    A figure leaves out the runs that lack one of its variables, and its title names them. A figure
-    for which only one run has the variables is not drawn, and a note names it. Ten or more runs are
-    coloured by a scale and have a band from the 5th to the 95th percentile instead of a legend.
-    Raises ResultsError if the directory cannot be written.
+    A figure leaves out the runs that lack one of its variables, and its title names these runs. A
+    figure for which only one run has the variables is not drawn, and a note names it. Ten or more
+    runs are coloured by a scale and have a band from the 5th to the 95th percentile instead of a
+    legend. Raises ResultsError if the directory cannot be written.
     """
     found, alone = compared(results) if results else ([], [])
     if alone:
@@ -135,8 +136,8 @@ def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Ca
 
 
 def _histories(figure: Figure, result: Result, style: Style, seconds: float) -> Canvas:
-    """Return the panels of a figure of one run. A legend equal to the one of the panel above is
-    left out. seconds: length of the unit of the time axis [s].
+    """Return a matplotlib figure with the panels of one run. A legend that is equal to the legend
+    of the panel above is left out. seconds: length of the unit of the time axis [s].
     """
     canvas, panels = _panels(figure, [result], style)
     labelled = [""]
@@ -167,8 +168,8 @@ def _draw_panel(axes: Any, panel: Panel, result: Result, seconds: float) -> None
 def _panels(
     figure: Figure, results: Sequence[Result], style: Style
 ) -> tuple[Canvas, list[tuple[Any, Panel]]]:
-    """Return a figure and its panels with axes, one below the other. Panels that are zero in all
-    rows are left out, and the title names them.
+    """Return a matplotlib figure, and its panels with their axes, one below the other. Panels whose
+    variables are zero in all rows are left out, and the title names them.
     """
     shown = [p for p in figure.panels if not p.is_silent(*results)] or list(figure.panels)
     left = ", ".join(panel.ylabel for panel in figure.panels if panel not in shown)
@@ -184,7 +185,9 @@ def _panels(
 
 
 def _prepare(axes: Any, panel: Panel, result: Result) -> None:
-    """Set the scale of a panel (logarithmic, or the names of a mode), and draw its level line."""
+    """Set the y scale of a panel (logarithmic, or the names of the values of a mode), and draw its
+    level line.
+    """
     if panel.log:
         axes.set_yscale("log")
     if names := _modes(panel, result):
@@ -233,8 +236,9 @@ BAND = (5.0, 50.0, 95.0)
 
 
 def _scale(labels: Sequence[str]) -> tuple[str, list[float]]:
-    """Return the quantity by which many runs are coloured, and its value for every run: the
-    parameter in labels `NAME=VALUE` if all have the same name, otherwise the number of the run.
+    """Return the name of the quantity that determines the colours of many runs, and its value for
+    every run. If all labels are `NAME=VALUE` with the same name and numbers as values, it is this
+    parameter, otherwise the number of the run.
     """
     names, _, values = zip(*(label.partition("=") for label in labels), strict=True)
     if len(set(names)) == 1 and all(map(is_number, values)):
@@ -258,7 +262,9 @@ def _colours(labels: Sequence[str]) -> dict[str, Colour]:
 
 
 class _Runs(NamedTuple):
-    """Several runs and their colours by label, and the length of the unit of the time axis [s]."""
+    """Several runs and their colours, both by label, and the length of the unit of the time axis
+    [s].
+    """
 
     results: Mapping[str, Result]
     colours: Mapping[str, Colour]
@@ -280,7 +286,9 @@ class _Runs(NamedTuple):
 
     @property
     def many(self) -> bool:
-        """Return whether the runs are drawn thin, with a band instead of a legend."""
+        """Return whether there are so many runs that they are drawn thin, with a band instead of a
+        legend.
+        """
         return len(self.results) >= MANY
 
 

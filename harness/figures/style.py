@@ -25,12 +25,12 @@ NARROW, HOURS = 8.0, 7200.0
 span [s] that is shown in hours.
 """
 COLUMN, PAGE, STRETCH = 3.5, 7.0, 1.15
-"""In a paper: width [in] of a figure in one column and of a figure across the page; factor on the
-height of a figure in a column, besides the factor on its width.
+"""In a paper: width [in] of a figure in one column and of a figure across the page. STRETCH: factor
+by which a figure in one column is made higher than in proportion to its width.
 """
 TITLE = 0.75
-"""Largest length of a title line in characters of ordinary text, as a share of the figure width: a
-title has larger characters.
+"""Largest length of a title line in characters of ordinary text, as a share of the number that fit
+into the figure width, because a title has larger characters.
 """
 MANY = 10
 """Smallest number of runs that are drawn with a colour scale, since a legend would be too long."""
@@ -38,17 +38,20 @@ MANY = 10
 
 @dataclass(frozen=True)
 class Style:
-    """Look of figures for the screen or a paper.
+    """Appearance of figures for the screen or a paper.
 
-    sheets: style sheets, a later one overrides an earlier one; printed: whether figures go into a
-    paper, with its widths and without titles, because the caption states them.
+    sheets: style sheets of matplotlib; a later sheet overrides an earlier one; printed: whether
+    figures are for a paper: with the widths of its columns and without titles, because the captions
+    of the paper state them.
     """
 
     sheets: tuple[str, ...] = ("screen.mplstyle",)
     printed: bool = False
 
     def size(self, size: tuple[float, float]) -> tuple[float, float]:
-        """Return width and height of a figure in this style [in]; size: on the screen [in]."""
+        """Return width and height of a figure in this style [in]; size: width and height on the
+        screen [in].
+        """
         width, height = size
         if not self.printed:
             return size
@@ -83,8 +86,8 @@ def style_of(name: str) -> Style:
 
 
 def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
-    """Return an empty figure of matplotlib, which opens no window and does not use pyplot; size: on
-    the screen [in].
+    """Return an empty figure of matplotlib, which opens no window and does not use pyplot; size:
+    width and height on the screen [in].
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
