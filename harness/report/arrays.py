@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers that a page contains: every array once, in single precision, and curves that are thinned
-to the number of points that a screen can show, without loss of peaks.
+"""Arrays that a page contains, each stored once in single precision; and curves that are thinned to
+the number of points that a screen can show, without loss of peaks.
 
 To thin a curve, its rows are divided into groups of equal length, and the rows with the smallest
-and the largest value of each group are drawn. So the curve reaches as far up and down as the curve
-of all rows.
+and the largest value of each group are drawn. So the thinned curve has the same extremes as the
+full curve.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from harness.results.result import Array, Result, Rows
 
 
 class Sample(NamedTuple):
-    """Array of a variable or expression at the instants of a replay.
+    """Source of an array that has one value of a variable or expression per instant of a replay.
 
-    history: number of the instruction that gives its values in all rows; over: value for an
-    instant, computed over all rows up to the next instant (a key of REDUCED), or taken from the row
-    of the instant ("row"); time: instants [s].
+    history: number of the instruction that gives the values in all rows; over: "row": the value in
+    the row of the instant, or a key of REDUCED: the mean, least or largest value in the rows from
+    this instant up to the next; time: instants [s].
     """
 
     history: int
@@ -35,10 +35,12 @@ class Sample(NamedTuple):
 
 
 class Arrays:
-    """Arrays of a page by short names (`a0`, `a1`, ...), by which curves and bodies refer to them.
+    """Arrays of a page by short names (`a0`, `a1`, ...), with which curves and bodies refer to
+    them.
 
-    content: shape and base64 data of each array; program: instructions from which a live page
-    computes curves and samples again; samples: by the name of their array.
+    content: shape and base64 data of each array; program: instructions with which a live page
+    computes curves and arrays of the replay for another run; samples: sources of the arrays of the
+    replay, by name of the array.
     """
 
     def __init__(self) -> None:
@@ -49,7 +51,8 @@ class Arrays:
 
     def store(self, values: Any, source: Any = None) -> str:
         """Store an array of any shape and return its name. Arrays with equal values and equal
-        `source` are stored once.
+        `source` are stored once; source: instruction and reduction that give the values (None:
+        none).
         """
         with np.errstate(over="ignore"):
             single = np.ascontiguousarray(values, dtype="<f4")
@@ -62,8 +65,9 @@ class Arrays:
         return self._names[digest]
 
     def sample(self, result: Result, rows: Rows, text: str, over: str = "row") -> str:
-        """Store the values of a variable or expression at the rows of the instants of a replay, and
-        return the name of the array; over: see Sample.
+        """Store the values of a variable or expression at the instants of a replay, and return the
+        name of the array; rows: row of each instant; text: variable or expression; over: see
+        Sample.
         """
         values = np.asarray(value_of(result, text))
         reduces = over != "row"
@@ -78,7 +82,7 @@ class Arrays:
 
     def instruction(self, result: Result, text: str, element: int | None = None) -> int:
         """Add instructions to the program of the page that compute a variable or an expression, or
-        one of its elements, in all rows of a run; return the index of the last one.
+        one of its elements, in all rows of a run; return the index of the last instruction.
         """
         add, is_history = self.program.add, True
         if text in result:
@@ -100,14 +104,17 @@ class Arrays:
 
 
 REDUCED = {"mean": np.add, "least": np.minimum, "largest": np.maximum}
-"""Functions that reduce the rows from one instant of a replay to the next, by name."""
+"""Functions of numpy that combine the rows from one instant of a replay to the next, by name; the
+sum for `mean` is divided by the number of rows.
+"""
 
 
 def thinned_rows(values: Array, points: int) -> Rows:
-    """Return the indices of about `points` rows of a history (rows,) that are drawn, in order.
+    """Return in order the indices of about `points` rows of a time series (rows,) that are drawn.
 
-    These are the first and the last row, and from each group of rows the smallest value, the
-    largest value and the first value that is not finite, so that gaps of the curve remain.
+    These are the first and the last row, and from each group of rows the rows with the smallest
+    value, the largest value, and the first value that is not finite, so that gaps of the curve
+    remain.
     """
     count = len(values)
     if count <= points:
@@ -125,15 +132,16 @@ def thinned_rows(values: Array, points: int) -> Rows:
 
 
 NUMBERS = 2_000_000
-"""Approximate number of characters in a page for the numbers of all curves."""
+"""Approximate number of characters that the points of all curves may take in a page."""
 PER_POINT = 8 * 4 / 3
-"""Characters per point: two numbers of four bytes, in base64 with four characters for three bytes.
+"""Characters per point of a curve: two numbers of four bytes, and four characters per three bytes
+in base64.
 """
 
 
 def points_of(curves: int, least: int, most: int) -> int:
-    """Return the number of points per curve, between `least` and `most`, with which `curves` curves
-    need about NUMBERS characters.
+    """Return a number of points per curve, between `least` and `most`, with which `curves` curves
+    take about NUMBERS characters in a page.
     """
     return int(np.clip(NUMBERS / PER_POINT / max(1, curves), least, most))
 
@@ -156,11 +164,11 @@ class Canvas:
         }
 
     def source(self, result: Result, begin: float, **parts: int) -> dict[str, Any]:
-        """Return the entry of a curve with the instructions from which a live page computes it for
-        another run.
+        """Return the entry `source` of a curve: the instructions with which a live page computes
+        the curve for another run.
 
-        begin: time of the first point [s]; parts: numbers of the instructions for y and x (x: time,
-        if not given).
+        begin: time of the first point [s]; parts: numbers of the instructions for `y` and `x`
+        (without `x`: the time).
         """
         time = self.arrays.instruction(result, "time")
         return {"source": {"x": time, "begin": float(begin)} | parts}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Page of a campaign: success, metrics, the most influential factors, percentile bands over time,
 worst runs and failed runs. The page of a study has further plots: effects of factors as a tornado
-diagram, margins and worst runs of a search.
+diagram, or margins and worst runs of a search.
 """
 
 from __future__ import annotations
@@ -30,9 +30,11 @@ from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
 from harness.system.units import with_unit
 
 POINTS = 3000
-"""Largest number of points on each edge of a band, and of runs that a plot shows as dots."""
+"""Largest number of points on each edge of a percentile band, and of runs that a plot shows as
+dots.
+"""
 STATES = {"complete": COMPLETE, "failed": FAILED, "pending": PENDING}
-"""Values of the array `status` by the word that the page shows."""
+"""Values of the array `status` of a dataset, by the word that the page shows."""
 
 
 def of_dataset(path: Path) -> str:
@@ -106,11 +108,11 @@ def _figures(canvas: Canvas, store: Store, study: Study | None) -> Iterator[Show
 
 
 def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
-    """Draw the figures of a campaign with matplotlib; yield for each the section of the page, the
-    stem of a file name, and the figure.
+    """Draw the figures of a campaign with matplotlib; yield for each figure the section of the
+    page, the stem of a file name, and the figure.
 
-    The figures are histograms of the metrics; each metric over the two factors of a grid, or
-    against the most influential factors; each metric by the values of a factor with texts; and
+    The figures are: histograms of the metrics; each metric over the two factors of a grid, or over
+    its most influential factors; each metric by the values of factors whose values are texts;
     percentile bands over time.
     """
     metrics, factors = _shown(store)
@@ -154,8 +156,8 @@ def _bands(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
 
 
 def _shown(store: Store) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return the values (runs,) of the metrics that are finite in at least one run, and of the
-    factors that vary, by name with unit.
+    """Return two dictionaries by name with unit: the values (runs,) of the metrics that are finite
+    in at least one run, and the values of the factors that differ between runs.
     """
     units = store.units()
     both = (_finite(store), summary.varying_factors(store))
@@ -184,8 +186,8 @@ def study_plots(canvas: Canvas, study: Study) -> Iterator[Plot]:
 
 
 def confirmed_runs(study: Study) -> dict[str, Result]:
-    """Return the results of the nominal run and the worst runs of a search for the worst case, by
-    label, as far as their files exist.
+    """Return the results of the repeated nominal run and worst runs of a search for the worst case,
+    by label; runs without a results file are left out.
     """
     if study.kind != "worst":
         return {}
@@ -213,8 +215,10 @@ def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
 
 
 def _convergence(canvas: Canvas, name: str, store: Store, column: int, found: Any) -> Plot:
-    """Return a plot of the margins of all runs of a search in their order, and of the worst margin
-    so far; column: index of the requirement.
+    """Return a plot of the margins of all runs of a search in the order of the runs, and of the
+    smallest margin so far.
+
+    name: requirement; column: its index among the margins; found: estimate for this requirement.
     """
     label = f"margin of {name} [{store.array('margin_units')[column] or '1'}]"
     last = found["run"] - found["place"] + found["runs"]
@@ -229,8 +233,9 @@ def _convergence(canvas: Canvas, name: str, store: Store, column: int, found: An
 
 
 def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
-    """Return a plot of the standard normal coordinates of the worst runs, a line per run. Runs that
-    do not meet the requirement have another colour; column: index of the requirement.
+    """Return a plot of the standard normal coordinates of the worst runs, a line per run. Runs in
+    which the requirement fails have another colour. column: index of the requirement among the
+    margins.
     """
     numbers, margins = store.array("numbers"), store.array("margin")[:, column]
     axis = np.arange(1, numbers.shape[1] + 1)

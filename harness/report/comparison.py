@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Page of a comparison: its table of metrics, and all runs together in the same plots and in the
-same replay.
+"""Page of a comparison: its table of metrics, plots that contain all runs, and a common replay of
+all runs.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from harness.studies.variants import Variant, with_files
 
 
 def of_folder(folder: Path) -> str:
-    """Return the page of a comparison as HTML text; folder: that `harness compare` has written.
-    Raises ResultsError if the table or one of the results cannot be read.
+    """Return the page of a comparison as HTML text; folder: folder that `harness compare` has
+    written. Raises ResultsError if the table or one of the results cannot be read.
     """
     columns, labels = read_csv(folder / TABLE)
     results = _results(folder, labels)
@@ -57,7 +57,7 @@ def of_folder(folder: Path) -> str:
 
 
 def _by_requirement(results: Mapping[str, Result]) -> dict[str, dict[str, Finding]]:
-    """Return the findings on all requirements, by name of the requirement, then by label of the
+    """Return the findings about all requirements, by name of the requirement, then by label of the
     run.
     """
     found: dict[str, dict[str, Finding]] = {}
@@ -68,23 +68,25 @@ def _by_requirement(results: Mapping[str, Result]) -> dict[str, dict[str, Findin
 
 
 def canvas_of(results: Mapping[str, Result], arrays: Arrays) -> Canvas:
-    """Return a canvas whose number of points per curve limits the size of a page of these runs."""
+    """Return a canvas that draws so few points per curve that the size of a page with these runs is
+    limited. results: by label of the run.
+    """
     return Canvas(arrays, points_of(sum(map(_curves, results.values())), 150, 1500))
 
 
 def side_by_side(
     results: Mapping[str, Result], arrays: Arrays, figures: Iterable[Shown]
 ) -> dict[str, Any]:
-    """Return the data for the scripts of a page with several runs: one common replay, the figures
-    by section, and the labels of the runs.
+    """Return the data for the scripts of a page with several runs: a common replay, the figures by
+    section, and the labels of the runs. results: by label of the run.
     """
     scene = replay_several(results, arrays) if results else None
     return {"scene": scene, "figures": sections(figures), "runs": list(results)}
 
 
 def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
-    """Return the results of a comparison by label, the partial result for a run that ended early;
-    raise ResultsError if there are none.
+    """Return the results of a comparison by label, for a run that ended early its partial result;
+    raise ResultsError if there are no results.
     """
     found = {}
     for variant in with_files([Variant(label, {}) for label in labels]):
@@ -105,8 +107,9 @@ def _curves(result: Result) -> int:
 def figures(
     canvas: Canvas, results: Mapping[str, Result], section: str = "figures"
 ) -> Iterator[Shown]:
-    """Yield the figures in which all runs are drawn over one another, if at least one run has their
-    variables and they are not empty; section: of the page.
+    """Yield the figures that show several runs in the same axes. A figure for which only one of
+    several runs has the variables, or in which nothing changes, is left out. section: section of
+    the page.
     """
     colours = {label: f"C{k}" for k, label in enumerate(results)}
     with PAGE.used():

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Live page: a report that contains its system as a WebAssembly module, and sliders for parameters.
 When a slider is moved, the page runs the system again in the browser, and computes requirements,
-headline values, curves and the replay from the new rows by the instructions that it contains.
+headline values, curves and the replay from the new rows by the instructions in the page.
 
-A curve or a headline value that a Python function of a mission computes has no instructions. After
-a slider has been moved, it still shows the run in the file, and the page labels it so.
+There are no instructions for a curve or headline value that a Python function of a mission
+computes. After a slider has been moved, such a curve or value still shows the run in the file, and
+a label states this.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ STEPS = 200
 class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Exercise of a lesson.
 
-    solved: requirement that a run meets if the sliders are right; settings: values of the sliders
-    with which a run meets it.
+    solved: requirement that the run meets when the exercise is solved; settings: values of the
+    sliders with which a run meets this requirement.
     """
 
     question: Text
@@ -64,7 +65,8 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Lesson(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Lesson of a live page: title, text, equations and exercises beside the sliders.
 
-    system, params: system and parameter set of the first run (params "": the values of the system).
+    system, params: system and parameter set of the first run (params "": the parameter values of
+    the system).
     """
 
     title: Text
@@ -127,11 +129,11 @@ def _page(result: Result, system: System, lesson: Lesson | None = None) -> str:
 
 
 def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Data:
-    """Return the instructions from which the page computes requirements, exercises, curves and
-    arrays of the replay (samples) from the rows of another run.
+    """Return the instructions with which the page computes requirements, exercises, curves and
+    arrays of the replay from the rows of another run.
 
-    A sample refers by index to a list of row numbers, which are its instants; equal lists are
-    contained once.
+    An array of the replay is described by an instruction, a reduction (see arrays.Sample) and the
+    index of a list of row numbers, its instants. Equal lists are contained once.
     """
     known, arrays, lists = result.provenance, canvas.arrays, dict[tuple[int, ...], int]()
     wanted = known.requirements if known else ()
@@ -151,9 +153,9 @@ def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Da
 
 
 def headline_values(result: Result, program: Program) -> Iterator[tuple[Metric, float, int | None]]:
-    """Yield each metric with its value in the result, and the number of the instruction that
+    """Yield each metric with its value in the result and the number of the instruction that
     computes it from another run (None: only a Python function computes it). The value is NaN if the
-    result lacks the metric but another run may have it.
+    metric has no value in this result but may have one in another run.
     """
     for metric, value in run.metrics(result):
         if text := metric.expression(result, Limits()):
@@ -163,8 +165,8 @@ def headline_values(result: Result, program: Program) -> Iterator[tuple[Metric, 
 
 
 def requirement(result: Result, program: Program, name: str, text: str) -> Data:
-    """Return a requirement as data for the page, with the reason under `rejected` if the page
-    cannot evaluate it.
+    """Return a requirement as data for the page; if the page cannot evaluate it, with the reason in
+    the entry `rejected`.
     """
     about = {"name": name, "text": text}
     try:
@@ -179,7 +181,9 @@ def requirement(result: Result, program: Program, name: str, text: str) -> Data:
 
 
 def _simulation(result: Result, system: System, found: Checked, module: Module) -> Data:
-    """Return the data with which the page runs the system: time span, columns, parameters."""
+    """Return the data with which the page runs the system: time span, columns of the result,
+    parameters.
+    """
     if missing := [name for name in result.columns if name not in module.outputs]:
         raise UsageError(
             f"the result contains {missing[0]}, which is not an output of the system as it is now; "
@@ -199,8 +203,8 @@ def _simulation(result: Result, system: System, found: Checked, module: Module) 
 
 
 def _about(result: Result) -> Data:
-    """Return the checksum of the rows, with which the page compares bits, and the columns and
-    values of variables and parameters.
+    """Return the checksum of all values, with which the page checks that its first run has the same
+    bits; the columns of all variables and parameters; and the values of the parameters.
     """
     table = result.parameters
     return {
@@ -212,7 +216,9 @@ def _about(result: Result) -> Data:
 
 
 def _names(table: Result) -> Data:
-    """Return [shape, indices of the columns] by name, for every variable and for every element."""
+    """Return the pair [shape, indices of its columns] of every variable and of every element, by
+    name.
+    """
     found: Data = {name: [[], [i]] for i, name in enumerate(table.columns)}
     vectors = table.vectors.items()
     return found | {name: [list(c.shape), c.ravel().tolist()] for name, c in vectors}

@@ -30,20 +30,26 @@ from harness.system.values import base
 
 Plot = dict[str, Any]
 Shown = tuple[str, str, str, list[Plot]]
-"""Figure of a page: section, name and title of the figure, and its plots."""
+"""Figure of a page: section of the page, name and title of the figure, and its plots."""
 
 PAGE = Style(("screen.mplstyle", "page.mplstyle"))
 """Style in which figures are drawn before their axes are read back for a page."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
-"""Line styles of the elements of a vector, so that curves differ in more than colour."""
+"""Line styles for the elements of a vector, in their order, so that curves differ in more than
+colour.
+"""
 DECADES = 3.0
-"""Number of powers of ten above which a positive history gets a logarithmic axis."""
+"""Number of powers of ten that the values of a positive time series must span for a logarithmic
+axis.
+"""
 QUATERNION = ("q0", "q1", "q2", "q3")
 """Labels of the elements of a quaternion."""
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
-"""Labels of a time axis, with the length of their unit [s]."""
+"""Labels by which a time axis is recognised, with the length of the unit of the axis [s]."""
 NOTE = "axes fraction"
-"""Coordinate system of matplotlib in which figures place notes in a corner of their axes."""
+"""Coordinate system of matplotlib in which notes in a corner of the axes are placed; by it they are
+recognised.
+"""
 
 
 def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
@@ -85,8 +91,8 @@ def _plot(canvas: Canvas, axes: Any, result: Result | None) -> Plot:
 
 
 def _scales(axes: Any, timed: bool) -> Plot:
-    """Return the entries of a plot for its axes: logarithmic or not, equal scales, limits that the
-    figure sets, and ticks that are words; timed: whether x is time.
+    """Return the entries of a plot that describe its axes: logarithmic or not, equal scales, limits
+    that the figure sets, and words at ticks; timed: whether x is time.
     """
     found: Plot = {"log": axes.get_yscale() == "log", "equal": axes.get_aspect() == 1.0}
     if not axes.get_autoscaley_on():
@@ -100,16 +106,18 @@ def _scales(axes: Any, timed: bool) -> Plot:
 
 
 def _levels(axes: Any) -> list[Plot]:
-    """Return height and text of the horizontal lines that span the axes from left to right."""
+    """Return the pair [height, text] of each horizontal line that spans the axes from left to
+    right.
+    """
     other = [line for line in axes.get_lines() if line.get_transform() != axes.transData]
     flat = [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
     return [{"y": float(line.get_ydata()[0]), "text": _named(line)} for line in flat]
 
 
 def _shade(axes: Any, seconds: float) -> list[Any]:
-    """Return [begin, end, name] of the vertical bands that span the axes from top to bottom.
+    """Return [begin, end, name] of each vertical band that spans the axes from top to bottom.
 
-    seconds: factor from the unit of x to the unit of the page.
+    seconds: factor from the unit of x in the figure to the unit of x in the page.
     """
     spans = (bar for bar in axes.patches if bar.get_data_transform() != axes.transData)
     return [
@@ -119,8 +127,8 @@ def _shade(axes: Any, seconds: float) -> list[Any]:
 
 
 def _named(drawn: Any) -> str:
-    """Return the label of a drawn object, "" if it has none. In a figure of several runs it begins
-    with the label of the run.
+    """Return the label of an object drawn by matplotlib, "" if it has none. In a figure of several
+    runs the label begins with the label of the run.
     """
     label, run = str(drawn.get_label()), drawn.get_gid()
     if run is not None:
@@ -148,8 +156,8 @@ def _lines(canvas: Canvas, axes: Any, seconds: float, result: Result | None) -> 
 
 
 def _look(line: Any, points: int) -> Plot:
-    """Return colour, line style and marker of a line of matplotlib with so many points, and the run
-    that it shows.
+    """Return the appearance of a line of matplotlib with this number of points: colour, line style
+    and marker, and the label of the run that it shows.
     """
     look = {"colour": place_of(line.get_color()), "dash": _dash(line)}
     if line.get_linestyle() in ("None", " ", ""):
@@ -161,8 +169,8 @@ def _look(line: Any, points: int) -> Plot:
 
 
 def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
-    """Yield the images, filled areas and bars of axes as curves; unit: factor from the unit of x to
-    the unit of the page.
+    """Yield the images, filled areas and bars of axes as curves; unit: factor from the unit of x in
+    the figure to the unit of x in the page.
     """
     yield from (_image(canvas, image, unit) for image in axes.images)
     for area in axes.collections:
@@ -204,7 +212,9 @@ def _dash(line: Any) -> str:
 
 
 def _corners(outline: Any) -> Any:
-    """Return an outline (points, 2) without the points whose two neighbours have the same y."""
+    """Return the points of an outline (points, 2), but leave out each point whose two neighbours
+    have the same y as the point.
+    """
     y = outline[:, 1]
     inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)
     inner[[0, -1]] = False
@@ -215,13 +225,13 @@ def _corners(outline: Any) -> Any:
 
 
 def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
-    """Return a plot over a quantity other than time."""
+    """Return a plot of curves over a quantity that is not time; x, y: labels of the axes."""
     return {"title": title, "x": x, "y": y, "time": False, "curves": curves}
 
 
 def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
-    """Return all variables of a result by component: constant variables with their value, all
-    other variables as plots.
+    """Return all variables of a result, grouped by component: constant variables with their value,
+    all other variables as plots.
     """
     components: dict[str, dict[str, Any]] = {}
     for name in result.names:
@@ -237,7 +247,9 @@ def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 
 
 def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
-    """Return the plot of a variable over time, without values that mean that it is idle."""
+    """Return the plot of a variable over time. Values that mean that the variable is idle are left
+    out.
+    """
     flat, arrays = values.reshape(len(values), -1), canvas.arrays
     bound = dict(of_result(result).idle).get(name)
     if bound is not None:
@@ -258,7 +270,9 @@ def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
 
 
 def _labels(result: Result, name: str, values: Array) -> list[str]:
-    """Return the labels of the elements of a variable: axes, parts of a quaternion, or indices."""
+    """Return the labels of the elements of a variable: names of axes, parts of a quaternion, or
+    indices.
+    """
     if values.ndim == 1:
         return [""]
     if values.ndim == 2 and values.shape[1] == 3:

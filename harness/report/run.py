@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Page of one run: its figures by section, all signals and the replay as data, and the texts and
-tables of the template `page/run.html` (state, metrics, verdicts, margins, parameters).
+"""Page of one run: its figures by section, all variables and the replay as data for the scripts,
+and the texts and tables of the template `page/run.html` (state, metrics, verdicts, margins,
+parameters).
 """
 
 from __future__ import annotations
@@ -38,12 +39,13 @@ SECTIONS = {
     "poincare": "phases",
     **dict.fromkeys(ACTUATORS, "actuators"),
 }
-"""Sections of the page by the name of a figure. All other figures are in the section `figures`."""
+"""Section of the page for each figure named here. All other figures are in the section `figures`.
+"""
 
 
 def canvas_of(result: Result, arrays: Arrays) -> Canvas:
-    """Return a canvas whose number of points per curve limits the size of the page of a run, if
-    every column of the result is drawn about twice.
+    """Return a canvas that draws so few points per curve that the size of the page of a run is
+    limited, under the assumption that every column of the result is drawn about twice.
     """
     return Canvas(arrays, points_of(2 * len(result.columns), 200, 2400))
 
@@ -55,8 +57,8 @@ def of_run(result: Result) -> str:
 
 
 def content(canvas: Canvas, result: Result) -> dict[str, Any]:
-    """Return figures, replay and signals as data for the scripts of the page; their arrays are
-    stored in the canvas.
+    """Return figures, replay and variables as data for the scripts of the page. The data refer to
+    arrays, which are stored in the canvas.
     """
     has_duration = len(result.time) > 1
     return {
@@ -105,13 +107,15 @@ def message(result: Result) -> str:
 
 
 def notes(result: Result) -> list[str]:
-    """Return the notes about a run, one line each: of its mission, and on missing data."""
+    """Return the notes of the mission about a run, and notes on missing data, one line each."""
     found = [*notes_of(result), *remarks(result), missing(result), gaps(result)]
     return [line for line in found if line]
 
 
 def gaps(result: Result) -> str:
-    """Return a line with the variables that have values which cannot be drawn, "" if none has."""
+    """Return a line that names the variables with values that cannot be drawn; "" if there are
+    none.
+    """
     rows = len(result.time)
     bad = {name: rows - int(drawable_rows(result[name]).sum()) for name in result.names}
     names = listed([f"{name} in {count} of {rows} rows" for name, count in bad.items() if count])
@@ -141,8 +145,9 @@ def headline(result: Result) -> tuple[str, str]:
 
 
 def chips(result: Result) -> list[tuple[str, str]]:
-    """Return the badges in the head of the page, worst first, as style and text: state of the run,
-    and counts such as `2 requirements not met` of rules, requirements and claims.
+    """Return the badges in the head of the page, the worst first, as pairs of style and text: the
+    state of the run, and counts of safety rules, requirements and claims by verdict, such as `2
+    requirements not met`.
     """
     given = judgements(result)
     found = [("none", "complete") if result.complete else ("bad", "incomplete")]
@@ -160,8 +165,8 @@ def chips(result: Result) -> list[tuple[str, str]]:
 
 
 def cell(value: float, words: Sequence[str] = ()) -> str:
-    """Return the value of a metric as text, "-" if it is not finite; words: texts for its values
-    0, 1, ...
+    """Return the value of a metric as text, "-" if it is not finite; words: texts to show for the
+    values 0, 1, ... of the metric.
     """
     if words and 0 <= value < len(words):
         return words[int(value)]
@@ -169,8 +174,8 @@ def cell(value: float, words: Sequence[str] = ()) -> str:
 
 
 def metrics(result: Result) -> Iterator[tuple[Metric, float]]:
-    """Yield the metrics of a comparison whose variables the result has, with their values, NaN for
-    a metric without a value in this run.
+    """Yield the metrics of the mission whose variables the result has, each with its value, which
+    is NaN if the metric has no value in this run.
     """
     offered = of_result(result)
     limits = offered.limits(Limits(), {"": result}) if len(result.time) else Limits()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rendering of a page: templates of the folder `page` are filled with texts, numbers, scripts and
+"""Rendering of a page: templates in the folder `page` are filled with texts, data, scripts and
 libraries.
 
-Plotly draws the plots. K3D contains three.js, which draws the replay. The scripts of both are in
+Plotly draws the plots; three.js, which K3D contains, draws the replay. The scripts of both are in
 their Python packages, which the extra `report` installs.
 """
 
@@ -50,9 +50,9 @@ their own; styles cannot load files either.
 
 @cache
 def _script(name: str) -> tuple[str, str]:
-    """Return the script of a library, compressed and in base64, and the expression that allows it
-    in the Content-Security-Policy. Raises HarnessError with the extra to install if the library is
-    missing.
+    """Return the script of a library, compressed and in base64, and the source expression by which
+    the Content-Security-Policy allows it. Raises HarnessError with the extra to install if the
+    library is missing.
     """
     package = Path(installed(name, "report").origin or "").parent
     text = FONTS.sub(b"", (package / SCRIPTS[name]).read_bytes())
@@ -117,7 +117,7 @@ def _json(data: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return an array or number of numpy, which the scene of a mission may contain, as lists and
+    """Return an array or number of numpy, which the scene of a mission may contain, as lists or
     numbers of Python; raise TypeError for other objects.
     """
     if isinstance(value, np.ndarray | np.generic):

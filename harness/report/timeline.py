@@ -27,12 +27,14 @@ from harness.system.values import base
 
 Scene = dict[str, Any]
 DARK = 0.5
-"""Covered share of the disc of the Sun above which the bodies count as in the shadow."""
+"""Share of the disc of the Sun that is covered by the planet, above which the bodies count as in
+the shadow.
+"""
 
 
 def replay(result: Result, arrays: Arrays) -> Scene | None:
-    """Return the scene of the replay of a result, with its title and all events in their order;
-    None if the mission has no scene for it, or fewer than two rows can be drawn.
+    """Return the scene of the replay of a result, with its title and all events in the order of
+    time; None if the mission has no scene for it, or fewer than two rows can be drawn.
     """
     for kind in of_result(result).scene:
         if result.holds(*kind.needs, parameters=kind.parameters):
@@ -48,10 +50,11 @@ def replay(result: Result, arrays: Arrays) -> Scene | None:
 
 
 def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
-    """Return one scene with the replays of several runs, and the events of all runs, each after the
-    label of its run; None if the missions of the runs have no scene for several runs.
+    """Return one scene with the replays of several runs and the events of all runs, whose texts
+    begin with the label of the run; None if the missions of the runs have no scene for several
+    runs.
 
-    results: by label.
+    results: by label of the run.
     """
     for kind in together(map(of_result, results.values())).scene:
         shown = {
@@ -74,8 +77,8 @@ def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | Non
 
 def drawable(result: Result, needs: Iterable[str]) -> Result:
     """Return a result without the rows in which one of the variables `needs` cannot be drawn, and
-    without other variables that cannot be drawn in all remaining rows. Values can be drawn if they
-    are finite and not too large.
+    without each other variable that cannot be drawn in one of the remaining rows. Values can be
+    drawn if they are finite and not too large.
     """
     good = np.abs(result.values) <= LARGEST
     if good.all():
@@ -95,7 +98,9 @@ def drawable(result: Result, needs: Iterable[str]) -> Result:
 
 
 def drawable_rows(values: Array) -> Array:
-    """Return by row whether all elements of a history are finite and at most LARGEST (rows,)."""
+    """Return for each row whether all elements of a time series are finite and at most LARGEST
+    (rows,).
+    """
     return np.asarray((np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim))))
 
 
@@ -105,7 +110,9 @@ def _titled(scene: Scene, name: str, title: str, further: list[Scene]) -> Scene:
 
 
 def of_run(label: str, events: Iterable[Scene]) -> list[Scene]:
-    """Return the events of one of several runs, with the label of the run before each text."""
+    """Return the events of one run for a replay of several runs: each text begins with the label of
+    the run.
+    """
     return [each | {"text": f"{label}: {each['text']}"} for each in events]
 
 
