@@ -130,24 +130,25 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
 
 
 def environment(system: str | Path, **how: Any) -> Environment | Apart:
-    """Return a system as an environment of Gymnasium: an agent in the place of components.
+    """Return a system as an environment of Gymnasium, in which an agent replaces components.
 
     open: components that the agent replaces (default: chosen by the mission); observe: variables
     that the agent reads (default: the inputs of these components); act: outputs of these components
-    that the agent sets (default: the connected ones); bounds: bounds of these outputs by name, x
+    that the agent sets (default: the connected outputs); bounds: limits of these outputs by name, x
     for -x to x, or (least, largest) (default: the limits of the actuators in the parameter set for
-    comparisons); every: macro steps per action (default: as the components step); scale: divisors
-    of the observations by name; if it is given, actions are scaled to -1 to 1.
+    comparisons); every: macro steps per action (default: as the replaced components step); scale:
+    divisors of the observations by name; if it is given, actions are scaled to -1 to 1.
 
-    The reward of a step is the value of the expression `reward` at its end, minus the increase of
-    the expression `cost` (default for approaches: delta-v [m/s]), minus the violations of
-    requirements times `weights` (a number, or numbers by name; default 1). An episode ends if an
+    The reward of a step is the value of the expression `reward` at the end of the step, minus the
+    increase of the expression `cost` (default for approaches: delta-v [m/s]), minus the violations
+    of requirements times `weights` (a number, or numbers by name; default 1). An episode ends if an
     FMU fails, a requirement is violated or a condition of the mission holds. ends: names of the
-    requirements and conditions that end an episode, instead of all requirements; shield: component
-    whose abort ends the episode (`monitor`), or that changes the actions (`filter`).
+    requirements and conditions that end an episode, instead of all requirements; shield: safety
+    component of the system, such as `monitor`, whose abort ends the episode, or `filter`, which
+    changes the force that the agent commands.
 
-    factors: campaign file whose run k gives the start of episode k; record: each N-th macro step is
-    recorded (default: each one); further arguments: changes as for run(). Third-party FMUs run in a
+    factors: campaign file; episode k starts with the factors of its run k; record: macro steps per
+    recorded row (default: 1); further arguments: changes as for run(). Third-party FMUs run in a
     child process. Raises UsageError, and the errors of run() before its first step.
     """
     library("gymnasium", "learn")

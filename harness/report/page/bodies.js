@@ -1,12 +1,12 @@
-/* Bodies of a replay with their joints, paths, plans, body axes and plumes. place(at) moves all of
- * them to an instant. */
+/* Bodies of a replay with their joints, paths, plans, body axes and plumes. place(at) shows all of
+ * them as they are at an instant. */
 "use strict";
-const PLANNED = [0xf5f7fa, 0x7d8794]; /* colours of a plan by its mode: 0 present, 1 older */
+const PLANNED = [0xf5f7fa, 0x7d8794]; /* colour of the present plan, and of older plans */
 function makeBodies(view) {
   const { T, scene, array, root, space, shapes, history, labels } = view;
   const axes = [], plumes = [], p = new T.Vector3();
 
-  /* positions r turned from N into H axes, for paths that are drawn in frame H */
+  /* array of positions r (3 numbers each), turned from axes of frame N to axes of frame H */
   function inHill(r) {
     if (!scene.hill) return r;
     const q = array(scene.hill), turn = new T.Quaternion(), out = new Float32Array(r.length);
@@ -123,8 +123,8 @@ function makeBodies(view) {
 
   const world = (body) => body.group.getWorldPosition(new T.Vector3());
 
-  /* Enlarges bodies that would be too small to be seen, but never so far that they touch;
-   * returns the largest factor. */
+  /* Enlarges bodies that would be too small to be seen, but never so much that they touch. Returns
+   * the largest factor by which a body is enlarged. */
   function resize(camera, height) {
     const field = 2 * Math.tan((camera.fov * Math.PI) / 360), client = world(bodies[bodies.length - 1]);
     const gap = Math.min(...bodies.slice(0, -1).map((body) => world(body).distanceTo(client)));

@@ -26,8 +26,9 @@ function makeCameras(view, bodies) {
   const narrow = () => half() * Math.min(1, camera.aspect);
   const aim = (eye, at) => ({ eye, at });
 
-  /* Direction of view in the named frame from which the two bodies hide one another least: the
-   * direction with the largest smallest angle to the line between them over all instants. */
+  /* Direction of view in the named frame in which the two bodies hide one another least. Its angle
+   * to the line between the bodies, at the instant at which this angle is smallest, is as large as
+   * possible. */
   function calmest(name) {
     const options = [vec(0.42, -0.45, 0.79), vec(0, 0, 1), vec(0.62, -0.62, 0.48), vec(0.8, 0, 0.6), vec(0, -1, 0), vec(1, 0, 0)]
       .map((v) => v.normalize());
@@ -43,8 +44,8 @@ function makeCameras(view, bodies) {
   }
   const calm = Object.fromEntries(scene.frames.map((f) => [f.key, calmest(f.key)]));
 
-  /* Camera that shows both bodies, a third of the picture apart. When they are close together, each
-   * fills a third of the picture. */
+  /* Camera that shows both bodies; the distance between them is a third of the picture. When they
+   * are close to each other, each body fills a third of the picture. */
   function overview() {
     if (!pair) return whole(calm[view.frame.key]);
     const a = bodies.world(chaser), b = bodies.world(client), d = b.clone().sub(a), far = d.length();
@@ -64,8 +65,8 @@ function makeCameras(view, bodies) {
     return aim(b.center.clone().addScaledVector(direction, ((pair ? 1.12 : 0.8) * b.radius) / narrow()), b.center.clone());
   }
 
-  /* Camera behind the body `from`, so high above the line to the body `to` that the sphere around
-   * `from` does not hide `to`. */
+  /* Camera behind the body `from`, which looks at the body `to`. It is so high above the line
+   * between the bodies that the sphere around `from` does not hide `to`. */
   function chase(from, to) {
     const a = bodies.world(from), b = bodies.world(to), d = b.clone().sub(a), far = d.length() || 1;
     d.normalize();
@@ -118,7 +119,8 @@ function makeCameras(view, bodies) {
   });
 
   let controls;
-  /* makes the controls by which mouse and touch rotate the view; their axis depends on the frame */
+  /* creates the controls with which mouse and touch rotate the view; the axis of rotation depends
+   * on the frame */
   function renew() {
     if (controls) controls.dispose();
     const axis = view.frame.key === "H" ? "x" : "z";
@@ -193,7 +195,7 @@ function makeCameras(view, bodies) {
   }
 
   return { list, bounds, renew, choose, first,
-    /* once: set also a camera that does not follow the bodies */
+    /* once: set the camera also if it does not follow the bodies */
     set(once) { if (chosen && (once || !list[chosen].once)) set(); },
     move() { if (!chosen || list[chosen].once) controls.update(); },
     get chosen() { return chosen; },

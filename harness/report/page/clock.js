@@ -1,5 +1,5 @@
 /* Control of the time of a replay: slider with phases and events, speeds, steps and keys. The
- * address of the page contains the instant. */
+ * address of the page contains the instant that is shown, so that a link can refer to it. */
 "use strict";
 const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 const WHOLE = 30;   /* playing time at the speed `whole run` [s] */

@@ -1,11 +1,11 @@
-/* Phases, events and violations in the replay of another run, computed in a live page from the
- * arrays of that run. Their texts are those that harness/report/timeline.py has written into the
- * page. */
+/* Phases, events and violations in the replay of a run that a live page has made, computed from the
+ * arrays of this run. Their texts are taken from the page, into which harness/report/timeline.py
+ * has written them. */
 "use strict";
 const Course = (() => {
   const VIOLATED = 2, DARK = 0.5;
 
-  /* indices of the values that differ from the value before, and index 0 */
+  /* indices of those values that differ from the previous value; index 0 is included */
   const changes = (values) => Array.from(values.keys()).filter((k) => k === 0 || values[k] !== values[k - 1]);
 
   function phasesOf(scene, array, times, end) {
@@ -14,8 +14,8 @@ const Course = (() => {
     return begins.map((k, i) => ({ begin: times[k], end: i + 1 < begins.length ? times[begins[i + 1]] : end, text: scene.course.words[values[k]] }));
   }
 
-  /* a safety rule with the time of its first violation in these arrays: the first instant of the
-   * replay at which it is violated */
+  /* a safety rule with the added entry `violated`: the first instant of the replay at which the
+   * rule is violated [s], null if there is none */
   function ruleOf(rule, array, times) {
     const first = array(rule.state).indexOf(VIOLATED);
     return { ...rule, violated: first < 0 ? null : times[first] };
@@ -40,8 +40,8 @@ const Course = (() => {
     if (end < times[times.length - 1]) yield [end, "the run ends", "abort"];
   }
 
-  /* the scene with phases and events of the run that these arrays are from and that ended at
-   * `end` [s] */
+  /* the scene with the phases and events of a run; array(name): arrays of this run; end: its end
+   * time [s] */
   function ofRun(scene, array, end, verdicts) {
     const times = array(scene.time);
     const events = [...eventsOf(scene, array, times, end, verdicts)].filter(([time]) => time <= end);

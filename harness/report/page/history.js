@@ -3,8 +3,8 @@
 function historyOf(times, T) {
   const first = times[0], last = times[times.length - 1], other = new T.Quaternion();
 
-  /* indices of the instants before and after the time t [s] (low, high), and the share of the
-   * interval between them that has passed at t (part) */
+  /* low, high: indices of the instants before and after the time t [s]; part: share of the interval
+   * between the two instants that has passed at t */
   function place(t) {
     let low = 0, high = times.length - 1;
     while (high - low > 1) {

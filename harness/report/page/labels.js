@@ -1,5 +1,5 @@
-/* Names in the picture, with a line from each name of a body to the body, and the axes of the frame
- * in the corner. */
+/* Names in the picture, with a line from the name of a body to the body; and the axes of the frame,
+ * in a corner of the picture. */
 "use strict";
 const TURNS = [0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.8, -1.8, Math.PI]; /* directions of the line from a name to its body [rad] */
 const LENGTHS = [1, 0.5, 2, 4]; /* lengths of this line, relative to the usual one */
@@ -70,8 +70,8 @@ function makeLabels(view) {
     }
   }
 
-  /* possible positions of a label: first beyond its object as seen from the middle of all objects,
-   * then in directions to either side */
+  /* possible positions of a label, the best first: on the side of its object that is away from the
+   * middle of all objects, then turned to either side */
   function leads(each, at, middle, order, camera) {
     const x = at.x - middle.x, y = at.y - middle.y, away = Math.hypot(x, y) < 12 ? 2.4 * order - 1 : Math.atan2(y, x);
     const distance = each.object.getWorldPosition(p).distanceTo(camera.position);
@@ -101,7 +101,7 @@ function makeLabels(view) {
       line.setAttribute("x2", 28 * end.x);
       line.setAttribute("y2", -28 * end.y);
       const name = view.frame.axes[k], half = 2.8 * name.length;
-      const x = 38 * end.x, y = -38 * end.y + (Math.abs(end.x) > Math.abs(end.y) ? -5 : 3); /* above its own line */
+      const x = 38 * end.x, y = -38 * end.y + (Math.abs(end.x) > Math.abs(end.y) ? -5 : 3); /* above the line of the axis */
       const free = placed.every((other) => Math.abs(other.x - x) > other.half + half || Math.abs(other.y - y) > 11);
       text.setAttribute("x", x);
       text.setAttribute("y", y);

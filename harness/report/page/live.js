@@ -68,10 +68,10 @@
     return wanted.map((each) => ({ name: each.name, ...(result.rows ? Program.verdictOf(tables, value, each) : { kind: "none", verdict: "not judged", detail: "nothing was recorded", time: null }) }));
   };
 
-  /* Data and arrays with which the page shows a new run. If the run ended early, the bodies
-   * remain where they are in its last row. A curve without instructions still shows the run in
-   * the file, and its name states this. A marker whose label contains a value of the file is
-   * removed. */
+  /* Data and arrays with which the page shows a new run. If the run ended early, the bodies remain
+   * where they are in its last row. A curve without instructions still shows the run with which the
+   * page was written, and its name states this. A marker is removed if its label contains a value
+   * of that run. */
   const OF_FILE = "(of the run in the file)";
   const contentOf = (result, constants, verdicts) => {
     const all = system.rows, values = new Float64Array(all * system.width);
@@ -121,7 +121,7 @@
     return texts.length === 1 ? texts[0] : `[${texts.join(", ")}]`;
   };
 
-  /* the numbers of an array by its name, given as an array (new run) or in base64 (file) */
+  /* the numbers of an array: of the new run, or decoded from base64 in the page */
   const numbersOf = (arrays) => (name) => {
     const { data } = arrays[name];
     return typeof data === "string" ? new Float32Array(bytes(data).buffer) : data;
@@ -146,7 +146,8 @@
     if (solved[k]) state.replaceChildren(badge("good", "solved"));
     else if (!state.hasChildNodes()) state.replaceChildren(badge("none", "not solved yet"));
   });
-  /* headline values of a new run; a value without an instruction remains the one in the file */
+  /* headline values of a new run; a value without an instruction still shows the run with which the
+   * page was written */
   const tiles = [...document.querySelectorAll("#numbers .tile")];
   const valuesOfRun = (result, constants) => {
     const value = Program.evaluator(about.program, tablesOf(result.time, result.values, constants, result.complete));

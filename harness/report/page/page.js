@@ -3,8 +3,8 @@
 (async () => {
   const json = (id) => JSON.parse(document.getElementById(id).textContent);
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  /* function from the name of a stored array to a Float32Array with .shape; the array is stored as
-   * numbers or in base64 */
+  /* function that returns a stored array, given by name, as a Float32Array with .shape; the array
+   * is stored as numbers or in base64 */
   const arrays = (stored) => {
     const decoded = new Map();
     return (name) => {

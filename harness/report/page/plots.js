@@ -117,7 +117,7 @@ function drawAll() {
   for (const entry of plotCards) if (entry.made.offsetParent && (!entry.drawn || entry.stale === "yes")) draw(entry);
 }
 
-/* gives every plot the fixed size of its card; when it is drawn again, it follows the card again */
+/* gives every plot the present size of its card as a fixed size, until the plot is drawn again */
 function fitPlots() {
   for (const { drawn, made, drawing } of plotCards)
     if (drawn && made.offsetParent) Plotly.relayout(drawing, { width: drawing.clientWidth, height: drawing.clientHeight });

@@ -12,8 +12,8 @@ const Program = (() => {
     if (sizes.some((k) => k !== 1 && k !== size)) throw new Error(`numbers of ${what} differ: ${sizes.join(", ")}`);
     return size;
   };
-  /* applies f to tables element by element; a single row or element is combined with all rows or
-   * elements of the other tables */
+  /* applies f to tables element by element; a table with one row or one element per row is combined
+   * with all rows or elements of the other tables */
   const map = (f, ...of) => {
     const n = common(of.map((x) => x.n), "rows"), m = common(of.map((x) => x.m), "elements"), out = table(n, m);
     const [a, b, c] = of.map(({ data, n: rows, m: width }) => {
@@ -31,8 +31,8 @@ const Program = (() => {
   const fmin = (a, b) => (a !== a ? b : b !== b ? a : a < b ? a : b), fmax = (a, b) => (a !== a ? b : b !== b ? a : a > b ? a : b);
   const decided = (x, a, b) => (a !== a || (b !== undefined && b !== b) ? NaN : x);
   const power = (a, b) => (a === 1 || b === 0 ? 1 : b === 2 ? a * a : b === 0.5 ? Math.sqrt(a) : b === -1 ? 1 / a : a ** b);
-  /* sum in the order of numpy, for equal bits: eight partial sums, and halves of more than 128
-   * numbers */
+  /* sum in the order in which numpy adds, for equal bits: eight partial sums; more than 128 numbers
+   * are divided into halves */
   const sum = (x) => {
     const n = x.length;
     if (n < 8) return x.reduce((a, b) => a + b, 0);
@@ -98,7 +98,7 @@ const Program = (() => {
   };
   /* function on tables that applies f to each row; f returns a row of m elements */
   const perRow = (m, f) => (...parts) => {
-    const given = parts.filter((x) => x); /* without the constant of the instruction, which is null */
+    const given = parts.filter((x) => x); /* the constant of the instruction is null here and left out */
     const out = table(Math.max(...given.map((x) => x.n)), m);
     for (let k = 0; k < out.n; k++) {
       out.data.set(f(...given.map((x) => Array.from(x.data.subarray(x.n > 1 ? x.m * k : 0, (x.n > 1 ? x.m * k : 0) + x.m)))), m * k);
@@ -179,8 +179,8 @@ const Program = (() => {
   const empty = ({ first, last }, time, end) => Float64Array.from(time, (t, k) => +(first[k] > last[k] && t + end <= time[time.length - 1]));
   const WINDOWED = { always, eventually, until };
 
-  /* values of a table at these rows, or the mean, smallest or largest value from each of these
-   * rows to the next */
+  /* values of a table in the given rows; or, by the reduction `over`, the mean, smallest or largest
+   * value from each given row up to the next given row */
   const REDUCED = { mean: (x) => sum(x) / x.length, least: (x) => x.reduce(least), largest: (x) => x.reduce(largest) };
   const sample = (x, over, rows) => {
     const out = table(rows.length, x.m);
@@ -256,7 +256,7 @@ const Program = (() => {
     } catch (error) { return verdict("none", error.message); }
   };
 
-  /* a number as %.6g writes it */
+  /* a number as text, in the format %.6g of C */
   const g = (x, digits = 6) => {
     if (x !== x) return "nan";
     if (!Number.isFinite(x)) return x > 0 ? "inf" : "-inf";

@@ -1,6 +1,6 @@
 /* Replay in space, drawn by three.js. Positions are relative to the origin of the scene, in axes
- * of frame N. All objects belong to one group, which is rotated by the inverse attitude of the
- * Hill frame to show this frame. After dispose(), startReplay() can be called with another
+ * of frame N. All objects belong to one group; to show the Hill frame, the group is rotated by the
+ * inverse attitude of this frame. After dispose(), startReplay() can be called with another
  * scene. */
 "use strict";
 function startReplay(scene, array, T, coasts) {

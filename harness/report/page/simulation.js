@@ -7,8 +7,8 @@ const Simulation = (() => {
   const unpacked = async (packed) =>
     new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 
-  /* WebAssembly module of a system with the data `about`: start and step [s], macro steps
-   * (steps) and macro steps per row (every), references of columns and of parameters */
+  /* WebAssembly module of a system. about: start time and macro step (start, step) [s], number of
+   * macro steps (steps), macro steps per row (every), references of columns and parameters */
   class System {
     constructor(exports, about) {
       this.c = exports;
@@ -33,13 +33,14 @@ const Simulation = (() => {
       return new TextDecoder().decode(bytes.subarray(0, bytes.indexOf(0)));
     }
 
-    /* number of macro steps that are performed before a row */
+    /* number of macro steps from the start of the run to a row */
     stepsOf(row) { return Math.min(row * this.about.every, this.about.steps); }
     timeOf(row) { return this.about.start + this.stepsOf(row) * this.about.step; }
 
-    /* Runs the system with these values of its parameters. pause(done) is called after every
-     * CHUNK of macro steps and returns true to cancel. Returns values (rows up to the end) and
-     * message (reason of an early end, otherwise ""). */
+    /* Runs the system with these values of its parameters. pause(done) is called after every CHUNK
+     * macro steps with the number of completed steps; it returns true to cancel the run. Returns an
+     * object with values (all rows up to the end), time [s], message (reason of an early end,
+     * otherwise ""), complete and cancelled. */
     async run(values, pause = async () => false) {
       const { start, step, steps, every } = this.about, { c, width } = this;
       const result = { values: new Float64Array(this.rows * width), rows: 0, message: "", cancelled: false };
@@ -111,8 +112,8 @@ const Simulation = (() => {
     return [...chosen].sort((a, b) => a - b);
   };
 
-  /* indices of the rows of a curve that are drawn: over time (timed) with the extremes of y,
-   * otherwise with the extremes of x and y */
+  /* indices of the rows of a curve that are drawn. If x is time (timed), the extremes of y are
+   * among them, otherwise the extremes of x and of y. */
   const drawnRows = (x, y, timed, points) => {
     if (timed || x.length <= points) return thinnedRows(y, points);
     const half = Math.floor(points / 2);

@@ -1,5 +1,5 @@
-/* Zones, corridors, axes of frames and references. A zone that belongs to a safety rule is red
- * while this rule is violated, and faint while the rule does not apply. */
+/* Zones, corridors, and the axes of frames and references. A zone that belongs to a safety rule is
+ * red while this rule is violated, and faint while the rule does not apply. */
 "use strict";
 const RESTS = 0, HOLDS = 1, VIOLATED = 2;
 const ZONE_COLOURS = { ellipsoid: 0xe6b450, cuboid: 0xe6b450, cone: 0x00b587, axis: 0xf0e442,
