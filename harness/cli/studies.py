@@ -84,7 +84,9 @@ class Compared:
     patience: PatienceOption = None
 
     def how(self) -> dict[str, Any]:
-        """Return the arguments of compare() for recording, patience and executor."""
+        """Return the keyword arguments of compare() that state recorded rows, patience and
+        executor.
+        """
         from harness.master.isolated import PATIENCE
 
         return {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Printing of the report of a run, on a terminal with coloured verdicts (unless NO_COLOR is set),
+"""Printing of the report of a run, with coloured verdicts on a terminal (unless NO_COLOR is set),
 and the exit status that follows from requirements, safety rules and claims.
 """
 

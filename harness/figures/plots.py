@@ -208,8 +208,8 @@ def _modes(panel: Panel, result: Result) -> tuple[str, ...]:
 
 
 def _shade(axes: Any, panel: Panel, results: Iterable[Result], seconds: float) -> None:
-    """Shade the time in which the drawn quantities have no effect in any run, such as torques while
-    the attitude is frozen. seconds: length of the unit of the time axis [s].
+    """Shade the times at which the drawn quantities have no effect in any run, such as torques
+    while the attitude is frozen. seconds: length of the unit of the time axis [s].
     """
     if idle := panel.idle(results):
         begin, end = idle
@@ -298,8 +298,10 @@ def paint_overlay(
     colours: Mapping[str, Colour] | None = None,
     style: Style = SCREEN,
 ) -> Canvas:
-    """Return a figure of several runs, given by label, as a figure of matplotlib, with one legend
-    or colour scale for all panels. colours: by label (None: chosen here).
+    """Return a figure of several runs as a figure of matplotlib, with one legend or colour scale
+    for all panels.
+
+    results: by label of the run; colours: by label (None: chosen here).
     """
     colours = _colours(list(results)) if colours is None else colours
     runs = _Runs(results, colours, time_axis(*(r.time for r in results.values())).seconds)

@@ -151,7 +151,9 @@ def time_axis(*times: Array) -> TimeAxis:
 
 
 def wrapped(label: str, length: float) -> str:
-    """Return an axis label in lines of at most `length` inches, without a line break in a unit."""
+    """Return an axis label, divided into lines of at most `length` inches, without a line break
+    inside a unit.
+    """
     whole = re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), label)
     return textwrap.fill(whole, max(int(length / _character()), 8), break_long_words=False)
 

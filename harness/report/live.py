@@ -78,8 +78,8 @@ class Lesson(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_lesson(path: Path) -> Lesson:
-    """Return the lesson that a TOML file defines; raise UsageError if the file cannot be read, or
-    StructureError with all problems of its entries.
+    """Return the lesson in a TOML file; raise UsageError if the file cannot be read, StructureError
+    with all problems of its entries.
     """
     table = read_toml(path)
     given = table.get("exercises")

@@ -168,7 +168,8 @@ class Comparison:
 
     def text(self, names: Sequence[str] = ()) -> str:
         """Return the comparison as text: the line `in_force`, the table of metrics, warnings,
-        definitions of the metrics, and the requirements; names: metrics to show (default: all).
+        definitions of the metrics, and the table of requirements; names: metrics to show (default:
+        all).
         """
         keys = {(m.name, m.unit): m for m in self.mission.metrics}
         hidden = {

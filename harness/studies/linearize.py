@@ -33,7 +33,7 @@ from harness.system.values import base, index
 
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
 """Distances by which states and inputs are moved, relative to the length of the vector that the
-moved element belongs to, or to 1 if the length is smaller.
+moved element belongs to, or relative to 1 if this length is below 1.
 """
 
 

@@ -131,8 +131,8 @@ def _compared(
 
 
 def _costed_run(system: System, linked: Sequence[str] = ()) -> tuple[Result, dict[str, Cost]]:
-    """Run a system; return its result, and the cost of the steps of the components `linked`, which
-    run on processors.
+    """Run a system; return its result, and by component the computing cost of the steps of the
+    components in `linked`, which run on processors.
     """
     with Simulation(system) as simulation:
         simulation.advance()
@@ -141,7 +141,9 @@ def _costed_run(system: System, linked: Sequence[str] = ()) -> tuple[Result, dic
 
 
 def _difference(needed: Result, result: Result) -> str:
-    """Return variable and time at which two results first differ in a bit; "" if they are equal."""
+    """Return a text with the variable and the time at which two results first differ in a bit; ""
+    if they are equal.
+    """
     unlike = needed.values.view(np.uint64) != result.values.view(np.uint64)
     if not unlike.any():
         return ""

@@ -261,7 +261,7 @@ class ReusedSimulation:
 
     @property
     def width(self) -> int:
-        """Return the number of runs that together() can make at once: 1 if the library of lanes is
+        """Return the number of runs that together() can make at once; 1 if the library of lanes is
         missing or slower than single runs.
         """
         compiled = None if self._in_lanes > self._alone else self._lanes()

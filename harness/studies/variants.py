@@ -25,7 +25,7 @@ MAX_RUNS = 10_000
 
 @dataclass(frozen=True)
 class Variant:
-    """One run of a comparison: a unique label, and the changes of the system."""
+    """Run of a comparison: a unique label, and the changes of the system."""
 
     label: str
     changes: Changes

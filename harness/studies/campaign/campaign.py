@@ -37,8 +37,9 @@ from harness.studies.reuse import compiling
 _log = logging.getLogger("harness")
 
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 8, 200, 2_000_000
-"""Smallest number of blocks of a campaign; largest numbers of runs and of macro steps in a block. A
-block takes some seconds, which are lost if the campaign is interrupted.
+"""Smallest number of blocks of a campaign, whose runs are written together; largest numbers of runs
+and of macro steps in a block. A block takes some seconds, which are lost if the campaign is
+interrupted.
 """
 
 
@@ -143,8 +144,8 @@ def _reject_conditions(task: Task, require: Sequence[str]) -> None:
 
 
 def _evaluated(found: Campaign, require: Sequence[str], strict: bool) -> Campaign:
-    """Return a completed campaign; raise RequirementError if a condition is not met, a success
-    could not be evaluated, or files have changed during the campaign.
+    """Return the completed campaign `found`; raise RequirementError if a condition is not met, the
+    success of a run could not be evaluated, or source files have changed during the campaign.
     """
     problems = [*filter(None, [unjudged(found.store)])]
     if names := differing(found.store.plan().sources):

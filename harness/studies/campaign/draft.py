@@ -65,8 +65,8 @@ def read_plan(
 
 
 def _sound(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return only those entries of a table, and of the tables inside it, that have the declared
-    types, so that the remaining checks can continue after a wrong entry.
+    """Return only those entries of a table, and of the tables inside it, that have the right types,
+    so that the other checks can continue after a wrong entry.
     """
 
     def fits(name: str, given: Any) -> bool:
@@ -83,7 +83,9 @@ def _sound(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Draft:
-    """Plan that is being checked, with the list of the problems found so far, one line each."""
+    """Plan of a campaign whose table is being checked, with the problems found so far, one line
+    each.
+    """
 
     def __init__(self, plan: Plan, problems: list[str]) -> None:
         self.plan, self.table, self.problems = plan, plan.table, problems
@@ -129,7 +131,9 @@ class _Draft:
             return None if len(self.problems) > declared else self._task(loaded, found)
 
     def _consistent(self) -> None:
-        """Check that entries which refer to each other agree, such as `worst` and the metrics."""
+        """Check that entries of the table which refer to each other agree, such as `worst` and the
+        metrics.
+        """
         table = self.table
         named = {f"expected.{name}": name for name in table.expected if name != SUCCESS}
         if isinstance(table.worst, str) and table.worst:

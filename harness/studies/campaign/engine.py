@@ -22,7 +22,7 @@ from harness.studies.pool import CRASH, LostWorkerError, WorkerPool, prepare
 from harness.studies.reuse import retaining
 
 AHEAD = 3
-"""Number of blocks per worker that are in progress or wait in the queue."""
+"""Number of blocks per worker that are submitted at the same time: in progress or in the queue."""
 
 
 class Work(Protocol):
@@ -98,9 +98,9 @@ def _spread(pool: WorkerPool, work: Work, blocks: Iterable[Block]) -> CompletedB
 
 
 class _Spread:
-    """Blocks in progress on the workers. Only AHEAD blocks per worker are submitted at a time, so
-    that memory does not grow. The last blocks are split into pieces, so that all workers finish at
-    nearly the same time.
+    """Distribution of blocks to the workers. Only AHEAD blocks per worker are submitted at a time,
+    so that memory does not grow. The last blocks are divided into pieces, so that all workers
+    finish at nearly the same time.
     """
 
     def __init__(self, pool: WorkerPool, work: Work, blocks: Iterable[Block]) -> None:

@@ -35,11 +35,13 @@ from harness.studies.campaign.worker import COMPLETE
 TOKEN = re.compile(
     rf"{QUANTITY.pattern}|\b(?P<bound>met|lower)\(\s*(?P<share>\w+)\s*\)|(?<![\w.])(?P<name>[^\W\d]\w*)(?![\w(.])"
 )
-"""Regular expression for parts of a condition: a number with its unit, a share `met(NAME)` or
-`lower(NAME)`, or a name, which may be a metric.
+"""Regular expression for the parts of a condition: a number with its unit; a share `met(NAME)` or
+`lower(NAME)`; or a name, which may be the name of a metric.
 """
 MET, LOWER, METRIC = "parameter met", "parameter lower", "metric"
-"""Prefixes of the variables in a translated condition: shares, lower bounds of shares, metrics."""
+"""Prefixes of the variables in a condition that has been translated into a requirement: shares of
+runs, lower bounds of such shares, metrics.
+"""
 
 
 def wrong(texts: Sequence[str], shares: Collection[str], units: Mapping[str, str]) -> Iterator[str]:
@@ -58,8 +60,8 @@ def wrong(texts: Sequence[str], shares: Collection[str], units: Mapping[str, str
 def failures(store: Store, required: Sequence[str], strict: bool) -> list[str]:
     """Return one line per condition that is not met and therefore gives the exit status 1.
 
-    required: conditions of the user; strict: include the entries of `[expected]`, or, if there are
-    none, the condition that every run succeeds.
+    required: conditions that the user gives by --require; strict: include the entries of
+    `[expected]`, or, if there are none, the condition that every run succeeds.
     """
     shares = summary.requirements(store)
     if (found := summary.success(store)) is not None:

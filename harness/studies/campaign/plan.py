@@ -131,7 +131,9 @@ class Table(Struct, frozen=True):
 
     @property
     def texts(self) -> dict[str, str]:
-        """Return the texts of all metrics by name, including `success` if the table defines it."""
+        """Return the texts of all metrics by name of the metric, including `success` if the table
+        defines it.
+        """
         return {**self.metrics, **({SUCCESS: self.success} if self.success else {})}
 
 
@@ -161,7 +163,7 @@ class Plan:
 
     @cached_property
     def table(self) -> Table:
-        """Return the definition as a Table, with default values for missing entries."""
+        """Return the definition as a Table, in which missing entries have their default values."""
         return msgspec.convert(self.definition, Table)
 
     @cached_property
@@ -191,8 +193,8 @@ class Plan:
 
     @property
     def fixed(self) -> Changes:
-        """Return the changes common to all runs: the table `[fixed]` and the requirements of the
-        campaign.
+        """Return the changes that are the same in all runs: the table `[fixed]` and the
+        requirements of the campaign.
         """
         changes: dict[str, Any] = dict(self.definition.get("fixed", {}))
         if self.table.requirements:
@@ -273,7 +275,7 @@ class Plan:
         return {f.name: f.choices[int(k)] for f, k in zip(self.listed, places, strict=True)}
 
     def whole(self, name: str) -> bool:
-        """Return whether all values of a factor are whole numbers, as all seeds are."""
+        """Return whether all values of a factor are whole numbers, as seeds are."""
         choices = next((f.choices for f in self.factors if f.name == name), ())
         listed = bool(choices) and all(isinstance(choice, int) for choice in choices)
         return listed or name in self.table.seeds

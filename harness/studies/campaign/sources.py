@@ -105,8 +105,8 @@ def _imported(file: Path) -> Iterator[Path]:
 
 
 def _names(file: Path, folders: Sequence[Path]) -> Iterator[tuple[str, Sequence[Path]]]:
-    """Yield the dotted names that a Python file imports, each with the folders in which it is to be
-    searched. A name of `from module import name` may be a module or a mere attribute.
+    """Yield the dotted names that a Python file imports, each with the folders in which the module
+    is to be searched. A name from `from module import name` may also be an attribute of a module.
     """
     try:
         tree = ast.parse(file.read_bytes() if file.suffix == ".py" else b"")
@@ -122,8 +122,8 @@ def _names(file: Path, folders: Sequence[Path]) -> Iterator[tuple[str, Sequence[
 
 
 def _modules(name: str, folders: Sequence[Path]) -> Iterator[Path]:
-    """Yield the files of a module `a.b.c` and of its packages `a` and `a.b` in these folders;
-    nothing for modules of the harness.
+    """Yield the files of a module `a.b.c` and of its packages `a` and `a.b` that exist in the given
+    folders; nothing for modules of the harness.
     """
     for part in name.split(".") if name.partition(".")[0] != "harness" else ():
         stems = [folder / stem for folder in folders for stem in (part, f"{part}/__init__")]

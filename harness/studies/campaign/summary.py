@@ -153,10 +153,12 @@ def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> d
 
 
 def chance(factors: int, runs: int) -> float:
-    """Return the absolute rank correlation up to which a factor may correlate by chance.
+    """Return the absolute rank correlation up to which the correlation of a factor may be due to
+    chance.
 
-    If none of the factors has an effect, their largest correlation exceeds this value in only one
-    campaign of twenty (Fieller et al. 1957: artanh(r) is normal with variance 1.06 / (runs - 3)).
+    If none of the factors has an effect, the largest of their correlations exceeds this value in
+    only one campaign of twenty (Fieller et al. 1957: artanh(r) is normal with variance 1.06 / (runs
+    - 3)).
     """
     if runs <= 3 or not factors:
         return 1.0
@@ -320,8 +322,8 @@ def _unjudged(store: Store, name: str, found: Share | None) -> str:
 
 
 def _why(store: Store, run: int, name: str) -> str:
-    """Return the recorded reason, in parentheses, why a metric or requirement has no value in a
-    run; "" if none was recorded.
+    """Return the recorded reason why a metric or requirement has no value in a run, in parentheses;
+    "" if no reason was recorded.
     """
     name = name.removeprefix("requirement ")
     reasons = dict(part.partition(": ")[::2] for part in store.array("message")[run].splitlines())
@@ -455,8 +457,9 @@ def _failures(store: Store, shown: str) -> Iterator[str]:
 
 
 def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
-    """Return the metric that ranks the worst runs, and the numbers of the WORST worst runs: those
-    with the largest values, or the smallest ones if the campaign has `worst = "-metric"`.
+    """Return the metric that ranks the worst runs, and the numbers of the worst runs, at most
+    WORST: those with the largest values, or with the smallest if a minus precedes the metric in
+    `worst`.
     """
     needed = store.plan().table.worst
     given = needed if needed and isinstance(needed, str) else next(iter(metrics))

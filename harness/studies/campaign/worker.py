@@ -111,9 +111,9 @@ class Task:
         return recorded(rows - 1, max(1, -(-rows // self.table.record.rows)))
 
     def in_lanes(self, wanted: bool, notify: Callable[[str], None]) -> Task:
-        """Return the task with lanes switched on if they are `wanted` and possible: with executor
-        `fused` on a processor with vector registers. notify: called with a line that states how
-        many runs are made at once.
+        """Return the task, with lanes if they are `wanted` and possible: with executor `fused` on a
+        processor with vector registers. notify: called with a line that states how many runs are
+        made at once.
         """
         lanes = wanted and self.table.executor == FUSED and width() > 1
         if lanes:
@@ -250,8 +250,8 @@ def _all_met(found: Sequence[Finding]) -> tuple[float, str]:
 
 
 def _last(task: Task, result: Result) -> Array:
-    """Return the last row of a result (columns,), in the order of the dataset's columns; NaN for
-    variables that this run lacks, because a swapped FMU may have other variables.
+    """Return the last row of a result (columns,), in the order of the columns of the dataset; NaN
+    for variables that this run lacks, because a swapped FMU may have other variables.
     """
     last = result.last if isinstance(result, Reading) else result.values[-1]
     if result.columns == task.kinds.columns:
