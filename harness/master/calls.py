@@ -46,30 +46,30 @@ CTYPES: Mapping[int, Mapping[str, Any]] = {
         "String": ctypes.c_char_p,
     },
 }
-"""Types in C by version of FMI and name of the type. Values are transferred type by type in this
-order, and loop.c numbers the types in the order of FMI 3.0.
+"""C types by FMI version (2 or 3) and name of the FMI type. Values are transferred type by type in
+this order, and loop.c numbers the types of FMI 3.0 in this order.
 """
 
 NEEDED = ("DoStep", "Terminate", "FreeInstance")
-"""Functions that are looked up when an FMU is loaded. Without this check their absence would be
-noticed only during or after a run, and its rows would be lost.
+"""Functions that must exist when an FMU is loaded. A missing function would otherwise be noticed
+only during or after a run, and the rows of the run would be lost.
 """
 
 
 def layout(*types: tuple[Any, str]) -> list[tuple[str, Any]]:
-    """Return the fields of a C struct from pairs of a type and the names of its fields, separated
-    by blanks.
+    """Return the `_fields_` of a ctypes.Structure. types: pairs of a C type and the names,
+    separated by blanks, of consecutive fields of this type.
     """
     return [(name, kind) for kind, names in types for name in names.split()]
 
 
 def address(function: Any) -> int | None:
-    """Return the address of a function of a library."""
+    """Return the address of a function of a ctypes library, None for a null pointer."""
     return ctypes.cast(function, ctypes.c_void_p).value
 
 
 class Library(ctypes.CDLL):
-    """Library of an FMU whose functions have argument and return types."""
+    """Shared library of an FMU, whose FMI functions have the argument and return types of FMPy."""
 
     def __getattr__(self, name: str) -> Any:
         found = super().__getattr__(name)
@@ -80,7 +80,9 @@ class Library(ctypes.CDLL):
 
 @cache
 def _types(function: str) -> tuple[list[Any], Any]:
-    """Return the C types of the arguments of a function and of its return value."""
+    """Return the C types of the arguments of an FMI function, such as `fmi2DoStep`, and the C type
+    of its return value.
+    """
     slave = FMU2Slave if function.startswith("fmi2") else FMU3Slave
     signature = inspect.signature(getattr(slave, function))
     _, *arguments = (
@@ -92,22 +94,22 @@ def _types(function: str) -> tuple[list[Any], Any]:
 
 
 class Calls:
-    """Calls of one instance. In FMI 3.0 the instance has no event mode, early return or
-    intermediate update, so that the FMU handles its events by itself.
+    """Instance of an FMU, with the FMI calls as methods. An instance of FMI 3.0 is created without
+    event mode, early return and intermediate update, so that the FMU handles its events by itself.
     """
 
     def __init__(
         self, name: str, interface: Interface, folder: Path, library: Path, *, logging: bool = False
     ) -> None:
-        """Load the library of an unpacked FMU and instantiate it; raise FmuError, or the errors of
-        ctypes.
+        """Load `library` of the FMU that is unpacked in `folder`, and instantiate the FMU; raise
+        FmuError, or the errors of ctypes.
         """
         self.name, self.fmi = name, interface.fmi
         self.prefix, self.in_c = f"fmi{self.fmi}", CTYPES[self.fmi]
         self.state = "FMUstate" if self.fmi == 2 else "FMUState"
         new = f"{self.prefix}Instantiate{'' if self.fmi == 2 else 'CoSimulation'}"
         messages.note_call(name, new)
-        with contextlib.chdir(library.parent):  # folder of further libraries that it needs
+        with contextlib.chdir(library.parent):  # it may load further libraries from there
             self.library = Library(str(library))
         for function in NEEDED:
             self.function(function)
@@ -121,8 +123,9 @@ class Calls:
         self._results = [*map(ctypes.byref, self._flags), ctypes.byref(self._last)]
 
     def _new(self, token: bytes, resources: Path, logging: bool) -> tuple[Any, ...]:
-        """Return the arguments of the function that instantiates, without the name of the instance.
-        They must live as long as the instance, which calls back into them.
+        """Return the arguments of fmi2Instantiate or fmi3InstantiateCoSimulation after the name of
+        the instance. The callback functions among them are stored in `self`, because the FMU calls
+        them as long as the instance exists.
         """
         if self.fmi == 2:
             self._heard = messages.callbacks()
@@ -149,8 +152,8 @@ class Calls:
         return int(self.function(function)(self.handle, *arguments))
 
     def put(self, variables: Sequence[Variable], values: Sequence[Scalar]) -> int:
-        """Set variables of one type and return the status; in FMI 3.0 they are all elements of one
-        array.
+        """Set variables of one FMI type to `values` and return the FMI status. In FMI 3.0 the
+        variables must be all elements of one array.
         """
         given = (v.encode("utf-8") if isinstance(v, str) else v for v in values)
         buffer = (self.in_c[variables[0].access] * len(values))(*given)
@@ -167,8 +170,8 @@ class Calls:
     def initialization(
         self, start: float, stop: float | None
     ) -> Iterator[tuple[str, tuple[Any, ...]]]:
-        """Yield the functions, without prefix, that are called until the FMU is in initialization
-        mode, with their arguments.
+        """Yield name (without prefix) and arguments of each function that must be called until the
+        FMU is in initialization mode. start, stop: time span of the run [s].
         """
         span = False, 0.0, start, stop is not None, stop or 0.0
         if self.fmi == 2:
@@ -177,7 +180,8 @@ class Calls:
 
     def step(self, time: float, size: float, no_rollback: int) -> int:
         """Perform one step and return the status: TERMINATION or EARLY_RETURN if an FMU of FMI 3.0
-        reports one of these, else the status of FMI. time, size: start and length of the step [s].
+        reports one of these, else the status of FMI. time, size: start and length of the step [s];
+        no_rollback: 1 if no earlier state will be restored, else 0.
         """
         results = () if self.fmi == 2 else self._results
         status = int(self.do_step(self.handle, time, size, no_rollback, *results))
@@ -193,7 +197,7 @@ class Calls:
         fmpy.freeLibrary(self.library._handle)
 
 
-# ---- cost of a component on another processor, from the link that represents it
+# ---- cost of a component on another processor, from the link FMU that represents it
 
 
 class Cost(NamedTuple):
@@ -220,7 +224,7 @@ class Cost(NamedTuple):
 
 
 class _Statistics(ctypes.Structure):
-    """Struct LinkStatistics of link_statistics.h."""
+    """C struct LinkStatistics of link_statistics.h, with the fields of Cost."""
 
     _fields_ = layout(
         (ctypes.c_uint64, "steps total largest"),
@@ -231,8 +235,8 @@ class _Statistics(ctypes.Structure):
 
 
 def cost(calls: Calls) -> Cost:
-    """Return the cost of the steps so far; raise FmuError if the instance is not a link FMU or its
-    board does not answer.
+    """Return the cost of all steps so far of the component that a link FMU represents; raise
+    FmuError if the instance is not a link FMU or its board does not answer.
     """
     statistics = getattr(calls.library, "slnk_statistics", None)
     if statistics is None:

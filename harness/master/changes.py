@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Changes to a system before a run: parameter sets and files, single values, other FMUs, latencies,
-step, stop.
+"""Changes to a system before a run: parameter sets and files, single values, swapped FMUs,
+latencies, step, stop.
 
 A change replaces immutable data, so the changed system can be exported exactly as it was run.
 """
@@ -31,7 +31,7 @@ from harness.system.values import base, plain
 from harness.system.wiring import split
 
 Pairs = Sequence[str] | Mapping[str, Any]
-"""Assignments of one option, as texts `name=value` or as a mapping."""
+"""Assignments of one option, such as --set: texts `name=value`, or a mapping from name to value."""
 
 Given = Mapping[str, Any]
 """Values of the assignments of one option, by name."""
@@ -55,7 +55,7 @@ class Changes(TypedDict, total=False):
 
 
 NAMED = ("set", "swap", "map", "on", "latency")
-"""Changes that consist of assignments `name=value`."""
+"""Keys of Changes whose values are assignments `name=value`."""
 
 
 def apply(system: System, **changes: Unpack[Changes]) -> System:
@@ -98,7 +98,8 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
 
 def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given]) -> Origin:
     """Return the origin (source and changes) of a system, extended by these changes. is_set:
-    whether `params` is the name of a parameter set, else it is a file.
+    whether `params` is the name of a parameter set, else it is a file; given: assignments by key of
+    Changes.
     """
     swaps = {c: Swap(c, str(fmu), sha256(find_fmu(fmu))) for c, fmu in given["swap"].items()}
     if params is not None:
@@ -141,8 +142,8 @@ def _once(option: str, given: Pairs) -> dict[str, Any]:
 
 
 def joined(own: Changes, further: Changes) -> Changes:
-    """Return changes extended by further ones. Assignments of both are merged, with precedence for
-    `further`; its other entries replace those in `own`.
+    """Return the changes `own` extended by `further`. Where both contain an option or a name of an
+    assignment, the value in `further` applies.
     """
     one: Mapping[str, Any] = own
     both: dict[str, Any] = {**own, **further}
@@ -152,7 +153,9 @@ def joined(own: Changes, further: Changes) -> Changes:
 
 
 def as_in_a_file(error: HarnessError) -> str:
-    """Return the text of an error about a value without `--set`, for values that are in a file."""
+    """Return the message of an error without the word `--set`, for a value that is from a file and
+    not from the command line.
+    """
     return str(error).replace("--set ", "")
 
 
@@ -160,8 +163,8 @@ def as_in_a_file(error: HarnessError) -> str:
 
 
 def _swapped(system: System, swaps: Given, names: Given) -> System:
-    """Return the system with other FMUs; swaps: FMU by component; names: names of ports in the
-    system by their names in these FMUs, from --map.
+    """Return the system with swapped FMUs. swaps: new FMU by component; names: from --map, name of
+    a port in the system by its name in a new FMU.
     """
     if unknown := unmapped(swaps, names):
         ports = {base(port) for fmu in swaps.values() for port in _ports_of(fmu)}
@@ -174,7 +177,9 @@ def _swapped(system: System, swaps: Given, names: Given) -> System:
 
 
 def unmapped(swaps: Given, names: Iterable[str]) -> list[str]:
-    """Return the names of ports in --map that no swapped FMU has. swaps: FMU by component."""
+    """Return the elements of `names`, ports named in --map, that no new FMU has. swaps: new FMU by
+    component.
+    """
     ports = {component: _ports_of(fmu) for component, fmu in swaps.items()} if names else {}
     return [name for name in names if not any(_local(name, *each) for each in ports.items())]
 
@@ -185,8 +190,8 @@ def _ports_of(fmu: str | Path) -> list[str]:
 
 
 def _local(name: str, component: str, known: Collection[str]) -> str:
-    """Return the port of one FMU for a name that is `port` or `component.port`, "" if it is not
-    among the known ports.
+    """Return the port of the new FMU of `component` for a name `port` or `component.port`; "" if
+    the port is not in `known`, the ports of this FMU.
     """
     inner = name.removeprefix(f"{component}.")
     return next((each for each in (name, inner) if has_port(each, known)), "")
@@ -206,7 +211,7 @@ def set_names(system: System) -> list[str]:
 
 
 def choose_set(system: System, name: str) -> System:
-    """Return the system with a named parameter set in place of the default one."""
+    """Return the system with the parameters, stop time and step of a named parameter set."""
     if name == DEFAULT_SET:
         return system
     chosen = next(s for s in system.sets if s.name == name)
@@ -217,7 +222,9 @@ def choose_set(system: System, name: str) -> System:
 
 
 def _with(system: System, parameters: Mapping[str, Parameters]) -> System:
-    """Return the system with these parameters, by component; other components are unchanged."""
+    """Return the system with new parameters of components, given by component. Components that are
+    not in `parameters` are unchanged.
+    """
     found = ((c, parameters.get(c.name, c.parameters)) for c in system.components)
     new = (c if p is c.parameters else replace(c, parameters=p) for c, p in found)
     return replace(system, components=tuple(new))
@@ -228,8 +235,8 @@ def _over(system: System, values: Assignments) -> System:
 
 
 def _elsewhere(system: System, epoch: str) -> System:
-    """Return the system at another UTC of t = 0, with start values for its bodies from the files in
-    `[start]` at that instant.
+    """Return the system with another epoch (UTC of t = 0), and with start values of its bodies at
+    this epoch from the files in its table `[start]`.
     """
     moved = replace(system, experiment=replace(system.experiment, epoch=epoch))
     values = Assignments(read_interfaces(moved))
@@ -239,8 +246,8 @@ def _elsewhere(system: System, epoch: str) -> System:
 
 
 def _parameter_file(system: System, path: Path) -> System:
-    """Return the system with parameters from a .toml (tables per component and `shared`) or an .ssv
-    (names component.parameter).
+    """Return the system with parameters from a file: a .toml with a table per component and a table
+    `shared`, or an .ssv with names `component.parameter`.
     """
     if path.suffix not in (".toml", ".ssv"):
         names = set_names(system)
@@ -266,8 +273,8 @@ def _read_into(values: Assignments, path: Path) -> None:
 
 
 def _place(values: Assignments, name: str) -> list[tuple[str, str]]:
-    """Return component and variable of a name `component.variable` in a list of one; [] if they do
-    not exist, with a problem added to `values`.
+    """Return [(component, variable)] for a name `component.variable`. If one of them does not
+    exist, return [] and add a problem to `values`.
     """
     try:
         return [split(name, values.interfaces)]
@@ -300,8 +307,8 @@ def _single_value(values: Assignments, name: str, value: Any) -> None:
 
 
 def _driven(system: System, values: Assignments) -> Iterator[str]:
-    """Yield a line per assigned input that is connected: the connection would overwrite the value
-    before its first use.
+    """Yield an error message for every connected input in `values`: the connection would overwrite
+    the value before its first use.
     """
     drivers = {c.target: c.source for c in system.connections}
     ports = (Port(c, v) for c, parameters in values.parameters.items() for v in parameters)
@@ -313,15 +320,15 @@ def _driven(system: System, values: Assignments) -> Iterator[str]:
 
 
 def _opened(system: System, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the open components of a system, whose outputs the user sets during a run, extended by
-    these names.
+    """Return the names of the open components of a system, whose outputs the user sets during a
+    run, extended by `names`.
     """
     return tuple(dict.fromkeys([*system.without, *(existing(system, "--open", n) for n in names)]))
 
 
 def _delayed(system: System, given: Given) -> System:
-    """Return the system with the latency of some components replaced, in macro steps. The schedule
-    checks the limits.
+    """Return the system with new latencies. given: latency in macro steps by component. The limits
+    are checked later, when the schedule is made.
     """
     for name, steps in given.items():
         existing(system, "--latency", name)
@@ -336,9 +343,9 @@ def _delayed(system: System, given: Given) -> System:
 
 
 def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> System:
-    """Return the system with further requirements: texts by name, or texts that are their own
-    names. Only these are checked, because a swap may have removed variables that requirements of
-    the system need.
+    """Return the system with further requirements: a mapping from name to text, or texts that are
+    also the names. Only the further requirements are checked, because requirements of the system
+    may need variables that a swap has removed.
     """
     if not given:
         return system

@@ -2,9 +2,9 @@
 """Function calls in a child process, so that third-party code can neither terminate nor disturb
 this process.
 
-A function and its arguments enter. The messages that the function sends, notes for the user, its
-terminal output and the way in which it ended leave. The child has a session of its own, receives no
-Ctrl-C, and always ends with this process.
+The child calls a function with arguments. It returns the messages that the function sends, notes
+for the user, terminal output, and how the function ended. The child has a session of its own,
+receives no Ctrl-C, and always ends with this process.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ interpreter.
 """
 
 Block = Any
-"""Bytes in memory that this process shares with a child."""
+"""Block of memory that this process shares with a child."""
 
 
 def block(size: int) -> Block:
@@ -56,7 +56,7 @@ def block(size: int) -> Block:
 
 
 def array(shared: Block, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Return shared bytes as an array."""
+    """Return shared memory as an array of this shape and type, without a copy."""
     return np.frombuffer(shared, dtype=dtype, count=math.prod(shape)).reshape(shape)
 
 
@@ -67,7 +67,7 @@ GRACE_SECONDS = 0.5
 """Time in which a child that was requested to stop may end by itself [s]."""
 
 LAST_WORDS = 200
-"""Characters stored of the last terminal output of the child."""
+"""Number of characters of the newest terminal output of the child that are stored."""
 
 PIPE = 1 << 16
 """Number of bytes that a pipe can hold."""
@@ -81,9 +81,9 @@ Send = Callable[[str, Any], None]
 
 
 class Child:
-    """Process that calls function(send, *arguments); a context manager that ends it.
+    """Child process that calls function(send, *arguments); a context manager that ends the process.
 
-    open_files: numbers of files that the arguments need.
+    open_files: descriptors of files that stay open in the child, because `arguments` need them.
     """
 
     def __init__(
@@ -105,8 +105,8 @@ class Child:
         # Python forbids children of a daemonic process, such as a worker of
         # multiprocessing.Pool; this child is safe, because it ends with its parent
         multiprocessing.current_process().daemon = False
-        # an interrupt while a fork holds its locks would leave them locked for ever
-        with held(), warnings.catch_warnings():  # newer Pythons warn of forks beside other threads
+        # held() delays Ctrl-C: an exception during the fork would leave locks of Python locked
+        with held(), warnings.catch_warnings():  # newer Pythons warn of a fork with threads
             warnings.simplefilter("ignore", DeprecationWarning)
             self.process.start()
         theirs.close()
@@ -118,7 +118,7 @@ class Child:
     def __exit__(self, *_: object) -> None:
         self.kill()
         self._code = self.process.exitcode
-        self.process.close()  # now, not when the error that refers to the process is collected
+        self.process.close()  # an error that refers to it may exist for longer
         self._messages.close()
         self._terminal.close()
 
@@ -128,7 +128,7 @@ class Child:
         """
         until, over = time.monotonic() + seconds, False
         while time.monotonic() < until and not over:
-            ended = not self.process.is_alive()  # then the pipes contain all that will come
+            ended = not self.process.is_alive()  # no further output will follow then
             sources = self._open if ended else [*self._open, self.process.sentinel]
             ready = wait(sources, 0 if ended else LOOK_SECONDS)
             if self._terminal in ready:
@@ -201,11 +201,11 @@ class Child:
 
 
 def _open_files() -> set[int]:
-    """Return the numbers of the open files that a fork would inherit."""
+    """Return the descriptors of the open files that a forked child would inherit."""
     folder = Path("/proc/self/fd")
     if not FORK or not folder.is_dir():
         return set()
-    listed = list(folder.iterdir())  # the list contains its own descriptor, which is closed now
+    listed = list(folder.iterdir())  # one entry, of this listing itself, is closed now
     return {int(file.name) for file in listed if file.is_symlink()}
 
 
@@ -222,8 +222,8 @@ def _work(
     messages, terminal = pipes
     _stand_alone()
     _redirect(terminal)
-    # third-party code must not write into the files of the parent, nor hold pipes open for whose
-    # end other processes wait
+    # close inherited files: third-party code must not write into files of the parent, and other
+    # processes may wait until a pipe is closed
     for number in inherited - {0, 1, 2, messages.fileno(), terminal.fileno()}:
         with suppress(OSError):
             os.close(number)

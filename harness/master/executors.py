@@ -24,8 +24,8 @@ from harness.system.schedule import Action, Verb
 
 
 class Clock(NamedTuple):
-    """Times of the macro steps: step k begins at start + k * step [s]. Times are products, not
-    sums, so that rounding errors do not accumulate.
+    """Times of the macro steps [s]: macro step k begins at start + k * step. The product prevents
+    the rounding errors of a sum from accumulating.
     """
 
     start: float
@@ -37,10 +37,12 @@ class Clock(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """Input of an executor. plan: actions of a macro step, in order; bus: values of all slots;
-    recorder: table of recorded rows; clock: times of the macro steps; pause: number of actions at
-    the beginning of the plan that are performed together with the macro step before, so that the
-    run pauses where an open component would read its inputs.
+    """Input of an executor.
+
+    plan: actions of a macro step, in order; bus: values of all signals; recorder: table of recorded
+    rows; clock: times of the macro steps; pause: number of actions at the beginning of the plan
+    that are performed together with the previous macro step, so that the run pauses where an open
+    component would read its inputs (0: no open component).
     """
 
     plan: Sequence[Action[Instance]]
@@ -53,8 +55,8 @@ class Loop(NamedTuple):
 class PythonExecutor:
     """Reference implementation of the loop over macro steps.
 
-    calls: instance and FMI function of every call of a macro step; the recorder stores the index of
-    the present call in this list as progress.
+    calls: name of the instance and FMI function of every action of a macro step; the recorder
+    stores the index of the present action in this list.
     """
 
     def __init__(self, loop: Loop) -> None:
@@ -87,20 +89,18 @@ _KINDS = {
     2: {Verb.SET: (0, 1, 5), Verb.STEP: (2,), Verb.GET: (3, 4)},
     3: {Verb.SET: (6, 8, 11), Verb.STEP: (10,), Verb.GET: (7, 9)},
 }
-"""Values of Call.kind in loop.c by version of FMI and verb. SET and GET have one for doubles and
-one for other types, SET a third for doubles that are converted on the way.
+"""Values of Call.kind in loop.c by FMI version and action (SET, STEP, GET). SET and GET have one
+kind for doubles and one for other types. SET has a third kind for doubles whose unit is converted.
 """
 
 
 def _marked(actions: Iterable[Action[Instance]]) -> list[tuple[str, str]]:
-    """Return instance and FMI function of every action, in the order in which the recorder counts
-    calls.
-    """
+    """Return name of the instance and FMI function of every action, in the given order."""
     return [(a.instance.name, a.verb.call(a.instance.node.interface.fmi)) for a in actions]
 
 
 class _Call(ctypes.Structure):
-    """Struct Call of loop.c."""
+    """C struct Call of loop.c: one FMI call of a macro step."""
 
     _fields_ = layout(
         (ctypes.c_int, "kind every phase no_rollback type finite"),
@@ -110,7 +110,7 @@ class _Call(ctypes.Structure):
 
 
 class _Run(ctypes.Structure):
-    """Struct Run of loop.c."""
+    """C struct Run of loop.c: times, bus and recorded rows of a run."""
 
     _fields_ = layout(
         (ctypes.c_double, "start step"),
@@ -121,13 +121,15 @@ class _Run(ctypes.Structure):
 
 
 class Stop(ctypes.Structure):
-    """Struct Stop of loop.c."""
+    """C struct Stop of loop.c: number of completed macro steps, index of the call before or at
+    which the execution stopped, and status.
+    """
 
     _fields_ = layout((ctypes.c_long, "done"), (ctypes.c_size_t, "call"), (ctypes.c_int, "status"))
 
 
 class Stretch(ctypes.Structure):
-    """Struct Stretch of loop.c."""
+    """C struct Stretch of loop.c: consecutive macro steps of one simulation, to be performed."""
 
     _fields_ = layout(
         (ctypes.c_void_p, "calls"),
@@ -140,10 +142,10 @@ class Stretch(ctypes.Structure):
 
 
 class CExecutor:
-    """Executor in C, which calls the functions of the libraries of the FMUs by their pointers."""
+    """Executor in C, which calls the FMI functions of the loaded FMUs by their addresses."""
 
     def __init__(self, loop: Loop) -> None:
-        self.loop = loop  # holds the arrays to which the C structs point
+        self.loop = loop  # the C structs point to its arrays
         self._execute = library().execute
         self._origin = list(_origins(loop.plan))
         self.calls = _marked(action for action, _ in self._origin)
@@ -176,8 +178,8 @@ class CExecutor:
         self.finish(self._execute(self._calls, count, run, first, last, self._pause, ready))
 
     def finish(self, stop: Stop) -> None:
-        """Record how many macro steps are complete; raise RunError naming the instance that failed,
-        if one did.
+        """Store the number of completed macro steps in the recorder. If a call failed, raise
+        RunError, which names the failed instance.
         """
         self.loop.recorder.done = stop.done
         if stop.status not in (OK, WARNING):
@@ -189,8 +191,8 @@ class CExecutor:
 def _origins(
     plan: Sequence[Action[Instance]],
 ) -> Iterator[tuple[Action[Instance], Transfer | None]]:
-    """Yield action and transfer of every FMI call of the plan: STEP is one call without a transfer,
-    SET and GET are one call per transfer (one per type of variable).
+    """Yield action and transfer of every FMI call of a macro step. STEP is one call, without a
+    transfer (None). SET and GET are one call per transfer, which has variables of one type.
     """
     for action in plan:
         if action.verb is Verb.STEP:
@@ -237,8 +239,8 @@ def _loaded(path: Path) -> Any:
 
 
 class Stretches:
-    """Stretches of macro steps of several simulations, performed one after the other without Python
-    in between. each: the stretches; their `stop` states how far each came.
+    """Stretches (consecutive macro steps) of several simulations, which C performs one after the
+    other without Python in between. each: the stretches; the field `stop` of each is its outcome.
     """
 
     def __init__(self, given: Sequence[Stretch]) -> None:

@@ -36,13 +36,13 @@ HEARD = (
     *("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal"),
     messages.STATISTICS,
 )
-"""Log categories of FMI 2.0 whose messages are requested; all others stay off."""
+"""Log categories of FMI 2.0 whose messages are requested; all other categories stay off."""
 
 REASONS = {
     TERMINATION: "requested termination",
     EARLY_RETURN: "returned early although that was not allowed",
 }
-"""Reasons why a step of an FMU ends the run although its FMI status is OK or a warning."""
+"""Reasons why a step ends the run although the FMI status of the step is OK or a warning."""
 
 DOING = {
     Verb.SET: "setting inputs failed",
@@ -52,18 +52,18 @@ DOING = {
 
 
 def _is_python(interface: Interface) -> bool:
-    """Return whether PythonFMU built an FMU. Such an FMU reports exceptions only if its logging is
-    on.
+    """Return whether the tool PythonFMU built an FMU. Such an FMU reports exceptions only if its
+    logging is on.
     """
     return "PythonFMU" in str(interface.model.generationTool or "")
 
 
 def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bool) -> Path:
     """Return the folder of the unpacked FMU: in the cache for an FMU of the project, else a
-    separate copy below folder(), which `files` removes at its end.
+    separate copy in a new folder inside folder(). Closing `files` removes the copy.
 
-    A third-party FMU may have global variables. A library that is loaded twice from one file has
-    them only once, so each instance needs files of its own.
+    A third-party FMU may have global variables. Instances that load the library from one file would
+    share these variables, so each instance gets a copy of the files.
     """
     cached = cache.unpacked(path) if ours else None
     if cached is not None:
@@ -78,10 +78,11 @@ class Instance:
     """Loaded instance of the FMU of one component."""
 
     def __init__(self, node: Node, folder: Callable[[], Path], ours: bool | None = None) -> None:
-        """Unpack below folder(), load and instantiate; raise FmuError if that fails.
+        """Unpack, load and instantiate the FMU of a node; raise FmuError if that fails.
 
-        ours: whether the FMU belongs to the project (None: decided by its bytes). Such an FMU has
-        no global variables, resets completely, and has finite outputs only.
+        folder: function that returns the folder for unpacked third-party FMUs; ours: whether the
+        FMU belongs to the project (None: decided by its bytes). An FMU of the project has no global
+        variables, resets completely, and has finite outputs only.
         """
         self.name = node.component.name
         self._states: list[ctypes.c_void_p] = []
@@ -135,8 +136,8 @@ class Instance:
     # ---- life
 
     def _listen(self) -> None:
-        """Enable only the log categories for errors and warnings, except in an FMU of PythonFMU or
-        one without these categories.
+        """Enable only the log categories in HEARD. Leave the logging unchanged in an FMU of
+        PythonFMU or without these categories.
         """
         interface = self.node.interface
         categories = [c.name for c in interface.model.logCategories if c.name in HEARD]
@@ -144,8 +145,9 @@ class Instance:
             self.calls.listen(categories)
 
     def renew(self, node: Node) -> bool:
-        """Reset the instance to the state after instantiation, for the next run with a node of the
-        same FMU. Return False if the FMU cannot be reset, or may retain values of the last run.
+        """Reset the instance to the state after instantiation, for the next run with `node`. Return
+        False if the node has another FMU, or if the FMU cannot be reset or may retain values of the
+        last run.
         """
         if node.interface is not self.node.interface or (self._used and not self._reset()):
             return False
@@ -165,8 +167,8 @@ class Instance:
         return self.calls.call("Reset") in (OK, WARNING)
 
     def set_start_values(self, time: float) -> None:
-        """Set parameters and start values one by one, so that an error names the rejected one; in
-        FMI 3.0 set each array at once.
+        """Set parameters and start values. Every scalar in FMI 2.0, and every array in FMI 3.0, is
+        set by its own call, so that an error names the rejected variable.
         """
         self._used = True
         for variables, values, name in self._settings():
@@ -176,8 +178,9 @@ class Instance:
                 raise self._failure(status, f"set{access} rejected {value}", time, name)
 
     def _settings(self) -> Iterator[tuple[tuple[Variable, ...], list[Scalar], str]]:
-        """Yield variables that are set by one call, their values, and the name for an error
-        message: one variable, or in FMI 3.0 all elements of an array of which at least one is set.
+        """Yield for each call that sets values: its variables, their values, and the name for an
+        error message. In FMI 2.0 a call sets one variable, in FMI 3.0 all elements of an array of
+        which at least one has a new value.
         """
         interface = self.node.interface
         if interface.fmi == 2:
@@ -191,15 +194,15 @@ class Instance:
             yield row, [given.get(v.name, resting(v)) for v in row], name
 
     def put(self, variables: Sequence[Variable], values: NDArray[np.float64], time: float) -> None:
-        """Set all elements of one input between steps; raise RunError if the FMU rejects the
-        values.
+        """Set all elements of one input between steps, at `time` [s]; raise RunError if the FMU
+        rejects the values.
         """
         given = [coerce(float(x), v.type, v.access) for v, x in zip(variables, values, strict=True)]
         if (status := self.calls.put(variables, given)) not in (OK, WARNING):
             raise self._failure(status, f"set{variables[0].access} rejected {given}", time)
 
     def enter_initialization(self, start: float, stop: float) -> None:
-        """Make the calls that lead to initialization mode."""
+        """Bring the FMU into initialization mode; start, stop: time span of the run [s]."""
         for function, arguments in self.calls.initialization(start, stop):
             self._call(function, start, *arguments)
 
@@ -211,8 +214,8 @@ class Instance:
         self._stepping = True
 
     def close(self) -> None:
-        """Terminate and free the instance as far as its last status allows, and unload the
-        library.
+        """Terminate the instance if its last call succeeded, free it and unload the library; after
+        a fatal error skip all three. Remove the unpacked files.
         """
         messages.report_warnings(self.name)
         if self._status != FATAL:
@@ -223,7 +226,9 @@ class Instance:
         self._files.close()
 
     def _terminate(self) -> None:
-        """End a run with Terminate if the FMU is in one; the returned status is ignored."""
+        """Call Terminate if the FMU is initialised and its last call succeeded; ignore the returned
+        status.
+        """
         if self._stepping and self._status in (OK, WARNING):
             self.calls.call("Terminate")
         self._stepping = False
@@ -231,8 +236,8 @@ class Instance:
     # ---- the macro step
 
     def act(self, verb: Verb, bus: NDArray[np.float64], time: float, step: float) -> None:
-        """Perform one verb of the schedule; time: communication point [s]; step: macro step [s];
-        raise RunError if the FMU fails.
+        """Perform one action of the schedule: SET inputs, STEP, or GET outputs; raise RunError if
+        the FMU fails. time: communication point [s]; step: length of a macro step [s].
         """
         if verb is Verb.STEP:
             status = self.calls.step(time, self.every * step, self.no_rollback)
@@ -242,8 +247,8 @@ class Instance:
             self.raise_if_failed(verb, status, time, transfer)
 
     def propagate(self, verb: Verb, bus: NDArray[np.float64], time: float) -> None:
-        """Perform SET or GET in initialization mode. SET skips inputs whose sources are not finite
-        yet, and GET accepts outputs that are not finite yet.
+        """Perform SET or GET in initialization mode. GET accepts outputs that are not finite yet.
+        SET skips all inputs of a type while one of their values is not finite.
         """
         messages.note_call(self.name, verb.call(self.node.interface.fmi))
         for transfer in self.transfers[verb]:
@@ -277,8 +282,8 @@ class Instance:
     # ---- rollback
 
     def save(self, time: float) -> ctypes.c_void_p:
-        """Return the present state of the FMU, to be released with free(); raise RunError if the
-        FMU cannot save its state.
+        """Save the present state of the FMU and return a pointer to it, to be released with free();
+        raise RunError if the FMU cannot save its state.
         """
         if self.no_rollback:
             raise RunError(self.name, time, "this FMU cannot save and restore its state")
@@ -288,7 +293,7 @@ class Instance:
         return state
 
     def restore(self, state: ctypes.c_void_p, time: float) -> None:
-        """Return to a saved state."""
+        """Return the FMU to a state that save() returned; raise RunError if the FMU fails."""
         self._call(f"Set{self.calls.state}", time, state)
 
     def free(self, state: ctypes.c_void_p) -> None:

@@ -43,32 +43,38 @@ from harness.system.values import base
 _log = logging.getLogger("harness")
 
 MACRO_STEP = "macro_step"
-"""Parameter of the FMU of a whole system: its steps are whole multiples of this value [s]."""
+"""Name of the parameter for the macro step [s] in the FMU of a whole system. The length of every
+step of this FMU is a whole multiple of the macro step.
+"""
 
 COMPILER = "cc"
 
 OF_PROCESSOR = ("-mavx2", "-mno-fma") if has_avx2() else ()
-"""Compiler flags for a system that runs on this machine only: a quarter fewer instructions. The
-bits of the results are the same, because products and sums are rounded one by one (no FMA).
+"""Compiler flags for a system that runs on this machine only; they save a quarter of the
+instructions. The results are bit-identical, because products and sums are rounded one by one (no
+FMA).
 """
 
 LIBRARY = "ziglang"
-"""Python package that contains the compiler of WebAssembly modules."""
+"""Python package that contains the compiler zig, for WebAssembly modules and as a replacement for a
+missing C++ compiler.
+"""
 ZIG = (sys.executable, "-m", LIBRARY)
 
 
 class NotFusedError(HarnessError):
-    """System that cannot be compiled to one FMU. str() gives the reason in one line."""
+    """Error: a system cannot be compiled to one FMU. str() gives the reason in one line."""
 
 
 def write_whole(
     system: System, graph: Graph, path: Path, fmi: int = 2, scalars: bool = False
 ) -> None:
-    """Write a checked system as one FMU in a version of FMI: its values are the start values, and
-    the FMU has the name of the system, the version of this package and the provenance. Raise
-    NotFusedError.
+    """Write a checked system as one FMU to `path`; raise NotFusedError if that is impossible. The
+    values of the system become the start values of the FMU. The FMU states the name of the system,
+    the version of this package and the provenance.
 
-    scalars: elements of vectors and matrices are separate variables also in FMI 3.0.
+    fmi: version of FMI, 2 or 3; scalars: whether elements of vectors and matrices are separate
+    variables also in FMI 3.0.
     """
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     plan = _plan(system, graph, system.name) | whole_provenance(system, interfaces)
@@ -76,10 +82,14 @@ def write_whole(
 
 
 class Whole:
-    """FMU compiled from one structure of a system, and what its instance in a run needs."""
+    """FMU compiled from a whole system. It can run all systems of the same structure (components,
+    connections, schedule), which differ only in values.
+    """
 
     def __init__(self, system: System, graph: Graph, compiler: str = COMPILER) -> None:
-        """Compile the FMU, or take it from the cache; raise NotFusedError."""
+        """Compile the FMU, or take it from the cache; raise NotFusedError if the system cannot be
+        compiled.
+        """
         self._structure = structure(system, graph)
         plan = _plan(system, graph, "whole")
         command = [*_command(compiler), *OF_PROCESSOR]
@@ -100,8 +110,8 @@ class Whole:
         return structure(system, graph) == self._structure
 
     def node(self, recorded: Sequence[int] | None) -> Node:
-        """Return the node of the FMU, the only one in a run; recorded: indices of the recorded
-        slots of the graph, in order (None: all slots).
+        """Return a node with this FMU, the only node in the graph of a run. recorded: indices of
+        the recorded slots of the graph of the system, in order (None: all slots).
         """
         component = Component("whole", self.interface.path)
         outputs = self.outputs
@@ -110,8 +120,8 @@ class Whole:
         return Node(component, self.interface, (), outputs, (), ())
 
     def values(self, system: System, graph: Graph) -> NDArray[np.float64]:
-        """Return the values of all settable variables of the FMU for a run of the system, in their
-        order.
+        """Return the values of all settable variables of this FMU for a run of `system`, in the
+        order of the variables in the FMU.
         """
         values = self._starts.copy()
         values[self._places[MACRO_STEP]] = system.experiment.step or 0.0
@@ -168,8 +178,8 @@ class WholeInstance(Instance):
         self._get = Transfer(self.calls, "GetReal", whole.outputs)
 
     def set_start_values(self, time: float) -> None:
-        """Set all parameters and open inputs by one call; raise RunError if the FMU rejects one of
-        them. The error does not name it.
+        """Set all parameters and open inputs by one call; raise RunError if the FMU rejects a
+        value. The error does not name the rejected variable.
         """
         self._used = True
         address = self.values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
@@ -185,14 +195,14 @@ class WholeInstance(Instance):
         return bus
 
 
-# ---- a module for pages
+# ---- WebAssembly module for live pages
 
 
 class Module(NamedTuple):
     """WebAssembly module and the inputs of its runs.
 
-    code: the module; names, references, values: names, value references and start values of all
-    settable variables, in one order; outputs: value references by the name of the column.
+    code: bytes of the module; names, references, values: name, value reference and start value of
+    every settable variable, in the same order; outputs: value reference by name of the column.
     """
 
     code: bytes
@@ -274,8 +284,8 @@ def _part(node: Node, driver: dict[int, tuple[int, str]], algorithm: str) -> dic
 
 
 def _command(compiler: str) -> list[str]:
-    """Return the command of the compiler as a list; raise NotFusedError if the compiler or the C
-    sources of the project are missing.
+    """Return the command `compiler` split into its words; raise NotFusedError if the compiler or
+    the C sources of the project are missing.
     """
     command = shlex.split(compiler)
     if paths.core() is None:
@@ -320,7 +330,9 @@ def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str], fmi: int = 
 
 
 def run_tool(tool: Path, *arguments: str) -> None:
-    """Run a tool of core/build; raise NotFusedError with the first error that it prints."""
+    """Run a Python script of core/build in a new process; if it fails, raise NotFusedError with the
+    first error that it prints.
+    """
     done = subprocess.run(
         [sys.executable, str(tool), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, errors="replace", check=False, stdin=subprocess.DEVNULL,

@@ -30,12 +30,14 @@ from harness.system.model import System
 _log = logging.getLogger("harness")
 
 PATIENCE = 60.0
-"""Largest duration of one call into a third-party FMU in campaigns, where many runs wait [s]."""
+"""Largest duration of one call into a third-party FMU in campaigns [s]; a longer call would delay
+all later runs.
+"""
 
 BEGUN, OVER = "begun", "over"
-"""Messages of the child. BEGUN: the initial row is recorded; content: instances and functions of
-the calls of a macro step. OVER: the last row is recorded, or the run has ended with an error;
-content: the error or None, and the duration of a macro step [s].
+"""Kinds of messages from the child. BEGUN: the initial row is recorded; content:
+Simulation.calls(). OVER: the last row is recorded, or the run has ended with an error; content: the
+error or None, and the duration of a macro step [s].
 """
 
 
@@ -49,8 +51,8 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     patience: float = math.inf,
 ) -> Result:
     """Run a system to which all changes have been applied; third-party FMUs run in a child process
-    unless in_process. executor, every, progress: as for run(); patience: limit for one FMI call,
-    after which the child is killed [s].
+    unless in_process. executor, every, progress: as for run(); patience: largest duration of one
+    FMI call [s], after which the child is killed.
     """
     how: Any = {"executor": executor, "every": every}
     if not (in_process or all_ours(system)):
@@ -72,7 +74,8 @@ def timed(
     """Return the result of a run in a child process, and the duration of a macro step in the
     fastest stretch of the run [s].
 
-    patience: limit for one FMI call, after which the child is killed [s].
+    every: macro steps per recorded row; patience: largest duration of one FMI call [s], after which
+    the child is killed.
     """
     run = _Run(system, {"executor": executor, "every": every}, patience)
     return run.result(progress=False), run.simulation.pace
@@ -82,7 +85,8 @@ def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any)
     """Return function(*arguments), which calls the FMUs in `fmus`; it runs in a child process if
     one of them is third-party.
 
-    Raises the errors of the function, and FmuError if the child process ends.
+    Raises the errors of the function, and FmuError if the child process ends before the function
+    has returned.
     """
     if all(map(is_ours, fmus)):
         return function(*arguments)
@@ -91,7 +95,7 @@ def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any)
 
 def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return function(*arguments), called in a child process; raise the errors of the function, and
-    FmuError if the process ends before.
+    FmuError if the child process ends before the function has returned.
     """
     with Child(_call, function, *arguments) as process:
         for kind, content in process.messages():
@@ -124,11 +128,11 @@ class _Memory(NamedTuple):
 
 
 class _Run:
-    """Run as seen from the parent: a Simulation that loads no FMUs, whose rows a child process
-    records.
+    """Run in a child process, as the parent sees it: `simulation` in the parent loads no FMUs, and
+    the child records the rows into shared memory.
 
-    over: whether the run has ended in the child; closed: whether its FMUs are freed; verdict:
-    reason why the parent killed the child, "" if it did not.
+    over: whether the run has ended in the child; closed: whether the FMUs are freed; verdict:
+    reason why the parent killed the child, "" if the parent did not kill it.
     """
 
     def __init__(self, system: System, how: Any, patience: float) -> None:
@@ -176,8 +180,8 @@ class _Run:
             self._look()
 
     def _look(self) -> None:
-        """Kill the child if neither its progress nor its present call has changed for `patience`
-        seconds.
+        """Kill the child if the number of completed macro steps and the present FMI call have not
+        changed for `patience` seconds.
         """
         state, now = (
             (self.simulation.recorder.progress.tobytes(), self.child.place),

@@ -48,7 +48,7 @@ CHUNK = 1000
 @lru_cache
 def width() -> int:
     """Return the number of runs at once on this processor: 8 with AVX-512, 4 with AVX2, else 2.
-    Return 1 if there is no compiler, no C sources, or no cache, in which processes find the
+    Return 1 if there is no compiler, no C sources, or no cache, through which processes share the
     library.
     """
     there = compiler() and paths.core() and cache.folder() and os.name == "posix"
@@ -69,8 +69,9 @@ def compiler() -> tuple[str, ...]:
 
 
 def library(fmu: Path, wait: bool = False) -> Path | None:
-    """Return the lane library of a whole system (an FMU) from the cache, None if it is not there or
-    width() is 1. wait: compile a missing library; raise NotFusedError if the compiler fails.
+    """Return the path of the lane library, in the cache, of the FMU of a whole system; None if it
+    is not in the cache or width() is 1. wait: whether to compile a missing library, and to raise
+    NotFusedError if the compiler fails.
     """
     tool, command = _core() / "build" / "lanes.py", shlex.join(compiler())
 
@@ -86,8 +87,8 @@ def library(fmu: Path, wait: bool = False) -> Path | None:
 
 @lru_cache(maxsize=8)
 def _key(fmu: Path) -> bytes:
-    """Return the key of a library in the cache: the content of everything that determines its code
-    (FMU, tools, compiler and number of lanes).
+    """Return the key of a lane library in the cache, made of everything that determines the code of
+    the library (FMU, tools, compiler and number of lanes).
     """
     program, build = Path(compiler()[0]).resolve(), _core() / "build"
     if len(compiler()) > 1:
@@ -120,7 +121,7 @@ def compiling(fmu: Path) -> Iterator[None]:
 
 
 class _Runs(ctypes.Structure):
-    """Struct Runs of core/lanes/runs.h."""
+    """C struct Runs of core/lanes/runs.h: the runs in the lanes, with their times and tables."""
 
     _fields_ = layout(
         (ctypes.c_double, "start step"),
@@ -144,8 +145,9 @@ class Lanes:
 
     def advance(self, simulations: Sequence[Simulation], to: int | None = None) -> list[bool]:
         """Perform macro steps until `to` are complete (default: all) for simulations of one system
-        that differ only in values and have completed equally many steps. Return for each whether it
-        is valid: a run of which a step was rejected is not valid and must be run alone.
+        that differ only in values and have completed equally many steps. Return for each simulation
+        whether it is valid. If an FMU rejects a step, the run is not valid and must be repeated
+        alone.
         """
         first, count = simulations[0], len(simulations)
         instances = [_whole(simulation) for simulation in simulations]
@@ -174,9 +176,9 @@ class Lanes:
         return complete
 
     def _run(self, runs: _Runs, to: int) -> float:
-        """Perform the macro steps and check for Ctrl-C in between. Return the processor time per
-        macro step in the fastest stretch [s]. Elapsed time would include the time of other
-        processes.
+        """Perform macro steps until `to` are complete, and check for Ctrl-C after every stretch.
+        Return the processor time [s] per macro step of all lanes in the fastest stretch. Elapsed
+        time would include the time of other processes.
         """
         chunk, pace = CHUNK, math.inf
         while runs.done < to and runs.lost != (1 << runs.count) - 1:

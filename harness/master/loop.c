@@ -27,35 +27,36 @@ enum {
     GET_REAL,
     GET_INTEGER,
     SET_AFFINE,
-    SET_FLOAT64, /* of FMI 3.0 from here on */
+    SET_FLOAT64, /* this and all later kinds: FMI 3.0 */
     GET_FLOAT64,
     SET_OTHER,
     GET_OTHER,
     STEP_3,
     SET_AFFINE_3
-}; /* integers carry fmi2Boolean as well */
+}; /* SET_INTEGER and GET_INTEGER: fmi2Integer and fmi2Boolean, which are both int */
 
-/* beside the statuses of FMI: an output is infinite or NaN, or a whole number that no double holds;
- * a step requests termination, or has returned early */
+/* Statuses that FMI does not define: an output is infinite or NaN; an output is a whole number that a
+ * double cannot represent; a step requests termination; a step has returned early. */
 enum { NOT_FINITE = -1, TOO_WIDE = -2, TERMINATION = -3, EARLY_RETURN = -4 };
 
 typedef struct {
-    size_t slot, count, at; /* neighbours on the bus that are neighbours in the buffer too */
+    size_t slot, count,
+        at; /* count values from bus[slot] on, equal to those from element `at` of the buffer on */
 } Piece;
 
 typedef struct {
     int kind, every, phase;              /* due in macro step k if k % every == phase */
     int no_rollback;                     /* noSetFMUStatePriorToCurrentPoint of a step */
-    int type;                            /* of FMI 3.0, see Conversion */
-    int finite;                          /* 1: the FMU checks its outputs itself */
-    size_t count, pieces, wires, values; /* of the arrays below; all elements of the buffer */
+    int type;                            /* of the values in FMI 3.0: index in `conversion` */
+    int finite;                          /* 1: all outputs are finite and are not checked here */
+    size_t count, pieces, wires, values; /* lengths of reference, piece, slot (and at), value */
     void (*function)(void);              /* fmi2SetReal, fmi2DoStep, ... of the FMU's library */
     void *component;
     const unsigned *reference;
-    const size_t *slot, *at;       /* place of each signal on the bus and in the buffer */
-    const Piece *piece;            /* the same places in pieces */
+    const size_t *slot, *at;       /* index of each signal on the bus and in the buffer */
+    const Piece *piece;            /* the same indices in consecutive pieces */
     void *value;                   /* buffer in the type of the function */
-    const double *factor, *offset; /* of SET_AFFINE: input = factor * bus + offset */
+    const double *factor, *offset; /* SET_AFFINE: input = factor * bus + offset */
 } Call;
 
 typedef struct {
@@ -63,19 +64,20 @@ typedef struct {
     size_t slots;
     long every, steps;
     double *bus;
-    double *table; /* recorded rows, row r = bus after r * every macro steps, the last after all */
-    volatile int64_t *progress; /* completed macro steps, call in progress; read by the parent */
+    double *table; /* recorded rows: row r after r * every macro steps, the last row at the end */
+    volatile int64_t
+        *progress; /* completed macro steps, index of the present call; read by the parent */
 } Run;
 
 typedef struct {
     long done;   /* macro steps completed */
-    size_t call; /* where it stopped, and why */
+    size_t call; /* index of the failed call, or of the call before which the run pauses */
     int status;
 } Stop;
 
 typedef struct {
     double *bus;
-    double t, step; /* s; of the macro step being made */
+    double t, step; /* s; begin and length of the present macro step */
 } Moment;
 
 static inline void gather(const Call *c, const double *bus)
@@ -144,7 +146,7 @@ static int step_2(const Call *c, const Moment *now)
 }
 
 /* ---- FMI 3.0 ---- */
-static int call_3(const Call *c) /* fmi3GetX, fmi3SetX: they differ in the type of the buffer */
+static int call_3(const Call *c) /* fmi3GetX or fmi3SetX: equal but for the type of buffer */
 {
     return (int)((fmi3GetFloat64TYPE *)c->function)(c->component, c->reference, c->count, c->value,
                                                     c->values);
@@ -196,7 +198,7 @@ static const Conversion conversion[] = {BOTH(Float64), BOTH(Float32), BOTH(Int8)
                                         BOTH(UInt32),  BOTH(UInt64),  BOTH(Boolean)};
 enum { INT64 = 5, UINT64 = 9 };
 
-/* whether a whole number is another one as a double */
+/* 1 if element i of the buffer, a whole number, differs from its conversion to a double, x */
 static int is_wide(const Call *c, size_t i, double x)
 {
     if (!(x >= 9007199254740992.0 || x <= -9007199254740992.0)) return 0;
@@ -235,14 +237,14 @@ static int step_3(const Call *c, const Moment *now)
     return terminate ? TERMINATION : early ? EARLY_RETURN : status;
 }
 
-/* functions by kind of call; a table makes each call one jump, in both versions of FMI */
+/* Functions by kind of call, for both versions of FMI. */
 static int (*const perform[])(const Call *c, const Moment *now) = {
     [SET_REAL] = set_real,       [SET_INTEGER] = set_integer, [STEP] = step_2,
     [GET_REAL] = get_real,       [GET_INTEGER] = get_integer, [SET_AFFINE] = set_affine,
     [SET_FLOAT64] = set_float64, [GET_FLOAT64] = get_float64, [SET_OTHER] = set_other,
     [GET_OTHER] = get_other,     [STEP_3] = step_3,           [SET_AFFINE_3] = set_affine_3};
 
-static int due(const Call *c, long k) /* every step for most actions: no division */
+static int due(const Call *c, long k) /* most calls are due in every macro step: no division */
 {
     return c->every == 1 || k % c->every == c->phase;
 }
@@ -296,7 +298,7 @@ typedef struct {
     Stop stop;
 } Stretch;
 
-/* Stretches of several simulations, one after the other. */
+/* Performs stretches (consecutive macro steps) of several simulations, one after the other. */
 EXPORT void execute_all(Stretch *stretches, size_t count)
 {
     for (Stretch *s = stretches; s < stretches + count; s++)

@@ -4,10 +4,10 @@
 FMPy formats the variadic messages in a small C library that knows one Python function per process,
 so all instances share one log. The message of an FMU is fetched right after a failed call.
 
-An FMU of the project rejects parameters in such a message: `mass_0 = -5: must be > 0`, all
-rejections in one message, in the format of fmus/core/adapter/fmu.h. The name may be a whole vector
-or matrix (`J_S`), or an expression of several parameters (`|q_KS|`, `range.lambda * range.beta`).
-The rule may name other parameters (`must be below rho2`).
+An FMU of the project rejects parameters in such a message: `mass_0 = -5: must be > 0`. One message
+contains all rejections, in the format of fmus/core/adapter/fmu.h. The name may be a whole vector or
+matrix (`J_S`), or an expression of several parameters (`|q_KS|`, `range.lambda * range.beta`). The
+rule may name other parameters (`must be below rho2`).
 """
 
 from __future__ import annotations
@@ -71,7 +71,9 @@ _free = fmi2CallbackFreeMemoryTYPE(free)
 
 
 def callbacks() -> ctypes.Structure:
-    """Return the callback functions of FMI 2.0 for one instance. Its messages go to this module."""
+    """Return the callback functions of FMI 2.0 for one instance. They store the messages of the
+    instance in this module.
+    """
     functions: ctypes.Structure = fmi2CallbackFunctions()
     functions.logger, functions.allocateMemory, functions.freeMemory = _logger, _allocate, _free
     addLoggerProxy(ctypes.byref(functions))
@@ -94,8 +96,8 @@ def take_error(instance: str) -> str | None:
 
 
 def report_warnings(instance: str) -> None:
-    """Log in one line how many warnings an instance has sent, with the last one; forget all of
-    them.
+    """Log in one line the number of warnings that an instance has sent and the last warning, then
+    forget all of them.
     """
     count, last = _warnings.pop(instance, (0, ""))
     if count:
@@ -104,13 +106,13 @@ def report_warnings(instance: str) -> None:
 
 
 def forget(instance: str) -> None:
-    """Forget the messages of an earlier instance with the same name."""
+    """Forget all stored messages of an earlier instance with this name, and all stored errors."""
     _warnings.pop(instance, None)
     take_error(instance)
 
 
-# ---- the present FMI call, stored where the parent can read it if the process ends during it
-# (the executors count calls of the macro step instead, which costs less)
+# ---- the present FMI call, in memory that the parent can read if the process ends in this call
+# (during macro steps the executors store only the index of the call, which costs less)
 
 NOTE_SIZE = 400
 """Number of bytes of a note: name of the instance, a zero byte, name of the function."""
@@ -121,13 +123,13 @@ _note: Note = np.zeros(NOTE_SIZE, dtype=np.uint8)
 
 
 def share_note(note: Note) -> None:
-    """Write later notes to memory that is shared with another process."""
+    """Use `note`, memory that is shared with another process, for all later notes."""
     global _note  # noqa: PLW0603 - one process makes one call at a time
     _note = note
 
 
 def note_call(instance: str, call: str) -> None:
-    """Write into the note that this function of an instance is about to be called."""
+    """Write into the note that the FMI function `call` of an instance is about to be called."""
     _note[:] = _written(instance, call)
 
 
@@ -195,12 +197,12 @@ _ALL = re.compile(rf"{_ONE}(?:; {_ONE})*", re.DOTALL)
 _EACH = re.compile(rf"{_ONE}(?:; (?=[^;=]+ = )|$)", re.DOTALL)
 _NAME = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
 _ARTICLE = re.compile(r"\ba (?=[a-z])")
-"""Article before a word; the letter alone may be a parameter called `a`."""
+"""Regular expression of the article `a` before a word. Elsewhere the letter may be a parameter."""
 
 
 class Rejection(NamedTuple):
-    """Rule that a value breaks: name of the parameter or expression, value and rule, as the FMU
-    writes them.
+    """Rejected value with the name of its parameter or expression and the rule that it breaks, all
+    three as the FMU writes them.
     """
 
     name: str
@@ -211,21 +213,21 @@ class Rejection(NamedTuple):
         return f"{self.name} = {self.value}: {self.rule}"
 
     def about(self, names: Iterable[str]) -> list[str]:
-        """Return the parameters among `names` that the rejection names before the equals sign. If
-        there are none, return the parameters that its rule names.
+        """Return the parameters among `names` that occur in the name of the rejection. If there are
+        none, return the parameters that occur in its rule.
         """
         known = list(names)
         return _among(known, self.name) or _among(known, _ARTICLE.sub("", self.rule))
 
 
 def _among(names: Iterable[str], text: str) -> list[str]:
-    """Return the names that equal a text, occur in the text as words, or are vectors of which the
-    text is an element.
+    """Return all `names` that equal `text`, that occur in it as words, or of which it is an
+    element.
     """
     if text in (known := list(names)):
         return [text]
     whole, words = base(text), _NAME.findall(text)
-    if whole != text:  # an element, which concerns no other element
+    if whole != text:  # an element of a vector: not about its other elements
         return [name for name in known if name == whole]
     return [name for name in known if base(name) in words]
 
@@ -245,11 +247,11 @@ def rejections(message: str, parameters: Collection[str]) -> tuple[Rejection, ..
 
 
 def as_typed(error: RejectedValueError, given: Mapping[str, Any], prefix: str) -> HarnessError:
-    """Return the error in terms of the options --set that the user typed if it concerns only their
-    values; else return it unchanged.
+    """Return a UsageError about the options --set that the user typed, if all rejections are about
+    their values; else return the error unchanged.
 
-    given: values of --set by name; prefix: `component.`, which precedes the names of the parameters
-    of the failed component.
+    given: values of --set by name `component.parameter`; prefix: `component.` of the failed
+    component.
     """
     names = [name.removeprefix(prefix) for name in given if name.startswith(prefix)]
     lines = []
@@ -272,8 +274,9 @@ def without(error: RejectedValueError, names: Collection[str]) -> RejectedValueE
 
 
 def _rule_text(rejection: Rejection, typed: Collection[str]) -> str:
-    """Return the rule as it follows the typed value: `must be > 0`, or with the name of the element
-    `K_rho[2] must be >= 0`, or with name and value for any other name.
+    """Return the text that follows a typed value in an error message: the rule `must be > 0` alone;
+    with the name of the element if the user typed a vector, `K_rho[2] must be >= 0`; with name and
+    value if the rejection has any other name.
     """
     if rejection.name in typed:
         return rejection.rule

@@ -20,22 +20,18 @@ def _references(holder: Any) -> int:
 
 
 ALONE = _references(SimpleNamespace(table=np.empty(0)))
-"""Number of references to a table that only its recorder refers to, as this interpreter counts
-them.
-"""
+"""Value of sys.getrefcount() for a table to which only its recorder refers."""
 
 
 def recorded(steps: int, every: int) -> NDArray[np.int64]:
-    """Return the number of macro steps before each row of a run: 0, every, 2 every, ..., and at
-    last `steps`.
-    """
+    """Return the number of macro steps before each row of a run: 0, every, 2 every, ..., steps."""
     regular = np.arange(0, steps + 1, every)
     return regular if steps % every == 0 else np.append(regular, steps)
 
 
 class Recorder:
-    """Table (rows, slots) of a run. Row r is the bus after r * every macro steps, the last row the
-    bus at the end of the run. Recording fewer rows does not change the simulation.
+    """Table (rows, slots) of the values of all signals. Row r is recorded after r * every macro
+    steps, the last row at the end of the run. Recording fewer rows does not change the simulation.
 
     temporary: whether the results of the run are valid only until the next run, which may then
     overwrite the table.
@@ -46,8 +42,8 @@ class Recorder:
     def __init__(
         self, steps: int, slots: int, every: int = 1, earlier: Recorder | None = None
     ) -> None:
-        """Allocate rows for `steps` macro steps; raise UsageError if every < 1 or the table does
-        not fit into memory.
+        """Allocate a table for a run of `steps` macro steps with a row per `every` macro steps;
+        raise UsageError if every < 1 or the table does not fit into memory.
 
         earlier: recorder of a completed run, whose table is reused if it has the same shape and
         nothing else refers to it. Fresh memory costs as much as the steps themselves.
@@ -55,7 +51,7 @@ class Recorder:
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
         self.steps = steps
-        self.every = min(every, steps + 1)  # larger values give the same two rows
+        self.every = min(every, steps + 1)  # all larger values give the same two rows
         self.progress: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
         rows = -(-steps // every) + 1
         self.table: NDArray[np.float64]
@@ -72,8 +68,8 @@ class Recorder:
 
     @property
     def unseen(self) -> bool:
-        """Return whether the next run may overwrite the table, because only this recorder, or a
-        temporary result, refers to it.
+        """Return whether the next run may overwrite the table: no object except this recorder, and
+        results that are temporary, refers to it.
         """
         return self.temporary or _references(self) == ALONE
 
@@ -87,7 +83,7 @@ class Recorder:
         self.progress[0] = steps
 
     def mend(self) -> None:
-        """Limit the number of completed macro steps to valid values, in case third-party code has
+        """Limit the number of completed macro steps to 0 .. steps, in case third-party code has
         overwritten the shared memory.
         """
         self.done = min(max(self.done, 0), self.steps)
@@ -107,7 +103,9 @@ class Recorder:
         self.progress[2] = 1
 
     def record(self, done: int, bus: NDArray[np.float64]) -> None:
-        """Store the number of completed macro steps, and record the bus if a row is due."""
+        """Store the number of completed macro steps, and copy the bus into the table if a row is
+        due.
+        """
         if done % self.every == 0 or done == self.steps:
             self.table[-(-done // self.every)] = bus
         self.done = done

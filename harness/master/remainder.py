@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems without some of their components, which another tool simulates. Inputs that were
-connected to these components become open inputs with the initial values of the whole system.
+"""Systems without the components that another tool simulates. Inputs that were connected to these
+components become open inputs, with the initial values that they have in the whole system.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def remainder(system: System, names: Collection[str]) -> System:
 
 
 def _starts(system: System, names: Collection[str]) -> dict[str, dict[str, Parameter]]:
-    """Return the initial values of the inputs that are connected to the named components, by
-    component.
+    """Return the initial values of all inputs that are connected to outputs of the named
+    components, as parameters by component and variable.
     """
     interfaces = read_interfaces(system)
     with Simulation(system, executor="python") as simulation:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Software board: an FMU on this machine that answers a link FMU by the protocol of boards.
 
-The firmware's code (fmus/core/link/board.c), built as a library, answers the requests. The FMU is
-the binary for this machine. One link is served at a time; the next link waits.
+The firmware's code (fmus/core/link/board.c), built as a library, answers the requests with the
+FMU's binary for this machine. One link FMU is served at a time; the next one waits.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Send = Callable[[bytes], object]
 
 
 class _Software(ctypes.Structure):
-    """Struct Software of board.h."""
+    """C struct Software of board.h."""
 
     _fields_ = layout(
         (ctypes.c_char_p, "name guid"),
@@ -41,7 +41,7 @@ class _Software(ctypes.Structure):
 
 
 class _Slot(ctypes.Structure):
-    """Struct Slot of board.h."""
+    """C struct Slot of board.h."""
 
     _fields_ = layout(
         (ctypes.c_void_p, "instance"),
@@ -58,7 +58,7 @@ _WRITE = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_void_p, ctype
 
 
 class _Board(ctypes.Structure):
-    """Struct Board of board.h."""
+    """C struct Board of board.h."""
 
     _fields_ = layout(
         (ctypes.c_char_p, "target"),
@@ -107,15 +107,15 @@ class Board:
         self._files.close()
 
     def answer(self, receive: Receive, send: Send) -> None:
-        """Answer the requests of a link until its stream ends; raise the errors of receive() and
-        send().
+        """Answer the requests of a link FMU until its stream ends; raise the errors of receive()
+        and send().
         """
         failures: list[BaseException] = []
 
         def read(_port: Any, to: int, most: int) -> int:
             try:
                 data = b"" if failures else receive(most)
-            except BaseException as error:  # the C code would lose the error
+            except BaseException as error:  # exceptions cannot pass through C
                 failures.append(error)
                 return 0
             ctypes.memmove(to, data, len(data))
@@ -155,7 +155,7 @@ def listening(path: Path | None = None) -> Iterator[socket.socket]:
 
 
 def serve(board: Board, listener: socket.socket) -> None:
-    """Accept the next link that connects, and answer it until it disconnects."""
+    """Accept the next link FMU that connects, and answer its requests until it disconnects."""
     connection, _ = listener.accept()
     with closing(connection):
         try:

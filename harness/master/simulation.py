@@ -47,8 +47,8 @@ CHUNK_SECONDS = 0.1
 """Wall-clock time between two checks for Ctrl-C and two updates of the progress bar [s]."""
 
 MAX_ROUNDS = 200
-"""Largest number of rounds of initial propagation. A loop of two components with gain 1/2 has
-settled to the last bit after half of them.
+"""Largest number of rounds in which initial values are propagated. A loop of two components with
+gain 1/2 settles to the last bit in half as many rounds.
 """
 
 _log = logging.getLogger("harness")
@@ -67,7 +67,7 @@ class Snapshot:
     bus: NDArray[np.float64]
     states: tuple[Any, ...]
     held: tuple[bytes, ...] = ()
-    """Buffers of open components, which contain the outputs that these publish next."""
+    """Buffers of open components, with the outputs that these components publish next."""
 
 
 class Simulation:
@@ -90,12 +90,12 @@ class Simulation:
         every: int | None = None,
         **changes: Unpack[Changes],
     ) -> None:
-        """Check the system with these changes; nothing is loaded before `with`.
+        """Check the system with these changes. FMUs are loaded when the `with` block begins.
 
         every: record every N-th macro step (None: defined by the system). Raises StructureError,
         FmuError or UsageError.
         """
-        now()  # a SOURCE_DATE_EPOCH that is invalid is rejected before the run, not after it
+        now()  # raises UsageError for an invalid SOURCE_DATE_EPOCH before the run, not after it
         self.base = system
         self.every = every
         self.instances: list[Instance] = []
@@ -125,7 +125,7 @@ class Simulation:
         self.recorder = Recorder(found.steps, width, chosen, getattr(self, "recorder", None))
         self.system, (self.graph, self.steps), self.recorded = system, found, recorded
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
-        if len(getattr(self, "bus", ())) != width:  # arrays of port() remain valid
+        if len(getattr(self, "bus", ())) != width:  # so that arrays of port() remain valid
             self.bus: NDArray[np.float64] = np.zeros(width)
         self.bus[:] = 0.0
         self.pace = math.inf
@@ -193,7 +193,7 @@ class Simulation:
     def begin(
         self, system: System, every: int | None = None, recorded: Collection[str] | None = None
     ) -> None:
-        """Prepare a run of this system instead of the present one, in the state before
+        """Prepare a run of this system instead of the present system, up to the state before
         initialization.
 
         FMUs of the project that are loaded are reset; all other FMUs are loaded. Raises the errors
@@ -209,8 +209,9 @@ class Simulation:
         self._assemble()
 
     def _nodes(self) -> tuple[Node, ...]:
-        """Return the nodes to load: one per component, or one for the whole system if it is fused.
-        If it cannot be compiled to one FMU, the reason is logged and the executor `c` runs.
+        """Return the nodes to load: one per component, or one for the whole system if the executor
+        is `fused`. If the system cannot be compiled to one FMU, log the reason and use the executor
+        `c`.
         """
         if self._apart:
             return self.graph.nodes
@@ -245,7 +246,7 @@ class Simulation:
 
     def _instance(self, node: Node, before: dict[str, Instance]) -> Instance:
         """Return the instance in `before` with the name of this node if it can be reset, else a new
-        one.
+        instance.
         """
         name = node.component.name
         if name in before and before[name].renew(node):
@@ -290,8 +291,9 @@ class Simulation:
         self._executor.prepare(0)
 
     def _settle(self) -> NDArray[np.bool_]:
-        """Repeat GET and SET of all instances until no slot changes, and return a mask of the slots
-        that did not settle (NaN counts as a value). A chain of n components needs n + 1 rounds.
+        """Repeat GET and SET of all instances until no slot of the bus changes. Return a mask of
+        the slots that still change after MAX_ROUNDS; a slot that stays NaN does not change. A chain
+        of n components needs n + 1 rounds.
 
         Flight software that reads back its own command forms a loop. If the loop does not settle,
         its last values are used.
@@ -348,20 +350,22 @@ class Simulation:
         self._executor.run(self.step, to)
 
     def stretch(self, to: int) -> Stretch:
-        """Return the macro steps up to `to` for harness.master.executors.Stretches, which performs
-        them.
+        """Return the macro steps from the present one until `to` are complete, for Stretches of
+        harness.master.executors, which performs them.
         """
         assert isinstance(self._executor, CExecutor)
         return self._executor.stretch(self.step, to)
 
     def finish(self, stretch: Stretch) -> None:
-        """Record how far a performed stretch came; raise RunError if a call failed."""
+        """Store the number of macro steps that a performed stretch completed; raise RunError if a
+        call failed.
+        """
         assert isinstance(self._executor, CExecutor)
         self._executor.finish(stretch.stop)
 
     def _in_words(self, to: int, progress: Show | None) -> None:
-        """Perform _advance(). If a fused system fails, repeat the run with one FMU per component,
-        so that the error names the component that failed.
+        """Perform macro steps until `to` are complete. If a fused system fails, repeat the run with
+        one FMU per component, so that the error names the failed component.
         """
         try:
             self._advance(to, progress)
@@ -392,8 +396,8 @@ class Simulation:
         return error
 
     def calls(self) -> list[tuple[str, str]]:
-        """Return instance and FMI function of every call of a macro step. The recorder stores the
-        index of the present call in this list.
+        """Return name of the instance and FMI function of every call of a macro step. The recorder
+        stores the index of the present call in this list.
         """
         return self._executor.calls
 
@@ -401,8 +405,8 @@ class Simulation:
 
     def port(self, name: str) -> NDArray[Any]:
         """Return an output `component.variable` as an array that shows its present value. For an
-        open component the array contains the value that it publishes next, and the caller writes to
-        it.
+        open component the array contains the value that the component publishes next, and the
+        caller writes to the array.
 
         The array remains valid until the FMUs are closed or exchanged. Raises UsageError.
         """
@@ -410,7 +414,7 @@ class Simulation:
 
     def get(self, name: str) -> NDArray[np.float64]:
         """Return the present value of an output or of a connected input; raise UsageError if there
-        is none of this name.
+        is no such variable.
         """
         return self._steerable().get(name)
 
@@ -432,7 +436,9 @@ class Simulation:
         return self._ports
 
     def _held(self) -> list[Any]:
-        """Return the buffers of open components, with the outputs that these publish next."""
+        """Return the buffers of open components, with the outputs that these components publish
+        next.
+        """
         opened = (i for i in self.instances if i.name in self.system.without)
         return [transfer.values for i in opened for transfer in i.transfers[Verb.GET]]
 

@@ -58,7 +58,9 @@ def _held(instance: Instance) -> Instance:
 
 
 class Ports:
-    """Access to outputs and inputs of a running system by `component.variable`, scalar or whole."""
+    """Access to outputs and inputs of a running system by `component.variable`: a scalar, an
+    element, or a whole vector or matrix.
+    """
 
     def __init__(
         self,
@@ -75,7 +77,7 @@ class Ports:
 
     def view(self, name: str) -> NDArray[Any]:
         """Return an output as an array that shows its present value, for an open component the
-        value that it publishes next; raise UsageError.
+        value that the component publishes next; raise UsageError if there is no such output.
         """
         component, elements = self._elements(name, "output")
         if component not in self._open:
@@ -88,7 +90,9 @@ class Ports:
         raise UsageError(f"{name}: is not a number, so it cannot be set")
 
     def get(self, name: str) -> NDArray[np.float64]:
-        """Return the present value of an output or of a connected input; raise UsageError."""
+        """Return the present value of an output or of a connected input; raise UsageError if there
+        is no such variable.
+        """
         try:
             return np.array(self.view(name), dtype=np.float64)
         except UsageError:
@@ -120,7 +124,9 @@ class Ports:
         self._instances[component].put(chosen, np.broadcast_to(given, shape).ravel(), time)
 
     def _elements(self, name: str, *causalities: str) -> tuple[str, list[str]]:
-        """Return component and scalar variables of a name; raise UsageError."""
+        """Return the component and the names of all scalar variables (elements) of a name
+        `component.variable`; raise UsageError if there is no variable of these causalities.
+        """
         try:
             found = ports(self._interfaces, name, *causalities)
         except ValueError as error:
@@ -136,8 +142,8 @@ def _shape(elements: Sequence[str]) -> tuple[int, ...]:
 def _part(
     values: NDArray[Any], places: Sequence[int], name: str, elements: Sequence[str]
 ) -> NDArray[Any]:
-    """Return adjacent elements of an array as a view in the shape of the variable; raise UsageError
-    if the elements at `places` are not adjacent.
+    """Return the elements of `values` at `places` as a view in the shape of the variable `name`;
+    raise UsageError if these elements are not adjacent. elements: names of the scalar variables.
     """
     if any(b - a != 1 for a, b in itertools.pairwise(places)):
         raise UsageError(f"{name}: its elements are not adjacent in the FMU; name one element")

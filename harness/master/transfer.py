@@ -2,8 +2,8 @@
 """Transfers of values between the bus and an FMU. The arguments of fmi2SetReal, fmi3GetFloat64 and
 similar functions are built once.
 
-The bus carries doubles. In FMI 3.0 one value reference represents a whole array, so the buffer also
-contains its unconnected elements, whose values do not change.
+The bus carries doubles. In FMI 3.0 one value reference represents a whole array, so a buffer also
+contains the unconnected elements of the array, whose values do not change.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from harness.system.units import IDENTITY
 from harness.system.values import EXACT, Scalar, Variable, resting
 
 WIDE = ("Int64", "UInt64")
-"""Types with whole numbers that a double cannot represent."""
+"""FMI types that contain whole numbers which a double cannot represent."""
 
 
 class Piece(ctypes.Structure):
@@ -36,9 +36,10 @@ class Piece(ctypes.Structure):
 class Transfer:
     """Values of one FMI type that one call sets or gets.
 
-    function: Get or Set with the type; wires: variables with their slots; rows: in FMI 3.0, for
-    every value reference the names of all elements with their values where they are unconnected; in
-    FMI 2.0 None, because every wire has a value reference of its own.
+    function: Get or Set with the type, as SetReal; wires: variables with their slots on the bus;
+    rows: in FMI 3.0, for every value reference, the names of all elements of the array and the
+    value that each has if it is unconnected; in FMI 2.0 None, because every scalar variable has a
+    value reference.
     """
 
     def __init__(
@@ -70,7 +71,9 @@ class Transfer:
 
     @cached_property
     def pieces(self) -> ctypes.Array[Piece]:
-        """Return the slots in pieces that are consecutive on the bus and in the buffer."""
+        """Return the slots of this transfer as pieces, which are consecutive on the bus and in the
+        buffer.
+        """
         apart = (np.diff(self.slots) != 1) | (np.diff(self.at) != 1)
         runs = np.split(np.arange(len(self.slots)), np.flatnonzero(apart) + 1)
         return (Piece * len(runs))(
@@ -78,23 +81,23 @@ class Transfer:
         )
 
     def write(self, bus: NDArray[np.float64]) -> int:
-        """Copy the values from the bus into the inputs of the FMU, converted if necessary, and
-        return the FMI status.
+        """Set the inputs of the FMU to the values on the bus, with their units converted if
+        necessary, and return the FMI status.
         """
         values = bus[self.slots]
         self.view[self.at] = values if self.plain else self.factors * values + self.offsets
         return int(self.function(self.handle, *self._arguments))
 
     def read(self, bus: NDArray[np.float64]) -> int:
-        """Copy from the outputs of the FMU onto the bus and return the FMI status."""
+        """Get the outputs of the FMU, copy them onto the bus, and return the FMI status."""
         status = int(self.function(self.handle, *self._arguments))
         bus[self.slots] = self.view[self.at]
         return status
 
     def problem(self) -> tuple[str, str | None] | None:
-        """Return what is wrong with the values that were read last, and the variable: a value is
-        not finite, or is a whole number that a double cannot represent. Return None if all are
-        valid.
+        """Return an error message about the values that were read last, and the name of the
+        variable (None: in the message): a value is not finite, or is a whole number that a double
+        cannot represent. Return None if all values are valid.
         """
         values = zip(self.names, self.view[self.at], strict=True)
         if self.real and not np.isfinite(self.view).all():
@@ -113,8 +116,8 @@ def _names(wires: Sequence[Wire]) -> list[str]:
 def transfers(
     verb: str, calls: Calls, wires: Sequence[Wire], interface: Interface, held: Mapping[str, Scalar]
 ) -> Iterator[Transfer]:
-    """Yield the transfers of an FMU, one per FMI type among the wires. FMI 2.0 has a further one
-    for values that are converted on the way.
+    """Yield the transfers of an FMU, one per FMI type of its wires. In FMI 2.0, values whose unit
+    is converted have a transfer of their own.
 
     verb: Set or Get; held: values by name of unconnected inputs that differ from the start values.
     """
