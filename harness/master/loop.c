@@ -35,13 +35,12 @@ enum {
     SET_AFFINE_3
 }; /* SET_INTEGER and GET_INTEGER: fmi2Integer and fmi2Boolean, which are both int */
 
-/* Statuses that FMI does not define: an output is infinite or NaN; an output is a whole number that a
- * double cannot represent; a step requests termination; a step has returned early. */
+/* Statuses that FMI does not define: an output is infinite or NaN; an output is a whole number
+ * that a double cannot represent; a step requests termination; a step has returned early. */
 enum { NOT_FINITE = -1, TOO_WIDE = -2, TERMINATION = -3, EARLY_RETURN = -4 };
 
 typedef struct {
-    size_t slot, count,
-        at; /* count values from bus[slot] on, equal to those from element `at` of the buffer on */
+    size_t slot, count, at; /* `count` values from bus[slot] on, and from buffer[at] on */
 } Piece;
 
 typedef struct {
@@ -65,8 +64,7 @@ typedef struct {
     long every, steps;
     double *bus;
     double *table; /* recorded rows: row r after r * every macro steps, the last row at the end */
-    volatile int64_t
-        *progress; /* completed macro steps, index of the present call; read by the parent */
+    volatile int64_t *progress; /* completed macro steps, index of the present call; shared */
 } Run;
 
 typedef struct {

@@ -2,6 +2,6 @@
 """Results of runs: tables of recorded rows with names and units, the files that store them, and
 quantities derived from them, such as metrics and margins of requirements.
 
-This package imports neither the master, which produces results, nor the figures and claims that
-read them.
+This package imports neither the master, which produces results, nor the modules of figures and
+claims, which read results.
 """

@@ -30,14 +30,15 @@ def history(result: Result, path: str) -> Any:
 
 
 Measured = tuple[Node, str | None]
-"""Part of an expression with the unit of its value: "" if the part has no unit, None if its unit
-cannot be derived from the units of its parts, as for the square root of a length.
+"""Node of an expression and the unit of its value: "" for a value without a unit, None if the unit
+cannot be derived from the operands, as for the square root of a length.
 """
 
 
 def unit_of(node: Node, unit: Callable[[str], str]) -> str:
-    """Return the unit of the value of an expression; "" if it is not known or units are
-    incompatible. `unit` returns the unit of a name.
+    """Return the unit of the value of an expression; "" if the unit is not known or units in the
+    expression are incompatible. unit: function that returns the unit of a variable or parameter by
+    name.
     """
     try:
         return _measured(node, unit)[1] or ""
@@ -47,18 +48,18 @@ def unit_of(node: Node, unit: Callable[[str], str]) -> str:
 
 def resolved(node: Node, unit: Callable[[str], str]) -> Node:
     """Return the tree of an expression with conversions inserted, such that both sides of a
-    comparison or sum, and arguments of functions that belong together, have one unit. `unit`
-    returns the unit of a name. Raise ValueError if units are incompatible, or if one is unknown.
+    comparison or sum, and arguments of one function that must have equal units, have one unit.
+    Raise ValueError if units are incompatible or unknown. unit: as for unit_of().
 
     Factors of a product or quotient are converted to one unit if they measure the same kind of
-    quantity, as m and km. The node of a comparison with a number stores the unit in which the
-    number was written.
+    quantity, as m and km. A comparison with a number stores the unit in which the user wrote the
+    number.
     """
     return _measured(node, unit)[0]
 
 
 def _measured(node: Node, unit: Callable[[str], str]) -> Measured:
-    """Return the tree that resolved() returns, and the unit of its value."""
+    """Return the tree that resolved() returns for `node`, and the unit of its value."""
     if node.kind in ("name", "number"):
         return node, unit(node.name) if node.kind == "name" else node.unit
     parts = [_measured(part, unit) for part in node.parts]
@@ -120,7 +121,7 @@ def _fitting(side: Measured, rule: Measured) -> Measured:
 
 
 def _unit(node: Node, parts: Sequence[str | None]) -> str | None:
-    """Return the unit of the value of a node from the units of its parts; None if it is unknown."""
+    """Return the unit of the value of a node from the units of its operands; None if unknown."""
     match node:
         case Node("compare" | "not" | "join" | "window"):
             return "1"

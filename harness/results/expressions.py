@@ -37,7 +37,7 @@ from harness.spelling import did_you_mean
 from harness.system.units import convert, product
 
 STEADY = 0.2
-"""Share of the time span of a run, at its end, in which an error counts as steady."""
+"""Last part of the time span of a run, as a fraction, that steady() evaluates."""
 TOLERANCE = 1e-9
 """Tolerance in the comparison of the times of rows with an instant, relative to the largest time.
 """
@@ -45,7 +45,7 @@ TOLERANCE = 1e-9
 LONGEST = 10_000
 """Largest number of characters of an expression."""
 DIGITS = 300
-"""Largest number of digits of a number in an expression: doubles end at 1e308."""
+"""Largest number of digits of a number in an expression; the largest double is about 1e308."""
 DEEPEST = 200
 """Largest number of levels of the tree of an expression; every further term of a sum adds a level.
 """
@@ -58,9 +58,8 @@ QUANTITY = re.compile(
 
 
 def settling_time(time: Array, error: Array, band: float) -> float:
-    """Return the time [s] from the first row to the row from which on an error (rows,) is at most
-    `band` until the end; NaN if the last error is larger. A row whose error is NaN counts as
-    larger.
+    """Return the time [s] between the first row and the row from which on `error` (rows,) stays at
+    most `band`; NaN if the last error is larger than `band`. An error of NaN counts as larger.
     """
     if np.shape(error) != np.shape(time):
         raise ValueError("settling_time(time, error, band): error is a vector; write norm(error)")
@@ -82,8 +81,8 @@ def is_steady(time: Array) -> NDArray[np.bool_]:
 def _angle(q: Array, p: Array) -> Array:
     """Return the angle [rad] between two attitudes, unit quaternions q and p, in every row.
 
-    Of |q - p| and |q + p|, the smaller is 2 sin(angle / 4) and the larger 2 cos(angle / 4), which
-    is accurate near zero.
+    The smaller of |q - p| and |q + p| is 2 sin(angle / 4), the larger is 2 cos(angle / 4). The
+    angle from both is accurate near zero, unlike the arc cosine of q . p.
     """
     a, b = norm(minus(q, p)), norm(plus(q, p))
     return np.asarray(4 * np.arctan2(np.minimum(a, b), np.maximum(a, b)))
@@ -102,8 +101,8 @@ def row_at(instant: float, time: Array) -> int:
 
 
 def _plain(unit: str) -> str | None:
-    """Return the unit of exp(x) or log(x) from the unit of x: the same for a number without unit,
-    else None (unknown).
+    """Return the unit of exp(x) or log(x) from the unit of x: unchanged if it is "" or "1", else
+    None (unknown).
     """
     return unit if unit in ("", "1") else None
 
@@ -117,11 +116,11 @@ def _in_degrees(unit: str) -> str | None:
 class Function(NamedTuple):
     """Function that an expression may call.
 
-    value: implementation; arguments: their names; unit: unit of the value, given as the index of
-    the argument with the same unit, as a unit, or as a function of the unit of the first argument;
-    takes: by index of an argument, the unit to which it is converted, or the index of the argument
-    whose unit it gets; per_row: the value in a row depends on that row alone; shifts: the value in
-    a row comes from a neighbouring row.
+    value: implementation; arguments: names of the arguments; unit: unit of the returned value, as a
+    text, as the index of the argument with the same unit, or as a function of the unit of the first
+    argument; takes: by index of an argument, the unit to which the argument is converted, or the
+    index of another argument whose unit is used; per_row: whether the returned value in a row
+    depends on the arguments in that row alone; shifts: whether it comes from a neighbouring row.
     """
 
     value: Callable[..., Any]
@@ -168,13 +167,13 @@ FUNCTIONS: dict[str, Function] = {
     "total": Function(total, per_row=True),
     "turned": Function(turned, ("q", "v"), 1, per_row=True),
 }
-"""Functions of expressions by name. The number of arguments is checked, because functions of numpy
-write their result into a further argument.
+"""Functions of expressions by name. The number of arguments must be checked, because functions of
+numpy take a further argument as the array for their result.
 """
 SHIFTS = [name for name, each in FUNCTIONS.items() if each.shifts]
-"""Functions whose value in a row comes from a neighbouring row."""
+"""Names of the functions whose value in a row comes from a neighbouring row."""
 ROW = ("first", "last", "at")
-"""Functions that select one row of their first argument."""
+"""Names of the functions that select one row of their first argument."""
 WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
 """Conditions over windows of time, with the names of the conditions that each takes as arguments.
 Up to two times, which limit the window, may follow these arguments.
@@ -193,7 +192,9 @@ OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
 }  # fmt: skip
 """Kind and name of the operators that an expression may contain."""
 BITWISE = (ast.BitAnd, ast.BitOr, ast.Invert)
-"""Rejected operators, because Python binds them more strongly than a comparison."""
+"""Operators that are rejected, because in Python they have precedence over comparisons: `a < 1 & b
+< 2` is `a < (1 & b) < 2`.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,9 +203,9 @@ class Node:
 
     kind: `name` (of a variable, `time`, or `parameter component.name`), `number`, `operator`,
     `compare`, `negative`, `positive`, `not`, `join` (and, or), `window`, `call`, or `pick` (element
-    of a computed vector); name: name of the variable, function or operation; parts: operands or
-    arguments; value: number, index of the element of a pick, or begin and end [s] of a window;
-    unit: unit of a number, or unit in which the number of a comparison was written; source:
+    of a computed vector); name: name of the variable, function or operator; parts: operands or
+    arguments; value: the number, the index of the element for `pick`, or begin and end [s] of a
+    window; unit: unit of a number, or unit in which the number in a comparison was written; source:
     Python's syntax tree of the node.
     """
 
@@ -217,7 +218,7 @@ class Node:
 
     @property
     def text(self) -> str:
-        """Return the text of this part as it was written."""
+        """Return the text of this node as the user wrote it."""
         written = ast.unparse(self.source) if self.source else self.name
         return re.sub(r"quantity\((\S+), '(\S+)'\)", r"\1 \2", written)
 
@@ -251,15 +252,15 @@ class Node:
 
     @property
     def conditions(self) -> tuple[Node, ...]:
-        """Return the conditions that this node joins, negates or evaluates over a window; () for a
-        comparison or any other node without conditions as parts.
+        """Return the operands that are conditions: of `and`, `or`, `not`, implies() or a window; ()
+        for a comparison and any other node.
         """
         return self.parts if self.kind in ("not", "join", "window") else ()
 
     @property
     def shown(self) -> Node:
-        """Return the side of a comparison whose worst value is reported: the left side, or the
-        right if the left is a number. For other nodes return the node itself.
+        """Return the operand of a comparison whose worst value is reported: the left operand, or
+        the right operand if the left is a number. For other nodes return the node itself.
         """
         if self.kind != "compare":
             return self
@@ -284,8 +285,8 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:
     """Return the tree of a text; raise ValueError if the text is not an expression, or exceeds the
     limits of length, depth and digits.
 
-    others: further names, of a `kind` such as metric, that an error message suggests for a misspelt
-    name.
+    others: further names that an error message may suggest for a misspelt function; kind: word for
+    these names in the message, such as `metric`.
     """
     text = normalize("NFKC", text)
     if len(text) > LONGEST:
@@ -329,12 +330,12 @@ def _depth(tree: ast.AST) -> int:
 
 
 Make = Callable[..., Node]
-"""Constructor of a Node whose `source` is already given."""
+"""Constructor of Node in which the argument `source` is already set."""
 
 
 class _Reader:
-    """Converter of Python's syntax tree to nodes of an expression. It raises ValueError for Python
-    that an expression cannot contain.
+    """Converter of Python's syntax tree to nodes of an expression. It raises ValueError for syntax
+    that an expression must not contain.
     """
 
     def __init__(self, others: Sequence[str], kind: str) -> None:
@@ -372,8 +373,8 @@ class _Reader:
         return tuple(map(self.node, given))
 
     def _element(self, given: ast.expr, index: tuple[int, ...], node: Make) -> Node:
-        """Return the node of an element: of a variable it is a name, `a.b[1]`, of a computed vector
-        a pick.
+        """Return the node of an element: kind `name` for an element of a variable, as `a.b[1]`,
+        kind `pick` for an element of a computed vector.
         """
         whole, places = self.node(given), ",".join(map(str, index))
         if whole.kind == "name":
@@ -435,8 +436,8 @@ def _check_call(name: str, given: int) -> None:
 
 def _window(name: str, parts: Sequence[Node]) -> tuple[float, float]:
     """Return begin and end [s] of the window of always(), eventually() or until(), relative to the
-    time of the row; raise ValueError. A single time is the end, and the begin is then 0. Without
-    times the window extends to the end of the run.
+    time of the row; raise ValueError for invalid times. A single time is the end, and the begin is
+    then 0. Without times the window extends to the end of the run.
     """
     conditions = WINDOWED[name]
     head = f"{name}({', '.join(conditions)}, ...)"

@@ -3,7 +3,7 @@
 
 Both formats also store the parameters of the run and its provenance. A .nc stores parameters as
 variables without time and provenance as attributes. A .csv is a plain table for any reader of
-tables, so parameters, provenance and units are in NAME.csv.toml beside it.
+tables, so parameters, provenance and units are in a file NAME.csv.toml in the same folder.
 
 A run that ended early is written to NAME.partial.nc beside NAME.nc, so that only a complete run
 replaces a complete file. A partial .nc has `complete = 0`, a .csv ends with a line `# incomplete:
@@ -36,8 +36,8 @@ FORMATS = {".csv": comma_separated, ".nc": netcdf}
 
 
 class ResultFile:
-    """Results file whose place is checked before the run: it must be writable. A write that fails
-    leaves no incomplete file.
+    """Results file that is checked before the run to be writable. If writing fails, no incomplete
+    file remains.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,7 +54,7 @@ class ResultFile:
         self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
         try:
             found = path.exists()
-            self._special = found and not path.is_file()  # a pipe or device
+            self._special = found and not path.is_file()  # such as a pipe or device
             if found and not os.access(path, os.W_OK):
                 raise PermissionError("no permission")
             if not self._special:
@@ -137,8 +137,8 @@ class ResultFile:
 
 
 def _rescued(result: Result, path: Path) -> Path | None:
-    """Write a result that could not be written to `path` to the folder for temporary files, or as
-    .csv beside `path`. Return the path that succeeded, None if none did.
+    """Write a result that could not be written to `path` to the folder for temporary files, or else
+    as .csv beside `path`. Return the path of the written file, None if both failed.
     """
     elsewhere = Path(tempfile.gettempdir())
     for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
@@ -153,8 +153,8 @@ def _rescued(result: Result, path: Path) -> Path | None:
 def read(file: str | Path) -> Result:
     """Read a results file written by the harness; raise ResultsError if it cannot be read.
 
-    A .csv without the .toml beside it has no units, no parameters and no name of the system, which
-    is then the stem of the file.
+    For a .csv without its NAME.csv.toml, the result has no units and no parameters, and the name of
+    the system is the file name without its ending.
     """
     path = Path(file)
     if path.suffix not in FORMATS:
@@ -176,11 +176,13 @@ def save(result: Result, path: str | Path) -> Path:
     return Path(path)
 
 
-# ---- the result of a file
+# ---- checks of a result that was read from a file
 
 
 def _sound(result: Result) -> Result:
-    """Return the result of a file if it is consistent; raise ValueError with its first fault."""
+    """Return a result that was read from a file unchanged if it is consistent; else raise
+    ValueError with its first fault.
+    """
     for problem in _problems(result):
         raise ValueError(problem)
     return result

@@ -18,7 +18,8 @@ import numpy as np
 from harness.results.result import Array
 
 PAIRWISE = 8
-"""Number of elements from which on numpy sums in pairs; it adds fewer elements from first to last.
+"""Number of elements from which on numpy adds in pairs; numpy adds fewer elements from the first to
+the last.
 """
 
 
@@ -26,8 +27,8 @@ PAIRWISE = 8
 
 
 def _is_narrow(x: Any) -> bool:
-    """Return whether x is a time series (rows, n) of doubles with n < PAIRWISE, and a plain numpy
-    array: a subclass may record its operations.
+    """Return whether x is a time series (rows, n) of doubles with n < PAIRWISE, and exactly of
+    numpy's array type: a subclass may record its operations.
     """
     return (
         type(x) is np.ndarray
@@ -62,7 +63,7 @@ def norm(x: Any) -> Array:
 
 
 def total(x: Any) -> Array:
-    """Return the sum of the elements of every row."""
+    """Return the sum (rows,) of the elements in every row of x (rows, n)."""
     if not _is_narrow(x):
         return np.asarray(np.sum(x, axis=-1))
     result = x[:, 0].copy()
@@ -123,7 +124,8 @@ def quaternion(x: Array, y: Array, z: Array) -> Array:
     3).
     """
     (a, d, g), (b, e, h), (c, f, i) = (axis.T for axis in (x, y, z))
-    # rows of 4 q q^T; the row with the largest diagonal element is the most accurate
+    # each row of the matrix 4 q q^T is a multiple of q; most accurate is the row with the largest
+    # diagonal element
     rows = (
         (1 + a + e + i, h - f, c - g, d - b),
         (h - f, 1 + a - e - i, b + d, c + g),

@@ -28,8 +28,9 @@ ORDERS = ("<", "<=", ">", ">=")
 
 
 class Limits:
-    """Conditions on time and premises of implies() that are joined to a requirement by `or`. In a
-    row in which one of them holds, the requirement holds regardless of its other conditions.
+    """Conditions on time and premises of implies() that limit when a requirement applies. In a row
+    in which one of these conditions holds, the requirement holds regardless of its other
+    conditions.
     """
 
     def __init__(self, parts: Sequence[Node]) -> None:
@@ -40,10 +41,10 @@ class Limits:
         self._sides = list(map(self._program.expression, sides))
 
     def applying(self, result: Result) -> Any:
-        """Return the rows in which none of these conditions holds, such that the rest of the
-        requirement decides: all rows, a slice, or row numbers. Return None if there is no such row,
-        if a condition has a value per element, or if a number that a condition compares is NaN in
-        any row.
+        """Return the rows in which none of these conditions holds, such that the requirement
+        depends on its other conditions: all rows, a slice, or row numbers. Return None if there is
+        no such row, if a condition has a value per element, or if a number that a condition
+        compares is NaN in any row.
         """
         if not self._holds:
             return ALL
@@ -64,9 +65,10 @@ class Single(NamedTuple):
     """Comparison that is the only part of a requirement besides its Limits, as `a.x < 5` in `time <
     60 or a.x < 5`.
 
-    name: operator; difference, value: numbers of two instructions, left side minus right side, and
-    the side whose worst value is reported; needed: numbers of all instructions that these two
-    depend on; units: unit of the reported side, and unit as written; limits: the other conditions.
+    name: operator; difference: number of the instruction that gives left side minus right side;
+    value: number of the instruction that gives the side whose worst value is reported; needed:
+    numbers of these two and of all instructions on which they depend; units: unit of the reported
+    side, and unit as the user wrote it; limits: the other conditions.
     """
 
     name: str
@@ -78,18 +80,18 @@ class Single(NamedTuple):
 
 
 class Requirement:
-    """Requirement compiled to a program; the attributes named below are numbers of its
-    instructions.
+    """Requirement compiled to a program. The attributes below are numbers of the instructions of
+    this program that give a value.
 
-    truth: 1, 0 or NaN for every row and element; margin: of every row, -inf where the margin of an
-    element is NaN; elements: margin of every element; value, which: compared value of the part that
-    determines the margin, and index of its unit in `units`; exercised: whether every part that must
-    hold matters in some row.
+    truth: 1, 0 or NaN for every row and element; margin: margin of every row, -inf where the margin
+    of an element is NaN; elements: margin of every row and element; value, which: compared value of
+    the comparison that determines the margin, and index of its unit in `units`; exercised: whether
+    every comparison that must hold matters in some row.
 
     A requirement with windows is evaluated in the first row (`at_start` is True). It has only truth
-    (1 or -1), margin, undecided (whether a condition in a window depends on NaN) and empty (for
-    every window, with its times as text as the key, whether some window lies within the run and
-    contains no row).
+    (1 or -1), margin, undecided (whether a condition in a window depends on NaN) and empty (by the
+    times of a window as text: whether the window of some row lies within the run and contains no
+    row).
     """
 
     def __init__(self, tree: Node, unit: Callable[[str], str], program: Program) -> None:
@@ -173,8 +175,8 @@ class Requirement:
         return self._add("least", self._add("==", truth, self._number(1)))
 
     def _by_row(self, node: Node) -> int:
-        """Return the number of the instruction that gives the smallest margin (rows, 1) of the
-        elements of every row; -inf where the margin of an element is NaN.
+        """Return the number of the instruction that gives the smallest margin (rows, 1) of all
+        elements in every row; -inf where the margin of an element is NaN.
         """
         least = self._add("least", self._of(node))
         return self._add("where", self._add("isnan", least), self._number(-math.inf), least)
@@ -228,9 +230,9 @@ class Requirement:
         return self._fold("fmax", [self._number(0), *parts])
 
     def _shown(self, node: Node) -> tuple[int, int]:
-        """Return the numbers of two instructions. The first gives the compared value of the part
-        that determines the margin of a row (the least margin of `and`, the largest of `or`), the
-        second the index of its unit in `units`.
+        """Return the numbers of two instructions. The first gives the compared value of the
+        comparison that determines the margin of a row (in `and` the least margin, in `or` the
+        largest), the second the index of the unit of this value in `units`.
         """
         if node.kind == "not":
             return self._shown(node.parts[0])
@@ -297,8 +299,8 @@ class Requirement:
 
 
 def _conversion(given: str, written: str) -> dict[str, Any]:
-    """Return the unit in which a value is shown, and the factor and offset that convert a value to
-    it from `given`, the unit of the variables.
+    """Return the unit in which a value is shown, and the factor and offset that convert a value
+    from `given`, the unit of the variables, to the shown unit. written: unit that the user wrote.
     """
     zero, one = (convert(x, given, written) if written else x for x in (0.0, 1.0))
     return {"unit": written or given, "factor": one - zero, "offset": zero}
@@ -326,8 +328,8 @@ def _compiled(tree: Node, units: tuple[str, ...]) -> Requirement:
 
 
 def leaves(node: Node, inside: bool = False) -> Iterator[tuple[Node, bool]]:
-    """Yield the conditions at the leaves of a tree, which join or negate no others, each with
-    whether it is inside a window.
+    """Yield all comparisons and other conditions of a tree that contain no further conditions, each
+    with whether it is inside a window.
     """
     if not node.conditions:
         yield node, inside
@@ -336,8 +338,8 @@ def leaves(node: Node, inside: bool = False) -> Iterator[tuple[Node, bool]]:
 
 
 def compared(node: Node) -> Iterator[Node]:
-    """Yield the conditions at the leaves of a tree, which join or negate no others, except those
-    that determine when other conditions apply.
+    """Yield all comparisons and other conditions of a tree that contain no further conditions,
+    except conditions that determine when other conditions apply.
     """
     if not node.is_timing:
         for part in node.conditions:

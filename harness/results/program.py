@@ -31,8 +31,9 @@ LookUp = Callable[[str], Any]
 class Instruction(NamedTuple):
     """Operation of a program.
 
-    operation: its name; parts: numbers of the instructions whose values it takes; constant: name of
-    a variable, number, element or window that it needs; rows: whether its value is a time series.
+    operation: name of the operation; parts: numbers of the instructions whose values are its
+    operands; constant: name of a variable, number, index of an element, or window; rows: whether
+    the value of the instruction is a time series.
     """
 
     operation: str
@@ -50,7 +51,7 @@ class Program:
 
     def add(self, operation: str, *parts: int, constant: Any = None, rows: Any = None) -> int:
         """Add an instruction unless an equal one exists, and return its number. Its value is a time
-        series if the value of one of its parts is; `rows` overrides this.
+        series if one of its operands (`parts`) is a time series; `rows` overrides this.
         """
         if rows is None:
             rows = any(self.instructions[part].rows for part in parts)
@@ -135,9 +136,9 @@ class Program:
     ) -> list[Any]:
         """Execute the instructions and return the value of each, None for one that is not executed.
 
-        look_up: values of names; complete: whether the last row is the end of the run; rows: False
-        leaves out time series; only: numbers of the instructions to execute, from needed() (None:
-        all).
+        look_up: function that returns the value of a name; complete: whether the last row is the
+        end of the run; rows: whether to execute instructions whose value is a time series; only:
+        numbers of the instructions to execute, from needed() (None: all).
         """
         values: list[Any] = [None] * len(self.instructions)
         with np.errstate(all="ignore"):
@@ -221,8 +222,9 @@ def _vector(value: Any, rows: bool) -> Any:
 
 
 def _aligned(given: list[tuple[Any, bool]]) -> list[Any]:
-    """Return values in shapes that combine element by element: beside vectors, a scalar time series
-    gets an axis of one element.
+    """Return the values of operands in shapes that numpy combines element by element: if one
+    operand is a vector, a scalar time series gets an axis of one element. given: values, each with
+    whether it is a time series.
     """
     if all(np.ndim(value) <= rows for value, rows in given):
         return [value for value, _ in given]
@@ -237,7 +239,8 @@ def _element(given: list[tuple[Any, bool]], constant: tuple[int, str]) -> Any:
 
 
 OF_VECTORS = ("angle", "angle_between", "hill", "mrp", "norm", "total", "turned")
-"""Functions of vectors; a scalar argument gets an axis of one element."""
+"""Names of functions of vectors. A scalar argument of such a function gets an axis of one element.
+"""
 OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "+": plus, "-": minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
@@ -258,11 +261,13 @@ def _table(given: list[tuple[Any, bool]], _: None) -> Any:
 
 
 def _number(_: Any, constant: float) -> Any:
-    return constant if isinstance(constant, bool) else np.float64(constant)  # 9**9**9 overflows
+    return constant if isinstance(constant, bool) else np.float64(constant)  # 9**9**9 would not end
 
 
 def _least(table: Any) -> Any:
-    """Return the least element of every row, (rows, 1); numpy is slow for rows of one element."""
+    """Return the least element of every row as (rows, 1). A table of one column is returned
+    unchanged, because numpy is slow for it.
+    """
     return table if table.shape[1] == 1 else np.min(table, axis=1, keepdims=True)
 
 
@@ -314,7 +319,7 @@ WINDOWED: Mapping[str, Callable[..., Any]] = {
     "empty": windows.empty,
 }
 """Operations over the window of every row. The last part of the instruction is the time, its
-constant the begin and end of the window [s], relative to the time of the row.
+constant is begin and end of the window [s], relative to the time of the row.
 """
 SPECIAL: Mapping[str, Callable[..., Any]] = {
     "element": _element,
@@ -344,7 +349,7 @@ def value_of(result: Result, text: str) -> Any:
 
 def evaluate(node: Node, look_up: LookUp) -> Any:
     """Return the value of a resolved() expression: (rows,) or (rows, elements) if Node.is_history,
-    else () or (elements,). look_up: values of names.
+    else () or (elements,). look_up: function that returns the value of a name.
     """
     if node.name == "steady" and node.parts[0].name == "time" and is_local(node.parts[1]):
         return _steady(node.parts[1], look_up)

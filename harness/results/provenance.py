@@ -31,7 +31,7 @@ from harness.system.values import parse, too_deep
 SCHEMA = 1
 """Version of the content of results files, see docs/release.md; files without a number have 1."""
 OF_A_RUN = ("command", "date", "executor", "platform")
-"""Fields of a Provenance that a system has only in a run."""
+"""Fields of a Provenance that describe a run and not its system."""
 LAST_SECOND = 253402300799
 """Last second of the year 9999, in seconds since 1970."""
 
@@ -58,9 +58,9 @@ class Provenance:
     processor) for components that ran on another processor; maps: (name in the FMU, name in the
     system) of mapped ports; latency: (component, macro steps) as given; algorithm, step [s], stop
     [s], epoch (UTC of t = 0, "": none), schedule, executor, every (macro steps per recorded row):
-    as they were in the run; requirements: (name, text); command: command line (None: run from
-    Python); date: when the result was taken, UTC; platform: of the host; schema: version of the
-    content of the file.
+    values in the run; requirements: (name, text); command: command line (None: run from Python);
+    date: when the result was taken, UTC; platform: of the host; schema: version of the content of
+    the file.
     """
 
     version: str = ""
@@ -89,7 +89,7 @@ class Provenance:
     schema: Count = SCHEMA
 
     def changes(self) -> dict[str, Any]:
-        """Return the arguments of run() that repeat the run with the same source."""
+        """Return the keyword arguments with which run() repeats the run of the same source."""
         changes: dict[str, Any] = {
             "params": self.params,
             "set": dict(self.set),
@@ -106,11 +106,13 @@ class Provenance:
 
     @property
     def time_units(self) -> str:
-        """Return the CF units of the time: with the date of t = 0 if there is one."""
+        """Return the units of the time by the CF conventions: seconds, with the date of t = 0 if
+        the run has an epoch.
+        """
         return f"seconds since {self.epoch}" if self.epoch else "s"
 
     def lines(self) -> Iterator[str]:
-        """Yield the settings of the run as text, one fact per line."""
+        """Yield the settings of the run as lines of text."""
         source = f" from {self.source}" if self.source not in ("", self.system) else ""
         digest = f", sha256 {self.sha256[:12]}" if self.sha256 else ", made in Python"
         yield f"system {self.system}{source}{digest}"
@@ -154,9 +156,9 @@ def run_provenance(system: System, executor: str, every: int) -> Provenance:
 
 
 def whole_provenance(system: System, interfaces: Mapping[str, Interface]) -> dict[str, Any]:
-    """Return the provenance of a system that is written as one FMU. version: of this package; date:
-    of the newest of its FMUs (or SOURCE_DATE_EPOCH); provenance: parameter set, changes, schedule
-    and FMUs of the system. interfaces: of its components by name.
+    """Return a dict with the provenance of a system that is written as one FMU: version of this
+    package; date of the newest of its FMUs (or SOURCE_DATE_EPOCH); provenance, a dict with
+    parameter set, changes, schedule and FMUs. interfaces: interface by name of the component.
     """
     settings = table(run_provenance(system, "", system.experiment.every))
     fixed = {k: v for k, v in settings.items() if k not in OF_A_RUN and v not in ("", [])}
@@ -203,12 +205,12 @@ def now() -> str:
 KINDS = get_type_hints(Provenance, include_extras=True)
 """Types of the fields of a Provenance by name."""
 PLAIN = {name for name, kind in KINDS.items() if get_origin(kind) is not tuple}
-"""Fields of a Provenance that are a text or a number; the others are tuples."""
+"""Names of the fields of a Provenance that are a text or a number; all other fields are tuples."""
 
 
 def table(provenance: Provenance) -> dict[str, Any]:
-    """Return the fields by name as texts, numbers and lists of lists; fields that are None are
-    omitted.
+    """Return the fields of a provenance by name, as texts, numbers and lists of lists; fields that
+    are None are omitted.
     """
     found = {name: getattr(provenance, name) for name in KINDS}
     return {
@@ -219,8 +221,8 @@ def table(provenance: Provenance) -> dict[str, Any]:
 
 
 def from_table(given: Mapping[str, Any]) -> Provenance:
-    """Return the provenance from its table(); raise ValueError for a schema that is newer than
-    SCHEMA. Fields may be added without a new schema, so unknown fields are ignored.
+    """Return the provenance for a dict that table() made; raise ValueError if its schema is newer
+    than SCHEMA. Fields may be added without a new schema, so unknown fields are ignored.
     """
     if _field("schema", given.get("schema", SCHEMA)) > SCHEMA:
         raise ValueError(
@@ -242,7 +244,9 @@ def _field(name: str, value: Any) -> Any:
 
 
 def flat(provenance: Provenance) -> dict[str, str | float]:
-    """Return table() with its lists as JSON texts, for files that store only texts and numbers."""
+    """Return table(provenance) with lists replaced by JSON texts, for files that store only texts
+    and numbers.
+    """
     return {
         name: value if name in PLAIN else json.dumps(value)
         for name, value in table(provenance).items()
@@ -250,7 +254,7 @@ def flat(provenance: Provenance) -> dict[str, str | float]:
 
 
 def from_flat(given: Mapping[str, Any]) -> Provenance:
-    """Return the provenance from its flat() form."""
+    """Return the provenance for a dict that flat() made."""
     return from_table({name: _unpacked(name, value) for name, value in given.items()})
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Requirements of the user: expressions that must hold in every recorded row, with the worst row.
+"""Requirements of the user: conditions that must hold in every recorded row, and their evaluation.
 
 A requirement is a name and a text, `guidance.range >= 4 m` or `time < 20 min or norm(controller.e)
 < 5 cm`, see harness.results.expressions. A system contains requirements, and the user adds others.
@@ -34,7 +34,7 @@ from harness.system.values import base
 
 _log = logging.getLogger("harness")
 SMALL, MANY = ("cm", "mm"), 1000.0
-"""Units of small lengths, and the value from which on a length in such a unit is shown in m."""
+"""Units of small lengths, and the number from which on a length in such a unit is shown in m."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Finding:
     value, unit, time [s]: the compared quantity in the row with the smallest margin (None: there is
     none); reason: why the requirement is not exercised or not judged; margin: distance to failing,
     negative if the requirement fails, -inf for a run that ended early or a value that is not a
-    number, None without a verdict; margin_unit: its unit, "" if quantities of several units are
-    compared.
+    number, None without a verdict; margin_unit: unit of the margin, "" if quantities of several
+    units are compared.
     """
 
     name: str
@@ -145,7 +145,9 @@ def _written(table: Result, path: str) -> str:
 
 
 def _units(system: System, fixed: bool) -> dict[str, str]:
-    """Return the unit of every name that an expression may contain; `fixed`: of parameters only."""
+    """Return units by the names that an expression may contain: variables, `time` and parameters.
+    fixed: parameters only.
+    """
     known = {} if fixed else {"time": "s"}
     for component, interface in read_interfaces(system).items():
         tables = {"parameter ": interface.named("parameter")}
@@ -210,8 +212,8 @@ def _check(tree: Node) -> None:
 
 
 def has_slope(text: str) -> bool:
-    """Return whether the margin of a requirement changes gradually, as a search requires. Equations
-    and flags have no gradual margin: they hold or fail.
+    """Return whether the margin of a requirement changes gradually, as the search for a worst run
+    requires. Equalities and flags have no gradual margin: they hold or fail.
     """
     found = list(compared(parsed(text)))
     return bool(found) and all(leaf.name in ("<", "<=", ">", ">=") for leaf in found)

@@ -20,7 +20,7 @@ from harness.system.graph import Graph, columns, constants
 from harness.system.values import base, expand, grid, index
 
 Array = NDArray[np.float64]
-"""Array of doubles; a time series has one line per row: (rows,) or (rows, n)."""
+"""Array of doubles; a time series has the shape (rows,) or (rows, n)."""
 Rows = NDArray[np.intp]
 """Indices of rows of a time series."""
 
@@ -29,12 +29,12 @@ Rows = NDArray[np.intp]
 class Result:
     """Recorded rows of a run, with parameters and provenance.
 
-    time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
-    unknown); values: (rows, columns), read-only like time; complete: False if the run ended early,
-    `message` then contains the reason; parameters: all parameters of all components with their
-    values in the run, a table of one row (None if unknown); provenance: the system, its files and
-    changes (None if unknown); modes: per column the names of the values 0, 1, .. of a variable that
-    is a mode, as "far|hold 1|closing", else "".
+    time: (rows,) [s]; columns: names `component.variable[i]`; units, descriptions: one text per
+    column ("" if unknown); values: (rows, columns), read-only like time; complete: False if the run
+    ended early, `message` then contains the reason; parameters: all parameters of all components
+    with their values in the run, a table of one row (None if unknown); provenance: the system, its
+    files and changes (None if unknown); modes: one text per column, the names of the values 0, 1,
+    .. if the variable is a mode, as "far|hold 1|closing", else "".
     """
 
     system: str
@@ -131,8 +131,8 @@ class Result:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the variables, scalars, vectors and matrices, and after them the
-        columns that belong to no complete vector or matrix.
+        """Return the names of all scalars, vectors and matrices, and then of the columns that
+        belong to no complete vector or matrix.
         """
         whole = {column for columns in self.vectors.values() for column in columns.flat}
         return (*self.vectors, *(n for i, n in enumerate(self.columns) if i not in whole))
@@ -153,7 +153,7 @@ class Result:
         return as_page(self)
 
     def to_xarray(self) -> Any:
-        """Return the result as an xarray.Dataset, equal to xarray.open_dataset() of its .nc:
+        """Return the result as an xarray.Dataset, as xarray.open_dataset() reads it from a .nc:
         vectors with an axis, parameters without time, units as attributes.
         """
         import xarray
@@ -212,9 +212,9 @@ def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
 
 
 ELEMENTS = "elements"
-"""Attribute with the names of the elements of a vector where they are not counted from 1."""
+"""Name of the attribute with the names of the elements of a vector that are not counted from 1."""
 PROVENANCE = "provenance_"
-"""Prefix of the attributes with the provenance of a result."""
+"""Prefix of the names of attributes with the provenance of a result."""
 AXES = {3: "axis"}
 """Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
 SHOWN = 400
@@ -244,8 +244,8 @@ def variables(
 def labelled(
     table: Result,
 ) -> dict[str, tuple[tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
-    """Return axes, values and attributes by name of all parameters, which have no time axis, and of
-    all variables.
+    """Return axes, values and attributes of all variables and all parameters, by name. Parameters
+    have no time axis.
     """
     fixed = {name: (axes, x[0], about) for name, axes, x, about in variables(table.parameters)}
     return fixed | {name: (("time", *axes), x, about) for name, axes, x, about in variables(table)}
@@ -270,7 +270,7 @@ def in_lines(names: Iterable[str]) -> str:
 
 
 def time_labels(table: Result) -> dict[str, str]:
-    """Return the attributes of the time axis by the CF conventions."""
+    """Return the attributes of the time axis according to the CF conventions."""
     units = "s" if table.provenance is None else table.provenance.time_units
     dated = {} if units == "s" else {"calendar": "proleptic_gregorian"}
     return {"units": units, "long_name": "time", **dated}

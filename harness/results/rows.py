@@ -35,7 +35,9 @@ EACH: Mapping[str, str] = {
     "fmin": "{0} if {0} <= {1} or {1} != {1} else {1}",
     "fmax": "{0} if {0} >= {1} or {1} != {1} else {1}",
 }  # fmt: skip
-"""Python text of operations element by element; the elements of the parts replace the braces."""
+"""Python text of operations element by element. The braces are replaced by the elements of the
+operands.
+"""
 
 
 def _length(x: Sequence[str]) -> str:
@@ -55,12 +57,12 @@ def _least(x: Sequence[str]) -> str:
 ALL: Mapping[str, Callable[..., str]] = {
     "angle": _angle, "least": _least, "norm": _length, "total": " + ".join,
 }  # fmt: skip
-"""Functions that return the Python text of operations on all elements of their parts."""
+"""Operations on all elements of their operands: functions that return the Python text."""
 
 VECTORS = {name for name, each in FUNCTIONS.items() if each.per_row} - EACH.keys() - ALL.keys()
-"""Functions of vectors in one row without a Python text: numpy evaluates them."""
+"""Names of functions of vectors for which there is no Python text, so that numpy evaluates them."""
 SAME = ("table", "positive")
-"""Operations that change no element."""
+"""Names of operations that change no element."""
 
 
 def _of_vectors(name: str, *vectors: Sequence[float]) -> list[float]:
@@ -71,16 +73,16 @@ def _of_vectors(name: str, *vectors: Sequence[float]) -> list[float]:
 _QUICK = vars(math) | {"abs": abs, "min": min, "sorted": sorted, "of_vectors": _of_vectors}
 _SAFE = _QUICK | {name: getattr(np, name) for name in MATHS} | {"atan2": np.arctan2,
                                                                 "pow": np.power}  # fmt: skip
-"""Names that a compiled function uses, in two versions: functions of Python, which reject a
-division by zero and the root of a negative number, and functions of numpy, which return infinity
-and NaN.
+"""Names that a compiled function uses, in two versions: Python functions, which raise an error for
+a division by zero or the root of a negative number, and numpy functions, which return infinity and
+NaN.
 """
 
 
 class RowProgram:
-    """Compiled function that evaluates the `wanted` instructions of a program, of one element each,
-    in single rows of any result with the columns of `result`. The program must not depend on other
-    rows, see is_per_row().
+    """Compiled function that evaluates `wanted` instructions of a program in single rows of any
+    result with the columns of `result`. The value of each wanted instruction must be one number
+    that depends on a single row, see is_per_row().
     """
 
     def __init__(self, result: Result, program: Program, wanted: Sequence[int]) -> None:
@@ -102,7 +104,8 @@ class RowProgram:
 
     def constants(self, parameters: Iterable[float]) -> list[float]:
         """Return the elements of all intermediate values of the program that depend on parameters
-        alone; parameters: values of all parameters of a run, in the order of Result.parameters.
+        alone, for __call__(). parameters: values of all parameters of a run, in the order of
+        Result.parameters.
         """
         given = enumerate(parameters) if self._used else ()
         return self._of_used(tuple(x for i, x in given if i in self._used))
@@ -116,7 +119,8 @@ class RowProgram:
 
     def __call__(self, row: Any, constants: Sequence[float], time: float) -> tuple[float, ...]:
         """Return the values of the wanted instructions in one row. row: values of all columns;
-        constants: from constants() for the parameters of the run; time [s].
+        constants: list that constants() returned for the parameters of the run; time: of the row
+        [s].
         """
         try:
             found: tuple[float, ...] = self._quick(row, constants, time)
@@ -166,7 +170,7 @@ def _texts(
         return [ALL[operation](*given)]
     size = max(map(len, given))
     columns = zip(*(list(x) * size if len(x) == 1 else x for x in given), strict=True)
-    if operation == "decided":  # a value; NaN where one of the further parts is NaN
+    if operation == "decided":  # the first operand, NaN if another operand is NaN
         return [f"{x} if {' and '.join(f'{y} == {y}' for y in by)} else nan" for x, *by in columns]
     return [EACH[operation].format(*elements) for elements in columns]
 

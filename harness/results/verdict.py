@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Verdict(Enum):
-    """Outcome of a requirement, a claim or a safety rule. The value is its style on a page.
+    """Verdict on a requirement, a claim or a safety rule. The enum value is its style on a page.
 
     NOT_EXERCISED: the condition did not apply in the run, which may have ended too early.
     NOT_JUDGED: the condition could not be evaluated.
@@ -31,7 +31,7 @@ class Verdict(Enum):
 
 
 class Kind(Enum):
-    """Kind of a statement with a verdict; the value is its name."""
+    """Kind of a statement with a verdict; the enum value is the name of the kind."""
 
     REQUIREMENT = "requirement"
     EXPECTATION = "expectation"

@@ -3,7 +3,7 @@
 with units, descriptions, parameters and provenance.
 
 The .csv contains numbers and names only, so that a spreadsheet or pandas reads it without settings.
-NAME.csv.toml contains the hash of its .csv and is ignored beside any other table.
+NAME.csv.toml contains the hash of its .csv and is ignored if the .csv has another hash.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from harness.results import provenance
 from harness.results.result import Result
 
 INCOMPLETE = "# incomplete: "
-"""Begin of the last line in the file of a run that ended early; the reason follows on the same
+"""Beginning of the last line in the file of a run that ended early; the reason follows on this
 line.
 """
 LONGEST_LINE = 64 * 1024**2
@@ -41,15 +41,15 @@ def write(result: Result, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(map(_quoted, ("time", *result.columns))) + "\n")
         table = np.column_stack((result.time, result.values))
-        for row in table:  # repr is the shortest text that reads back as the same number
+        for row in table:  # repr: the shortest text that is read as the same number
             file.write(",".join(map(repr, row.tolist())) + "\n")
         if not result.complete:
             file.write(f"{INCOMPLETE}{' '.join(result.message.split())}\n")
 
 
 def _quoted(name: str) -> str:
-    """Return a name for the header, in quotes if necessary. csv.writer would write a carriage
-    return without quotes, and a reader would end the line there.
+    """Return a name for the header, in quotes if necessary. csv.writer writes a carriage return
+    without quotes, which a reader takes as the end of the line.
     """
     needed = any(character in name for character in ',"\r\n') or name != name.strip() or not name
     return '"{}"'.format(name.replace('"', '""')) if needed else name
@@ -71,8 +71,8 @@ def read(path: Path) -> Result:
 
 
 def _lines(file: TextIO) -> Iterator[str]:
-    """Yield the lines of a file; raise ValueError for a line that is too long, as a device without
-    line breaks would give.
+    """Yield the lines of a file; raise ValueError for a line longer than LONGEST_LINE, as when
+    reading a device without line breaks.
     """
     while line := file.readline(LONGEST_LINE):
         if len(line) == LONGEST_LINE:
@@ -88,7 +88,7 @@ def _last_line(path: Path) -> str:
     return lines[-1] if lines else ""
 
 
-# ---- the file beside
+# ---- NAME.csv.toml
 
 
 def beside(path: Path) -> Path:
@@ -149,8 +149,8 @@ def _texts(result: Result) -> dict[str, Any]:
 
 
 def _with(result: Result, about: Mapping[str, Any]) -> Result:
-    """Return a result that has only columns and values, completed by the texts, parameters and
-    provenance in `about`, as _content() returned them; raise ValueError if `about` is invalid.
+    """Return `result`, which has only columns and values, completed by the texts, parameters and
+    provenance in `about`, a table that _content() made; raise ValueError if the table is invalid.
     """
     origin, parameters = _table(about, "provenance"), _table(about, "parameters")
     return replace(

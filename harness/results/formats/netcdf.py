@@ -29,12 +29,12 @@ from harness.results.result import (
 )
 
 PACKED = 1000
-"""Number of values above which a variable is compressed, without loss."""
+"""Number of values of a variable above which it is compressed, without loss."""
 
 
 def fits(name: str) -> bool:
-    """Return whether a netCDF file can store a name unchanged. The library would change a name that
-    is not in Unicode's composed form NFC.
+    """Return whether a netCDF file can store a name unchanged. The library changes a name that is
+    not in Unicode's composed form NFC.
     """
     as_it_is = unicodedata.is_normalized("NFC", name) and len(name) <= 200
     return as_it_is and _NAME.fullmatch(name) is not None
@@ -57,13 +57,15 @@ def write(result: Result, path: Path) -> None:
         file.setncatts(about)
         content["time"] = (("time",), result.time, time_labels(result))
         defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
-        file.set_auto_maskandscale(False)  # no search for scales, a third of the time
+        file.set_auto_maskandscale(False)  # saves a third of the time
         for variable, data in defined:
             variable[...] = data
 
 
 def _check_nul(texts: Iterable[object]) -> None:
-    """Raise ValueError for a text with NUL, at which the library would end it."""
+    """Raise ValueError for a text with the character NUL: the library would store the text only up
+    to it.
+    """
     for text in texts:
         if "\0" in str(text):
             raise ValueError(
@@ -126,7 +128,7 @@ def _flat_columns(
     system: str, time: Array, histories: Mapping[str, tuple[Array, Mapping[str, str]]]
 ) -> Result:
     """Return a result with variables as flat columns, one column per element: the inverse of
-    variables(). histories: values and attributes by name of the variable.
+    variables(). histories: values (rows, ...) and attributes by name of the variable.
     """
     columns, blocks, units, descriptions, modes = [], [np.empty((len(time), 0))], [], [], []
     for name, (values, about) in histories.items():
@@ -144,7 +146,7 @@ def _flat_columns(
 
 
 def _from_lines(text: str) -> list[str]:
-    """Return the names in a text that in_lines() has made."""
+    """Return the names in a text that in_lines() made from them."""
     return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
 
 
@@ -178,7 +180,7 @@ def _check_size(unpacked: int, packed: int) -> None:
 def _memory() -> int:
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):  # not on every machine
+    except (AttributeError, ValueError, OSError):  # the machine does not state its memory
         return 16 * 1024**3
 
 
@@ -187,7 +189,9 @@ def _size(count: int) -> str:
 
 
 def _numbers(name: str, values: Any) -> Array:
-    """Return an array of a file as doubles; raise ValueError if it contains something else."""
+    """Return values of a file as an array of doubles; raise ValueError if they are not numbers.
+    name: of the variable, for the error.
+    """
     array = np.asarray(values)
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name}: expected numbers, got {array.dtype}")
