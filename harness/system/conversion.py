@@ -58,8 +58,8 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
 
 
 def _start(parameter: Parameter, interface: Interface) -> Unit | None:
-    """Return the unit in which a parameter is given, None if the file states no unit. Its
-    definition is from the file, or else from the FMU.
+    """Return the unit in which a parameter is given, None if the file states no unit. The
+    definition of the unit is from the file, or else from the FMU.
     """
     if parameter.unit is None:
         return None

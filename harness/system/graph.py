@@ -29,8 +29,8 @@ _log = logging.getLogger("harness")
 
 
 class Slot(NamedTuple):
-    """Place of one number on the bus: name of its output (`component.variable[i]`), unit ("" if
-    undeclared), meaning, and names of the values if it is a mode.
+    """Place of one number on the bus. name: of the output, `component.variable[i]`; unit: "" if
+    undeclared; modes: names of the values 0, 1, .. if the output is a mode, else "".
     """
 
     name: str
@@ -43,16 +43,16 @@ Texts = tuple[str, ...]
 
 
 def columns(slots: Sequence[Slot]) -> tuple[Texts, Texts, Texts, Texts]:
-    """Return names, units, descriptions and modes of slots, each as a tuple, as the columns of a
-    Result have them.
+    """Return four tuples: names, units, descriptions and modes of slots, for the columns of a
+    Result.
     """
     names, units, descriptions, modes = zip(*slots, strict=True) if slots else ((), (), (), ())
     return names, units, descriptions, modes
 
 
 class Wire(NamedTuple):
-    """Variable of a component and the slot that it is written to (output) or read from (input),
-    with the conversion of the value on the way.
+    """Input or output of a component with the slot of the bus from which the input is read or to
+    which the output is written. change: conversion of the unit of an input.
     """
 
     variable: Variable
@@ -70,8 +70,8 @@ class Setting(NamedTuple):
 @dataclass(frozen=True)
 class Node:
     """Component with its FMU: the slots that it reads, the slots that it writes, and the values
-    that are set before the run; parameters: all parameters except strings, each with name and unit
-    in a Slot.
+    that are set before the run; parameters: all parameters except strings, each with a Slot that
+    contains its name and unit.
     """
 
     component: Component
@@ -83,7 +83,9 @@ class Node:
 
     @cached_property
     def constants(self) -> tuple[tuple[Slot, float], ...]:
-        """Return every parameter except strings, as its slot with its value in the run."""
+        """Return a pair of Slot (name, unit) and value in the run for every parameter except
+        strings.
+        """
         given = {setting.variable.name: setting.value for setting in self.settings}
         values = [(slot, given.get(v.name, v.start)) for v, slot in self.parameters]
         return tuple([(slot, float(value)) for slot, value in values if value is not None])
@@ -139,8 +141,8 @@ SAMPLE_PERIOD = "sample_period"
 
 
 def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
-    """Yield a line per component whose samples do not all fall on the ends of its steps, and what
-    to change.
+    """Yield an error message per component whose sampling instants are not all at the ends of its
+    steps; the message also states what to change.
     """
     every = {node.component.name: node.component.every for node in graph.nodes}
     for slot, period in constants(graph):
@@ -178,15 +180,15 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
     changed = [new for node, c in others if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     lost = any(node.component.parameters.keys() - c.parameters.keys() for node, c in others)
-    looked = system if lost else replace(system, strict=False)  # new values disconnect no input
+    looked = system if lost else replace(system, strict=False)  # new values open no input
     if any(value_problems(looked, interfaces, changed)):
         return build_graph(system)  # raises an error with every problem
     return replace(graph, nodes=tuple(_adapted(*pair) for pair in pairs))
 
 
 def _same_structure(system: System, known: System, graph: Graph) -> bool:
-    """Return whether two systems differ only in values: parameters, schedule, experiment; graph: of
-    `known`.
+    """Return whether `system` and `known` differ only in values (parameters, schedule, experiment).
+    graph: graph of `known`.
     """
     return (
         system.connections == known.connections
@@ -203,15 +205,15 @@ def _same_structure(system: System, known: System, graph: Graph) -> bool:
 
 
 def _with_new_values(node: Node, component: Component) -> Component:
-    """Return the component with only those parameters that differ from the node's parameters."""
+    """Return the component with only the parameters that differ from the parameters of the node."""
     known = node.component.parameters
     new = {name: p for name, p in component.parameters.items() if known.get(name) is not p}
     return replace(component, parameters=new)
 
 
 def _adapted(node: Node, component: Component) -> Node:
-    """Return the node for another component with the same FMU; settings are new where parameters
-    differ.
+    """Return the node for `component`, which has the same FMU; only settings of parameters that
+    differ are computed again.
     """
     if component is node.component:
         return node
@@ -234,8 +236,8 @@ def read_interfaces(system: System) -> dict[str, Interface]:
 
 
 def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]]:
-    """Return the interfaces of components whose FMU can be read, by name, and a line per FMU that
-    cannot.
+    """Return the interfaces of components whose FMU can be read, by name of the component, and an
+    error message per FMU that cannot be read.
     """
     interfaces, unreadable = {}, []
     for component in system.components:
@@ -256,8 +258,8 @@ def log_warnings(*systems: System) -> None:
 
 
 def log_warnings_of(interface: Interface) -> None:
-    """Log the first deviation of an FMU from the FMI standard and the number of the others in one
-    line.
+    """Log in one line the first deviation of an FMU from the FMI standard and the number of further
+    deviations.
     """
     first, count = interface.warnings[:1], len(interface.warnings)
     more = f", and {count - 1} more (harness check lists them)" if count > 1 else ""
@@ -270,7 +272,7 @@ def _slot(port: Port, variable: Variable) -> Slot:
 
 
 Drives = Mapping[Port, tuple[int, Affine]]
-"""By input: slot and conversion of the output that is connected to the input."""
+"""For every connected input: slot of the output that drives it, and conversion of the value."""
 
 
 def _node(
@@ -294,12 +296,12 @@ def _node(
 def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
     for name, parameter in component.parameters.items():
         variable = interface.variables.get(name)
-        if variable is not None and variable.causality != STRUCTURAL:  # a size that is fixed
+        if variable is not None and variable.causality != STRUCTURAL:  # sizes of arrays are fixed
             yield Setting(variable, final(parameter, variable, interface))
 
 
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
-    """Yield every parameter of every component except strings, as its slot with its value in the
-    run.
+    """Yield a pair of Slot (name, unit) and value in the run for every parameter of every component
+    except strings.
     """
     return chain.from_iterable(node.constants for node in graph.nodes)

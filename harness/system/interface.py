@@ -57,9 +57,10 @@ MODES = "Annotations/Tool/Modes|Annotations/Annotation/Modes"
 
 @dataclass(frozen=True)
 class Interface:
-    """Interface of an FMU. variables: by name, in the order of the file; units: base units by name;
-    model: FMPy's description; warnings: deviations from the standard, one line each; size: unpacked
-    [bytes]; left_out: variables that no system can use, one line each with the reason.
+    """Interface of an FMU. variables: by name, in the order of the file; units: definitions of
+    units by name; model: model description as an object of FMPy; warnings: deviations from the
+    standard, one line each; size: size of the unpacked FMU [bytes]; left_out: a line, with the
+    reason, per variable that no system can use.
     """
 
     path: Path
@@ -87,7 +88,7 @@ class Interface:
         return {key: tuple(row[k] for k in sorted(row)) for key, row in found.items()}
 
     def named(self, causality: str) -> Mapping[str, Variable]:
-        """Return the variables of one causality (input, output, parameter, ...)."""
+        """Return the variables of one causality (input, output, parameter, ...) by name."""
         return self._by_causality.get(causality, {})
 
     @cached_property
@@ -146,7 +147,9 @@ def _read(path: Path, _: Stamp) -> Interface:
 
 
 def _examined(path: Path) -> Interface:
-    """Return the interface of a .fmu; raise FmuError with all its problems."""
+    """Return the interface of a .fmu, without a cache; raise FmuError with all problems of the
+    FMU.
+    """
     found = examine(path)
     if found.errors:
         raise FmuError("\n".join(f"{path.name}: {problem}" for problem in found.errors))
@@ -196,8 +199,8 @@ def unpacked_sources(fmu: Path, folder: Path) -> list[Path]:
 
 def binaries(interface: Interface) -> tuple[str, ...]:
     """Return the paths inside the archive at which FMI expects the binary for this platform: for
-    FMI 2.0 its own folder and the folder of FMI 3.0 (permitted from 2.0.5 on), for FMI 3.0 the
-    latter.
+    FMI 2.0 the folder of FMI 2.0 and then the folder of FMI 3.0 (permitted from 2.0.5 on), for FMI
+    3.0 only the folder of FMI 3.0.
     """
     file = interface.model.coSimulation.modelIdentifier + sharedLibraryExtension
     both = f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
@@ -220,8 +223,9 @@ def binary_problem(interface: Interface) -> str | None:
 
 
 def units_agree(a: str | None, b: str | None) -> bool:
-    """Return whether two units have the same name or one end of a connection declares none. Systems
-    of the project require this, files of other tools do not.
+    """Return whether units a and b at the ends of a connection have the same name, or at least one
+    of them is not declared (None). Systems of the project require this, files of other tools do
+    not.
     """
     return a is None or b is None or a == b
 
@@ -272,7 +276,7 @@ def _elements(d: Description, v: Declared, optional: bool) -> Iterator[Variable]
 
 
 def _whole(d: Description, v: Declared, optional: bool) -> Variable:
-    """Return the variable with the properties that all elements of its array share."""
+    """Return a Variable with the properties that all elements of the array `v` share."""
     items = dict(d.enumerations).get(v.type_name, [])
     is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
     has_limits = v.type in ("Real", "Integer")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Mapping of ports of a third-party FMU to the ports of a component with other names.
 
-The user gives such pairs of names. Names that differ only in the style of their indices (`r[0]`,
-`r_1`, `r(1)` for `r[1]`) are mapped without being given.
+The user gives pairs of names. Names that differ only in the style of their indices (`r[0]`, `r_1`,
+`r(1)` for `r[1]`) are mapped automatically.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from harness.spelling import did_you_mean
 from harness.system.values import Index, grid, parts_of
 
 Names = dict[str, str]
-"""Names of scalar variables of the component by the names of the FMU that takes its place."""
+"""Name of a scalar variable in the system by its name in the new FMU."""
 
 
 class Family(NamedTuple):
@@ -82,8 +82,8 @@ def _read(text: str) -> tuple[str, str, Index]:
 def given_names(
     given: Sequence[tuple[str, str]], theirs: Collection[str], ours: Collection[str]
 ) -> Names:
-    """Return the names of scalar variables from pairs of a user, (name in the FMU, name in the
-    system), each a scalar or a whole vector or matrix.
+    """Return the mapping of scalar variables for pairs that a user has given: (name in the FMU,
+    name in the system), each of a scalar or of a whole vector or matrix.
 
     theirs, ours: existing scalar variables of the FMU and of the system. Raises ValueError for a
     name that does not exist (with close matches), sizes that differ, and a name that is given
@@ -119,9 +119,8 @@ def _members(
 
 
 def by_style(theirs: Collection[str], ours: Collection[str]) -> dict[Family, Family]:
-    """Return the vectors and matrices that an FMU (theirs) and the system (ours) have with equal
-    name and shape, but with indices in another style, as `x[1]` and `x_1`: signals of the system by
-    signals of the FMU.
+    """Return the vectors and matrices of the system (`ours`) by the vectors and matrices of an FMU
+    (`theirs`) that have the same name and shape, but indices in another style, as `x_1` and `x[1]`.
     """
     mine = families(ours)
     return {

@@ -37,8 +37,8 @@ class Port(NamedTuple):
 
 
 class Connection(NamedTuple):
-    """Connection from the output `source` to the input `target`; hops: conversions on the way.
-    Without hops only units are converted.
+    """Connection from the output `source` to the input `target`; hops: conversions of the value, in
+    order. Without hops only the unit is converted.
     """
 
     source: Port
@@ -69,7 +69,7 @@ Parameters = Mapping[str, Parameter]
 
 @dataclass(frozen=True)
 class Component:
-    """FMU in its place in a system.
+    """FMU in its place in a system, with its parameters and its schedule.
 
     every: macro steps per step of this component; latency: number of macro steps by which its
     outputs are published later.
@@ -99,8 +99,8 @@ class Experiment:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """Named alternative to the parameters of all components; stop and step [s] override the
-    experiment if given.
+    """Named parameters of all components, which replace the default parameters; stop and step [s]
+    override the values in the experiment unless they are None.
     """
 
     name: str
@@ -137,8 +137,8 @@ class Origin:
 
     source, sha256: name or path of the source as given, and hash of an .ssp; params, params_sha256:
     parameter set or file, and hash of a file; set: values by `component.variable`; swaps: FMUs that
-    replaced the FMU of a component; maps: names in the system by names of ports in these FMUs; on:
-    processor by component; latency: macro steps by component.
+    replaced the FMU of a component; maps: name in the system by name of the port in the new FMU;
+    on: processor by component; latency: macro steps by component.
     """
 
     source: str = ""
@@ -190,7 +190,7 @@ class System:
     origin: Origin = field(default_factory=Origin, compare=False)
 
     def component(self, name: str) -> Component:
-        """Return the component with this name; raise KeyError if there is none."""
+        """Return the component with this name; raise KeyError if there is no such component."""
         return self._by_name[name]
 
     @cached_property

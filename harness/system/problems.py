@@ -41,8 +41,8 @@ def problems(system: System, interfaces: Interfaces) -> Iterator[str]:
 def value_problems(
     system: System, interfaces: Interfaces, changed: Sequence[Component]
 ) -> Iterator[str]:
-    """Yield the problems that new parameters, schedules or experiments can cause; changed: the
-    components with new parameters.
+    """Yield the problems that new parameters, schedules or experiments can cause, one line each;
+    changed: the components with new parameters.
     """
     yield from schedule_problems(system.experiment.algorithm, system.components)
     if system.strict and changed:
@@ -108,8 +108,8 @@ def _end(port: Port, causality: str, interfaces: Interfaces) -> Variable:
 def _misfit(
     connection: Connection, source: Variable, target: Variable, interfaces: Interfaces, strict: bool
 ) -> str | None:
-    """Return why an output cannot be connected to an input: their types or units. Return None if it
-    can. Units must be equal in a strict system, because other tools do not convert them.
+    """Return why the types or units of an output and an input do not permit a connection, None if
+    they do. Units must be equal in a `strict` system, because other tools do not convert units.
     """
     if source.type != target.type or source.type in NO_NUMBERS:
         return f"is {target.type}, cannot be driven by {connection.source}, a {source.type}"
@@ -209,8 +209,8 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
 
 
 def size_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
-    """Yield a line if the FMUs of a run together exceed the limit of unpacked bytes; every
-    component is unpacked separately.
+    """Yield one line if the sizes of all unpacked FMUs of a system together exceed the limit; an
+    FMU counts once per component, because it is unpacked for each.
     """
     size = sum(interfaces[c.name].size for c in system.components if c.name in interfaces)
     if size > MAX_UNPACKED:

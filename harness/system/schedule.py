@@ -2,9 +2,9 @@
 """Master algorithm as data: the actions on the instances of FMUs, and their order in every macro
 step.
 
-An instance with `every = N` makes one step of N macro steps, at macro steps k with k % N == 0. An
-instance with `latency = L` publishes its outputs L macro steps later than the algorithm would: a
-computer needs time for its results.
+An instance with `every = N` makes a step that is N macro steps long, in macro steps k with k % N ==
+0. The outputs of an instance with `latency = L` are published L macro steps later than without
+latency, as a computer needs time for its results.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ termination. EARLY_RETURN: a step has returned early.
 
 
 class Verb(Enum):
-    """Action on an instance. SET: copy from the bus to its inputs; STEP: advance it; GET: copy its
-    outputs to the bus.
+    """Action on an instance. SET: copy values from the bus to its inputs; STEP: perform a step;
+    GET: copy its outputs to the bus.
     """
 
     SET = "set"
@@ -38,7 +38,9 @@ class Verb(Enum):
     GET = "get"
 
     def call(self, fmi: int = 2) -> str:
-        """Return the name of the FMI function for the verb; fmi: version, 2 or 3."""
+        """Return the name of the FMI function that performs this action; fmi: version of FMI, 2 or
+        3.
+        """
         real = "Real" if fmi == 2 else "Float64"
         done = {"set": f"Set{real}", "step": "DoStep", "get": f"Get{real}"}[self.value]
         return f"fmi{fmi}{done}"
@@ -81,7 +83,7 @@ def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
     and publishes its outputs at once.
 
     An instance with latency L (at most its period) publishes at the beginning of the macro step
-    that is L macro steps after the one in which it has read its inputs.
+    that is L macro steps after the macro step in which it has read its inputs.
     """
     late = [Action(Verb.GET, i, i.every, i.latency % i.every) for i in instances if i.latency]
     return late + [

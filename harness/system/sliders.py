@@ -34,7 +34,7 @@ def problems(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[st
 
 
 def sliders(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[Slider]:
-    """Yield the sliders of a system. Those that are invalid for its FMUs are left out. ranges: by
+    """Yield the sliders of a system, without sliders that are invalid for its FMUs. ranges: by
     `component.parameter`.
     """
     for name, given in ranges.items():
@@ -43,11 +43,15 @@ def sliders(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[Sli
 
 
 BOUND = 1e300
-"""Size from which on a limit counts as no limit: FMUs without limits declare the largest double."""
+"""Absolute value from which on a declared limit counts as no limit: FMUs declare the largest double
+for a variable without limits.
+"""
 
 
 def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
-    """Return a slider with the given range, completed by the range of the FMU; raise ValueError."""
+    """Return the slider of the parameter `name`; an end that `given` leaves open (None) is the
+    limit in the FMU. Raise ValueError if the parameter does not exist or the range is invalid.
+    """
     real = {
         f"{component}.{v.name}": v
         for component, interface in interfaces.items()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Exchange of the FMU of a component for another FMU, from any tool, that has the ports that the
+"""Replacement of the FMU of a component by another FMU, from any tool, with the ports that the
 system needs.
 """
 
@@ -45,16 +45,16 @@ def exchange(
 ) -> System:
     """Return the system with another FMU as component `name`.
 
-    The outputs of the FMU must include all outputs that other components read, with equal units.
-    Inputs of the FMU get the connections of the former inputs with the same names. A further input
-    is connected to the output with its name if there is exactly one. Ports with another name are
-    given in pairs (name in the FMU, name in the system) of scalars or whole vectors. Vectors whose
-    indices are written in another style are found without such pairs.
+    The outputs of the new FMU must include all outputs that other components read, with equal
+    units. Inputs of the new FMU get the connections of the former inputs with the same names. A
+    further input is connected to the output with the same name if there is exactly one. given:
+    pairs (name in the FMU, name in the system) of scalars or whole vectors, for ports whose names
+    differ. Vectors whose indices are written in another style need no pair.
 
-    The FMU gets the values of all parameters that the former FMU has too. Parameters that the
-    system has for FMUs of this model name override them. If the system has none for the model name,
-    a warning names the parameters that are dropped. Raises UsageError (unknown component, FMU or
-    port), FmuError, or StructureError with all missing ports.
+    Parameters of the former FMU that the new FMU also has retain their values. Values in the table
+    `[alternatives]` of the system for the model name of the new FMU override these. If the table
+    has no entry for the model name, a warning names the parameters that are dropped. Raises
+    UsageError (unknown component, FMU or port), FmuError, or StructureError with all missing ports.
     """
     new = _Exchange(system, existing(system, "--swap", name), find_fmu(fmu), given)
     connections = tuple(new.connections())
@@ -63,8 +63,8 @@ def exchange(
 
 
 def existing(system: System, option: str, name: str) -> str:
-    """Return the name of a component unchanged if it exists; raise UsageError that begins with the
-    option of the command line.
+    """Return the name of a component unchanged if it exists, else raise UsageError. option: option
+    of the command line, with which the error message begins.
     """
     known = [c.name for c in system.components]
     if name not in known:
@@ -74,8 +74,8 @@ def existing(system: System, option: str, name: str) -> str:
 
 
 class _Exchange:
-    """Replacement of a component by another FMU. names: names in the system by names in the FMU,
-    where they differ.
+    """Replacement of the FMU of a component. names: name of a port in the system by its name in the
+    new FMU, if the names differ.
     """
 
     def __init__(
@@ -117,7 +117,9 @@ class _Exchange:
             _log.warning(note, self.name, self.path.name, shown)
 
     def _offered(self) -> list[str]:
-        """Return a line with the ports of the new FMU that match no signal yet, [] if all match."""
+        """Return a list of one line with the ports of the new FMU that match no signal of the
+        system, [] if all ports match.
+        """
         free = mapping.families([n for n in self.ports if self.names.get(n, n) not in self.signals])
         line = f"its ports {', '.join(free)} match no signal; connect each by --map PORT=SIGNAL"
         return [line] if free else []
@@ -154,8 +156,8 @@ class _Exchange:
                 yield f"its output {source.signal} is in {unit}, {reader} expects {required}"
 
     def _rewired(self) -> tuple[list[Connection], list[str]]:
-        """Return the connections with the ports of the new FMU, and a line per input that remains
-        without a connection and must not.
+        """Return the connections with the ports of the new FMU, and an error message per input of
+        the new FMU that needs a connection and has none.
         """
         connections, problems = list(self._renamed()), []
         driven = {c.target for c in connections}
@@ -177,7 +179,7 @@ class _Exchange:
     def _renamed(self) -> Iterator[Connection]:
         """Yield the connections of the system with the names of ports in the new FMU. A connection
         to an input of the former FMU is repeated for every input of the new FMU that is mapped to
-        it, and dropped if there is none.
+        this input, and dropped if no input is.
         """
         outputs = self.interface.outputs()
         theirs = {our: their for their, our in self.names.items() if their in outputs}

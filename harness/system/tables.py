@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables as people write them in TOML: parameters, with one table per component and a table
-`shared` for all components that have a parameter; and the check of tables against their declared
-types, which yields all problems at once, one line each.
+"""Tables of a TOML file: parameters, in one table per component and a table `shared` for all
+components that have a parameter of the same name; and the check of tables against declared types,
+which yields all problems at once, one line each.
 
 A table with known entries is declared as a msgspec.Struct, or as `Struct | None` if it may be
 missing. A table with arbitrary entries is a `dict[str, X]`. Entries have one of the types below, or
-another type of msgspec. msgspec.convert(table, Struct) makes an object of a table without problems.
+another type of msgspec. After the check, msgspec.convert(table, Struct) makes an object from a
+table.
 """
 
 from __future__ import annotations
@@ -94,8 +95,8 @@ class Assignments:
             self.problems.append(f"{name}: {fault}")
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:
-        """Set a parameter of every component that has it; written: whether the value is text that a
-        user has typed.
+        """Set a parameter of every component that has a parameter `name`; written: whether the
+        value is a text that a user has typed, from which the value must be parsed.
         """
         owners = [c for c, i in self.interfaces.items() if elements_of(name, i.named("parameter"))]
         for component in owners:
@@ -127,8 +128,8 @@ class Assignments:
             self.problems.append(f"{component}.{name}: {error}")
 
     def write(self, component: str, name: str, text: str) -> None:
-        """Set a variable from text that a user has typed: for a String the text itself, else a
-        number or list in it.
+        """Set a variable to a value that a user has typed as text: a variable of type String to the
+        text, any other variable to the number or list that the text contains.
         """
         variable = self.interfaces[component].variables.get(name)
         is_text = variable is not None and variable.type == "String"
@@ -158,7 +159,7 @@ def problems(given: Any, kind: Any, place: str = "") -> Iterator[str]:
 
     given: the value; kind: the type; place: name of the entry, "" for the whole file.
     """
-    if NoneType in get_args(kind):  # TOML knows no None
+    if NoneType in get_args(kind):  # TOML has no None
         (kind,) = (each for each in get_args(kind) if each is not NoneType)
     table = get_origin(kind) is dict
     if not table and not _is_struct(kind):
@@ -203,8 +204,8 @@ def _inside(place: str, name: str) -> str:
 
 
 def _words(kind: Any, error: Exception) -> str:
-    """Return the rule that a value breaks in words, from the description of its type, or else from
-    the error of msgspec.
+    """Return the rule that a value breaks as text: the description of the type `kind`, or else the
+    message of `error` from msgspec.
     """
     metas = [each for each in get_args(kind)[1:] if isinstance(each, Meta) and each.description]
     return str(metas[0].description if metas else str(error).removeprefix("Expected "))

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Units by their definition, and the conversion of a number on its way from one variable to
+"""Definitions of units, and the conversion of a number that is transferred from one variable to
 another.
 
-    SI value = factor * value + offset                  of a BaseUnit with given exponents of the SI
-    units on a hop: first convert units, then value = factor * value + offset
-    (SSP 1.0, 5.3.5)
+A BaseUnit states exponents of the SI units, with SI value = factor * value + offset. A hop (step of
+a conversion) first converts units, then computes factor * value + offset (SSP 1.0, 5.3.5).
 
-All hops (steps of a conversion) on the way are composed in rational arithmetic to one Affine and
-rounded once at the end.
+All hops of a signal are composed in rational arithmetic to one Affine and rounded once at the end.
 
-Units beside numbers are written as in FMUs, `2 deg`, `3.3 m/min`: points between factors, digits
-for exponents, and everything after a slash divides (`kg.m2`, `m/s2`, `1/(N.m)`).
+Units after numbers are written as in FMUs, `2 deg`, `3.3 m/min`: points between factors, digits for
+exponents, all factors after a slash in the denominator (`kg.m2`, `m/s2`, `1/(N.m)`).
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ Base = Mapping[str, float]
 
 
 class UndefinedUnitError(ValueError):
-    """Unit with a name but without a definition."""
+    """Error: a unit has a name but no definition."""
 
 
 class Unit(NamedTuple):
@@ -57,9 +55,9 @@ IDENTITY = Affine()
 
 class Hop(NamedTuple):
     """Step of a conversion, from one connection or mapping of a file: convert to `unit` (None: the
-    unit of the variable at the end of the way), then apply `change`.
+    unit of the variable that receives the value), then apply `change`.
 
-    convert: False if the file suppresses the conversion of units.
+    convert: whether units are converted; False if the file suppresses this.
     """
 
     change: Affine = IDENTITY
@@ -127,7 +125,7 @@ def _scale(name: str, base: Base) -> _Exact:
 
 
 def _dimension(base: Base) -> dict[str, int]:
-    """Return the exponents of the SI units that are not zero."""
+    """Return the exponents, by SI unit, that are not zero."""
     return {name: int(n) for name, n in base.items() if name not in ("factor", "offset") and n}
 
 
@@ -136,7 +134,7 @@ def _text(base: Base) -> str:
     return ".".join(f"{name}{n if n != 1 else ''}" for name, n in _dimension(base).items()) or "1"
 
 
-# ---- as people write them
+# ---- units that are written as text
 
 SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
     "1": (1.0, {}),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Names and values of scalar variables, as FMUs have them and as users write them.
+"""Names and values of scalar variables, in FMUs and as users write them.
 
 FMI 2.0 has scalars only, so names contain the structure: `J[1,2]` is element (1, 2) of `J`. Only
 this module splits names into variable and indices. Indices may begin at any number (`x[0]`), and
@@ -42,7 +42,7 @@ _ELEMENT = re.compile(r"(.+)\[(\d{1,9}(?: *, *\d{1,9})*)\]", re.ASCII | re.DOTAL
 
 @lru_cache(maxsize=1 << 16)
 def parts_of(text: str) -> Name:
-    """Return the parts of a name as an FMU has it or a user writes it."""
+    """Return vector (or matrix) and indices of the name of a scalar variable."""
     match = _ELEMENT.fullmatch(text)
     return Name(match[1], tuple(map(int, match[2].split(",")))) if match else Name(text)
 
@@ -67,7 +67,9 @@ def elements_of(port: str, names: Collection[str]) -> list[str]:
 
 
 def with_arrays(names: Collection[str]) -> tuple[str, ...]:
-    """Return names of scalar variables, and of the vectors and matrices that they form."""
+    """Return the given names of scalar variables, and the names of the vectors and matrices that
+    these variables form.
+    """
     return (*names, *_arrays(tuple(names)))
 
 
@@ -122,7 +124,7 @@ def parse(text: str) -> Value:
         number = float(text)
     except ValueError:
         pass
-    else:  # a number beyond doubles stays a text
+    else:  # a number too large for a double stays a text
         return text if math.isinf(number) and any(c.isdigit() for c in text) else number
     try:
         value: Value = tomllib.loads(f"value = {text}")["value"]
@@ -178,8 +180,8 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def expand(name: str, value: Value, first: Index = ()) -> dict[str, Scalar]:
-    """Return the scalars of a value by name: of a number `name`, of a list `name[i]`, of a list of
-    lists `name[i,j]`; first: indices of the first element, by default 1.
+    """Return the scalars in a value by their names: `name` for a number, `name[i]` for a list,
+    `name[i,j]` for a list of lists; first: indices of the first element, by default 1.
     """
     elements = list(_elements(value, (), first))
     if not elements:
@@ -212,8 +214,8 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
 
 
 def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, Scalar]:
-    """Return the scalars of a value by element of the variable; elements: names that the FMU has.
-    Raise ValueError if the value has other elements.
+    """Return the scalars in a value by the name of the element. elements: names of all elements of
+    the variable in the FMU. Raise ValueError if the value has another shape.
     """
     is_scalar = elements == [name]
     whole = None if is_scalar else grid(map(index, elements))
@@ -227,8 +229,8 @@ def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, S
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:
-    """Return a suggestion, as the end of an error message, for one number where a list is expected
-    or for numbers without brackets. A list of another shape cannot fit the FMU.
+    """Return the end of an error message about a value with a wrong number of elements: how to
+    write it as a list, or for a list that the FMU fixes the number; "" for other values.
     """
     if isinstance(value, str):
         return f"; write [{value}]" if "," in value else ""
@@ -308,8 +310,8 @@ def _quoted(text: str) -> str:
 # ---- variables of an FMU, in any version of FMI
 
 EXACT = 2**53
-"""Number up to which a double, as which the bus carries all numbers, represents every whole number
-exactly.
+"""Largest number up to which a double represents every whole number exactly. The bus carries all
+numbers as doubles.
 """
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Wiring by name: an input is connected to the only output of the same name, so a signal has one
-name in all components.
+"""Connections by name: an input is connected to the only output with the same name, so that a
+signal has the same name in all components.
 """
 
 from __future__ import annotations
