@@ -23,7 +23,8 @@ def elements(fmu: Path | None, variable: str) -> dict[Index, str]:
     """Return the scalar variables of an FMU that belong to a name in an SSP file, by their indices,
     counted from 1, in row-major order: {(1,): "r[1]", (2,): "r[2]"} for an array `r`.
 
-    A scalar gives {(): its name}, and so does every name if the FMU is missing or unreadable.
+    A scalar gives {(): its name}. If the FMU is missing or unreadable, every name is treated as a
+    scalar.
     """
     try:
         variables = read_interface(fmu).variables if fmu else {}
@@ -74,8 +75,8 @@ def parameter_names(parameter: XmlElement, count: int) -> list[str]:
 
 
 def values(element: XmlElement) -> list[str]:
-    """Return the values of an element ssv:Real, ssv:String, ... as texts: one of a scalar, all of
-    an array.
+    """Return the values of an element ssv:Real, ssv:String, ... as texts: one text for a scalar,
+    one per element for an array.
     """
     if several := element.findall("ssv:Value", NS):
         return [value.get("value", "") for value in several]

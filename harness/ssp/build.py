@@ -147,7 +147,9 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
 
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator[str]:
-    """Yield the problems of names, FMUs and parameter sets without which no system can be built."""
+    """Yield the problems of names, FMUs and parameter sets that prevent a system from being
+    built.
+    """
     for name in source["components"]:
         if not (name.isidentifier() and name.isascii()):
             yield f"{name}: the name of a component must be a C identifier"
@@ -221,7 +223,7 @@ class _Builder:
         return replace(system, alternatives=tuple(self._alternatives(system)))
 
     def _open(self) -> Assignments:
-        """Return the values of the unconnected inputs."""
+        """Return the values of the unconnected inputs, from the table `[open]`."""
         values = Assignments(self.interfaces)
         for name, value in self.source.open.items():
             try:
@@ -321,8 +323,8 @@ def _unknown(names: Iterable[str], known: Collection[str]) -> Iterator[str]:
 
 
 def read(source: Path, fmus: Mapping[str, Path]) -> System:
-    """Return the system of a TOML; fmus: paths by name, other FMUs by their path relative to the
-    TOML. Raises HarnessError.
+    """Return the system of a TOML file. fmus: paths of FMUs by name; any other FMU is given in the
+    file by its path relative to the file. Raises HarnessError.
     """
     try:
         table = extended(source)

@@ -179,13 +179,14 @@ class Tree:
             raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
-        is_last = target.point.place in self.components  # the FMU defines the unit of its input
+        is_last = target.point.place in self.components  # the FMU states the unit of its input
         unit = None if is_last else self.connectors[target.point].unit
         return Edge(source, target, hop_of(element, unit))
 
     def _end(self, element: XmlElement, side: str, place: Place) -> tuple[End, bool | None]:
         """Return the `start` or `end` of a connection, and whether it is the source of the signal
-        (None if the kind of the connector leaves this open); raise ValueError.
+        (None if the kind of the connector leaves this open); raise ValueError if there is no such
+        connector.
         """
         name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
         if name is not None and name not in self.inside[place]:

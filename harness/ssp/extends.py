@@ -17,7 +17,8 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     """Return the content of the TOML file of a system, merged over the system that it `extends`.
 
     Its entry `mission` is the folder's name, or the mission of the extended system if the folder
-    has no Python file of a mission. above: the files that extend this file, to find circles.
+    has no Python file of a mission. above: the files that extend this file, to detect a file that
+    extends itself.
     """
     table = _read(source)
     mission = folder = source.resolve().parent.name
@@ -53,8 +54,8 @@ def _read(source: Path) -> dict[str, Any]:
 
 
 def _without(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table `own` with its list `without`: the components of the base that it sets to
-    false, and those that the base leaves out, except the ones to which `own` gives an FMU again.
+    """Return the table `own` with a list `without`: components of the table `base` that `own` sets
+    to false, and components that `base` leaves out, unless `own` gives them an FMU again.
     """
     given = own.get("components")
     given = given if isinstance(given, dict) else {}
@@ -93,8 +94,8 @@ def _base(source: Path, name: str) -> Path:
 
 def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     """Return the table `own` merged over the table `base`, including nested tables. If `own` names
-    all entries of `base`, its order applies: so a file can insert a component between others, since
-    components run in the order of their table.
+    all entries of `base`, the order of `own` applies. A file can thus insert a component between
+    two others, because components run in the order of their table.
     """
     merged = dict.fromkeys(own) | dict(base) if set(base) <= set(own) else dict(base)
     for key, value in own.items():

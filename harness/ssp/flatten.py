@@ -143,7 +143,8 @@ class Flat:
             self.parameters[variable.place][variable.connector] = given.parameter
 
     def _take(self, point: Point, variable: Point, hops: Hops) -> None:
-        """Give a variable the parameter of the system connector `point`, if the file states one.
+        """Give a variable the parameter of the system connector `point`, if the file states a
+        parameter.
 
         The value is in the unit of the connector, and `hops` convert it on the way to the variable.
         """

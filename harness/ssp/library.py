@@ -68,7 +68,9 @@ def _built(path: Path) -> System:
 
 
 _without_python: set[Path] = set()
-"""Folders whose Python is not run, because a results file named them and not the user."""
+"""Folders whose Python files are not executed, because a results file and not the user named these
+folders.
+"""
 
 
 def leave_python(system: str | Path) -> None:

@@ -34,7 +34,7 @@ def read_ssv(path: Path) -> dict[str, Parameter]:
 def parameter_set(root: XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
     """Return the parameters of an ssv:ParameterSet element by name, arrays element by element.
 
-    further: units by name that apply besides the element's own ones. Raises StructureError if a
+    further: units by name, besides the units that the element defines. Raises StructureError if a
     value is NaN or does not fit its type, or if a parameter is given twice.
     """
     units = {**(further or {}), **units_of(root, "ssv:Units")}
@@ -186,7 +186,7 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
 
 def _written(variable: Variable, given: Parameter | None, interface: Interface) -> str:
     """Return the value of a variable as text for an .ssv: the given parameter, converted to the
-    FMU's unit, or else the FMU's start value.
+    FMU's unit; if `given` is None, the FMU's start value.
     """
     number = resting(variable) if given is None else final(given, variable, interface)
     return literal(next((item for item, i in variable.items.items() if i == number), number))

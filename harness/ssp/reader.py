@@ -101,7 +101,9 @@ def _of_folder(folder: Path) -> Reading:
 
 @lru_cache(maxsize=MOST_KNOWN)
 def _known(folder: Path) -> Reading:
-    """Return the system in a folder of the cache, read again only if the cache has no reading."""
+    """Return the system of an .ssp that is unpacked in a folder of the cache. The system is read
+    once, and its pickle is stored in the cache.
+    """
     return cache.computed("system", str(folder).encode(), lambda: _of_folder(folder))
 
 
@@ -174,8 +176,8 @@ class _Reader:
 
     def _experiment(self) -> Experiment:
         """Return the time span of the file, with the step from the OSP annotation and the algorithm
-        from our annotation. A file without ours runs by Jacobi, for which the order of components
-        does not matter.
+        from our annotation. A file without our annotation runs by Jacobi, in which the order of
+        components does not matter.
         """
         default = xml.first(self.root, "ssd:DefaultExperiment")
         step = xml.first(self.root, "ssd:DefaultExperiment//osp:FixedStepAlgorithm")

@@ -6,7 +6,7 @@ has its type, and no system is nested. Each component has its own .ssv, and the 
 all these files have the same name. OMSimulator rejects a file with annotations outside of the root
 system and the experiment, or with a geometry of the system, so neither is written. The same system
 always gives the same bytes. The version is SSP 1.0 if all FMUs are of FMI 2.0, else SSP 2.0, which
-has the types and arrays of FMI 3.0.
+supports the types and arrays of FMI 3.0.
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ class _Writer:
                 attributes(connection, **{f"{side}Element": port.component})
                 attributes(connection, **{f"{side}Connector": end.connector})
                 attributes(connection, **{f"{side}Indices": " ".join(map(str, end.indices))})
-            if each.hops:  # one transformation for all conversions on the way, units included
+            if each.hops:  # one transformation for all conversions, units included
                 change = way(each, self.interfaces)
                 attributes(connection, suppressUnitConversion=True)
                 if change != IDENTITY:

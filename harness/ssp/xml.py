@@ -129,8 +129,8 @@ def embedded(element: XmlElement, schema: str) -> XmlElement:
 
 
 def _valid(root: XmlElement, schema: str, name: str) -> XmlElement:
-    """Return a root after its names of SSP 2.0 were rewritten as names of SSP 1.0 and its empty
-    optional attributes removed; raise StructureError, which begins with `name`, if it is not valid.
+    """Return the root with SSP 2.0 names replaced by SSP 1.0 names and without empty optional
+    attributes. Raise StructureError, which begins with `name`, if the root is not valid.
     """
     if is_version_2(root):
         simplify(root)
@@ -153,7 +153,9 @@ def _valid(root: XmlElement, schema: str, name: str) -> XmlElement:
 
 
 def _named(element: XmlElement) -> str:
-    """Return the name of an element, or of the nearest element around it that has a name."""
+    """Return the attribute `name` of an element, or of the nearest enclosing element with this
+    attribute.
+    """
     ancestors = (element, *element.iterancestors())
     return next((each.get("name") for each in ancestors if each.get("name")), "")
 
@@ -197,7 +199,7 @@ def as_version_1(root: XmlElement) -> XmlElement:
     copy.set("version", "1.0")
     etree.strip_elements(copy, *_NEW_PARTS)
     for element in copy.iter(*_VALUES):
-        element.set("value", "0")  # parameter_set() checks the values, which 2.0 may give as lists
+        element.set("value", "0")  # may be a list in 2.0; checked by parameter_set()
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
     for element in copy.iter(tag("ssd:Component")):
