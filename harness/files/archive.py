@@ -3,7 +3,8 @@
 
 Every name in an .ssp or .fmu is checked before a file is unpacked: no absolute path, no `..`, no
 link, no name twice, at most MAX_UNPACKED bytes. XML with a document type is rejected, so no entity
-is expanded and no network is used, and so is an encoding in which a document type could hide.
+is expanded and no network is used. An encoding in which a document type could not be recognised is
+rejected too.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ def head(path: Path, name: str, count: int) -> bytes:
 @contextmanager
 def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zipfile.ZipFile]:
     """Yield an archive opened for reading, and raise every failure in the `with` block as an
-    ArchiveError; done: past participle for its message, "read" or "unpacked".
+    ArchiveError. done: word for the error message, "read" or "unpacked".
     """
     if not is_file(path):
         raise ArchiveError(f"{path}: no such file")
@@ -159,7 +160,7 @@ def _entry(name: str) -> zipfile.ZipInfo:
 
 def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo]) -> None:
     """Raise ArchiveError for an archive that must not be unpacked, and BadZipFile for a truncated
-    one: zipfile then finds an archive nested inside, whose first entry is not at offset 0.
+    archive, in which zipfile may find a nested archive: its first entry is not at offset 0.
     """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")
@@ -225,7 +226,7 @@ _SAFELY = {
 
 
 class UnsafeXmlError(ValueError):
-    """Rejection of an XML text that is unreadable or could be unsafe; str() gives the reason."""
+    """Error: an XML text is unreadable or could be unsafe. str() gives the reason."""
 
 
 def parsed(data: bytes) -> XmlElement:

@@ -3,9 +3,10 @@
 The name of an entry is a hash of everything on which its content depends.
 
 An entry appears completely or not at all. It is compared with its checksum at every use and made
-again if it is damaged. Every process that uses the folder holds a lock on it until it ends. When a
-process starts while no other one uses the folder, it removes the entries above the size limit, at
-most once an hour. HARNESS_CACHE names another folder; if it is empty or `off`, nothing is stored.
+again if it is damaged. Every process that uses the folder holds a lock on it until the process
+ends. A process that starts while no other process uses the folder removes the least recently used
+entries above the size limit, at most once an hour. HARNESS_CACHE names another folder; if it is
+empty or `off`, nothing is stored.
 
 The folder is used only if libraries can be loaded from it, it belongs to the user, no other user
 may enter it, and no folder above it lets others replace it. Otherwise a note states the reason and
@@ -219,8 +220,8 @@ def with_second_try(work: Callable[[], T], before: Callable[[], object] = bool) 
 
 
 def _is_damaged(root: Path) -> bool:
-    """Return whether an entry is damaged that this process or a child process has used, or was
-    damaged and has been made again by another process since then.
+    """Return whether an entry that this process or a child process has used is damaged, or was
+    damaged and has been made again by another process in the meantime.
     """
     used = (place for place in _used if place.parent == root)
     if any(_time_made(place) != _used[place] for place in used):
@@ -246,7 +247,7 @@ def _fault(error: Exception) -> str:
 
 @lru_cache
 def _own_folder() -> PrivateFolder:
-    """Return the temporary folder of this process that takes the place of a missing cache."""
+    """Return the temporary folder of this process, which replaces a missing cache."""
     return PrivateFolder()
 
 
@@ -268,7 +269,7 @@ def _entry(place: Path, make: Callable[[Path], None]) -> Path:
     if not checksums.is_whole(place):
         with checksums.beside(place, make) as new, (place.parent / "exchange").open("ab") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
-            if not checksums.is_whole(place):  # else another process has made the entry meanwhile
+            if not checksums.is_whole(place):  # else another process has made it by now
                 checksums.exchange(place, new)
     os.utime(place)
     _used[place] = _time_made(place)
@@ -278,7 +279,7 @@ def _entry(place: Path, make: Callable[[Path], None]) -> Path:
 @lru_cache
 def _hold(root: Path) -> int:
     """Lock the cache until this process ends, so that no other process removes entries, and return
-    the descriptor of the lock file. A process that is alone removes old entries first.
+    the descriptor of the lock file. If no other process uses the cache, remove old entries first.
     """
     descriptor = os.open(root / "used", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     with suppress(BlockingIOError):
@@ -292,7 +293,7 @@ def _hold(root: Path) -> int:
 
 def _tidy(root: Path) -> None:
     """Remove the unfinished entries of interrupted processes, and then the least recently used
-    entries until all others together are within LIMIT.
+    entries until the remaining entries together are within LIMIT.
     """
     for unfinished in root.glob(f"{checksums.UNFINISHED}*"):
         shutil.rmtree(unfinished, ignore_errors=True)

@@ -39,8 +39,8 @@ def is_whole(place: Path) -> bool:
 @contextmanager
 def beside(place: Path, make: Callable[[Path], None]) -> Iterator[Path]:
     """Yield the path of a new entry in the folder of `place`, whose content make(folder) has
-    written and whose bytes are on the disk. It is removed at the end of the `with` block unless
-    exchange() has moved it.
+    written and whose bytes are on the disk. The entry is removed at the end of the `with` block
+    unless exchange() has moved it.
     """
     new = Path(mkdtemp(prefix=UNFINISHED, dir=place.parent))
     try:
@@ -63,7 +63,9 @@ def on_the_disk(root: Path) -> None:
 
 
 def exchange(place: Path, new: Path) -> None:
-    """Rename the new entry `new` to `place`, and remove the file or folder that `place` was."""
+    """Rename the new entry `new` to `place`, and remove the file or folder that was there
+    before.
+    """
     old = new.with_name(f"{new.name}-old")
     with suppress(FileNotFoundError):
         place.rename(old)
@@ -104,7 +106,7 @@ except ImportError:  # Windows has no such lock
 
 
 class Taken(Exception):  # noqa: N818 - an event, not an error
-    """Lock of a file that another process holds."""
+    """Error: another process holds the lock of a file."""
 
 
 @contextmanager

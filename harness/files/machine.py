@@ -30,8 +30,8 @@ MACH_O = {7: "x86", 12: "Arm", 0x1000007: "x86-64", 0x100000C: "AArch64"}
 """Names of processors by the field cputype of a Mach-O header."""
 
 FAT = 0xCAFEBABE
-"""Magic number of a Mach-O file for several processors, big-endian. Java class files begin with it
-too; there the number of processors is replaced by a version of at least 45.
+"""Magic number of a Mach-O file for several processors, big-endian. Java class files begin with the
+same number, followed by a version of at least 45 instead of the number of processors.
 """
 
 
@@ -43,7 +43,7 @@ def kinds(head: bytes) -> frozenset[str]:
     """
     try:
         return frozenset(_elf(head) or _pe(head) or _mach_o(head))
-    except struct.error:  # shorter than its own header
+    except struct.error:  # shorter than the header
         return frozenset()
 
 

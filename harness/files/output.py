@@ -108,19 +108,19 @@ _command: str | None = None
 
 
 def work_for(text: str | None) -> None:
-    """Set the command line that output files of this process name from then on."""
+    """Set the command line that all later output files of this process state; None: none."""
     global _command  # noqa: PLW0603 - a process has one
     _command = text
 
 
 def command_line() -> str | None:
-    """Return the command line that output files name; None in a Python program of the user."""
+    """Return the command line that output files state; None in a Python program of the user."""
     return _command
 
 
 @contextmanager
 def commanded(text: str) -> Iterator[None]:
-    """Set the command line that output files written in the `with` block name."""
+    """Set the command line that output files state if they are written in the `with` block."""
     before = _command
     work_for(text)
     try:

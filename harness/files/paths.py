@@ -45,8 +45,8 @@ def is_folder(path: str | Path) -> bool:
 
 
 Stamp = tuple[int, int, int, int]
-"""Identity of the present content of a file: another file, and the same file after a change, has
-another stamp.
+"""Numbers that identify the present content of a file. Another file, or the same file after a
+change, has another stamp.
 """
 
 
@@ -74,7 +74,7 @@ def _is_ours(fmu: Path, _: Stamp, _chosen: tuple[Path, ...]) -> bool:
 def _are_same(ours: Path, fmu: Path) -> bool:
     try:
         return filecmp.cmp(ours, fmu, shallow=False)
-    except FileNotFoundError:  # a file has been removed since the folder was listed
+    except FileNotFoundError:  # a file was removed after the folder was listed
         return False
 
 
