@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Metrics (numbers that are computed from a result) and statements with a verdict, as data: claims
-of a paper with the metric and the bands that decide them, safety rules that applied in a run, and
-published reference values.
+of a paper, each with a metric and bands that determine the verdict; safety rules that applied in a
+run; and published reference values.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from harness.results.verdict import Kind, Outcome, Verdict
 
 
 class NotANumberError(ValueError):
-    """Value of a metric that is an array, or no number at all."""
+    """Error: the value of a metric is not one number."""
 
 
 def one_number(given: Any) -> float:
-    """Return the value of a metric as float; raise NotANumberError if it is not one number."""
+    """Return the value of a metric as a float; raise NotANumberError if it is not one number."""
     if shape := np.shape(given):
         size = " x ".join(map(str, shape))
         raise NotANumberError(
@@ -94,11 +94,11 @@ ROUNDING = 1e-6
 
 
 class NotJudgedError(Exception):
-    """Result without the data that a claim needs. str() gives the reason."""
+    """Error: a result lacks data that a claim needs. str() gives the reason."""
 
 
 class NotExercisedError(NotJudgedError):
-    """Run that ended before the time to which a claim applies. str() gives the reason."""
+    """Error: a run ended before the time to which a claim applies. str() gives the reason."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,9 @@ def at_least(low: float) -> Band:
 
 
 class Judgement(NamedTuple):
-    """Value of a claim, or the reason why there is none, as text; and the verdict."""
+    """Verdict on a claim. value: the measured value as text, or the reason why there is no
+    value.
+    """
 
     value: str
     verdict: Verdict
@@ -138,10 +140,10 @@ class Judgement(NamedTuple):
 class Claim:
     """Claim of a paper.
 
-    name: for references; text: the statement of the paper; where: its place in the paper; needs,
-    compute, unit: of the metric that decides, as in BaseMetric; value: format string for the
-    numbers of the metric. The first number determines the verdict; reproduced, partly: bands of
-    this number; interval: largest time between two recorded rows [s] with which the claim can be
+    name: for references; text: the statement of the paper; where: place of the statement in the
+    paper; needs, compute, unit: of the metric of the claim, as in BaseMetric; value: format string
+    for the numbers of the metric; reproduced, partly: bands of the first number, which determines
+    the verdict; interval: largest time between two recorded rows [s] with which the claim can be
     evaluated.
     """
 
@@ -200,8 +202,8 @@ class Claim:
 class Case:
     """Case of a paper: the run for which the paper states its claims.
 
-    system: name; params: parameter set; swap: (component, FMU); free: parameters to which the paper
-    gives no value; `stop` among them permits any stop time.
+    system: name of the system; params: parameter set; swap: pairs (component, FMU); free:
+    parameters to which the paper gives no value, and `stop` if any stop time is permitted.
     """
 
     system: str
@@ -215,9 +217,9 @@ class Paper:
     """Paper, or a part of a paper, with its claims.
 
     The claims apply to every result that has all variables of `needs` and all `parameters` and for
-    which `meant` is true. cases: runs that the paper describes (none: the claims apply to every
-    run); differs: function that gives, one text each, deviations of a result from all cases in
-    parameters that the cases leave free.
+    which `meant` returns True. cases: runs that the paper describes (none: the claims apply to
+    every run); differs: function that returns a text for each deviation of a result from all cases
+    in parameters that the cases leave free.
     """
 
     title: str
@@ -288,8 +290,8 @@ def at(result: Result, time: float) -> int:
 
 
 class RuleFinding(NamedTuple):
-    """Outcome of a safety rule in a run. name: of the rule; margin: least margin since the start;
-    unit: of the margin; violated: time of the first violation [s] (NaN: none); text: meaning of the
+    """Outcome of a safety rule in a run. name: of the rule; margin: least margin in the run; unit:
+    of the margin; violated: time of the first violation [s] (NaN: none); text: meaning of the
     margin; limit: limit of the rule in words.
     """
 
@@ -322,8 +324,8 @@ class Row:
     """Comparison of a quantity with published reference values in one case: the largest difference
     over all rows, in `unit`.
 
-    case: its name; tests: what is tested; source: name, place and licence of the reference values;
-    tolerance: largest difference with which the values agree.
+    case: name of the case; tests: description of the tested code; source: name, place and licence
+    of the reference values; tolerance: largest difference at which the values agree.
     """
 
     case: str
@@ -341,7 +343,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """Return in a word whether the values agree."""
+        """Return a word that states whether the values agree."""
         return "agrees" if self.within else "DIFFERS"
 
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files of other tools that a mission reads and writes: results are converted to such files, and
-such files give start values. Only missions know these file formats; this module calls their
-functions.
+"""Files of other tools that a mission writes from results and from which it reads start values. The
+file formats are known to missions only; this module calls the functions of missions.
 """
 
 from __future__ import annotations

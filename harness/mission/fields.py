@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of the data of a mission: types of the fields of its records, types of the values of its
-functions.
+"""Checks of a mission: types of the fields of its dataclasses, and types of the values that its
+functions return.
 
 A mistake in a mission is then reported in one line with its place, instead of causing an error
 elsewhere in the harness.
@@ -32,9 +32,7 @@ class Checked:
 
 @cache
 def _types(record: Any) -> dict[str, tuple[Any, str]]:
-    """Return the type of every field of a dataclass, as an object and as text, by the name of the
-    field.
-    """
+    """Return for every field of a dataclass, by name, its type as an object and as text."""
     hints = get_type_hints(record)
     return {field.name: (hints[field.name], str(field.type)) for field in fields(record)}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures as data: panels of curves over time, or a function that draws. Both declare the variables
+"""Figures as data: panels of curves over time, or a function that draws. Both state the variables
 and parameters that they need.
 """
 
@@ -65,10 +65,10 @@ class Curve(Checked):
 
     source: a variable, an expression of variables and parameters, or a function of the result that
     needs the variables `needs`; convert: function of the time series that returns the values to
-    draw; labels: of the elements; style: of the line, "": the style of its colour; anew: whether
-    the lines have the colours of the curve before; parameters: parameters of the run without which
-    the curve is left out; jump: difference between two rows above which the line is interrupted, as
-    where Rodrigues parameters change to their shadow set.
+    draw; labels: of the elements; style: of the line ("": the style that belongs to its colour);
+    anew: whether the lines begin again with the first colour, as in the previous curve; parameters:
+    parameters of the run without which the curve is left out; jump: difference between two rows
+    above which the line is interrupted, as where Rodrigues parameters change to their shadow set.
     """
 
     source: Source
@@ -98,7 +98,7 @@ class Curve(Checked):
         return np.where(np.abs(drawn) > LARGEST, np.nan, drawn)
 
     def lines(self, history: Array) -> Iterator[tuple[Array, str]]:
-        """Yield the values (rows,) and the name of each line; history: the values to draw."""
+        """Yield the values (rows,) and the label of each line; history: the values to draw."""
         if history.ndim == 1:
             yield history, self.label
             return
@@ -122,8 +122,8 @@ class Curve(Checked):
 
 @dataclass(frozen=True)
 class Level(Checked):
-    """Horizontal line in a panel; value: its height, or names of parameters, of which the first
-    that the run has gives the height.
+    """Horizontal line in a panel. value: height of the line, or names of parameters: the first of
+    these that the run has gives the height.
     """
 
     label: str
@@ -144,8 +144,8 @@ IDLE = "attitude frozen: acts on nothing"
 class Panel(Checked):
     """Pair of axes over time. after: begin of the time axis [s], or a function of the result that
     returns it; log: logarithmic values; level: a horizontal line; idle_until: function of the
-    result; the panel is shaded up to the time [s] that it returns, before which nothing that is
-    drawn has an effect; least: whether the smallest value of each curve is labelled.
+    result that returns a time [s]: before it the drawn quantities have no effect, and the panel is
+    shaded; least: whether the smallest value of each curve is labelled.
     """
 
     ylabel: str
@@ -167,8 +167,8 @@ class Panel(Checked):
                 yield float(result.time[self.rows(result)][k]), float(values[k])
 
     def rows(self, result: Result) -> slice:
-        """Return the rows to draw: from the begin of the time axis on, or all if the run ends
-        before.
+        """Return the rows to draw: rows from the begin of the time axis on, or all rows if the run
+        ends before this time.
         """
         start = self.after(result) if callable(self.after) else self.after
         shown = start < result.time[-1]
@@ -195,8 +195,8 @@ class Panel(Checked):
         return height, f"{self.level.label} {height:g} {unit_of(self.ylabel)}".strip()
 
     def idle(self, results: Iterable[Result]) -> tuple[float, float] | None:
-        """Return begin and end [s] of the shaded time, in which nothing that is drawn has an effect
-        in any of the runs; None if there is none.
+        """Return begin and end [s] of the shaded time, in which the drawn quantities have no effect
+        in any of the runs; None if there is no such time.
         """
         if self.idle_until is None:
             return None
@@ -207,8 +207,8 @@ class Panel(Checked):
 @dataclass(frozen=True)
 class Figure(Checked):
     """Figure of panels from top to bottom. name: of the file; when: further variables that the
-    result must contain; only: function that decides whether a result has this figure (None: every
-    result with the variables has).
+    result must contain; only: function that returns whether a result has this figure (None: every
+    result with all these variables has it).
     """
 
     name: str
@@ -233,10 +233,10 @@ class Figure(Checked):
 
 @dataclass(frozen=True)
 class Drawing(Checked):
-    """Figure that a function draws, other than curves over time. draw: fills an empty matplotlib
-    figure from the result; size: width and height [inch]; parameters: required parameters of the
-    run; shows: function that returns whether the figure of a result would show anything (None:
-    always).
+    """Figure that a function draws, other than curves over time. draw: function that fills an empty
+    matplotlib figure from the result; size: width and height [inch]; parameters: required
+    parameters of the run; shows: function that returns whether the figure of a result would show
+    anything (None: always).
     """
 
     name: str
@@ -258,8 +258,8 @@ class Drawing(Checked):
 
 @dataclass(frozen=True)
 class Overlay(Drawing):
-    """Drawing of several runs; draw: fills an empty matplotlib figure from the results and the
-    colours of the runs, both by label.
+    """Drawing of several runs. draw: function that fills an empty matplotlib figure from the
+    results and the colours of the runs, both by label of the run.
     """
 
 

@@ -2,8 +2,9 @@
 """Library of missions by name: folders that the user named, and missions of installed packages.
 
 Python is loaded from no other place: an .ssp, a results file or an FMU contains the name of a
-mission, never a path. A package offers its missions by an entry point of the group
-`harness.missions`, whose value is the name of a package: a mission, or a package of missions.
+mission, never a path. A package provides missions by an entry point of the group
+`harness.missions`. The value of the entry point is the name of a package, which is a mission or
+contains missions.
 """
 
 from __future__ import annotations
@@ -87,8 +88,8 @@ def _ours() -> dict[str, Place]:
 
 
 def _offered(package: str) -> Iterator[Place]:
-    """Yield the missions in a package: the package itself or those in its folders; none if there is
-    no such package.
+    """Yield the missions of a package: the package itself, or missions in its folders; nothing if
+    there is no such package.
     """
     try:
         spec = importlib.util.find_spec(package)
@@ -163,8 +164,8 @@ def _package(folder: Path) -> str:
 
 
 def failure(error: BaseException) -> str:
-    """Return a line with the place of an error that the Python of a mission of the user has raised;
-    "" for an error from other code.
+    """Return a line with the place of an error if the Python code of a user's mission has raised
+    it; "" for an error from other code.
     """
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     files = [Path(frame.f_code.co_filename) for frame in frames]

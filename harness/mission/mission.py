@@ -36,7 +36,7 @@ from harness.results.result import Result
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits in the metrics of a comparison, equal for all its runs.
+    """Limits in the metrics of a comparison, equal for all runs of the comparison.
 
     position [m], attitude [deg]: an error has settled when it stays at or below this value
     (position None: the mission chooses).
@@ -50,11 +50,11 @@ class Limits:
 class Metric(BaseMetric):
     """Metric in a column of a comparison, whose function takes the limits too.
 
-    beside: the metric is shown in a table of its own, not among the metrics of a page; about:
-    function that explains what the limits mean for the metric, in the last line of the column's
-    heading; words: names of its values 0, 1, ..; apart: a comparison warns if its values differ by
-    more than this factor; above: a comparison shows the metric, with a warning, only if a value
-    exceeds this; meaning: a sentence for readers of a page. The function returns the value, or an
+    beside: whether the metric is shown in a table of its own, not among the metrics of a page;
+    about: function that explains the limits of the metric, in the last line of the column's
+    heading; words: names of the values 0, 1, ..; apart: a comparison warns if values differ by more
+    than this factor; above: a comparison shows the metric, with a warning, only if a value exceeds
+    this number; meaning: a sentence for readers of a page. The function returns the value, or an
     expression that gives the value. live: function of result and limits that returns the expression
     for a live page, if the function of the metric returns no expression.
     """
@@ -68,8 +68,9 @@ class Metric(BaseMetric):
     live: Callable[[Result, Limits], str] | None = None
 
     def expression(self, result: Result, limits: Limits) -> str:
-        """Return the expression of this metric for all runs of one system, "" if a function
-        computes it. result: any run of the system; limits: of the comparison that shows the metric.
+        """Return the expression of this metric for all runs of one system, "" if only a function
+        can compute the metric. result: any run of the system; limits: of the comparison that shows
+        the metric.
         """
         found = self.live or self.compute
         if callable(found):
@@ -106,8 +107,8 @@ def measured(
 def apart(
     found: Iterable[Metric], columns: Mapping[tuple[str, str], Mapping[str, float]]
 ) -> Iterator[str]:
-    """Yield a line per metric whose positive values differ by more than the factor `apart` of the
-    metric. columns: as from measured().
+    """Yield a warning per metric whose positive values differ by more than the factor `apart` of
+    the metric. columns: values of metrics in the form that measured() returns.
     """
     for metric in found:
         column = columns.get((metric.name, metric.unit), {})
@@ -124,8 +125,8 @@ def apart(
 def exceeding(
     found: Iterable[Metric], columns: Mapping[tuple[str, str], Mapping[str, float]]
 ) -> Iterator[str]:
-    """Yield a line per metric and run whose value exceeds the value `above` of the metric. columns:
-    as from measured().
+    """Yield a warning per metric and run whose value exceeds `above` of the metric. columns: values
+    of metrics in the form that measured() returns.
     """
     for metric in (m for m in found if m.above > -math.inf):
         for label, value in columns.get((metric.name, metric.unit), {}).items():
@@ -173,7 +174,8 @@ class Exchange:
     writers: by ending of the file, a function of result, path, component (None: the function
     chooses) and UTC of t = 0 that writes the file; start: function of a system, of files (or their
     text) by component, of an epoch or None, and of changes of run() that returns start values;
-    remarks: function of a result that returns lines for its page, besides the notes of the mission.
+    remarks: function of a result that returns lines for the report page of the result, such as
+    eclipses.
     """
 
     writers: Mapping[str, Callable[[Result, Path, str | None, str], None]] = field(
@@ -187,10 +189,11 @@ class Example(NamedTuple):
     """Example source code for users: a controller that can replace a component, or a sensor or
     plant that extends a system.
 
-    place: the component, for a sensor or plant the system, which a TOML beside the source extends;
-    inputs: names of inputs that it needs; outputs: names of its outputs; file: source without
-    ending, in the folder of examples; note: for users who change the source; kind: controller,
-    sensor or plant; options: options of the command line for a first run.
+    place: for a controller, the component that it replaces; for a sensor or plant, the system that
+    it extends by a TOML file beside the source; inputs: names of needed inputs; outputs: names of
+    all outputs; file: path of the source without ending, in the folder of examples; note: for users
+    who change the source; kind: controller, sensor or plant; options: options of the command line
+    for a first run.
     """
 
     place: str
@@ -203,9 +206,9 @@ class Example(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """Replay in space, for results with these variables and parameters. build: function of the
-    result and the arrays of the page that returns the replay; several: the same for several results
-    by label (None: not supported).
+    """Replay in space, for results with the variables `needs` and with `parameters`. build:
+    function of the result and the arrays of the page that returns the replay; several: the same
+    function for several results by label (None: not supported).
     """
 
     needs: tuple[str, ...]
@@ -215,10 +218,10 @@ class Scene(NamedTuple):
 
 
 class Steering(NamedTuple):
-    """Task for an agent that replaces components and sets their outputs. open: the components;
-    every: macro steps per action (0: period of the components); cost: quantity whose increase is
-    the cost of a step; ends: conditions that end an episode; bounds: of outputs by name, used in
-    place of the limits of the actuators.
+    """Task for an agent that replaces components and sets their outputs. open: these components;
+    every: macro steps per action (0: period of the components); cost: expression whose increase is
+    the cost of a step; ends: conditions that end an episode; bounds: pairs (output, bound), which
+    replace the limits of the actuators.
     """
 
     open: tuple[str, ...]
@@ -244,7 +247,7 @@ class Plan(Protocol):
 
 
 class LeastImpulse(Protocol):
-    """Answer to the question what a run would have cost at least."""
+    """Least impulse with which a run would have been possible, as an answer of `harness bound`."""
 
     @property
     def verified(self) -> Result | None:
@@ -267,8 +270,8 @@ class Mission(Checked):
     result; notes: functions that return facts about a result that its values do not show; plans:
     functions that answer `harness plan` for a system and the changes of run(); bands: functions
     that complete the limits of a comparison; definitions: functions that return lines below the
-    table of a comparison, which explain its columns; idle: variables, each with the value from
-    which on nothing applies to it, so that it is not drawn; validations: cases with published
+    table of a comparison, which explain its columns; idle: pairs of a variable and the value from
+    which on the variable has no meaning and is not drawn; validations: cases with published
     reference values; exchange: files of other tools; restarts: (parameter with a start value of a
     state, other parameter, value that this must have for the start value to be used); examples:
     sources that can replace a component or extend a system; steering: tasks for agents, the default
