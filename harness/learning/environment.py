@@ -163,10 +163,10 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return self._observation(), reward, lost, over and not lost, info
 
     def ending(self, values: Sequence[float]) -> dict[str, Any]:
-        """Return the reasons for which the episode ended (`ended`, if it did not reach the stop
-        time), and its verdicts by requirement (`requirements`).
+        """Return a dict with the reasons why the episode ended (`ended`, only if it did not reach
+        the stop time), and the verdicts by requirement (`requirements`).
 
-        values: of the scoring in the last row.
+        values: values of Scoring in the last row.
         """
         ended = self.scoring.ended(values) + ([self._error] if self._error else [])
         found = {f.name: f for f in findings(self.result())}
@@ -192,8 +192,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return bool(self._error)
 
     def values(self) -> tuple[float, ...]:
-        """Return the values of the scoring (Scoring.values) in the last recorded row. Rows between
-        recorded ones are not evaluated.
+        """Return the values of the scoring (Scoring.values) in the last recorded row. Macro steps
+        that are not recorded are not evaluated.
         """
         recorder, clock = self.simulation.recorder, self.simulation.clock
         done, every = recorder.done, recorder.every
@@ -229,7 +229,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
 
 def _shield(columns: Sequence[str], name: str) -> tuple[list[str], str]:
     """Return the variables by which a shield (safety monitor or filter) ends an episode, and the
-    variable that states how far it changed the action ("": none).
+    variable that states how much the shield changed the action ("": none).
 
     columns: variables of the system; name: of the shield ("": none). Raises UsageError if the
     system has no such component.
@@ -244,7 +244,7 @@ def _shield(columns: Sequence[str], name: str) -> tuple[list[str], str]:
 
 
 def _usual(system: System, given: Sequence[str]) -> Steering:
-    """Return the defaults that the mission has for an agent in the place of these components.
+    """Return the default settings of the mission for an agent that replaces components.
 
     given: open components (empty: those that the mission suggests). Raises UsageError if none are
     given and the mission suggests none.

@@ -41,7 +41,7 @@ class Scoring:
         result: has the variables of the system; requirements: texts by name; worth: expression of
         the reward, expression of the cost, weights of the requirements; ends: requirements and
         conditions that end an episode as chosen by the user (None: all requirements), and further
-        ones; intervention: variable of the shield. Raises UsageError.
+        conditions; intervention: variable of the shield ("": none). Raises UsageError.
         """
         self._result, self._program = result, Program()
         add, zero = self._program.add, self._program.number(0)
@@ -66,7 +66,9 @@ class Scoring:
         self.values = RowProgram(result, self._program, wanted)
 
     def ended(self, values: Sequence[float]) -> list[str]:
-        """Return the requirements and conditions that have ended the episode; values: of a row."""
+        """Return the requirements and conditions that end the episode in a row; values: values of
+        the scoring in this row.
+        """
         return [text for text, holds in zip(self.ends, values[4:], strict=False) if holds]
 
     def margins(self, values: Any) -> dict[str, Any]:
@@ -88,8 +90,8 @@ class Scoring:
         return add("*", below, number(weight))
 
     def _value(self, text: str) -> int:
-        """Add the value of an expression to the program, of a vector the smallest element; return
-        its number in the program. Raises UsageError.
+        """Add the value of an expression to the program (of a vector, the smallest element), and
+        return its number in the program. Raises UsageError for an invalid expression.
         """
         try:
             tree = fitted(self._result, text)

@@ -147,9 +147,9 @@ def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> 
 class Spaces:
     """Variables that an agent observes and sets in simulations of one system.
 
-    observed, acted: their names with units; observation, action: spaces of Gymnasium; sizes: number
-    by which each observation is divided; low, high: bounds of the commands; scaled: whether actions
-    lie between -1 and 1.
+    observed, acted: names, with units, of the observed variables and of the outputs that are set;
+    observation, action: spaces of Gymnasium; sizes: number by which each observation is divided;
+    low, high: bounds of the outputs; scaled: whether actions lie between -1 and 1.
     """
 
     def __init__(
@@ -181,20 +181,24 @@ class Spaces:
         self.variables = list(dict.fromkeys(base(s.name) for s in acted))
 
     def seen(self, buses: Array) -> Array:
-        """Return the observations (..., n) for the signals of simulations (..., slots)."""
+        """Return the observations (..., n) for the values of all signals (..., slots) of
+        simulations.
+        """
         found: Array = buses[..., self._slots] * self._factors + self._offsets
         return found
 
     def commands(self, actions: Any) -> Array:
-        """Return the output values (..., n), in their units, that actions (..., n) demand."""
+        """Return the values (..., n) of outputs, in the units of the outputs, for actions (...,
+        n).
+        """
         given = np.asarray(actions, dtype=np.float64)
         if self.scaled:
             given = self.low + 0.5 * (given + 1.0) * (self.high - self.low)
         return given
 
     def ports(self, simulation: Simulation) -> list[tuple[Array, slice]]:
-        """Return for each output variable the array of the simulation that it is written to, and
-        its slice of a command (n,).
+        """Return, for each output variable, the array of the simulation to which its value must be
+        written, and the slice of a command (n,) with its value.
         """
         found = [simulation.port(name).reshape(-1) for name in self.variables]
         last = np.cumsum([port.size for port in found]).tolist()
@@ -224,9 +228,9 @@ class Spaces:
 
 
 def _ports(names: Sequence[str]) -> list[tuple[str, str, int]]:
-    """Return variables as (name, unit, number of elements), without the name of their component.
+    """Return (name, unit, number of elements) of every variable, without the name of the component.
 
-    names: of their elements, with units. Raises UsageError for a name that is not valid in C.
+    names: names of all elements, with units. Raises UsageError for a name that is not valid in C.
     """
     found: dict[str, tuple[str, str, int]] = {}
     for text in names:

@@ -55,8 +55,8 @@ class Environments(VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in every environment; seed: of the first environment, which the others
-        count up from, or a list with one seed per environment.
+        """Begin an episode in every environment. seed: seed of the first environment (environment i
+        has seed + i), or a list with one seed per environment.
         """
         seeds: list[int | None] = [None] * self.num_envs
         if isinstance(seed, list):
