@@ -117,7 +117,7 @@ def _build_python(source: Path, folder: Path) -> Path:
 
 def _complete(path: Path) -> None:
     """Add to an FMU of PythonFMU two parts of its model description that FMI 2.0 requires and
-    PythonFMU omits: outputs among the InitialUnknowns (2.2.8), braces around the guid (2.2.1).
+    PythonFMU omits: outputs in the list InitialUnknowns (2.2.8), braces around the guid (2.2.1).
     """
     content = read_all(path)
     root = parsed(content[DESCRIPTION])

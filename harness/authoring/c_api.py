@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Export of components as C functions without FMI: their sources, tables of parameters, and
-reference vectors (inputs and outputs of a run, to compare with). core/build/c_api.py writes the
-files.
+"""Export of components as C functions without FMI: sources, tables of parameters, and reference
+vectors (inputs and outputs of a run, with which the user compares the functions).
+core/build/c_api.py writes the files.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class _Part(NamedTuple):
 
 def _parts(system: System, names: Sequence[str], sets: Sequence[System]) -> list[_Part]:
     """Return the named components of a system with tables and reference vectors; sets: the system
-    once with each of its parameter sets.
+    with each of its parameter sets.
     """
     nodes = {node.component.name: node for node in build_graph(system).nodes}
     several = [nodes[name].interface.path for name in names]
@@ -133,7 +133,9 @@ def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, A
 
 
 class _Reader:
-    """Reader of all inputs and outputs of an instance; time: end of its last recorded step [s]."""
+    """Reader of all inputs and outputs of an instance; time: end of the last step of the instance
+    that was recorded [s].
+    """
 
     def __init__(self, instance: Instance) -> None:
         interface = instance.node.interface

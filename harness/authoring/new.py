@@ -92,7 +92,9 @@ def new_component(
 
 
 def _added(name: str, language: str, target: Path, example: Example) -> Created:
-    """Create a sensor or plant from the example of its kind, with a system that adds it."""
+    """Create a sensor or plant from an example of the same kind, and the TOML file of a system that
+    contains it.
+    """
     if language != "c":
         raise UsageError(f"new {example.kind} --language {language}: needs --for SYSTEM.component")
     source = target / f"{name}.c"
@@ -129,7 +131,9 @@ def _replacing(name: str, ending: str, place: str, target: Path) -> Created:
 
 
 def _split(place: str) -> tuple[str, str]:
-    """Split a place SYSTEM.component into both, as the user wrote them; raise UsageError."""
+    """Split a place SYSTEM.component into system and component, as the user wrote them; raise
+    UsageError if the text is not a place.
+    """
     found = of_component(place)
     if found is None or not found[1]:
         raise UsageError(f"--for {place}: expected SYSTEM.component")
@@ -152,8 +156,8 @@ def _ports(place: str) -> list[Signal]:
 
 
 def _with_start(port: Signal, system: str) -> Signal:
-    """Return an output with the start value of the first input that it drives, which is a value
-    that this input accepts.
+    """Return an output with the start value of the first input to which it is connected, because
+    this input accepts this value.
     """
     component, _, variable = port.wires[0].rpartition(".")
     readers = [s for s in show(f"{system}.{component}").rows if isinstance(s, Signal)]
@@ -250,7 +254,9 @@ def _made(name: str, ending: str, place: str, ports: Sequence[Signal]) -> str:
 
 
 def _start(s: Signal) -> NDArray[np.float64]:
-    """Return the start values of a signal in its shape, 0 for elements without a finite one."""
+    """Return the start values of a signal as an array in the shape of the signal; 0 for elements
+    without a finite start value.
+    """
     values = np.array(s.default, dtype=np.float64)
     fits = values.shape == s.shape
     return np.nan_to_num(values, posinf=0, neginf=0) if fits else np.zeros(s.shape)

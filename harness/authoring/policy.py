@@ -72,7 +72,7 @@ class Policy:
 
     def __call__(self, observation: Array) -> Array:
         """Return the action for an observation (already divided by `sizes`), clipped to its bounds:
-        -1 to 1 if `scaled`, else low to high.
+        -1 to 1 if `ports.scaled`, else `ports.low` to `ports.high`.
         """
         x = np.asarray(observation, dtype=np.float64)
         function, _ = ACTIVATIONS[self.activation]
