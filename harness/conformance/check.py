@@ -133,7 +133,9 @@ MOST = 10**6
 
 
 def errors(d: Description) -> Iterator[str]:
-    """Yield a line for every rule that a description breaks and without which it cannot be run."""
+    """Yield an error message for every rule that a description breaks, if the FMU cannot be run for
+    this reason.
+    """
     return chain(_interfaces(d), _names(d), _definitions(d), _arrays(d), _identities(d))
 
 
@@ -160,7 +162,7 @@ def _names(d: Description) -> Iterator[str]:
 
 
 def _definitions(d: Description) -> Iterator[str]:
-    """Check that the types and variables exist to which others refer."""
+    """Check that all types and variables exist to which types and variables refer."""
     for v in d.variables:
         if v.type_name and v.type_name not in d.types:
             yield f"{v}: its type {v.type_name} is not defined"
@@ -176,7 +178,7 @@ def _definitions(d: Description) -> Iterator[str]:
 
 def _arrays(d: Description) -> Iterator[str]:
     """Check that the size of every array is a number or a structural parameter, and that the array
-    has one start value per element or one for all.
+    has one start value per element or one start value for all elements.
     """
     for v in d.variables:
         yield from (f"{v}: {text}" for text in _array(d, v))

@@ -102,8 +102,8 @@ class Declared:
 
     @property
     def variability(self) -> str:
-        """Return the variability. Without the attribute it is continuous; in FMI 3.0 it is fixed
-        for a parameter and discrete for another variable that is not Real.
+        """Return the variability. The default is continuous; in FMI 3.0, fixed for a parameter and
+        discrete for any other variable that is not Real.
         """
         default = "continuous"
         if self.fmi == 3 and self.causality.lower().endswith("parameter"):
@@ -145,8 +145,8 @@ class Declared:
 
     @property
     def derivative(self) -> int | None:
-        """Return the number of the state whose derivative this variable is, None if it is none; see
-        Description.numbered().
+        """Return the number of the state of which this variable is the derivative, None if it is
+        not a derivative; numbers: see Description.numbered().
         """
         return int(self.own["derivative"]) if "derivative" in self.own else None
 
@@ -178,13 +178,13 @@ class Description:
 
     @property
     def identifiers(self) -> list[str]:
-        """Return the library name of each interface."""
+        """Return the name of the library (modelIdentifier) of each interface."""
         return [e.get("modelIdentifier") for e in self.root if "modelIdentifier" in e.attrib]
 
     @cached_property
     def types(self) -> dict[str, XmlElement]:
         """Return the elements that define types (Real, Float64Type, ...) by the name of the type.
-        Of two with the same name the last is returned.
+        Of two types with the same name the last is returned.
         """
         found = {e.get("name"): e for e in self.every("TypeDefinitions/*")}
         return found if self.fmi == 3 else {name: e[0] for name, e in found.items()}
@@ -231,8 +231,8 @@ class Description:
         return dict(enumerate(self.variables, 1))
 
     def numbered(self, number: int) -> Declared | None:
-        """Return the variable with a number, which is its index from 1 in FMI 2.0 and its value
-        reference in FMI 3.0; None if there is none.
+        """Return the variable with a number: in FMI 2.0 its index from 1, in FMI 3.0 its value
+        reference. Return None if there is no such variable.
         """
         return self._by_number.get(number)
 
@@ -308,7 +308,8 @@ def twice(values: Iterable[Hashable]) -> list[Any]:
 def repeated(root: XmlElement, attributes: Mapping[str, str]) -> Iterator[str]:
     """Yield a line for every element that has the same value of an attribute as a sibling.
 
-    attributes: name of the attribute by the XML path of the elements; root: None for no elements.
+    attributes: name of the attribute by the XML path of the elements; root: root element, None if
+    the file is missing.
     """
     for path, name in attributes.items():
         seen = set()

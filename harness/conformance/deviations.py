@@ -82,8 +82,8 @@ def _experiment(d: Description) -> Iterator[str]:
 
 
 def _archive(d: Description) -> Iterator[str]:
-    """Check that the top of the archive holds only standard entries and that listed source files
-    exist.
+    """Check that the top level of the archive contains only standard entries and that listed source
+    files exist.
     """
     for top in dict.fromkeys(name.partition("/")[0] for name in d.files):
         if top not in (TOP if d.fmi == 3 else TOP_2):
@@ -108,8 +108,8 @@ def _units(d: Description) -> Iterator[str]:
 
 
 def _dependencies(d: Description) -> Iterator[str]:
-    """Check that every dependency has a kind if any has, that initial unknowns of FMI 2.0 use only
-    the kinds dependent and constant, and that no initial unknown is a clock.
+    """Check that either every or no dependency has a kind, that initial unknowns of FMI 2.0 have
+    only the kinds dependent and constant, and that no initial unknown is a clock.
     """
     for kind, e, number in d.entries():
         place = f"ModelStructure/{kind} (line {e.sourceline})"
@@ -156,8 +156,8 @@ def _difference(kind: str, expected: set[Declared], listed: set[Declared]) -> It
 
 
 def _aliases(d: Description) -> Iterator[str]:
-    """Check variables with equal value references: at most one of them can be set, all or none are
-    constants, and all have the same unit.
+    """Check variables with equal value references: at most one of them can be set, either all or
+    none are constants, and all have the same unit.
     """
     for group in d.aliases():
         free = [v for v in group if _settable(v)]
@@ -266,8 +266,8 @@ OF_VARIABLES = (_naming, _kind, _roles, _exchanged, _starts, _limits)
 
 
 def _build(d: Description) -> Iterator[str]:
-    """Check that an FMU with C files has a build description, and that this names existing
-    interfaces, the compiler of any options, and no file twice.
+    """Check that an FMU with C files has a build description, which refers to existing interfaces,
+    names the compiler if it states compiler options, and lists no file twice.
     """
     if d.build is None:
         if any(name.startswith("sources/") and name.endswith(".c") for name in d.files):
