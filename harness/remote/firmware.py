@@ -33,8 +33,9 @@ class Processor(NamedTuple):
     """Processor for which firmware can be built.
 
     text: description; tools: prefix of the compiler's name; flags: of the compiler; flash, ram:
-    first address and size [bytes]; emulator: command; packages: Debian packages that provide the
-    tools; clock: frequency of flight boards of this kind [Hz].
+    first address and size of the memory [bytes]; emulator: command that starts the emulator;
+    packages: Debian packages that provide the tools; clock: frequency of flight boards of this kind
+    [Hz].
     """
 
     name: str
@@ -108,9 +109,10 @@ FLAGS = (
     *("-ffunction-sections", "-fdata-sections"),
     "-DLONGEST_CALL=64",
 )
-"""Flags of the compiler. The first line is the same as on every other machine, for equal bits. The
-second line lets the linker leave out unused functions. LONGEST_CALL limits each call that an
-instance stores to 64 bytes, so that it needs 2 kB for them instead of 20 kB.
+"""Flags of the compiler. The first line has the flags of all FMU builds, so that results are
+bit-identical. The second line lets the linker leave out unused functions. LONGEST_CALL limits each
+call that an instance stores to 64 bytes, so that an instance needs 2 kB for stored calls instead of
+20 kB.
 """
 
 LIBRARY = f"--specs={SPECS}"
@@ -143,7 +145,9 @@ KINDS = {
     **dict.fromkeys(("rodata", "srodata"), "constants"),
     **dict.fromkeys(("data", "sdata", "bss", "sbss"), "data"),
 }
-"""Field of Sizes to which a section of the firmware counts, by the first part of its name."""
+"""Field of Sizes to which the size of a section is added, by the first part of the section's
+name.
+"""
 
 
 @cache

@@ -58,8 +58,8 @@ OPTIONS = {
 
 class Place(NamedTuple):
     """Place of a component; processor: name of an emulated processor, "" for a board; group: name
-    that the components on a shared processor have in common, "" for a processor that is not shared;
-    settings: of the link, by name.
+    of a processor that several components share, "" for a processor that is not shared; settings:
+    settings of the link FMU by name.
     """
 
     processor: str
@@ -87,8 +87,8 @@ def read_place(component: str, text: str) -> Place:
 
 
 def _options(written: str, query: str) -> dict[str, str]:
-    """Return the options in the text after the question mark; written: option as typed, for
-    messages. Raises UsageError.
+    """Return the options in `query`, the text after the question mark; written: option --on as
+    typed, for error messages. Raises UsageError for an invalid option.
     """
     given = dict(parse_qsl(query, keep_blank_values=True))
     for name, value in given.items():
@@ -145,7 +145,7 @@ def _processors(places: Mapping[str, Place]) -> dict[tuple[str, str], list[str]]
 
 FIRMWARE = "resources/firmware.elf"
 SETTINGS = "resources/link.txt"
-"""Files in a link FMU: firmware for the emulator, settings of the link."""
+"""Paths of files in a link FMU: firmware for the emulator, settings of the link."""
 
 PIPES = "enable=on,target=native,arg=%/to_board,arg=%/from_board"
 """Semihosting option of the emulator. Its arguments name the two pipes that the firmware opens."""
@@ -165,8 +165,8 @@ def on_processor(
     """Return the paths of the link FMUs for the components of one emulated processor, in the order
     of `parts`.
 
-    group: name that the components of a shared processor have in common, "" for one component;
-    settings: of the link.
+    group: name of the processor if several components share it, "" for one component; settings:
+    settings of the link FMU by name.
     """
     firmware = _firmware(parts, processor)
     word = hashlib.sha256(firmware + group.encode()).hexdigest()[:16] if group else ""
@@ -195,8 +195,8 @@ def _firmware(parts: Sequence[Part], processor: Processor) -> bytes:
 
 
 def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
-    """Return the path of a link FMU in the cache; lines: settings of the link; firmware: b"" for a
-    board. Raises UsageError.
+    """Return the path of a link FMU in the cache for the component with this FMU; lines: settings
+    of the link, (name, value); firmware: b"" for a board. Raises UsageError.
     """
     library = built("link")
     if library is None:
