@@ -64,8 +64,8 @@ class PythonExecutor:
         self.calls = _marked(loop.plan)
 
     def run(self, first: int, last: int) -> None:
-        """Run the macro steps first .. last - 1 and record each; raise RunError naming the instance
-        that failed.
+        """Perform the macro steps first .. last - 1 and record the results; raise RunError, which
+        names the failed instance.
         """
         for k in range(first, last):
             self._act(k, self.loop.pause, None)
@@ -157,8 +157,8 @@ class CExecutor:
         self._pause = len(list(_origins(loop.plan[: loop.pause])))
 
     def run(self, first: int, last: int) -> None:
-        """Run the macro steps first .. last - 1 and record each; raise RunError naming the instance
-        that failed.
+        """Perform the macro steps first .. last - 1 and record the results; raise RunError, which
+        names the failed instance.
         """
         self._execute_until(first, last, 1)
 

@@ -2,11 +2,11 @@
 """Steering of a simulation from outside: open components, whose outputs the user sets between macro
 steps, and unconnected inputs.
 
-An open component is loaded and initialised, which gives the start values of its outputs. It is not
-stepped. It publishes the values that the user has set at the instants at which it would have
-published its own, and the run pauses where it would have read its inputs. If the user sets the
-outputs that the component would have had, the results are bit-identical to a run without open
-components.
+An open component is loaded and initialised, which gives the start values of its outputs, but is not
+stepped. The values that the user has set are published at the instants at which the component would
+have published its own outputs. The run pauses where the component would have read its inputs. If
+the user sets the outputs that the component would have had, the results are bit-identical to a run
+without open components.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def steered(
     algorithm: str, instances: Sequence[Instance], names: Collection[str]
 ) -> tuple[list[Action[Instance]], int]:
     """Return the actions of a macro step in which the caller sets the outputs of the named (open)
-    components, and the number of actions that precede the instant at which the first of them would
+    components, and the number of actions before the instant at which the first open component would
     read its inputs (0: no component is open).
     """
     plan = schedule(algorithm, [_held(i) if i.name in names else i for i in instances])
@@ -45,8 +45,8 @@ def steered(
 
 
 def _held(instance: Instance) -> Instance:
-    """Return a copy of an instance for an open component: it shares the buffers, does not step, and
-    its outputs are the values in the buffers.
+    """Return a copy of an instance for an open component. The copy shares the buffers with the
+    instance, does not step, and has the values in the buffers as outputs.
     """
     other, function = copy(instance), f"held_{instance.node.interface.fmi}"
     outputs = [copy(transfer) for transfer in instance.transfers[Verb.GET]]

@@ -66,9 +66,10 @@ class Curve(Checked):
     source: a variable, an expression of variables and parameters, or a function of the result that
     needs the variables `needs`; convert: function of the time series that returns the values to
     draw; labels: of the elements; style: of the line ("": the style that belongs to its colour);
-    anew: whether the lines begin again with the first colour, as in the previous curve; parameters:
-    parameters of the run without which the curve is left out; jump: difference between two rows
-    above which the line is interrupted, as where Rodrigues parameters change to their shadow set.
+    anew: whether the colours of the lines begin with the first colour again, as for an earlier
+    curve; parameters: parameters of the run without which the curve is left out; jump: difference
+    between two rows above which the line is interrupted, as where Rodrigues parameters change to
+    their shadow set.
     """
 
     source: Source

@@ -272,11 +272,11 @@ class Mission(Checked):
     that complete the limits of a comparison; definitions: functions that return lines below the
     table of a comparison, which explain its columns; idle: pairs of a variable and the value from
     which on the variable has no meaning and is not drawn; validations: cases with published
-    reference values; exchange: files of other tools; restarts: (parameter with a start value of a
-    state, other parameter, value that this must have for the start value to be used); examples:
-    sources that can replace a component or extend a system; steering: tasks for agents, the default
-    first; bounds: functions that answer `harness bound` for a system and the options `cost`, `grid`
-    and `without`, or return None for a system of another kind.
+    reference values; exchange: files of other tools; restarts: triples (p, q, v): the start value
+    of a state in parameter p is used only if parameter q has the value v; examples: sources that
+    can replace a component or extend a system; steering: tasks for agents, the default first;
+    bounds: functions that answer `harness bound` for a system and the options `cost`, `grid` and
+    `without`, or return None for a system of another kind.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()

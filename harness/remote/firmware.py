@@ -109,10 +109,9 @@ FLAGS = (
     *("-ffunction-sections", "-fdata-sections"),
     "-DLONGEST_CALL=64",
 )
-"""Flags of the compiler. The first line has the flags of all FMU builds, so that results are
-bit-identical. The second line lets the linker leave out unused functions. LONGEST_CALL limits each
-call that an instance stores to 64 bytes, so that an instance needs 2 kB for stored calls instead of
-20 kB.
+"""Flags of the compiler. The flags in the first line make results bit-identical on all machines.
+The second line lets the linker leave out unused functions. LONGEST_CALL limits each call that an
+instance stores to 64 bytes, so that an instance needs 2 kB for stored calls instead of 20 kB.
 """
 
 LIBRARY = f"--specs={SPECS}"
@@ -203,7 +202,7 @@ def _linked(parts: Sequence[Part], processor: Processor, folder: Path) -> Path:
 
 
 _PLACED = re.compile(r"^ (\.\S+)\n? +0x[0-9a-f]+\s+(0x[0-9a-f]+) (\S+)$", re.MULTILINE)
-"""Section in the map file of GNU ld: its name, its size, and the object file that contains it."""
+"""Regular expression of a section in the map file of GNU ld: name, size, and object file."""
 
 
 def _sizes(text: str) -> Sizes:
