@@ -4,7 +4,8 @@
 Usage: build_fmu.py FILE.c [-o FILE.fmu] [--fmi 2|3] [--cc COMMAND] [--adapter FOLDER]
        build_fmu.py --adapter FOLDER [--fmi 2|3] [--cc COMMAND]
 
-The second form compiles the files of the adapter into a folder, which the first form then links.
+The adapter consists of the C files that give every model its FMI functions. The second form
+compiles them into a folder; with --adapter the first form links the compiled files.
 
 The steps are the same as in add_fmu() of fmus/CMakeLists.txt, for this platform: compile the
 library from the file and the adapter, print the description of the compiled model, and pack both.
@@ -24,7 +25,9 @@ PARTS = ("fmi{}", "fmi{}_state", "fmi{}_unused", "instance", "state")
 ADAPTER = {
     fmi: [CORE / "adapter" / f"{part.format(fmi)}.c" for part in PARTS] for fmi in ("2", "3")
 }
-"""Files of the adapter by version of FMI."""
+"""C files of the adapter, which implement the FMI functions of a model, by version of FMI ("2",
+"3").
+"""
 HEADERS = [CORE / name for name in ("adapter", "maths", "models", "ports", "physics")]
 SAME_BITS = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno")
 """Flags with which results have the same bits on every processor. Despite -ffp-contract=off, gcc 12
@@ -52,7 +55,9 @@ def compile_with(compiler: list[str]) -> list[str]:
 
 
 def compiled_adapter(folder: Path, fmi: str) -> list[Path]:
-    """Return the paths of the compiled files of the adapter in a folder; fmi: "2" or "3"."""
+    """Return the paths of the object files that compile_adapter() writes into a folder; fmi: "2" or
+    "3".
+    """
     return [folder / f"{source.stem}.o" for source in ADAPTER[fmi]]
 
 
@@ -65,8 +70,9 @@ def compile_adapter(folder: Path, compiler: list[str], fmi: str) -> None:
 def build(
     source: Path, output: Path, compiler: list[str], fmi: str, compiled: Path | None = None
 ) -> None:
-    """Write the FMU of a C file for FMI `fmi` ("2" or "3"). Raises CalledProcessError if the
-    compiler or the program that prints the description fails, after it has printed the reason.
+    """Write the FMU of the C file `source` for FMI `fmi` ("2" or "3") to the path `output`. Raises
+    CalledProcessError if the compiler or the program that prints the description fails, after it
+    has printed the reason.
 
     compiled: folder with the compiled files of the adapter (None: compile them).
     """

@@ -45,7 +45,8 @@ class RejectedError(Exception):
 
 class Member:
     """Member of a struct of the C interface: a variable (row of the model's table), or doubles that
-    belong to no variable (row None). first: index of its first double in the model; size: doubles.
+    belong to no variable (row None). first: index of its first double in the model; size: number of
+    its doubles.
     """
 
     def __init__(self, first: int, size: int, row: Row | None) -> None:
@@ -67,7 +68,10 @@ class Member:
 
 
 def members(model: Model, causality: int) -> list[Member]:
-    """Return the members of the struct for a causality, in the order of memory and without gaps."""
+    """Return the members of the C struct that contains the variables of a causality (PARAMETER,
+    INPUT or OUTPUT), in the order of memory. Doubles that belong to no variable are members too, so
+    that there are no gaps.
+    """
     begin, end = {
         PARAMETER: (0, model.inputs),
         INPUT: (model.inputs, model.states),
@@ -86,8 +90,10 @@ def members(model: Model, causality: int) -> list[Member]:
 
 
 def layouts(names: Iterable[str], folder: Path, compiler: list[str]) -> dict[str, Model]:
-    """Return the memory layouts of the models whose C files are in a folder, by name; raise
-    RejectedError with the message of the compiler if one does not compile.
+    """Return the memory layout of each named model, by name.
+
+    folder: contains the C files of the models; compiler: command of the C compiler. Raises
+    RejectedError with the message of the compiler if a file does not compile.
     """
     names = list(names)
     with tempfile.TemporaryDirectory() as place:
@@ -112,8 +118,9 @@ def layouts(names: Iterable[str], folder: Path, compiler: list[str]) -> dict[str
 
 
 def gather(component: dict[str, Any], folder: Path) -> None:
-    """Copy the C file of a model and its headers into a folder; raise RejectedError if the sources
-    are missing or the folder has a different file with the same name.
+    """Copy the C file of a model and its headers into a folder; component: entry of SPEC.json.
+    Raises RejectedError if the sources are missing or the folder has a different file with the same
+    name.
     """
     model = Path(component["sources"][0]) if component["sources"] else Path()
     inside = model.parent
@@ -130,8 +137,8 @@ def gather(component: dict[str, Any], folder: Path) -> None:
 
 
 def is_flight(component: dict[str, Any]) -> bool:
-    """Return whether a model is flight software: it has C sources, includes no header of the
-    physics, and has no parameter `max_step` of an integration.
+    """Return whether an entry of SPEC.json is flight software: it has C sources, includes no header
+    of the physics, and has no parameter `max_step` of an integration.
     """
     if not component["sources"]:
         return False
@@ -145,8 +152,8 @@ def is_flight(component: dict[str, Any]) -> bool:
 
 
 def header(name: str, model: Model, about: str, scratch: bool) -> str:
-    """Return the public header NAME.h of a model; about: its description; scratch: whether its
-    initialization needs working memory.
+    """Return the text of NAME.h, the public header of a model; about: description of the model;
+    scratch: whether its initialization needs working memory.
     """
     structs = "\n".join(
         text.STRUCT.format(
@@ -166,8 +173,9 @@ def header(name: str, model: Model, about: str, scratch: bool) -> str:
 
 
 def values_of(member: Member, values: dict[str, float], start: list[float]) -> str:
-    """Return the C initializer of a member; values: by element, which override the model's start
-    values `start`.
+    """Return the C initializer of a member of the parameter struct. values: value of each element
+    by name; start: start values of all parameters and inputs of the model, for elements without an
+    entry in `values`.
     """
     names = list(member.row.elements()) if member.row else []
     found = [values.get(element, start[member.first + i]) for i, element in enumerate(names)]
@@ -182,7 +190,9 @@ def values_of(member: Member, values: dict[str, float], start: list[float]) -> s
 
 
 def tables(component: dict[str, Any], model: Model) -> tuple[str, str]:
-    """Return the texts of the header and the C file with the parameter tables of a component."""
+    """Return the texts of the header and the C file with the parameter tables of a component, one C
+    struct per parameter set.
+    """
     name = component["name"]
     listed, defined = [], []
     for table in component["tables"]:
@@ -212,8 +222,9 @@ def places(names: list[str], model: Model) -> Iterator[int]:
 
 
 def vectors(component: dict[str, Any], model: Model) -> str:
-    """Return the header with the reference vectors of a component. Elements that the runs do not
-    contain have their start value (inputs) or NAN (outputs).
+    """Return the text of the header with the reference vectors of a component, the recorded inputs
+    and outputs of its runs. Elements that the runs do not contain have their start value (inputs)
+    or NAN (outputs).
     """
     name, parts, runs = component["name"], [], []
     width = model.states - model.inputs + model.size - model.outputs

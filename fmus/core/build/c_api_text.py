@@ -9,12 +9,14 @@ from collections.abc import Iterable
 
 
 def safe(words: str) -> str:
-    """Return a text changed so that it does not end a C comment."""
+    """Return a text with `* /` in place of `*/`, which would end a C comment."""
     return words.replace("*/", "* /")
 
 
 def commented(line: str, about: str) -> str:
-    """Return a declaration with its comment, in lines of at most 100 columns."""
+    """Return the C declaration `line` with the comment `about` behind it, or above it if both do
+    not fit into one line of 100 columns.
+    """
     whole = f"{line} /* {safe(about)} */"
     if len(whole) <= 100:
         return whole
@@ -35,7 +37,9 @@ def wrapped(header: str) -> str:
 
 
 def _paragraphs(lines: list[str]) -> Iterable[list[str]]:
-    """Yield lists of lines: each paragraph wrapped, each blank or indented line unchanged."""
+    """Yield the lines of a comment in lists: the lines of a paragraph, wrapped to 94 columns, or
+    one blank or indented line, unchanged.
+    """
     waiting: list[str] = []
     for line in [*lines, ""]:
         if line.strip() and not line.startswith("    "):

@@ -18,7 +18,7 @@ mp.mp.prec = 200
 STEPS = 128
 """Number of intervals per octave in the tables of exp and log."""
 TANGENTS = 64
-"""Number of steps in the table of atan, at tangents that are multiples of 1/64."""
+"""Number of entries in the table of atan, which contains atan(k/64) for k = 1 to 64."""
 HEAD = """\
 /* elementary_numbers.h - tables and coefficients of portable_math.h.
  *
@@ -107,8 +107,9 @@ def constant(name: str, x: float, text: str) -> str:
 
 
 def array(name: str, rows: list[list[float]], text: str) -> str:
-    """Return the C definition of an array (rows of one number) or a table of doubles, exact to the
-    bit; text: comment above.
+    """Return the C definition of a constant array of doubles, written in hexadecimal and therefore
+    exact. rows: each with one number, or with the columns of a two-dimensional array; text: comment
+    above the definition.
     """
     columns = len(rows[0])
     size = f"[{len(rows)}]" + (f"[{columns}]" if columns > 1 else "")
@@ -118,14 +119,16 @@ def array(name: str, rows: list[list[float]], text: str) -> str:
 
 
 def polynomial(name: str, coefficients: list[mp.mpf], text: str) -> str:
-    """Return the C definition of an array of coefficients, lowest power first."""
+    """Return the C definition of an array with the coefficients of a polynomial, lowest power
+    first; text: comment above the definition.
+    """
     return array(name, [[float(c)] for c in coefficients], text)
 
 
 # ---- tables and coefficients of the functions ----
 def root(z: mp.mpf) -> mp.mpf:
-    """Return r = sqrt(z) for a function whose series is in z = r^2. It is never 0, where quotients
-    such as sin(r)/r are undefined.
+    """Return r = sqrt(z), for functions of r that are approximated by a polynomial in z = r^2. The
+    result is never 0, where quotients such as sin(r)/r are undefined.
     """
     return mp.sqrt(max(z, NEAR_0))
 
@@ -172,8 +175,8 @@ def angles() -> list[str]:
 
 
 def arcs() -> list[str]:
-    """Return the C definitions for atan: a table with steps of 1/64, a polynomial for arguments
-    between them, and a polynomial for arguments below 1/8.
+    """Return the C definitions for atan: a table with steps of 1/64, a polynomial for the rest of
+    an argument between two steps, and a polynomial for arguments below 1/8.
     """
     rest: Function = lambda z: (mp.atan(root(z)) / root(z) - 1) / root(z) ** 2  # noqa: E731
     weight: Function = lambda z: root(z) ** 3 / mp.atan(root(z))  # noqa: E731
@@ -260,8 +263,8 @@ def logarithms() -> list[str]:
 
 
 LEAST_Z = 0x3FE6000000000000 - (1 << 44)
-"""Bits of the least z of an octave, shifted by half an interval of the table so that 1 is in the
-middle of an interval.
+"""Bits of the smallest z that occurs when log(x) splits x into 2^k z. It is shifted by half an
+interval of the table, so that z = 1 is in the middle of an interval.
 """
 
 

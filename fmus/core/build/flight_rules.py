@@ -3,9 +3,10 @@
 
     python fmus/core/build/flight_rules.py > docs/flight_code.md        (make flight-rules)
 
-gcc (-fcallgraph-info=su) lists calls and stack, without optimisation, so that no function is
-inlined, or with the optimisation of the FMUs. tests/compliance/test_flight_code.py checks the rules
-with this module; as a program it prints the page docs/flight_code.md.
+The compiler gcc lists the calls and the stack of every function (-fcallgraph-info=su). Calls are
+analysed without optimisation, so that no function is inlined; stack with the optimisation of the
+FMUs (-O2). tests/compliance/test_flight_code.py checks the rules with this module; as a program it
+prints the page docs/flight_code.md.
 """
 
 import argparse
@@ -59,8 +60,8 @@ LOOPS = (
     (r"for \(;; r\.iterations\+\+\)|i <= r\.iterations", "iterations_max, at most 30"),
     (r"i < \(int\)task->weight", "weight, a whole number up to 8"),
 )  # fmt: skip
-"""Regular expressions for heads of loops, each with the bound of these loops as text; the first one
-that matches a loop applies.
+"""Pairs of a regular expression for the head of a loop, and the largest number of passes of such a
+loop as text. The first expression that matches a head applies.
 """
 
 
@@ -107,8 +108,8 @@ def version() -> str:
 # ---- calls and stack ----
 @dataclass
 class Calls:
-    """Call graph of one FMU. stack: bytes on the stack by function; callees: names of called
-    functions by function; unbounded: functions whose stack size is not constant.
+    """Call graph of one FMU. stack: size of the stack frame by function [bytes]; callees: names of
+    called functions by function; unbounded: functions whose stack size is not constant.
     """
 
     stack: dict[str, int]
@@ -144,8 +145,8 @@ class Calls:
         return {name for name in self.stack if name in self.reached(name)}
 
     def depth(self, name: str) -> int:
-        """Return the stack of a function and its deepest chain of calls [bytes], without functions
-        of the C library.
+        """Return the stack that a function and its deepest chain of calls need together [bytes],
+        without functions of the C library.
         """
         below = (self.depth(callee) for callee in self.called(name) if callee in self.stack)
         return CALL + self.stack[name] + max(below, default=0)
@@ -153,7 +154,9 @@ class Calls:
 
 @cache
 def calls(source: Path, optimisation: str) -> Calls:
-    """Return the call graph of a C file, compiled with this option such as "-O2"."""
+    """Return the call graph of a C file that is compiled with the option `optimisation`, such as
+    "-O2".
+    """
     with tempfile.TemporaryDirectory() as folder:
         options = [optimisation, "-fcallgraph-info=su", "-c", str(source), "-o", "model.o"]
         run([*compiler(), *FLAGS, *INCLUDE, *options], Path(folder))
@@ -171,7 +174,7 @@ def calls(source: Path, optimisation: str) -> Calls:
 
 
 def short(title: str) -> str:
-    """Return the name of a function without its file."""
+    """Return the name of a function from its title FILE:NAME in a call graph."""
     return title.rpartition(":")[2]
 
 
@@ -221,7 +224,9 @@ def loops(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def bound(head: str) -> str | None:
-    """Return the bound of a loop as text; None if no pattern of LOOPS matches its head."""
+    """Return the largest number of passes of a loop as text, from its head such as `for (i = 0; i <
+    3; i++)`; None if no pattern of LOOPS matches the head.
+    """
     return next((text for pattern, text in LOOPS if re.search(pattern, head)), None)
 
 
@@ -241,7 +246,7 @@ def stack_rows() -> Iterator[str]:
 
 
 def loop_rows() -> Iterator[str]:
-    """Yield a table row per bound with the number of loops that have it."""
+    """Yield, for each text of LOOPS, a table row with the number of loops that have this bound."""
     heads = [bound(head) or "?" for path in included() for _, head in loops(path)]
     for text in sorted(set(heads), key=lambda t: (-heads.count(t), t)):
         yield f"| {heads.count(text)} | {text} |"

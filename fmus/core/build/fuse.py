@@ -3,14 +3,16 @@
 
 Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND] [--adapter FOLDER]
 
-SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "sources":
-[C files of the unpacked archive, the file of the model first], "values": {element: start value},
+SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "sources": [C
+files of the unpacked archive, the file of the model first], "values": {element: start value},
 "driven": {input element: [part, output element, factor, offset]}, "late": whether its outputs are
 published later than they are computed}, ...], "plan": [[verb, part, every, phase], ...]}. A part is
-a component of the system and is identified by its index. Optional: "version" and "date" of the FMU;
-"provenance", which is written into its folder extra/; "scalars", true for an FMU without arrays.
-The program writes system.c, the model interface of the whole system (described in fused.h), and
-packs it as build_fmu.py packs a model.
+a component of the system and is identified by its index. The plan is the schedule of a macro step:
+every action (verb "set" for inputs, "step", or "get" for late outputs) of a part is performed in
+macro step k if k % every == phase. Optional: "version" and "date" of the FMU; "provenance", which
+is written into its folder extra/; "scalars", true for an FMU without arrays. The program writes
+system.c, the model interface of the whole system (described in fused.h), and packs it as
+build_fmu.py packs a model.
 """
 
 import argparse
@@ -53,8 +55,8 @@ class NotFusibleError(Exception):
 
 
 def output_of(command: list[Any], fmu: str) -> str:
-    """Return the output of a command; raise NotFusibleError if it fails, with the name of the FMU
-    in front of every line that the command has printed to stderr.
+    """Return what a command prints to stdout; raise NotFusibleError if it fails, with the name of
+    the FMU in front of every line that the command has printed to stderr.
     """
     streams: dict[str, Any] = {"capture_output": True, "encoding": "utf-8", "errors": "replace"}
     done = subprocess.run(command, check=False, **streams)
@@ -68,7 +70,8 @@ def output_of(command: list[Any], fmu: str) -> str:
 # ---- sources ----
 def gather(parts: list[dict[str, Any]], folder: Path) -> list[str]:
     """Copy the sources of all FMUs into one folder, and return the C symbol of the model of each
-    part. Raises NotFusibleError if sources are missing or files with one name differ.
+    part (entry of `parts` in SYSTEM.json). Raises NotFusibleError if sources are missing or files
+    with one name differ.
     """
     symbols: dict[str, str] = {}
     for part in parts:
@@ -116,7 +119,9 @@ def _names(name: str) -> Iterator[str]:
 
 # ---- build ----
 class Build:
-    """Build of a fused FMU in a folder: models, layout, system.c, library, description, archive."""
+    """Build of a fused FMU in an empty folder: it compiles the models, lays out the memory, writes
+    system.c, links the library, prints the description and packs the archive.
+    """
 
     def __init__(
         self,
@@ -133,7 +138,9 @@ class Build:
         self.compile = [*compiler, *build_fmu.FLAGS, *include]
 
     def run(self, output: Path) -> None:
-        """Write the FMU; raise NotFusibleError if the system cannot be compiled into one."""
+        """Write the FMU to the path `output`; raise NotFusibleError if the sources cannot be
+        compiled into one FMU.
+        """
         parts = self.spec["parts"]
         symbols = gather(parts, self.folder)
         fmus = {s: Path(p["fmu"]).name for s, p in zip(symbols, parts, strict=True)}
@@ -168,8 +175,9 @@ class Build:
         return output
 
     def _models(self, fmus: dict[str, str], objects: list[Path]) -> dict[str, Model]:
-        """Return the layouts of the models by symbol. If the program that prints all layouts fails,
-        each model is tried alone, and the first one that fails determines the message.
+        """Return the memory layouts of the models by their C symbols; fmus: name of the FMU by
+        symbol; objects: compiled models. If the program that prints all layouts fails, each model
+        is tried alone, and the first one that fails determines the message.
         """
         try:
             return self._described(list(fmus), objects, self.name)
@@ -198,8 +206,8 @@ class Build:
         return lay_out(parts, self.spec["step"], sorted(i for i, every in steps if every > 1))
 
     def _structure(self) -> list[Any]:
-        """Return connections and schedule, in which systems with equal variables can differ. A hash
-        of them is a part of the model.
+        """Return the connections and the schedule as data for JSON. Systems with the same variables
+        may differ in these, so system.c contains a hash of them.
         """
         parts = self.spec["parts"]
         wires = [[part["name"], sorted(part["driven"].items()), part["late"]] for part in parts]
@@ -236,7 +244,8 @@ class Build:
 def build(
     spec: dict[str, Any], output: Path, compiler: list[str], fmi: str, adapter: Path | None = None
 ) -> None:
-    """Write the FMU of a system for FMI `fmi` ("2" or "3"); raise NotFusibleError.
+    """Write the FMU of a system for FMI `fmi` ("2" or "3"); raise NotFusibleError if its sources
+    cannot be compiled into one FMU.
 
     adapter: folder with the compiled files of the adapter (None: compile them).
     """

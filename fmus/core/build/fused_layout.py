@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Memory layout of a fused system, in the order that fused.h defines.
 
-layout.c prints the layouts of the models. A part is a component of the system; its place in memory
-is an index of doubles from the beginning of the memory of the whole system.
+layout.c prints the layouts of the models. A part is a component of the system. The memory of the
+whole system is an array of doubles, and a place is an index of this array.
 """
 
 from __future__ import annotations
@@ -20,15 +20,19 @@ KINDS = ("PLAIN_ROW", "OPTIONAL_ROW", "GRID_ROW")
 MACRO_STEP_TEXT = "macro step: every communication step is a whole multiple"
 UNSETTLED = "initial values did not settle (an algebraic loop)"
 CLOCK = 3
-"""Number of doubles in front of the times of slow parts: start time, number of macro steps done,
-the flag UNSETTLED.
+"""Number of doubles that describe the progress of the system: start time, number of finished macro
+steps, and a flag that is 1 if the initial values did not settle. The times of slow parts (see
+lay_out()) follow in memory.
 """
 
 
 @dataclass(frozen=True)
 class Row:
-    """Variable in the table of a model (struct Variable); first: index of its first double in the
-    model; size: number of doubles.
+    """Variable in the table of a model (struct Variable).
+
+    first: index of its first double in the model; size: number of doubles; columns: of a matrix,
+    else 1; rule, kind: indices of RULES and KINDS; names: of the values 0, 1, ... of a mode,
+    separated by `|`.
     """
 
     causality: int
@@ -53,18 +57,19 @@ class Row:
             yield self.name if self.size == 1 else f"{self.name}[{place}]"
 
     def scalars(self) -> Iterator[Row]:
-        """Yield a row of one double for each element."""
+        """Yield, for each element, a row that describes the element as a scalar variable."""
         for k, name in enumerate(self.elements()):
             yield replace(self, first=self.first + k, size=1, columns=1, name=name)
 
 
 @dataclass(frozen=True)
 class Model:
-    """Memory layout of a model, as layout.c prints it.
+    """Memory layout of a model, whose memory is an array of doubles: parameters, inputs, states,
+    outputs.
 
-    size: length of the model in doubles; scratch: length of its workspace in doubles; inputs,
-    states, outputs: index of the first double of its inputs, states and outputs; start: start
-    values of its parameters and inputs; rows: table of its variables.
+    symbol: C name of the model; size: number of doubles; scratch: number of further doubles as
+    workspace of initialization; inputs, states, outputs: index of the first input, state, output;
+    start: start values of parameters and inputs; rows: variables of the model.
     """
 
     symbol: str
@@ -81,10 +86,11 @@ class Model:
 class Part:
     """Component in the memory of the system.
 
-    values: start values by element; driven: source of each connected input element; late: whether
-    its outputs are published later than they are computed; head: place of its parameters and
-    inputs; tail: place of its states and outputs; published: place at which other components read
-    each output element.
+    values: start values by element; driven: source of each connected input element, [index of part,
+    output element, factor, offset]; late: whether its outputs are published later than they are
+    computed; head: place of its first parameter, which inputs follow; tail: place of its first
+    state, which outputs follow; published: place at which other components read each output
+    element.
     """
 
     name: str
@@ -97,7 +103,7 @@ class Part:
     published: dict[str, int] = field(default_factory=dict)
 
     def place(self, row: Row, element: int) -> int:
-        """Return the place of an element in the memory of the system."""
+        """Return the place of element number `element` (from 0) of a variable of this part."""
         first = row.first + element
         inside = first < self.model.states
         return self.head + first if inside else self.tail + first - self.model.states
@@ -122,9 +128,9 @@ def read_layout(text: str) -> dict[str, Model]:
 class Whole:
     """Memory of the whole system, and the variables of its FMU.
 
-    rows: variables of the FMU; checked: driven inputs whose range is checked; front: start values
-    of the macro step, parameters and inputs; times: place of the time of each slow part, by index;
-    size: number of doubles.
+    rows: variables of the FMU; checked: connected inputs whose values must be in a range; front:
+    start values of the macro step, then of the parameters and inputs of all parts; times: place of
+    the time that each slow part has reached, by index of the part; size: number of doubles.
     """
 
     parts: list[Part]
@@ -136,10 +142,10 @@ class Whole:
 
 
 def lay_out(parts: list[Part], step: float, slow: Iterable[int]) -> Whole:
-    """Return the system with the places of all parts in memory: macro step, parameters and inputs,
-    then clock, buffers of late outputs, states and outputs.
+    """Return the memory of a system of these parts: macro step, parameters and inputs, then clock,
+    times of slow parts, and for each part the buffer of late outputs, states and outputs.
 
-    step: macro step [s]; slow: indices of the parts that do not step at every macro step.
+    step: macro step [s]; slow: indices of the slow parts, which do not step at every macro step.
     """
     whole = Whole(parts, front=[step])
     whole.rows.append(Row(PARAMETER, 0, 1, 1, 1, 0, "s", "macro_step", MACRO_STEP_TEXT))
@@ -165,8 +171,8 @@ def _outputs(part: Part) -> list[Row]:
 
 
 def _head(part: Part) -> list[float]:
-    """Return the start values of parameters and inputs of a part; driven inputs have the start
-    value of the model.
+    """Return the start values of the parameters and inputs of a part. A connected input has the
+    start value of its model.
     """
     values = list(part.model.start)
     for row in part.model.rows:
@@ -187,8 +193,8 @@ def _publish(part: Part, buffer: int | None) -> None:
 
 
 def _list_rows(whole: Whole) -> None:
-    """Fill the lists of variables: parameters, unconnected inputs and outputs in `rows`, driven
-    inputs with a range in `checked`.
+    """Fill the lists of variables of `whole`: `rows` with parameters, unconnected inputs and
+    outputs, `checked` with connected inputs that have a range.
     """
     free = [(part, row) for part in whole.parts for row in _free(part)]
     for causality in (PARAMETER, INPUT):
@@ -207,7 +213,9 @@ def _list_rows(whole: Whole) -> None:
 
 
 def _named(part: Part, row: Row, first: int, causality: int | None = None) -> Row:
-    """Return a variable of a part as a variable PART.NAME of the system, at the place `first`."""
+    """Return a variable of a part as a variable PART.NAME of the system, at the place `first`;
+    causality: of the new variable (None: unchanged).
+    """
     own = row.causality if causality is None else causality
     name = f"{part.name}.{row.name}"
     return replace(row, causality=own, first=first, name=name)

@@ -17,7 +17,9 @@ def number(value: float) -> str:
 
 
 def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
-    """Join copies (from, to) of single doubles into copies (from, to, count) of several."""
+    """Yield copies (from, to, count) of several consecutive doubles, which replace the copies
+    `pairs` (from, to) of single doubles.
+    """
     last: list[int] = []
     for start, to in sorted(pairs, key=lambda pair: pair[1]):
         if last and (start, to) == (last[0] + last[2], last[1] + last[2]):
@@ -35,7 +37,9 @@ Transfer = tuple[int, int, int, float, float]
 
 
 def driven(whole: Whole, part: Part) -> list[Transfer]:
-    """Return the copies that drive the inputs of a part."""
+    """Return the copies that write the connected inputs of a part from the outputs that drive these
+    inputs.
+    """
     places = {
         name: part.place(row, k)
         for row in part.model.rows
@@ -53,7 +57,9 @@ def driven(whole: Whole, part: Part) -> list[Transfer]:
 
 
 def late(part: Part) -> list[Transfer]:
-    """Return the copies that publish the outputs of a part with late outputs; [] for others."""
+    """Return the copies that publish the outputs of a part whose outputs are late; [] for other
+    parts.
+    """
     if not part.late:
         return []
     pairs = [

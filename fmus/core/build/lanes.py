@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compile the FMU of a whole system (fuse.py) into a library that makes several runs at once, in
-the lanes of vectors (core/lanes/lanes.h).
+"""Compile the FMU of a whole system (fuse.py) into a library that computes several runs at once,
+each in one lane of vector registers (core/lanes/lanes.h).
 
 Usage: lanes.py SOURCES -o WHOLE.so [--width N] [--cxx COMMAND]
 
@@ -8,7 +8,8 @@ SOURCES is the folder with the C files of the unpacked FMU. They are compiled as
 (one number per run) in place of every double. Before that, `c ? a : b` and `if (c) return a; rest`
 are rewritten as calls that select a or b for each run, since the condition c may differ between
 runs, and `if (c) f(x, y);` as a call that performs f for the runs in which c holds. Both a and b
-are computed, so an expression that writes is left as it is: the runs must then agree in c.
+are computed, so an expression that writes to a variable is not rewritten. If c differs between runs
+there, the step is computed separately for the runs of each answer.
 """
 
 import argparse
@@ -52,7 +53,7 @@ ASSIGNMENTS = {"=", *(f"{c}=" for c in "+-*/%&|^"), "<<=", ">>="}
 BEFORE = {*",;:", "return", "else", *ASSIGNMENTS}
 """Tokens after which an expression can begin."""
 WRITING = {*ASSIGNMENTS, "++", "--"}
-"""Operators of C that write."""
+"""Operators of C that change a variable."""
 WITHOUT_EFFECT = {"sizeof", "return", "copysign", "fabs", "isfinite", "isnan", "signbit", "sqrt"}
 """Words of C before a parenthesis, and functions of its library, that do not write."""
 
@@ -84,7 +85,7 @@ class Effects(NamedTuple):
 
 
 def parsed(text: str) -> Items:
-    """Return the items of a C text without comments."""
+    """Return a C text as items (tokens, and brackets with their content), without comments."""
     stack: list[Items] = [[]]
     for token in TOKEN.findall(text):
         if token in CLOSING:
@@ -112,7 +113,8 @@ def is_block(item: Any) -> bool:
 
 def conditionals(items: Items, effects: Effects) -> Items:
     """Return items in which a call of lanes::choose() replaces every `c ? a : b` whose a and b
-    write nothing; in the others, c becomes one answer for all lanes.
+    write nothing; in any other conditional expression, c is converted to bool, which must be the
+    same in all lanes.
     """
     items = [x if isinstance(x, str) else [x[0], *conditionals(x[1:], effects)] for x in items]
     if "?" not in items:
@@ -139,7 +141,7 @@ def starts(item: Any) -> bool:
 
 
 def as_bool(items: Items) -> Items:
-    """Return an expression that converts another one to bool."""
+    """Return items of C++ that convert the expression `items` to bool."""
     return [["(", "bool"], ["(", *items]]
 
 
@@ -165,7 +167,7 @@ def early_returns(body: Items, kind: str, effects: Effects) -> Items:
 
 def short_circuits(items: Items, effects: Effects) -> Items:
     """Return items in which a right operand of `&&` or `||` that may write is converted to bool, so
-    that it is computed only if all lanes need it.
+    that it is computed only if it is needed in all lanes.
     """
     found: Items = []
     left = [x if isinstance(x, str) else [x[0], *short_circuits(x[1:], effects)] for x in items]
@@ -224,8 +226,8 @@ def ends(item: Any) -> bool:
 
 
 def designated(items: Items) -> Items:
-    """Return items in which assignments replace the initializers with designators of structs and
-    arrays, which C++ permits only in the order of the declaration.
+    """Return items in which assignments replace the designated initializers (`{.a = 1}`, `{[2] =
+    1}`) of structs and arrays, which C++ permits only in the order of the declaration.
     """
     found: Items = []
     for item in items:
@@ -243,7 +245,9 @@ def designated(items: Items) -> Items:
 
 
 def assignments(name: str, item: Items) -> Items:
-    """Return assignments to the variable `name` that replace an initializer with designators."""
+    """Return assignments to the elements of the variable `name` that replace a designated
+    initializer; item: the initializer in braces.
+    """
     found: Items = []
     for part in separated(item[1:]):
         at = part.index("=")
@@ -256,7 +260,7 @@ def assignments(name: str, item: Items) -> Items:
 
 
 def separated(items: Items, by: str = ",") -> list[Items]:
-    """Return the parts of items between commas or other tokens, without empty ones."""
+    """Return the lists of items between the tokens `by`, without empty lists."""
     parts: list[Items] = [[]]
     for item in items:
         if item == by:
@@ -287,7 +291,9 @@ def is_name(item: Any) -> bool:
 
 
 def definitions(items: Items) -> Iterator[tuple[int, int]]:
-    """Yield the places of the head and the body of each function in a parsed C file."""
+    """Yield two indices for each function in a parsed C file: of the first item of its head, and of
+    its body.
+    """
     begin = 0
     for i, item in enumerate(items):
         if is_block(item) and i and items[i - 1][:1] == ["("]:
@@ -324,8 +330,8 @@ def function(head: Items, body: Items, effects: Effects) -> Items:
     """Return the rewritten body of a function; head: the items in front of the body.
 
     The body of check() becomes empty, because lanes check no parameters. Early returns are
-    rewritten, and functions with searches run separately for each lane, only if the function
-    returns a value and does not write.
+    rewritten, and functions with searches (see searches()) run separately for each lane, only if
+    the function returns a value and does not write.
     """
     head = [x for x in head if x not in ("static", "inline")]
     begin = max((k + 1 for k, x in enumerate(head[:-1]) if isinstance(x, list)), default=0)
@@ -349,8 +355,8 @@ def is_condition(body: Items) -> bool:
 
 
 def statements(items: Items) -> Items:
-    """Return statements in which `if (c) f(x, y);` with arguments that call nothing is a call of
-    where().
+    """Return statements in which `if (c) f(x, y);` with arguments that call nothing is replaced by
+    a call of lanes::where(), which performs f only in the lanes in which c holds.
     """
     found: Items = []
     left = items
@@ -420,7 +426,7 @@ class Types(NamedTuple):
 
 
 def holding(files: Sequence[Items]) -> Types:
-    """Return the types of parsed C files."""
+    """Return the Types that parsed C files define."""
     defined = [each for items in files for each in type_definitions(items)]
     found = Types(set(), {name for name, _, function in defined if function})
     for _ in defined:  # a type can contain a type
@@ -526,15 +532,17 @@ void {model}_model_step(const void *p, const void *u, void *x, void *y, double t
 TYPES = re.compile(
     r"^(?:typedef (?:struct|enum)|enum) \{[^{}]*\}(?: (?:Phase|Progress|Snapshot))?;", re.M
 )
-"""Type definitions of the memory of a run. Only these are taken from TYPES_IN, because not every
-compiler accepts the functions in these files as C++.
+"""Regular expression for the type definitions of the memory of a run. Only these are copied from
+the files TYPES_IN, because not every compiler accepts the functions in these files as C++.
 """
 TYPES_IN = ("interface.h", "instance.h", "state.c")
 STEP = "void {}_model_step(const void *, const void *, void *, void *, double, double);"
 
 
 def units(sources: Path) -> dict[str, str]:
-    """Return the C++ files of the library by name; sources: the folder of system.c."""
+    """Return the C++ files of the library as texts, by name of the model ("": code of the whole
+    system); sources: the folder of system.c.
+    """
     system = (sources / "system.c").read_text(encoding="utf-8")
     part = re.DOTALL | re.MULTILINE
     step = re.search(r"^static void step_system.*?^\}", system, part)
@@ -555,7 +563,8 @@ def units(sources: Path) -> dict[str, str]:
 def build(sources: Path, output: Path, compiler: list[str], width: int, folder: Path) -> None:
     """Write the library with `width` lanes; raise CalledProcessError if the compiler fails.
 
-    sources: folder with the C files of the FMU; folder: an empty one for intermediate files.
+    sources: folder with the C files of the FMU; folder: an empty folder for intermediate files;
+    compiler: command.
     """
     shutil.copytree(sources, folder / "scalar")
     headers = [parsed(file.read_text(encoding="utf-8")) for file in sources.glob("*.h")]

@@ -33,12 +33,15 @@ WRENCH = re.compile(r"([FM])_((?:[a-z]+_)?[A-Z])")
 """Name of a force or torque: quantity, purpose and letter of the axes."""
 
 AXES = {"r": 3, "v": 3, "omega": 2, "q": 0}
-"""Group of BODY with the letter of the axes of each quantity (0: no axes). Position and velocity
-are in axes of the other body, the angular velocity is in axes of the body itself.
+"""Number of the group in BODY that contains the letter of the axes, by quantity (0: no axes).
+Position and velocity are in axes of the other body, the angular velocity is in axes of the body
+itself.
 """
 
 BODY_STATE, WRENCHES, SIGNAL = (f"servicing-fmus.{n}" for n in ("body-state", "wrench", "signal"))
-"""Kinds of terminals: with members r, v, q, omega; with members F, M; with the member signal."""
+"""Kinds of terminals: state of a body (members r, v, q, omega), force and torque (members F, M),
+and a single signal (member signal).
+"""
 
 ICONS = {"icon": (), "output": ((4, 4), (28, 16), (4, 28)), "input": ((4, 4), (28, 16), (4, 28))}
 """Corners [px] of the triangle in each image of terminalsAndIcons/; (): the image of the block."""
@@ -64,8 +67,8 @@ def terminals(rows: Iterable[dict[str, str]]) -> str:
     outputs.
 
     Inputs and outputs form terminals: the state of a body, force and torque, or a single signal.
-    Terminals of two FMUs are connected by the names of their members; one that needs fewer signals
-    has fewer members.
+    Terminals of two FMUs are connected by the names of their members; the terminal of an FMU that
+    needs fewer signals has fewer members.
     """
     plugs: dict[tuple[str, str], dict[str, str]] = defaultdict(dict)
     for row in rows:

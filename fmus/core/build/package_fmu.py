@@ -120,7 +120,7 @@ def equations(comment: str) -> str:
 
 def timing(rows: list[dict[str, str]]) -> str:
     """Return a sentence that states when a model computes: sampled, continuous, or once per step,
-    as the names of its parameters show.
+    as the names of its parameters in `rows` show.
     """
     named = {row["name"] for row in rows if row["causality"] == "parameter"}
     if "sample_period" in named:

@@ -86,6 +86,6 @@ START_VALUES: dict[str, tuple[str, tuple[str, ...]]] = {
         ("nodes", "iterations_max", "sample_period"),
     ),
 }
-"""SYSTEM.component whose parameters are the start values of an FMU, and the parameters that have
-another value there, by FMU.
+"""Component (SYSTEM.COMPONENT) whose parameters are the start values of an FMU, and names of the
+parameters that have another value in this component, by name of the FMU.
 """

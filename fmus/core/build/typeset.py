@@ -50,8 +50,8 @@ class NotationError(ValueError):
 class Node:
     """Part of a line of equations as MathML.
 
-    kind: operand, word, operator, space or gap, which determines how its neighbours are set;
-    inside: MathML between the parentheses of a group.
+    kind: operand, word, operator, space or gap, which determines the space between it and its
+    neighbours; inside: MathML between the parentheses of a group.
     """
 
     kind: str
@@ -123,7 +123,8 @@ class Reader:
             if self.line[self.at] in ")]}":
                 if closing or self.line[self.at] == "}":
                     break
-                nodes.append(Node("operator", _fence(self.line[self.at])))  # opened in another line
+                # a bracket that was opened in an earlier line
+                nodes.append(Node("operator", _fence(self.line[self.at])))
                 self.at += 1
                 continue
             nodes.append(self.node(nodes))
@@ -202,7 +203,8 @@ class Reader:
         if self.line[self.at : self.at + 1] != CLOSING[opening]:
             if opening in "|{" or self.at < len(self.line):
                 raise NotationError(f"{self.line.strip()!r}: {opening!r} is not closed")
-            return Node("operator", _fence(opening) + _written(nodes))  # closed on a later line
+            # the bracket is closed in a later line
+            return Node("operator", _fence(opening) + _written(nodes))
         self.at += 1
         inside = _written(nodes)
         shown = f"<mrow>{_fence(opening)}{inside}{_fence(CLOSING[opening])}</mrow>"
@@ -224,8 +226,8 @@ class Reader:
         return self._applied(self._symbol(name, short), name)
 
     def _upright(self, name: str) -> Node:
-        """Read the rest of a word or long name and return its node. A long subscript is not
-        lowered.
+        """Read the rest of a word or long name and return its node. A subscript of several
+        characters stays in the line, as `rho_max`.
         """
         shown, rest = f"<mi>{name}</mi>", self.line[self.at :]
         subscript = re.match(r"(?:_[A-Za-z0-9]+)+", rest)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compile the FMU of a whole system (fuse.py) into a WebAssembly module, by which a page runs it.
+"""Compile the FMU of a whole system (fuse.py) into a WebAssembly module, with which a web page
+simulates the system.
 
 Usage: web_module.py FILE.c... -o WHOLE.wasm [--cc COMMAND]
 
@@ -19,7 +20,8 @@ PAGE = build_fmu.CORE / "web/simulation.c"
 TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor")
 FLAGS = (*build_fmu.SAME_BITS, "-O2", "-s", "-g0")
 FMI = "fmi2"
-"""Beginning of the names of the adapter's C files that a page does not use."""
+"""Beginning of the names of the C files with FMI functions, which are not compiled into the module.
+"""
 
 
 def compile_module(sources: list[Path], output: Path, compiler: list[str]) -> None:
