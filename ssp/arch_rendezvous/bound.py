@@ -25,7 +25,9 @@ AXIS, HALF_ANGLE, SPEED = (
 
 
 def problem(result: Result, grid: float) -> Problem:
-    """Return the convex problem of a run; raise UsageError for a run with an abort."""
+    """Return the convex problem of a run on a grid with the time step `grid` [s]; raise UsageError
+    for a run with an abort.
+    """
     if float(result.parameter(ABORT)) < result.time[-1]:
         raise UsageError(f"{result.system}: bound needs a run without an abort, set {ABORT}")
     found = bounds.problem(result, grid, np.zeros(3))
@@ -50,8 +52,8 @@ def problem(result: Result, grid: float) -> Problem:
 def speed(name: str, nodes: Rows, rate: Array, most: float) -> Cone:
     """Return the constraint |v - rate x rho| <= most on the speed seen in a rotating frame.
 
-    nodes: indices of the grid points to which it applies; rate: of the frame in N, (n + 1, 3)
-    [rad/s]; most: largest speed [m/s].
+    nodes: indices of the grid points to which it applies; rate: angular velocity of the frame at
+    all grid points, N axes, (n + 1, 3) [rad/s]; most: largest speed [m/s].
     """
     turning = np.cross(np.eye(3), rate[nodes][:, None, :]).swapaxes(1, 2)  # -(rate x e)
     still = np.broadcast_to(np.eye(3), turning.shape)

@@ -60,7 +60,9 @@ def _once(result: Result, name: str, what: str) -> float:
 
 
 def fixture(result: Result) -> Array:
-    """Return the position of the grapple fixture in base axes, (rows, 3) [m]."""
+    """Return the position of the grapple fixture relative to the origin S of the base, in base
+    axes, (rows, 3) [m].
+    """
     place = np.tile(result.parameter(FIXTURE), (len(result.time), 1))
     from_S = result[TARGET] + rotated(result["target.q_TN"], place) - result[SERVICER]
     return np.asarray(rotated(result["servicer.q_SN"] * (1, -1, -1, -1), from_S))

@@ -70,7 +70,8 @@ TURNED = f"angle(mrp({ATTITUDE}), mrp(0 * {ATTITUDE}))"
 
 def _largest(text: str, *modes: int) -> str:
     """Return the expression of a largest value over the rows in these modes of the arm, which gives
-    NaN (0 / 0) without such rows. text: expression in which {0} represents the modes.
+    NaN (0 / 0) without such rows. text: expression in which {0} is replaced by the condition that
+    the arm is in one of the modes.
     """
     inside = f"({' or '.join(f'{MODE} == {mode}' for mode in modes)})"
     return f"{text.format(inside)} / max({inside})"

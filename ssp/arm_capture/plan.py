@@ -3,7 +3,8 @@
 the position at which the guidance holds the base, how far its poses are from singular ones, and
 whether the stowed arm touches itself.
 
-Only guidance and target are run. The position of the fixture from a base at its reference is
+Only guidance and target are run. The position of the fixture relative to a base at its reference
+position is
 
     r_QS = C_DN (C_TN^T p_QT_T - rho_ref_N),   X_E = -X_Q
 """

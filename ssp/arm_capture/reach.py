@@ -90,8 +90,8 @@ def reach(arm: Arm, limits: Limits, place: Array, outward: Array) -> Reach:
     along unit vectors `outward` (rows, 3), both in base axes.
 
     The attitude about the X axis is the one of the preferred posture after the smallest rotation
-    that turns its X axis. The method is damped least squares from that posture, with joint angles
-    within their limits.
+    that turns its X axis to `outward`. The method is damped least squares from that posture, with
+    joint angles within their limits.
     """
     q = np.tile(limits.posture, (len(place), 1))
     own = pose(arm, q[:1]).frame[0]
@@ -120,8 +120,9 @@ def _evaluated(arm: Arm, q: Array, place: Array, frame: Array) -> Reach:
 
 
 def between(a: Array, b: Array, c: Array, d: Array) -> float:
-    """Return the least distance between the line segments from a to b and from c to d [m]: the one
-    between inner points of both if it exists, or else the least from an end of one to the other.
+    """Return the least distance [m] between the line segments from a to b and from c to d: the
+    distance between inner points of both segments if these are closest, otherwise the least
+    distance of an end point from the other segment.
     """
     u, v, w = b - a, d - c, a - c
     ends = [_from_line(p, c, v) for p in (a, b)] + [_from_line(p, a, u) for p in (c, d)]

@@ -61,7 +61,7 @@ def arrival_time(result: Result) -> float:
 
 def first_leg(result: Result) -> NDArray[np.bool_]:
     """Return a mask of the rows of the first leg, from the end of the first alignment to ALIGNED
-    before the arrival; raise NotJudgedError if there are none.
+    seconds before the arrival; raise NotJudgedError if there are none.
     """
     leg = np.asarray((result.time >= ALIGNED) & (result.time <= arrival_time(result) - ALIGNED))
     if not leg.any():

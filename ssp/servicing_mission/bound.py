@@ -45,7 +45,9 @@ IN_CORRIDOR = ("final", "hold 3", "mating")
 
 
 def rows(result: Result, phase: str) -> slice:
-    """Return the rows of the first stay in a phase and the first row of the next phase."""
+    """Return the slice of the rows from the beginning of the first stay in a phase to the first row
+    of the next phase (included).
+    """
     found = stays(result)
     at = [s.phase for s in found].index(phase)
     last = found[at + 1].row + 1 if at + 1 < len(found) else len(result.time)
@@ -72,7 +74,8 @@ def phase(result: Result, name: str, grid: float) -> Phase:
 
 def start(part: Result) -> Mapping[str, Any]:
     """Return the parameters of servicer and target with which a simulation starts at the first row
-    of a part of a run; the attitude of the servicer is frozen in it.
+    of `part`, the rows of one phase of a run. The attitude of the servicer is frozen in this
+    simulation.
     """
     found: dict[str, Any] = {
         "servicer.t_att": 1e9,
@@ -86,13 +89,17 @@ def start(part: Result) -> Mapping[str, Any]:
 
 
 def problem(part: Result, phase: str, grid: float) -> Problem:
-    """Return the convex problem of the rows of a phase."""
+    """Return the convex problem of a phase; part: rows of the run in this phase; grid: time step
+    [s].
+    """
     found = bounds.problem(part, grid, BOX)
     return replace(found, cones=(*way(part, found.time, phase), *_ends(part, found.time, phase)))
 
 
 def way(part: Result, time: Array, phase: str) -> Iterator[Cone]:
-    """Yield the constraints between start and end of a phase."""
+    """Yield the constraints on the path between start and end of a phase; part: rows of the run in
+    this phase; time: instants of the grid (n + 1,) [s].
+    """
     given = {name: float(part.parameter(f"manager.{name}")) for name in ("R_1", "R_2", "L_3")}
     tol_1, tol_2, tol_3 = (float(part.parameter(f"manager.tol_{k}")) for k in (1, 2, 3))
     inside, zone = time > time[0], float(np.min(part.parameter(ZONE)))

@@ -33,8 +33,8 @@ def by_arm(result: Result) -> bool:
 
 
 def stay(result: Result, phase: str) -> Stay:
-    """Return the first time span that the mission spends in a phase; raise NotExercisedError if
-    the run does not reach the phase.
+    """Return the first Stay of the mission in a phase, which contains the times of begin and end;
+    raise NotExercisedError if the run does not reach the phase.
     """
     found = [s for s in stays(result) if s.phase == phase]
     if not found:
@@ -125,8 +125,8 @@ def claim(  # noqa: PLR0913, PLR0917 - the columns of the table
     band: Band,
     *needs: str,
 ) -> Claim:
-    """Return a claim on an event; there: value of the independent simulation; figure: format of our
-    value; needs: variables besides NEEDS.
+    """Return a claim on an event; there: value of the independent simulation; figure: format of the
+    value of a run; needs: variables besides NEEDS.
     """
     return Claim(name, f"{name}: {there}", "events", (*NEEDS, *needs), evaluation, figure, unit,
                  band, interval=1.0)  # fmt: skip

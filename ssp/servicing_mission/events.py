@@ -19,19 +19,21 @@ DOCKING, MASS, MISSED = "mechanism.phase", "servicer.mass", "mechanism.missed"
 NEEDS = (PHASE, REASON, BEGUN, DOCKING, MASS, SERVICER, TARGET)
 ISP, G_0 = "propulsion.Isp", 9.80665
 TOUCHING, BESIDE = 1.5, 2.0
-"""Range below which the bodies have collided [m]: the docked range is 1.58 m, with the probe askew
-in the cone 1.55 m. Range below which a probe that misses the drogue hits the target beside it [m],
-which the model of the mechanism does not notice.
+"""Range below which the bodies have collided [m]: the range is 1.58 m after docking, and 1.55 m
+with an oblique probe in the cone. Range below which a probe that misses the drogue hits the target
+beside it [m], which the model of the mechanism does not notice.
 """
 
 
 ENDS = {"stack": "captured", "aborted": "aborted", "retreat": "retreated"}
-"""Outcome of a mission by a phase that it has reached; of several, the first entry applies."""
+"""Outcome of a mission by the name of a phase. The outcome is the first entry whose phase the
+mission has reached.
+"""
 
 
 class Stay(NamedTuple):
-    """Stay of a mission in a phase: times of begin and end [s], row of the begin; reason: why the
-    phase before ended.
+    """Time span in which a mission remains in one phase: begin and end [s], row of the result at
+    the begin, and the reason for which the previous phase ended.
     """
 
     phase: str
@@ -74,7 +76,7 @@ def collided(result: Result) -> bool:
     return bool((far < TOUCHING).any() or missed.any())
 
 
-@lru_cache(maxsize=1)  # several metrics of one run need it
+@lru_cache(maxsize=1)  # several metrics of one run need the outcome
 def outcome(result: Result) -> str:
     """Return the outcome of a mission: collided, captured (the stack detumbled), aborted (by the
     monitor), retreated, or under way.

@@ -27,11 +27,11 @@ class Outfit(NamedTuple):
     and ring.
 
     servicer, target: parts drawn on these bodies; links: moving parts of the servicer; reach: their
-    largest distance from S [m]; root, seat: points on the surfaces of servicer and target [m], from
-    which their sizes follow if nothing else defines them; numbers, phases, events: values shown
-    during the replay; course: time series of the phase, the names of its values, and those names
-    that are alarms; paths: name, position and attitude of points whose path is drawn; spot: label
-    of the seat.
+    largest distance from S [m]; root, seat: points on the surfaces of servicer and target [m],
+    which define the sizes of the bodies unless positions of thrusters do; numbers, phases, events:
+    values shown during the replay; course: time series of the phase, the names of its values, and
+    those names that are alarms; paths: name, position and attitude of points whose path is drawn;
+    spot: label of the seat.
     """
 
     servicer: list[Part]

@@ -34,8 +34,9 @@ def bound(
 ) -> Bound:
     """Return the Bound of an approach with ideal propulsion.
 
-    needs, parameters: variables and parameters besides the common ones; stated: function that
-    returns the convex problem of a run on a grid; grid: default time step [s].
+    needs, parameters: variables and parameters besides the common ones; stated: function of a
+    result and a time step [s] that returns the convex problem of the run; grid: default time step
+    [s].
     """
     return Bound(
         (*BODIES, IMPULSE, *needs),

@@ -27,8 +27,8 @@ BODIES = Bodies(
 )
 ORBITS = orbits(BODIES)
 RESTARTS = (("r_0_N[1]", "a", 0.0),)
-"""Parameters with which a plant starts at a position and velocity: r_0_N and v_0_N apply if the
-semi-major axis `a` is 0.
+"""Condition under which a plant starts at the position r_0_N and the velocity v_0_N: its semi-major
+axis `a` is 0.
 """
 CONTROLLER = Example(
     place="sync_approach.controller",

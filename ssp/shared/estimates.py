@@ -51,8 +51,8 @@ class Errors(NamedTuple):
 
 
 def rows(result: Result) -> tuple[slice, slice]:
-    """Return the rows of the true states and the rows of the estimates that belong to them, which
-    may be the next rows (ssp.shared.samples).
+    """Return two slices of rows: of the true states, and of the estimates of these states, which
+    are in the next rows if the filter publishes them a sample later (ssp.shared.samples).
     """
     if len(result.time) > 2 and is_late(result, f"{FILTER}.q_TN"):
         return slice(0, -1), slice(1, None)
@@ -60,8 +60,9 @@ def rows(result: Result) -> tuple[slice, slice]:
 
 
 def attitude_error(estimate: Array, truth: Array) -> Array:
-    """Return the rotation vectors (rows, 3) [rad] of small attitude errors, from estimated to true
-    quaternions (rows, 4): 4 times the modified Rodrigues parameters of q_hat* q.
+    """Return the rotation vectors (rows, 3) [rad] of small attitude errors, from the estimated to
+    the true attitude, given as quaternions (rows, 4): 4 times the modified Rodrigues parameters of
+    q_hat* q.
     """
     w, v = estimate[:, :1], estimate[:, 1:]
     scalar = np.sum(estimate * truth, axis=1, keepdims=True)

@@ -35,8 +35,8 @@ SHOWN = 4
 
 
 class Episode(NamedTuple):
-    """Uninterrupted time in which the filter changed the force for one rule: begin and end [s],
-    largest change [N], impulse of the change [N s].
+    """Uninterrupted time span in which the filter changed the force because of one rule: begin and
+    end [s], largest change [N], impulse of the change [N s].
     """
 
     rule: str
@@ -93,7 +93,7 @@ def notes(result: Result) -> Iterator[str]:
 
 
 def passed(result: Result) -> float:
-    """Return the impulse of the filtered force [N s]."""
+    """Return the impulse of the force that the filter passes on to the actuators [N s]."""
     steps = np.diff(result.time, append=result.time[-1])
     return float(np.sum(norm(result["filter.F_safe_S"]) * steps))
 
@@ -104,8 +104,9 @@ def passed(result: Result) -> float:
 def findings(result: Result) -> Iterator[RuleFinding]:
     """Yield the least barrier value of each rule that was in force.
 
-    If parameters of the filter state errors of the states or a delay, a barrier value may be
-    negative within these, and is a violation only where the filter has relaxed the rule.
+    A negative barrier value is a violation. If parameters of the filter state errors of the states
+    or a delay, these can make it negative, and it is a violation only where the filter has relaxed
+    the rule.
     """
     if not (result.holds(*NEEDS, parameters=ERRORS) and len(result.time)):
         return

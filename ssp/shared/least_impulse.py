@@ -73,8 +73,8 @@ class Bound:
 def simulated(
     system: System, needs: tuple[str, ...], parameters: tuple[str, ...], every: int
 ) -> Result | None:
-    """Return the run of a system, None if the system lacks a variable or a parameter; every: macro
-    steps per row. Raises UsageError and RunError.
+    """Simulate a system and return its result; None if the system lacks one of these variables or
+    parameters; every: macro steps per row. Raises UsageError and RunError.
     """
     with Simulation(system, every=every) as simulation:
         simulation.advance(0)
@@ -88,9 +88,9 @@ def simulated(
 class Answer:
     """Least impulse of a run.
 
-    offered: definition by the mission; run: the run itself; optimum: solution of the convex
-    problem; verified: simulation in which the actuator gives the optimal force; cost: `sum` or
-    `norm`.
+    offered: definition by the mission; run: result of the system; optimum: solution of the convex
+    problem; verified: result of a second simulation, in which the actuator gives the optimal force;
+    cost: `sum` or `norm`.
     """
 
     offered: Bound
@@ -102,9 +102,9 @@ class Answer:
     """Impulse of the run by the same cost [N s]."""
 
     def lines(self) -> Iterator[str]:
-        """Yield the lines of the report: the impulse of the run relative to the optimum, then for
-        the simulation with the optimal force its distance from the optimal trajectory at the end
-        and the verdict on each requirement.
+        """Yield the lines of the report: the impulse of the run divided by the least impulse; the
+        distance at the end between the optimal path and a simulation with the optimal force; and
+        the verdict on each requirement in this simulation.
         """
         best = self.optimum.impulse
         ratio = f"{self.spent / best:.3g} times the optimum of {best:.4g} N s"
@@ -120,7 +120,7 @@ class Answer:
 
     def _late(self) -> str:
         """Return the impulses of optimum and run in the last third of the time, as text; "" if the
-        mission counts the impulse of the run in another way than over all force.
+        mission counts only a part of the thrusters (`spent`).
         """
         if self.offered.spent:
             return ""
@@ -133,8 +133,8 @@ class Answer:
 
     @property
     def miss(self) -> float:
-        """Return the distance between the simulation of the optimal force and the optimum at the
-        end [m].
+        """Return the distance at the end between the path that a simulation with the optimal force
+        gives and the path of the optimum [m].
         """
         own, other = (self.verified[name][-1] for name in self.offered.positions)
         return float(np.linalg.norm(own - other - self.optimum.position[-1]))

@@ -56,7 +56,7 @@ ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
 
 
 def _controlled(result: Result) -> tuple[Array, Array]:
-    """Return time and attitude error [deg] since the beginning of attitude control."""
+    """Return times [s] and attitude errors [deg] of the rows since the release of the attitude."""
     begun = result.time >= release_time(result)
     return result.time[begun], np.degrees(attitude_error(result)[begun])
 
@@ -84,7 +84,8 @@ def _attitude_settles(result: Result, limits: Limits) -> float:
 
 def _steady(error: Callable[[Result, slice], Array], result: Result, begin: float) -> float:
     """Return the largest error in the last fifth of the time after `begin`; NaN without such rows.
-    The error is computed for these rows and for the row before, which the last row may repeat.
+    The error is also computed for the row before them, because the last row may repeat the error of
+    its previous row.
     """
     time = result.time[result.time >= begin]
     if not len(time):

@@ -84,7 +84,9 @@ def write(path: Path, cases: Cases) -> None:
 
 
 def store(result: Result, optima: Sequence[Optimum]) -> Path:
-    """Add the optima of a run to the file of the user, and return it; raise ResultsError."""
+    """Add the optima of a run to the file OWN of the user, and return the path of this file; raise
+    ResultsError.
+    """
     write(OWN, {**read(OWN), case(result): list(map(leg, optima))})
     return OWN
 

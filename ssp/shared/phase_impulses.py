@@ -26,8 +26,9 @@ from .least_impulse import pushes, simulated
 class Phase(NamedTuple):
     """Phase of a run. problem: its convex problem; spent: impulse of the run in the phase [N s];
     start: parameters with which a simulation of both bodies begins where the phase begins, with a
-    servicer that does not rotate; along: function that returns the problem for a given path (n + 1,
-    3), on which it replaces what is not convex (None: all is convex).
+    servicer that does not rotate; along: function that returns the problem with convex constraints
+    along a given path (n + 1, 3) in place of constraints that are not convex (None: all constraints
+    are convex).
     """
 
     problem: Problem
@@ -58,8 +59,8 @@ class PhaseBounds:
     def __call__(
         self, system: System, cost: str, grid: float | None, without: Collection[str]
     ) -> PhaseAnswer | None:
-        """Run the system and return the least impulses of its phases, None if the system lacks a
-        variable or a parameter; arguments and errors as of Bound.
+        """Simulate the system and return the least impulses of the phases of this run, None if the
+        system lacks a variable or a parameter; arguments and errors as of Bound.
         """
         run = simulated(system, self.needs, self.parameters, self.every)
         if run is None:

@@ -133,12 +133,16 @@ def _relative(result: Result, rows: slice = ALL) -> Array:
 
 
 def _aligned(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return error(position, reference position) for these rows, aligned in time (rows, ...)."""
+    """Return error(position, reference position) for these rows, (rows, ...), with the reference
+    that the guidance has computed for the position of a row.
+    """
     late = is_late(result, REFERENCE)
     return aligned(_relative(result, rows), result[REFERENCE][rows], error, late)
 
 
 def _turned_from(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return error(attitude, reference attitude) for these rows, aligned in time (rows, ...)."""
+    """Return error(attitude, reference attitude) for these rows, (rows, ...), with the reference
+    that the guidance has computed for the attitude of a row.
+    """
     late = is_late(result, REFERENCE_ATTITUDE)
     return aligned(result[ATTITUDE][rows], result[REFERENCE_ATTITUDE][rows], error, late)

@@ -20,11 +20,12 @@ PERIOD = "sample_period"
 
 
 def is_late(result: Result, name: str) -> bool:
-    """Return whether the value of a variable of a sampled component that belongs to the states of a
-    row is in the next row.
+    """Return whether the outputs that a sampled component computes from the states of a row are in
+    the next row; name: one of these outputs.
 
-    This follows from the schedule of the run. In a result without a schedule it is so if the first
-    two values are equal: the outputs at the start, and at the first sample from the same states.
+    This follows from the schedule of the run. A result without a schedule is late if the first two
+    values of the variable are equal, since the outputs at the start and at the first sample are
+    computed from the same states.
     """
     known = result.provenance
     component = name.partition(".")[0]

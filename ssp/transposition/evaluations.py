@@ -42,7 +42,7 @@ def size(rows: Array) -> Array:
 
 
 def window(result: Result) -> float:
-    """Return the end of the transposition [s]."""
+    """Return the time at which the window of the transposition ends [s]."""
     return scalar(result, "guidance.window_start") + scalar(result, "guidance.window")
 
 

@@ -25,7 +25,7 @@ PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation
 
 STATUS = "guidance.status"
 ADVICE = {2: "; more steps (iterations_max), a longer window, or a larger momentum_share"}
-"""Advice on what to change, by the status of the plan."""
+"""Text that states what to change, by the status of a plan."""
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,9 @@ def body(unit: Instance) -> str:
 
 
 def quantity(unit: Instance, name: str) -> Array:
-    """Return an output by name; C is the direction cosine matrix of the body by rows."""
+    """Return an output by name as a vector; the name C gives the direction cosine matrix of the
+    body, row by row (9,).
+    """
     return dcm(unit.get(f"q_{body(unit)}N")).ravel() if name == "C" else unit.get(name)
 
 
@@ -234,8 +236,8 @@ def steady_filter(case: Case, library: Library) -> list[Quantities]:
     measurement in every sample: of the attitude before and after the last measurement, and of the
     gyro bias after it.
 
-    The value before it is computed from 1/before^2 = 1/after^2 - 1/star^2, because information
-    adds.
+    The value before it is computed from 1/before^2 = 1/after^2 - 1/star^2, because the reciprocals
+    of variances add.
     """
     unit = library.unit(case.fmu, case.setup["parameters"])
     star, step = np.array(case.setup["parameters"]["sigma_A"]), case.setup["stars_every"]

@@ -26,17 +26,17 @@ EARTH_RADIUS = 6.3e6
 
 
 class Bodies(NamedTuple):
-    """Names of the variables of a body, with `{}` for its letter, and of the parameters of its
-    start, all without the component.
+    """Names of the variables of a body, with `{}` for the letter of the body, and of the parameters
+    of its start, all without the component.
 
     position [m], velocity [m/s], attitude: relative to an inertial frame; components: components
-    that are bodies, in their order; start: position [m] and velocity [m/s]; attitude_start:
-    attitude at the start, modified Rodrigues parameters, of bodies and of estimates alike;
-    semi_major_axis: 0 if
-    these two count; elements: the other five of an orbit, eccentricity, inclination, argument of
-    perigee, right ascension and true anomaly [rad]; field: of gravity [m3/s2]; beside: position and
-    velocity relative to another body in its Hill frame; sun: parameter with the direction of the
-    Sun, a unit vector in the inertial frame ("": none).
+    that are bodies, in their order; start: position [m] and velocity [m/s] at the start;
+    attitude_start: attitude at the start of bodies and of estimates, modified Rodrigues parameters;
+    semi_major_axis: of the orbit at the start [m], 0 if `start` applies instead of the orbit;
+    elements: eccentricity, inclination, argument of perigee, right ascension and true anomaly of
+    this orbit [rad]; field: gravitational parameter [m3/s2]; beside: position and velocity relative
+    to another body in the Hill frame of that body; sun: parameter with the direction of the Sun, a
+    unit vector in the inertial frame ("": none).
     """
 
     position: str
@@ -72,7 +72,8 @@ class Body:
 
 def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]:
     """Return the body `name` of a result, or the components that are bodies (None); raise
-    UsageError for an unknown name, ResultsError if there is none or one is not in an Earth orbit.
+    UsageError for an unknown name, ResultsError if the result has no body or a body is not in an
+    orbit about the Earth.
     """
     known = names.found(result)
     if name is not None and name not in known:
@@ -99,8 +100,8 @@ def _body(result: Result, name: str, letter: str, names: Bodies) -> Body:
 
 
 def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
-    """Return the UTC of every row (rows,) to the nanosecond; raise UsageError if the epoch is no
-    date, ResultsError if a date is outside the years FIRST to LAST.
+    """Return the UTC of every row (rows,) to the nanosecond; epoch: UTC at t = 0. Raises UsageError
+    if the epoch is not a date, ResultsError if a date is outside the years FIRST to LAST.
     """
     start, seconds = epoch_of(epoch), result.time
     begin, end = (np.datetime64(f"{year}-01-01", "s") for year in (FIRST, LAST + 1))
@@ -146,7 +147,8 @@ def sun_direction(times: NDArray[np.datetime64]) -> Array:
 
 def eclipses(names: Bodies, result: Result) -> list[str]:
     """Return a line, in a list, with the time spans in which the first body of a result is in the
-    shadow of the Earth; [] without a date, a body about the Earth, or the library erfa.
+    shadow of the Earth; [] if the run has no date, no body is in an orbit about the Earth, or the
+    library erfa is missing.
     """
     epoch = result.provenance.epoch if result.provenance else ""
     if not epoch or not len(result.time):

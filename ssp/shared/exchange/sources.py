@@ -121,7 +121,9 @@ def _undated() -> Iterator[None]:
 # ---- orbit ephemeris messages
 
 SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
-"""Time systems of an ephemeris that can be read: of astropy, and GPS = TAI - 19 s."""
+"""Time systems of an ephemeris that can be read: those which astropy supports, and GPS, which is
+TAI - 19 s.
+"""
 GPS_BEHIND_TAI = 19.0
 _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 
@@ -129,7 +131,8 @@ _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 def _ephemeris(path: Path | str, text: str) -> Source:
     system = _time_system(text)
     with PrivateFolder() as folder:
-        copy = folder / "message.oem"  # the library does not support GPS: TAI is written instead
+        # the library does not support GPS time: it reads these times as TAI
+        copy = folder / "message.oem"
         copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
         message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
     frame = _frame(message)
@@ -223,7 +226,7 @@ class Field(NamedTuple):
     last: int
     least: float
     most: float
-    point: bool = True  # False: a decimal point is implied before the first digit
+    point: bool = True  # False: the text has digits only, after an implied decimal point
 
 
 FIELDS = (

@@ -41,8 +41,10 @@ def start_values(
     epoch: str | None = None,
     **changes: Any,
 ) -> Start:
-    """Start values from OEM or two-line elements by component, see harness.mission.exchange. What
-    must know where the Sun is gets its direction at that instant.
+    """Return the start values that follow from OEM files or two-line elements, with notes and the
+    epoch; see harness.mission.exchange. files: by component; epoch: UTC at t = 0 (None: of the
+    system or of the files). Parameters for the direction of the Sun get this direction at the
+    epoch.
     """
     from harness.master.simulation import Simulation
 
@@ -69,8 +71,8 @@ def start_values(
 
 
 def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
-    """Return the parameters with which bodies start in these states, and with which the bodies
-    without a file follow the target.
+    """Return the parameters with which the bodies of `states` start in their states, and the
+    parameters with which bodies without a file follow the target.
     """
     values: dict[str, Any] = {}
     for component, state in states.items():
@@ -107,8 +109,9 @@ def _check(component: str, system: System, parameters: Result, names: Bodies) ->
 
 
 def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, float]:
-    """Return the orbital elements of the target with a file as parameters of all bodies that start
-    in its Hill frame; raise UsageError if its orbit is open.
+    """Return, for all bodies that start in the Hill frame of the target, the orbital elements of
+    the target as parameters of these bodies; {} if no target has a file. Raises UsageError if the
+    orbit of the target is open.
     """
     target = _target(parameters, states, names)
     if target is None:
@@ -156,7 +159,7 @@ def _turned(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 def _hill_axes_before(parameters: Result, target: str, names: Bodies) -> Array:
     """Return the matrix (3, 3) with the axes of the Hill frame as columns, in N axes, at the start
-    that the parameters of a body describe.
+    that the parameters of the component `target` describe.
     """
     from scipy.spatial.transform import Rotation
 
@@ -176,12 +179,13 @@ def hill_axes(r: Array, v: Array) -> Array:
 
 
 def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -> Iterator[str]:
-    """Yield the bodies without a file that start in the Hill frame of another one."""
+    """Yield the bodies without a file that start in the Hill frame of another body."""
     ending = f".{names.beside[0]}"
     others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
     for component in sorted(others - states.keys()):
         size = f"{component}.{names.semi_major_axis}"
-        if size in parameters and parameters[size][0] > 0:  # not an estimate, not in deep space
+        # estimates have no semi-major axis; in deep space it is 0
+        if size in parameters and parameters[size][0] > 0:
             yield component
 
 
