@@ -147,9 +147,9 @@ def angles() -> list[str]:
     most = float(mp.pi / 4) ** 2
     return [
         constant("TWO_OVER_PI", float(2 / mp.pi), "2/pi"),
-        constant("HALF_PI_1", first, "pi/2 = sum of three, 33 bits"),
-        constant("HALF_PI_2", second, "33 bits"),
-        constant("HALF_PI_3", third, "the rest"),
+        constant("HALF_PI_1", first, "pi/2, first 33 bits"),
+        constant("HALF_PI_2", second, "pi/2, next 33 bits"),
+        constant("HALF_PI_3", third, "pi/2, the rest"),
         f"#define HALF_PI_BITS UINT64_C(0x{int(mp.nint(mp.pi / 2 * 2**63)):016x}) /* pi/2 2^63 */",
         "/* 2/pi in words of 32 bits, three zero words before the point */\n"
         f"static const uint32_t two_over_pi[{len(words)}] = {{\n{lines}}};",
@@ -182,12 +182,12 @@ def arcs() -> list[str]:
     weight: Function = lambda z: root(z) ** 3 / mp.atan(root(z))  # noqa: E731
     low, high = parts(mp.pi, -51)
     return [
-        constant("PI_1", low, "pi = sum of two"),
-        constant("PI_2", high, "the rest"),
+        constant("PI_1", low, "pi, the nearest multiple of 2^-51"),
+        constant("PI_2", high, "pi, the rest: PI_1 + PI_2 = pi"),
         array(
             "arc_table",
             [parts(mp.atan(mp.mpf(k) / TANGENTS), -53) for k in (TANGENTS, *range(1, TANGENTS))],
-            "atan(k/64) = sum of two, k = 1 to 64; k = 64 in row 0",
+            "columns: two numbers whose sum is atan(k/64); row k = 1 to 63, row 0 for k = 64",
         ),
         polynomial(
             "arc_terms",
@@ -197,7 +197,7 @@ def arcs() -> list[str]:
         polynomial(
             "arc_step_terms",
             remez(rest, weight, 0, (1 / 127) ** 2, 2),
-            "the same for |q| <= 1/127",
+            "(atan(q) - q)/q^3 in powers of q^2, |q| <= 1/127",
         ),
     ]
 
@@ -218,9 +218,9 @@ def powers() -> list[str]:
         rows.append([float(exact), float((exact - float(exact)) / float(exact))])
     return [
         constant("STEPS_PER_E", float(1 / step), "128/ln 2"),
-        constant("STEP_1", high, "ln 2/128 = sum of two, 35 bits"),
-        constant("STEP_2", low, "the rest"),
-        array("power_table", rows, "2^(j/128) = a (1 + b)"),
+        constant("STEP_1", high, "ln 2/128, first 35 bits"),
+        constant("STEP_2", low, "ln 2/128, the rest: STEP_1 + STEP_2 = ln 2/128"),
+        array("power_table", rows, "columns: a, b with 2^(j/128) = a (1 + b) in row j"),
         polynomial(
             "exponential_terms",
             remez(lambda r: rest_of_exp(r, 2), lambda r: r**2 + NEAR_0, -bound, bound, 3),

@@ -10,9 +10,9 @@
 // clang-format off
 
 #define TWO_OVER_PI 0x1.45f306dc9c883p-1 /* 2/pi */
-#define HALF_PI_1 0x1.921fb54400000p+0 /* pi/2 = sum of three, 33 bits */
-#define HALF_PI_2 0x1.0b4611a600000p-34 /* 33 bits */
-#define HALF_PI_3 0x1.3198a2e037073p-69 /* the rest */
+#define HALF_PI_1 0x1.921fb54400000p+0 /* pi/2, first 33 bits */
+#define HALF_PI_2 0x1.0b4611a600000p-34 /* pi/2, next 33 bits */
+#define HALF_PI_3 0x1.3198a2e037073p-69 /* pi/2, the rest */
 #define HALF_PI_BITS UINT64_C(0xc90fdaa22168c235) /* pi/2 2^63 */
 /* 2/pi in words of 32 bits, three zero words before the point */
 static const uint32_t two_over_pi[43] = {
@@ -39,9 +39,9 @@ static const double cosine_terms[6] = {
     -0x1.27e4f7eac3c21p-22,
     0x1.1ee9d7b41a62cp-29,
     -0x1.8fa4999513039p-37};
-#define PI_1 0x1.921fb54442d18p+1 /* pi = sum of two */
-#define PI_2 0x1.1a62633145c07p-53 /* the rest */
-/* atan(k/64) = sum of two, k = 1 to 64; k = 64 in row 0 */
+#define PI_1 0x1.921fb54442d18p+1 /* pi, the nearest multiple of 2^-51 */
+#define PI_2 0x1.1a62633145c07p-53 /* pi, the rest: PI_1 + PI_2 = pi */
+/* columns: two numbers whose sum is atan(k/64); row k = 1 to 63, row 0 for k = 64 */
 static const double arc_table[64][2] = {
     {0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55},
     {0x1.fff555bbb7280p-7, 0x1.ab77cf18ac803p-55},
@@ -117,15 +117,15 @@ static const double arc_terms[8] = {
     0x1.3b11f6e7ef174p-4,
     -0x1.10a35928a7da9p-4,
     0x1.c46f7097e6030p-5};
-/* the same for |q| <= 1/127 */
+/* (atan(q) - q)/q^3 in powers of q^2, |q| <= 1/127 */
 static const double arc_step_terms[3] = {
     -0x1.55555555554fep-2,
     0x1.9999998942bdbp-3,
     -0x1.248b5934e8d26p-3};
 #define STEPS_PER_E 0x1.71547652b82fep+7 /* 128/ln 2 */
-#define STEP_1 0x1.62e42fefa0000p-8 /* ln 2/128 = sum of two, 35 bits */
-#define STEP_2 0x1.cf79abc9e3b3ap-47 /* the rest */
-/* 2^(j/128) = a (1 + b) */
+#define STEP_1 0x1.62e42fefa0000p-8 /* ln 2/128, first 35 bits */
+#define STEP_2 0x1.cf79abc9e3b3ap-47 /* ln 2/128, the rest: STEP_1 + STEP_2 = ln 2/128 */
+/* columns: a, b with 2^(j/128) = a (1 + b) in row j */
 static const double power_table[128][2] = {
     {0x1.0000000000000p+0, 0x0.0p+0},
     {0x1.0163da9fb3335p+0, 0x1.b3b4f1a88bf6ep-54},
