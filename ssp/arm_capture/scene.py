@@ -27,8 +27,8 @@ PATHS = (("end effector", "servicer.r_EN_N", "servicer.q_EN"),)
 
 
 def links(arm: Arm, angle: str) -> Iterator[Data]:
-    """Yield the links of the arm for the replay. Each turns about its joint on the link before, and
-    the last one carries the gripper. angle: name of the array of joint angles.
+    """Yield the links of the arm for the replay. Each link turns about its joint on the link
+    before, and the last link carries the gripper. angle: name of the array of joint angles.
     """
     ends = [*arm.offset[1:], arm.tip]
     for k, (axis, at, end, thick) in enumerate(

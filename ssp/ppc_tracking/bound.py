@@ -52,8 +52,8 @@ def problem(result: Result, grid: float) -> Problem:
 
 
 def closing(way: Array, at_zero: float, slope: float) -> Cone:
-    """Return the constraint |way . v| <= at_zero + slope way . rho at all grid points after the
-    start; way: unit vectors along the line of sight (n, 3).
+    """Return the speed limit as the constraint |way . v| <= at_zero + slope way . rho at all grid
+    points after the start; way: unit vectors along the line of sight (n, 3).
     """
     nodes = np.arange(1, len(way) + 1)
     rate = way[:, None, :]

@@ -183,8 +183,9 @@ TABLES = {
 
 
 def _cases(controller: str, manoeuvre: bool) -> tuple[Case, ...]:
-    """Return the cases of section 4.2, or of 4.3 with a manoeuvre of the target. The parameter set
-    `literal_law`, the gain law as printed, exists for prescribed performance only.
+    """Return the cases of the paper for a controller: of section 4.2, or of section 4.3 with a
+    manoeuvre of the target. The parameter set `literal_law`, the gain law as printed, exists for
+    prescribed performance only.
     """
     fmu = FMUS[controller]
     own = fmu == FMUS["prescribed performance"]

@@ -148,8 +148,8 @@ def _directions(way: Array) -> Array:
 
 
 def _ends(result: Result, time: Array, phase: str) -> Iterator[Cone]:
-    """Yield the constraints at the end of a phase: near the position at which the run left it, and
-    slow as seen in the frame of the phase, H or T.
+    """Yield the constraints at the end of a phase: the position is near the position at which the
+    run left the phase, and the speed, as seen in H or T, is small.
     """
     last, one, nothing = np.arange(len(time)) == len(time) - 1, np.eye(3)[None], np.zeros((1, 3))
     r, v = (bounds.at(result, bounds.BODIES[k], time[-1:]) for k in (0, 1))

@@ -43,8 +43,8 @@ def stay(result: Result, phase: str) -> Stay:
 
 
 def reached(phase: str, after: str | None = None) -> Evaluation:
-    """Return an evaluation that gives the time at which a phase begins, from the start or from the
-    beginning of the phase `after` [s], and the range at that time [m].
+    """Return an evaluation that gives the time at which a phase begins, measured from t = 0 or from
+    the beginning of the phase `after` [s], and the range at that time [m].
     """
 
     def evaluate(result: Result) -> tuple[float, ...]:

@@ -47,7 +47,9 @@ def in_hill(result: Result, vectors: Array) -> Array:
 
 
 def grasp_axis(result: Result) -> Array:
-    """Return the outward axis of the corridor, N axes, (rows, 3)."""
+    """Return the outward unit vector along the axis of the corridor in every row, N axes, (rows,
+    3).
+    """
     return turned(result["target.q_TN"], np.asarray(result.parameter("monitor.corridor_axis")))
 
 

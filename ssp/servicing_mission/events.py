@@ -87,7 +87,7 @@ def outcome(result: Result) -> str:
 
 
 def _ended(result: Result, word: str) -> str:
-    """Return an expression that is true if the outcome() of a run is `word`."""
+    """Return the text of an expression that is true if the outcome() of a run is `word`."""
     names = result.mode_names(PHASE)
     beside = f"{DISTANCE} < {BESIDE}"
     touched = f"{DISTANCE} < {TOUCHING} or {MISSED} > previous({MISSED}) and {beside}"

@@ -57,7 +57,7 @@ FURTHER = (
 )
 """Figures that need certain components: actuators, controllers, sensors, monitor."""
 IDLE = (LEAST, *(rule.history for rule in RULES), filtering.BARRIER, filtering.LEAST)
-"""Margins and barriers, which have the value RESTING while their rule does not apply."""
+"""Variables with margins and barrier values, which are RESTING while their rule does not apply."""
 
 
 def approach(
@@ -65,8 +65,8 @@ def approach(
     claims: tuple[Paper, ...] = (),
     overlays: tuple[Figure | Overlay, ...] = (),
 ) -> Mission:
-    """Return the Mission of an approach, with these own figures, papers and figures of several runs
-    besides the shared ones.
+    """Return the Mission of an approach, with the figures, papers and overlays (figures of several
+    runs) of this mission in addition to the shared ones.
     """
     return Mission(
         figures=(*COMMON, *figures, *FURTHER),

@@ -56,7 +56,7 @@ largest thrust of several rows.
 
 
 def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) -> Panel:
-    """Return a panel of estimated inertia elements and, dashed, their true values.
+    """Return a panel titled `what` with estimated inertia elements and, dashed, their true values.
 
     first: index in ETA of the first of six elements; elements: indices of the shown ones among
     these; parameter: matrix of the true values.

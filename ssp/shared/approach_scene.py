@@ -49,7 +49,9 @@ class Outfit(NamedTuple):
 
 
 Fit = Callable[[Result, Rows, Arrays], Outfit | None]
-"""Function that returns the Outfit of a result at these rows, None if the result lacks data."""
+"""Function of a result, the rows that the replay shows and the store of its arrays; it returns the
+Outfit, None if the result lacks data.
+"""
 
 
 def bare(_: Result, __: Rows, ___: Arrays) -> None:
@@ -57,7 +59,9 @@ def bare(_: Result, __: Rows, ___: Arrays) -> None:
 
 
 def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
-    """Return the scene of one run: a servicer about its target; fit: gives the mission's parts."""
+    """Return the scene of one run: a servicer about its target; fit: function that returns the
+    parts of the mission.
+    """
     rows = instants(result, "servicer.q_SN", "target.q_TN")
     outfit = fit(result, rows, arrays)
     orbit = in_orbit(result[TARGET][rows])
@@ -131,7 +135,7 @@ def _place(
     result: Result, rows: Rows, arrays: Arrays, names: tuple[str, str], orbit: bool
 ) -> tuple[str, str]:
     """Return the names of the scene's arrays with a position (in orbit relative to the target) and
-    an attitude; names: their variables.
+    an attitude; names: variables with position and attitude.
     """
     r, q = names
     relative = f"{r} - {TARGET}" if orbit else r

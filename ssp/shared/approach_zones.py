@@ -109,8 +109,8 @@ def _corridor(result: Result, states: Scene) -> Iterator[Scene]:
 
 
 def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
-    """Return the name of the array with the state of a rule, the worst one from one instant of the
-    replay to the next.
+    """Return the name of the array with the state of a rule, which is the worst state (VIOLATED,
+    else HOLDS, else 0) from one instant of the replay to the next.
     """
     name = rule.history
     text = f"{VIOLATED} * ({name} < 0) + {HOLDS} * ({name} >= 0) * ({name} < {RESTING})"
@@ -148,7 +148,7 @@ def _rule(result: Result, rule: Rule, rows: Rows, arrays: Arrays, found: Scene) 
 
 
 def overall(label: str, result: Result, rows: Rows, arrays: Arrays) -> list[Scene]:
-    """Return one rule, in a list, that represents all rules of one run among several.
+    """Return a list with one rule that represents all rules of a run, for a replay of several runs.
 
     It is violated where any rule is violated, and names that rule. It does not apply where no rule
     does.
@@ -180,7 +180,7 @@ CAMERA = tuple(f"pose_sensor.{name}" for name in ("p_KS_S", "q_KS", "fov", "rang
 
 
 def sensors(result: Result) -> list[Scene]:
-    """Return the camera, in a list: its origin and axis on the servicer, and the full angle of its
+    """Return a list with the camera: its origin and axis on the servicer, and the full angle of its
     field of view [rad]; [] without a camera.
     """
     if not result.holds(parameters=CAMERA):

@@ -64,12 +64,16 @@ def edges_through(result: Result, mass: str, inertia: str, point: Any) -> Array:
 
 
 def box(size: Array, at: Any = (0, 0, 0), look: str = "hull") -> Part:
-    """Return a box with these edges along the axes of its body; look: material in the page."""
+    """Return a box with edges `size` along the axes of its body and its centre at `at` [m]; look:
+    material in the page.
+    """
     return {"kind": "box", "size": _plain(size), "at": _plain(at), "look": look}
 
 
 def wings(size: Array) -> list[Part]:
-    """Return two symbolic solar panels along y with their booms, for a hull with these edges."""
+    """Return two symbolic solar panels along y with their booms, for a hull with the edges `size`
+    [m].
+    """
     long = float(np.max(size))
     chord = max(0.6 * float(size[0]), 0.3 * long)
     span, gap = WING * long, 0.15 * long
@@ -100,7 +104,9 @@ def nozzle(at: Any, force: Any, size: float) -> Part:
 
 
 def arm(reach: float, face: float, radius: float) -> list[Part]:
-    """Return a straight arm of two links along x, from the face of the body to the grasp point."""
+    """Return a straight arm of two links along x, from the face of the body at x = `face` to the
+    grasp point at x = `face` + `reach` [m].
+    """
     elbow, end = face + reach / 2, face + reach
     return [
         ball((face, 0, 0), 1.6 * radius),

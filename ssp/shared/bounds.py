@@ -59,8 +59,9 @@ def at(result: Result, name: str, time: Array) -> Array:
 
 
 def quaternions(result: Result, name: str, time: Array) -> Array:
-    """Return an attitude at instants as unit quaternions (n, 4), interpolated linearly: rows are
-    close, and the sign of the quaternion does not change within a run.
+    """Return an attitude at instants as unit quaternions (n, 4), interpolated linearly between
+    rows. This is accurate because rows are close and the sign of a quaternion does not jump within
+    a run.
     """
     found = at(result, name, time)
     return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
@@ -190,7 +191,7 @@ def between(name: str, mask: Mask, axis: Array, least: float, most: float) -> Co
 
 
 def target_axis(result: Result, time: Array, axis: Array) -> Array:
-    """Return an axis (3,) that is fixed in the target, at the instants `time`, in N axes (n + 1,
-    3).
+    """Return the directions in N axes (n + 1, 3), at the instants `time`, of the vector `axis` (3,)
+    that is fixed in the target.
     """
     return np.asarray(axes(quaternions(result, BODIES[2], time)) @ axis)

@@ -37,8 +37,8 @@ MOTION = (*BODIES, *ESTIMATES, *(f"{FILTER}.{name}" for name in SIGMAS))
 
 
 class Errors(NamedTuple):
-    """Errors of one part of the estimate and their standard deviations, (rows, 3) each in SI units;
-    factor: converts them to the unit in the title.
+    """Errors of one part of the estimate, such as the relative position, and their standard
+    deviations, (rows, 3) each in SI units; factor: converts them to the unit in the title.
     """
 
     title: str
@@ -95,8 +95,8 @@ def errors(result: Result) -> tuple[Errors, ...]:
 
 
 def normalised(part: Errors) -> Array:
-    """Return the sum over three axes of squared errors divided by variances, (rows,); NaN where the
-    filter publishes no standard deviation.
+    """Return the squared errors divided by their variances, summed over three axes, (rows,); NaN
+    where the filter publishes no standard deviation.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.sum((part.error / part.sigma) ** 2, axis=1))

@@ -47,8 +47,8 @@ class Episode(NamedTuple):
 
 
 def impulses(result: Result) -> Array:
-    """Return the impulse by which the filter changed the force from each row to the next (rows,) [N
-    s].
+    """Return the integral of the change of the force by the filter from each row to the next
+    (rows,) [N s].
     """
     steps = np.diff(result.time, append=result.time[-1])
     return np.asarray(result[CHANGE] * steps)

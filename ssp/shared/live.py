@@ -35,7 +35,8 @@ def at_samples(result: Result, name: str, error: str) -> str:
     """Return the expression `error` with the outputs of a sampled component aligned to the states
     of the plants (ssp/shared/samples.py).
 
-    name: an output of that component; error: expression with {} in front of states of plants.
+    name: an output of that component; error: text of the expression with {} in front of states of
+    plants, which becomes `previous` or nothing.
     """
     late = is_late(result, name)
     return f"next({error.format('previous')})" if late else error.format("")
@@ -79,7 +80,9 @@ def first_time(condition: str) -> str:
 
 
 def released(result: Result) -> str:
-    """Return the expression that is true while the attitude of the servicer is free, not frozen."""
+    """Return the expression that is true in rows in which the attitude of the servicer is not
+    frozen.
+    """
     known = result.holds(parameters=(RELEASE,))
     release = f"parameter({RELEASE})" if known else f"{min(release_time(result), 1e300)!r} s"
     return f"time >= {release}"

@@ -100,8 +100,8 @@ def _attitude_steady(result: Result, _: Limits) -> float:
 
 
 def _estimate_error(result: Result, part: int) -> float:
-    """Return the largest error of a part of the estimate in the last fifth of the run; part: 0:
-    position of S relative to T [m], 2: attitude of T [deg].
+    """Return the largest error of a part of the estimate in the last fifth of the run; part: 0 for
+    the position of S relative to T [m], 2 for the attitude of T [deg].
     """
     true, _ = estimates.rows(result)
     error = np.linalg.norm(estimates.errors(result)[part].error, axis=1)
@@ -131,7 +131,7 @@ def _inside_reference(result: Result, _: Limits) -> str:
 
 
 def _margin(rule: str, result: Result, _: Limits) -> float:
-    """Return the least margin of a rule of the monitor since the start, in its unit."""
+    """Return the least margin of a rule of the monitor in the run, in the unit of the rule."""
     return safety.least_margin(result, rule)
 
 

@@ -92,8 +92,8 @@ def store(result: Result, optima: Sequence[Optimum]) -> Path:
 
 
 def leg(optimum: Optimum) -> Leg:
-    """Return an optimum in the form in which it is stored: at most POINTS intervals, DIGITS digits
-    after the point.
+    """Return the Leg that is stored for an optimum: at most POINTS intervals, DIGITS digits after
+    the point.
     """
     steps = np.abs(optimum.force).sum(axis=1) * np.diff(optimum.time)
     spent = np.concatenate(([0.0], np.cumsum(steps)))
@@ -111,7 +111,7 @@ def _legs(result: Result) -> list[Leg]:
 
 
 def _parts(result: Result) -> Iterator[tuple[Leg, Rows]]:
-    """Yield the stored legs of a run, each with the rows of the result in its time span."""
+    """Yield the stored legs of a run, each with the indices of the rows in its time span."""
     for each in _legs(result):
         inside = (result.time >= each.time[0]) & (result.time <= each.time[-1])
         yield each, np.flatnonzero(inside)

@@ -85,7 +85,8 @@ def joint(
 def number(  # noqa: PLR0913, PLR0917 - the value and its presentation
     result: Result, arrays: Arrays, rows: Rows, name: str, words: Sequence[str] = (), text: str = ""
 ) -> Scene:
-    """Return a variable whose value the replay shows as a number, angles in degrees.
+    """Return the entry of a scene for a variable whose value the replay shows as a number, angles
+    in degrees.
 
     rows: instants of the replay; words: texts to show in place of the values 0, 1, ...; text: label
     (default: the name of the variable with spaces).
@@ -101,8 +102,8 @@ def number(  # noqa: PLR0913, PLR0917 - the value and its presentation
 
 
 def runs_of(values: Array, time: Array, words: tuple[str, ...]) -> list[Scene]:
-    """Return the phases between changes of a variable: begin and end [s], and the text for its
-    value in the phase.
+    """Return the time spans in which a variable is constant, each with begin and end [s] and the
+    text of its value.
 
     values: whole numbers (rows,); time: of the rows [s]; words: texts of the values 0, 1, ...
     """

@@ -50,7 +50,7 @@ def frames(result: Result, arrays: Arrays, rows: Rows, position: str, velocity: 
 def sky(
     result: Result, arrays: Arrays, rows: Rows, centre: str | Array, radius: float = 0.0
 ) -> Scene:
-    """Return planet, Sun and shadow of a scene.
+    """Return the entries of a scene for planet, Sun and shadow.
 
     centre: position of the origin of the scene from the centre of the planet, a variable or an
     array (rows, 3) [m]; radius: of the planet [m], 0: the radius of the Earth.

@@ -135,7 +135,7 @@ TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {
     ),
 }
 """Lower and upper limit of the eccentricity, and claims, for each part of the paper. An upper limit
-belongs to the next part.
+itself belongs to the next part.
 """
 
 

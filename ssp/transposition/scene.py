@@ -20,7 +20,7 @@ NUMBERS = {
     "h_cmg": "momentum of the gyros",
     "momentum_share": "share of what they can hold",
 }
-"""Values shown during the replay, with their names."""
+"""Outputs of the assembly whose values the replay shows, with their labels."""
 
 
 def assembly(result: Result, arrays: Arrays) -> Scene:

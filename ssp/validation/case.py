@@ -23,9 +23,9 @@ class Case:
 
     id: its name; tests: subject of the test; source: name, place in the publication and licence of
     the values; fmu: the simulated FMU; rows: `t` [s] and expected outputs; tolerance: largest
-    permitted difference per output; units: per output; why: reason for the tolerance; wrong: `what`
-    and `change` of each wrong model; setup: all other entries, for the function that simulates the
-    case.
+    permitted difference per output; units: per output; why: reason for the tolerance; wrong:
+    deliberately wrong models, each with its text `what` and its `change` of the setup; setup: all
+    other entries, for the function that simulates the case.
     """
 
     id: str

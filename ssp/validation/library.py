@@ -124,6 +124,8 @@ class Library:
 
 
 def run_system(name: str, *, every: int = 1, **changes: Any) -> Result:
-    """Return the result of a system of the project; changes: as for run()."""
+    """Simulate a system of the project and return the result; every: macro steps per row; changes:
+    as for run().
+    """
     with load(name) as system:
         return simulate(apply(system, **changes), every=every)

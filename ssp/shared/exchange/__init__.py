@@ -19,8 +19,8 @@ from .start import start_values
 
 
 def orbits(names: Bodies) -> Exchange:
-    """Return the Exchange of a mission whose bodies have signals and parameters with these names:
-    it writes .oem, .aem and .czml and reads start values.
+    """Return the Exchange of a mission whose bodies have signals and parameters with the names
+    `names`: it writes .oem, .aem and .czml and reads start values.
     """
     writers = {".oem": write_oem, ".aem": write_aem, ".czml": write_czml}
     return Exchange(

@@ -47,7 +47,7 @@ class _Clock(NamedTuple):
 
     def sampled(self, degree: int, name: str, values: Array, **about: Any) -> dict[str, Any]:
         """Return the CZML property of values (rows, n) that Cesium interpolates by polynomials of
-        this degree; name: of the list of values in CZML; about: further entries.
+        this degree; name: key of the list of values in CZML; about: further entries.
         """
         return {
             "epoch": _text(self.times[0]),
