@@ -10,8 +10,8 @@
 
 #include "reference_rows.h"
 
-typedef struct { double v[6]; } Symmetric; /* S11 S12 S13 S22 S23 S33 */
-typedef struct { Symmetric J, A; } Eta;    /* inertia of the body, of the wheels */
+typedef struct { double v[6]; } Symmetric; /* elements S11 S12 S13 S22 S23 S33 */
+typedef struct { Symmetric J, A; } Eta;    /* J: inertia of the body, A: of the wheels */
 
 static inline mat3 full_matrix(Symmetric s)
 {
@@ -29,7 +29,7 @@ static inline AttitudeError attitude_error(quat q_SN, vec3 omega, const Referenc
     return (AttitudeError){mrp_of_quat(q_SD), sub(omega, wd), wd, wdd};
 }
 
-/* right-hand side of (19): torque on the wheels */
+/* torque that the wheels must produce: right-hand side of (19) */
 static inline vec3 wheel_torque(vec3 K, vec3 P, mat3 J_hat, mat3 A_hat, const AttitudeError *e,
                                 vec3 wheel_speed)
 {

@@ -192,8 +192,8 @@ static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gai
     for (int i = 0; i < 6; i++) estimate->v[i] += period * p->Gamma_scale * gain->v[i] * Wt_dw.v[i];
 }
 
-/* true if a wheel is at its limit: it then does not follow its command, and the error carries no
- * information about inertias */
+/* true if a wheel is at its limit: the wheel then does not follow its command, and the attitude
+ * error carries no information about the inertias */
 /* A.5-4 */
 static int is_at_limit(const Parameters *p, vec3 wheel_speed)
 {

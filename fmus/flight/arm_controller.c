@@ -121,7 +121,8 @@ static void copy_base_command(const Parameters *p, const Input *u, Output *y)
                   .wheel_accel_sum = resting ? none : u->wheel_accel_cmd};
 }
 
-/* reaction of the planned motion, evaluated at the measured w and dq */
+/* force and torque at S by which the arm reacts to its planned motion, evaluated at the measured
+ * w and dq */
 /* K.4-1 */
 static Wrench reaction_of_arm(const Input *u, const Tree *t, const Forces *b)
 {

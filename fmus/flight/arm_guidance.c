@@ -176,8 +176,8 @@ typedef struct {
     Links links;
     mat3 C_SN, C_QN;
     quat q_QN, q_EN, q_EQ;
-    vec3 port, tip, w_T; /* positions of Q and E from T, angular velocity of T; N axes */
-    vec3 e, X;           /* position and X axis of E, Q axes */
+    vec3 port, tip, w_T; /* port: r_Q - r_T, tip: r_E - r_T, w_T: rate of T; N axes */
+    vec3 e, X;           /* e: position of E from Q, X: X axis of E; Q axes */
     double misalignment, speed, rate;
 } RelativePose;
 
@@ -220,7 +220,7 @@ static double commanded_mode(const Parameters *p, const Input *u, double t)
     return reached(t, p->track_from) ? 2 : reached(t, p->deploy_from);
 }
 
-/* true if all conditions have held for grip_dwell */
+/* true if all conditions for gripping have held for grip_dwell seconds */
 /* K.3-2 */
 static int may_grip(const Parameters *p, const RelativePose *v, State *x, double t)
 {
@@ -271,7 +271,7 @@ static int next_mode(const Parameters *p, const Input *u, const RelativePose *v,
     return mode;
 }
 
-/* q_EQ rotated along the shortest arc to X_E = -X_Q; the roll angle stays the same */
+/* q_EQ rotated along the shortest arc until X_E = -X_Q; the roll angle about X_E does not change */
 static quat aligned_attitude(const RelativePose *v)
 {
     double g = sqrt(larger(0, (1 - v->X.x) / 2));

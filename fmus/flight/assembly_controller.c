@@ -95,8 +95,8 @@ static vec3 torque_at(const Parameters *p, const Configuration *c, quat q_So)
     return environment_torque(&p->assembly, c, dcm_of_quat(q_So));
 }
 
-/* mean rate of the plan over the sample minus the rate of the model at the present reference
- * state */
+/* mean rate of the planned gyro momentum over the sample, minus the momentum rate of the model
+ * at the present reference state */
 /* E.5-2 */
 static vec3 mean_rate_correction(const Parameters *p, const Configuration *c, quat q_Do,
                                  const AttitudeReference *r)

@@ -117,7 +117,7 @@ static void add_noise(const Parameters *p, double *P)
     add_block(P, STATES, BIAS, BIAS, identity(u * T));
 }
 
-/* propagates the estimate over a period and returns the rotation over the period */
+/* propagates the estimate over one sample period and returns the rotation in this period */
 /* F.4-5 */
 static quat propagate(const Parameters *p, vec3 dtheta, Estimate *estimate)
 {

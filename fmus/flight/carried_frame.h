@@ -36,8 +36,9 @@ typedef struct {
 } CarriedMotion;
 typedef struct { double L, d, dd; } Radius;
 
-/* rows X, Z x X, Z: X towards the target, Z as near as possible to the Z axis of S, or to its Y
- * axis if Z of S is almost parallel to X */
+/* attitude D of the first sample: the rows of C_DN are X, Z x X, Z with X towards the target,
+ * and Z as near as possible to the Z axis of S, or to its Y axis if Z of S is almost parallel to
+ * X */
 static inline quat carried_start(vec3 rho, mat3 C_SN)
 {
     vec3 X = neg(unit(rho)), z = C_SN.row[2];
@@ -46,7 +47,8 @@ static inline quat carried_start(vec3 rho, mat3 C_SN)
     return quat_of_dcm(rows(X, cross(Z, X), Z));
 }
 
-/* c = n x a, the rotation towards the grasp axis; for n opposite to a a small rotation about Z_D */
+/* c = n x a, the rotation that brings n to the grasp axis a; for n opposite to a, a small
+ * rotation about Z_D */
 static inline vec3 rotation_to_axis(mat3 C_DN, vec3 n, vec3 a)
 {
     vec3 c = cross(n, a);
@@ -79,7 +81,7 @@ static inline void begin_turning(const Steering *p, CarriedFrame *d, vec3 w_H, v
     d->spin = spin_duration(p, w_H, w_T);
 }
 
-/* W, dW of D at t, rate of b */
+/* angular velocity W and acceleration dW of D at time t, and the rate of b */
 static inline CarriedMotion carried_rate(const Steering *p, const CarriedFrame *d, AngularMotion H,
                                          AngularMotion T, vec3 a, double t)
 {
@@ -98,7 +100,7 @@ static inline CarriedMotion carried_rate(const Steering *p, const CarriedFrame *
     return (CarriedMotion){{W, dW}, db_D};
 }
 
-/* b after one period, at most w_steer */
+/* b after one sample period; its size is limited to w_steer */
 static inline vec3 integrated_steering(const Steering *p, vec3 b_D, vec3 db_D, double period)
 {
     vec3 b = add(b_D, scale(period, db_D));
@@ -106,7 +108,7 @@ static inline vec3 integrated_steering(const Steering *p, vec3 b_D, vec3 db_D, d
     return size > p->w_steer ? scale(p->w_steer / size, b) : b;
 }
 
-/* rho = L n for n that turns with D */
+/* reference position rho = L n and its derivatives, for a direction n that is fixed in D */
 static inline Motion carried_position(Radius r, vec3 n, AngularMotion D)
 {
     vec3 dn = cross(D.w, n), ddn = add(cross(D.dw, n), cross(D.w, dn));
@@ -114,7 +116,7 @@ static inline Motion carried_position(Radius r, vec3 n, AngularMotion D)
                     sum3(scale(r.dd, n), scale(2 * r.d, dn), scale(r.L, ddn))};
 }
 
-/* q_DN rot(C_DN (W + dW P/2) P) */
+/* q_DN one sample period P later: q_DN rot(C_DN (W + dW P/2) P) */
 static inline quat integrate_carried(quat q_DN, AngularMotion D, double period)
 {
     vec3 phi = scale(period, add(D.w, scale(period / 2, D.dw)));

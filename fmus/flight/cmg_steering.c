@@ -84,7 +84,7 @@ static mat3 dither(double t) /* E */
     return rows(vec(1, e3, e2), vec(e3, 1, e1), vec(e2, e1, 1));
 }
 
-/* grad m minus its part that changes the momentum */
+/* (1 - A^+ A) grad m: the part of grad m that does not change the momentum */
 /* E.6-2 */
 static void null_motion(const Columns *c, mat3 AAt, double m, double rate[GYROS])
 {

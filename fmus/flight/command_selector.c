@@ -48,7 +48,8 @@ typedef struct {
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
-    double started, force, torque; /* selections at the last sample */
+    double started, force,
+        torque;     /* started: 1 after the first sample; selections at the last sample */
     Command out, D; /* out: command of the last sample without the push; D: see above */
     double unloading;
 } State;
@@ -134,7 +135,8 @@ static vec3 relay_torque(const Parameters *p, const double th[])
     return times(p->relay_torque, engines);
 }
 
-/* the selection nearest to the value; -1: invalid, which the rule of the output rejects */
+/* number of the law nearest to the input value; -1: there is no such law, and the rule of the
+ * output rejects -1 */
 /* J.5-6 */
 static int selection(double value, int count)
 {
@@ -154,9 +156,9 @@ static int may_unload(const Parameters *p, int torque)
     return torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
 }
 
-/* whether the wheels are unloaded, by the thresholds of their speed; `prepare` leaves the speeds
- * below both thresholds. In law 1 the wheels have no other task and are always unloaded, unless
- * they turn the body (far_wheels) */
+/* true if the wheels are to be unloaded, by the thresholds of their speed; `prepare` leaves the
+ * wheel speeds below both thresholds. In law 1 the wheels have no other task and are always
+ * unloaded, unless they turn the body (far_wheels). */
 /* J.5-4 */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
@@ -196,7 +198,8 @@ static int is_law(double selection, int last)
     return selection == OPTIMAL_LAW || (selection >= FAR_LAW && selection <= last);
 }
 
-/* factor on D after a change of the selection: 1 from law to law, else 0 (immediate change) */
+/* factor on D after a change of the selected law: 1 from law to law; 0 to or from no law and to
+ * the retreat, where the command changes at once */
 /* J.5-3 */
 static double blend_factor(const Parameters *p, double before, double now, int last)
 {

@@ -38,8 +38,8 @@ static inline void drift_derivative(const Drift *d, double t, const TwoOrbits *x
 
 RK4(integrate_drift, drift_derivative, Drift, TwoOrbits)
 
-/* least margin over the duration, and first time at which it falls below zero (NEVER: it does
- * not) */
+/* least margin over the duration, and time until the margin first falls below zero, NEVER if it
+ * does not */
 typedef struct { double margin, entry; } Encounter;
 
 static inline Encounter drift_encounter(const Drift *d, const Margin *m, TwoOrbits x)

@@ -3,7 +3,7 @@
  *
  *   q_j = Phi_rr(j Delta) x_1 + Phi_rv(j Delta) v_1,   j = 0..K,   Delta = passive_time/K       (18)
  *   x_1, v_1: after the hold. A force u changes them by P^2/2 a and P a, a = C_HN C_SN^T u/m.
- *   margin of chord j: distance from the centre less the larger sag of its ends, the sphere and
+ * margin of chord j: distance from the centre less the larger sag at its ends, the sphere and
  *   passive_margin                                                                             (19)
  * Vectors are in Hill axes. docs/models.md M.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -17,7 +17,7 @@ typedef struct {
     int count; /* K */
     double P, n, clear;
     double t[MOST_POINTS + 1];
-    SineCosine turned[MOST_POINTS + 1]; /* sine and cosine of n t */
+    SineCosine turned[MOST_POINTS + 1]; /* sine, cosine of n j Delta */
     mat3 force_to_a;                    /* C_HN C_SN^T / m */
     vec3 x_1, v_1;
     vec3 free[MOST_POINTS + 1]; /* q_j without force */
@@ -115,8 +115,8 @@ static inline Worst worst_chord(const DriftFan *f, const vec3 q[])
     return w;
 }
 
-/* the chord of least margin in the drifts of the lightest and of the heaviest servicer after a
- * force u */
+/* the chord with the least margin after a force u, of the drifts of the lightest and of the
+ * heaviest servicer */
 static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, vec3 u)
 {
     vec3 q[MOST_POINTS + 1];
@@ -128,9 +128,9 @@ static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, ve
     return heavy.margin < light.margin ? heavy : light;
 }
 
-/* (20): rows with which both ends of chord j stay beyond a plane at the distance of sphere, margin
- * and sag. Its normal points to the point of this chord, in the drift without force, that is
- * nearest to the centre */
+/* (20): adds rows that hold both ends of chord j beyond a plane, whose distance from the centre
+ * is the radius of the sphere plus margin and sag. The normal of the plane points from the
+ * centre to the nearest point of chord j in the drift without force. */
 static inline void add_drift_rows(const FilterParameters *p, const DriftFan *f, int j, Rows *rows)
 {
     Chord free = chord(f, f->free, j);

@@ -14,14 +14,15 @@
 #include "tracking.h"
 
 typedef struct {
-    double P, R, a_F, e_p, e_v, turn; /* turn: change of F/m in a hold, as S rotates [m/s2] */
-    vec3 rho, v, out, g;              /* out: unit vector from the target */
+    double P, R, a_F, e_p, e_v,
+        turn;            /* turn: change of F/m in a hold by the rotation of S [m/s2] */
+    vec3 rho, v, out, g; /* out: unit vector from the target */
     vec3 W, v_T, a_T, w_H, v_H, a_H;
     mat3 C_SN, C_TN;
-    int sphere, corridor, speed, drift; /* rules in force */
+    int sphere, corridor, speed, drift; /* 1: the rule is in force */
 } Geometry;
 
-/* relative acceleration without force as seen in a frame that turns at the constant rate w */
+/* relative acceleration without force, as seen in a frame that rotates at the constant rate w */
 static inline vec3 seen_in_frame(vec3 g, vec3 w, vec3 rho, vec3 v)
 {
     return sub(g, add(scale(2, cross(w, v)), cross(w, cross(w, rho))));
@@ -72,13 +73,14 @@ static inline Geometry geometry(const FilterParameters *p, const FilterInput *u,
 /* ---- one gap d >= 0 with d' = w, held acceleration for one period, deceleration a_b ---- */
 typedef struct { double d, w, a_b, e_p, e_v; } Gap;
 
-/* (6): what is left of the gap after braking */
+/* (6): gap that remains to the edge of the rule when the servicer has braked to rest */
 static inline double barrier_of(const Gap *x)
 {
     return x->w < 0 ? x->d - x->w * x->w / (2 * x->a_b) : x->d;
 }
 
-/* (7): least acceleration for which d >= 0 during the hold and the barrier is >= 0 at its end */
+/* (7): least acceleration away from the edge with which the gap is >= 0 during the hold and the
+ * barrier of (6) is >= 0 at its end */
 static inline double least_acceleration(const Gap *x, double P, double recover_speed)
 {
     double r = 2 * x->d + P * x->w, half = x->a_b * P / 2;
@@ -87,7 +89,8 @@ static inline double least_acceleration(const Gap *x, double P, double recover_s
     return (half - sqrt(half * half + x->a_b * r) - x->w) / P;
 }
 
-/* (8): a state that is outside by no more than its errors brakes by a_b, not harder */
+/* (8): acceleration of (7), but at most a_b for a state that is outside by no more than its
+ * errors */
 static inline double needed_acceleration(const Gap *x, double P, double recover_speed)
 {
     double alpha = least_acceleration(x, P, recover_speed);

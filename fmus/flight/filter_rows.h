@@ -18,8 +18,8 @@ static inline void add_row(Rows *rows, int rule, vec3 n, double c)
     rows->row[rows->count++] = (Row){n, c, rule, 0};
 }
 
-/* force for the acceleration beta: for the heaviest servicer if beta is required (> 0), for the
- * lightest if beta is permitted */
+/* force for the acceleration beta. beta > 0 is required: the mass is the largest possible.
+ * beta <= 0 is permitted: the mass is the least possible. */
 static inline double force_of(const FilterParameters *p, double beta)
 {
     return beta * p->mass * (beta > 0 ? 1 + p->mass_error : 1 - p->mass_error);
@@ -43,7 +43,8 @@ static inline void add_box(const FilterParameters *p, Rows *rows)
     }
 }
 
-/* (10), (11): the tangent plane of the sphere */
+/* (10), (11): adds the row of the keep-out sphere, with its tangent plane at the direction of
+ * the servicer; returns the barrier */
 static inline double add_keep_out(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
     double T_r = p->reaction, falling = dot(g->out, g->g), rate = dot(g->out, g->v);
@@ -60,8 +61,8 @@ static inline double speed_limit(const FilterParameters *p, double range)
     return smaller(p->speed_at_zero + p->speed_slope * range, p->speed_max);
 }
 
-/* (13): speed limit at the end of the hold, less the velocity that is gained sideways in the hold
- * and less the unknown velocity */
+/* (13): speed limit at the end of the hold, minus terms for velocity gained sideways in the hold
+ * and for the unknown velocity */
 static inline double limit_after_hold(const FilterParameters *p, const Geometry *g, double sideways)
 {
     double T = p->reaction + g->P, closing = smaller(0, dot(g->out, g->v));
@@ -70,9 +71,9 @@ static inline double limit_after_hold(const FilterParameters *p, const Geometry 
     return speed_limit(p, larger(range, 0)) - sideways * sideways / p->speed_at_zero - unknown;
 }
 
-/* (14): because of velocity errors, a servicer within its limit may seem to be 2 e_v' above it. The
- * deceleration for these 2 e_v' may use one share of the force only, so that two other rules have
- * shares of their own. */
+/* (14): because of velocity errors, a servicer within its limit may seem to be 2 e_v' above it.
+ * The deceleration for these 2 e_v' may use only one share of the force, which leaves shares for
+ * two other rules. */
 static inline double speed_force(const FilterParameters *p, const Geometry *g, double beta)
 {
     double share = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z)) / sqrt(3.0);
@@ -96,7 +97,7 @@ static inline double add_speed(const FilterParameters *p, const Geometry *g, Row
 
 /* ---- corridor: eight faces of a pyramid inscribed in the cone, and the end ---- */
 typedef struct {
-    vec3 n; /* unit vector inwards, N axes */
+    vec3 n; /* unit vector into the corridor, N axes */
     double offset;
 } Face;
 
@@ -107,7 +108,8 @@ static inline vec3 least_axis(vec3 a)
     return y <= z ? vec(0, 1, 0) : vec(0, 0, 1);
 }
 
-/* (15): returns the number of faces; slope: tan(half angle) cos(pi/8) */
+/* (15): sets the faces of the corridor and returns their number; slope: tan(half angle)
+ * cos(pi/8) */
 static inline int corridor_faces(const FilterParameters *p, mat3 C_TN, double slope, Face face[])
 {
     vec3 axis = p->corridor_axis, e_1 = unit(cross(axis, least_axis(axis)));
@@ -139,7 +141,7 @@ static inline Gap corridor_gap(const FilterParameters *p, const Geometry *g, con
                  p->brake_corridor, e_p, e_v};
 }
 
-/* (17): unknown acceleration in the target's frame */
+/* (17): bound D of the unknown acceleration relative to the rotating target */
 static inline double corridor_unknown(const FilterParameters *p, const FilterInput *u,
                                       const Geometry *g)
 {
@@ -162,14 +164,14 @@ static inline double add_corridor(const FilterParameters *p, const FilterInput *
     return least;
 }
 
-/* limits a force away from the target, the exhaust of which meets the target */
+/* adds the row that limits a force away from the target, whose exhaust meets the target */
 static inline double add_plume(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
     if (g->R < p->plume_range) add_row(rows, PLUME, neg(mul(g->C_SN, g->out)), -p->plume_force);
     return g->R - p->plume_range;
 }
 
-/* all rows except the rows of the drift; sets the barriers of the rules in force only */
+/* rows of all rules except drift; sets `barrier` only for the rules in force */
 static inline Rows all_rows(const FilterParameters *p, const FilterInput *u, const Geometry *g,
                             double slope, double barrier[])
 {

@@ -21,14 +21,14 @@
 #include "portable_math.h"
 
 #define ROLL_SAMPLES 10   /* tau */
-#define AGREED       1e-6 /* rad, rad/s: largest difference of D from the rule to count as equal */
-#define NEARLY_BACK  3.0  /* rad: beyond, D turns on in its sense of rotation */
+#define AGREED       1e-6 /* largest differences between D and the rule that count as equal */
+#define NEARLY_BACK  3.0  /* rad: beyond this roll angle D continues in its sense of rotation */
 
 typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;
 typedef struct { double rate_max, acceleration_max; } RollLimits;
 typedef struct {
     vec3 i, k;                 /* axes of D, N axes */
-    double rate, acceleration; /* about i */
+    double rate, acceleration; /* roll about i */
 } Roll;
 typedef struct {
     double mode, t; /* RollMode, and the time of the last sample */
@@ -41,7 +41,7 @@ static inline vec3 rotated_with_axis(vec3 k, vec3 a, vec3 b)
     return sub(k, scale(dot(k, b) / (1 + dot(a, b)), add(a, b)));
 }
 
-/* D after a time h, with the axis i */
+/* axes D and roll rate a time h later, with the new axis i */
 static inline Roll propagated_roll(Roll D, vec3 i, double h)
 {
     vec3 k = rotated_with_axis(D.k, D.i, i);
@@ -50,7 +50,8 @@ static inline Roll propagated_roll(Roll D, vec3 i, double h)
     return (Roll){i, unit(sub(k, scale(dot(k, i), i))), D.rate + D.acceleration * h, 0};
 }
 
-/* roll angle from D to the rule; near half a turn in the sense in which D already turns */
+/* roll angle from D to the rule; near half a turn, its sign is the sense in which D already
+ * turns */
 static inline double missing_roll(Roll D, Roll rule)
 {
     double psi = arc_tangent(dot(cross(D.k, rule.k), D.i), dot(D.k, rule.k));
@@ -59,7 +60,7 @@ static inline double missing_roll(Roll D, Roll rule)
     return psi;
 }
 
-/* rate that reduces a roll angle psi to 0 with the acceleration a */
+/* roll rate with which the roll angle psi decreases to 0 with at most the acceleration a */
 static inline double closing_rate(double psi, double a, double tau)
 {
     double linear = a * tau * tau;
@@ -74,7 +75,7 @@ static inline int satisfies(RollLimits limits, Roll rule, double h)
            fabs(rule.acceleration) <= limits.acceleration_max;
 }
 
-/* roll acceleration until the next sample */
+/* roll acceleration of D until the next sample */
 static inline double roll_acceleration(RollLimits limits, Roll D, Roll rule, int held, double h)
 {
     if (h == 0) return 0;
@@ -86,7 +87,8 @@ static inline double roll_acceleration(RollLimits limits, Roll D, Roll rule, int
     return clamp((wanted - D.rate) / h, -limits.acceleration_max, limits.acceleration_max);
 }
 
-/* D at a sample: equal to the rule, or on its own within the limits; h: time to the next sample */
+/* D at a sample: equal to the rule, or moving towards it within the limits; h: time to the next
+ * sample */
 static inline Roll limited_roll(RollLimits limits, RollState *x, Roll rule, int held, double t,
                                 double h)
 {

@@ -123,7 +123,7 @@ static Motion reference_position(const Parameters *p, const Body *T)
                     tmul(C_TN, add(cross(dw_T, n), cross(T->omega, dn)))};
 }
 
-/* vector from servicer to target; its acceleration as far as the servicer knows it */
+/* r = r_T - r_S, its rate, and its acceleration as far as the servicer knows it */
 static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
 {
     vec3 rho = sub(u->S.r, u->T.r),
@@ -132,8 +132,8 @@ static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
                     neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
 }
 
-/* unit vector of r, which is divided by at least 0.1 m. Range 0 gives any direction, so that
- * outputs stay finite: the range is rejected anyway */
+/* unit vector of r with derivatives. Divisors |r| are at least 0.1 m, so that outputs stay
+ * finite at range 0, which is rejected anyway. */
 /* C.3-5 */
 static Motion direction(Motion r)
 {
@@ -143,7 +143,7 @@ static Motion direction(Motion r)
     return normalised(r);
 }
 
-/* a direction normal to x, in case the very first sample lies inside the guard */
+/* any direction normal to x, for a first sample inside the guard, where no earlier y exists */
 static vec3 some_normal(vec3 x)
 {
     vec3 least = fabs(x.x) < 0.6 ? vec(1, 0, 0) : vec(0, 1, 0);
@@ -203,8 +203,8 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, vec3
     reference_attitude(p, r, x, y);
 }
 
-/* does not read the last command, which is 0 at the start, so that initial outputs form no
- * algebraic loop with the controller */
+/* ignores the last command, which is 0 at the start: so the initial outputs form no algebraic
+ * loop with the controller */
 /* C.3-6 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
@@ -215,7 +215,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     if (!u->active) y->attitude_guard = y->los_guard = 0;
 }
 
-/* active = 0: resets the state; unlike in initialize, the last command is used */
+/* active = 0: resets the state, then guides as in initialize, but with the last command */
 /* C.3-7 */
 static void publish_inactive(const Parameters *p, const Input *u, State *x, Output *y)
 {

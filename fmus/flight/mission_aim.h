@@ -13,16 +13,16 @@
 
 #include "mission_profile.h"
 
-#define NEAR_HOLD      1.0  /* m beyond R_2: from there on the closing aims at the hold */
-#define SAME_DIRECTION 1e-3 /* rad: the hold does not define a side; the orbit does */
+#define NEAR_HOLD      1.0  /* m: from R_2 + NEAR_HOLD on, the closing aims at the hold */
+#define SAME_DIRECTION 1e-3 /* rad: below this angle to the hold the orbit defines the side */
 
 enum { AT_HOLD, ON_TANGENT, TURNING };
 
 typedef struct {
     double mode;
     double phi;      /* ON_TANGENT: phi(R_0) */
-    double t, angle; /* TURNING: when it began, and by how much */
-    mat3 C_VH;       /* frame of the start of the mode */
+    double t, angle; /* TURNING: start time of the turn, and its angle */
+    mat3 C_VH;       /* frame V at the start of the mode */
     vec3 axis_H;     /* axis of the turn */
 } Aim;
 
@@ -37,16 +37,17 @@ static inline vec3 hold_direction(const MissionParameters *p)
     return vec(psi.c, psi.s, 0);
 }
 
-/* phi of a range beyond aim_radius */
+/* phi(R): angle between the tangent and the direction to the target's centre, for a range beyond
+ * aim_radius */
 static inline double tangent_angle(const MissionParameters *p, double R)
 {
     return arc_tangent(sqrt(R * R - p->aim_radius * p->aim_radius), p->aim_radius);
 }
 
-/* axes with X along a direction and Z along its normal */
+/* rotation matrix of axes with X along a direction and Z along its normal */
 static inline mat3 frame_about(vec3 x, vec3 normal) { return rows(x, cross(normal, x), normal); }
 
-/* unit normal of the plane of a direction and the hold */
+/* unit normal of the plane through a direction d, the target and the hold */
 static inline vec3 normal_to_hold(const MissionParameters *p, vec3 d)
 {
     vec3 n = cross(d, hold_direction(p));
@@ -61,7 +62,7 @@ static inline AimFrame turned_frame(const Aim *aim, double angle, double rate)
     return (AimFrame){matmul(turn, aim->C_VH), scale(rate, aim->axis_H)};
 }
 
-/* aim at the start of the closing */
+/* aim (mode, phi, axes) at the start of the closing */
 static inline Aim aim_from(const MissionParameters *p, vec3 rho_H, double R)
 {
     if (p->aim_radius == 0 || R <= p->R_2 + NEAR_HOLD) return (Aim){AT_HOLD};

@@ -30,7 +30,7 @@ typedef struct {
     vec3 bias;
 } Budget;
 
-/* acceleration along the axis that the budget leaves for turning with the target */
+/* acceleration per axis that the budget permits for turning with the target */
 static inline double allotted_acceleration(const MissionParameters *p, double mass)
 {
     return mass > 0 ? p->budget * p->F_axis / mass : 0;
@@ -49,7 +49,7 @@ static inline double range_around(const MissionParameters *p, double mass, doubl
     return clamp(allotted_acceleration(p, mass) / (W * W), p->R_around, p->R_2);
 }
 
-/* w_S: mean rate of the target in axes of the servicer */
+/* wheel speeds before the fly-around; w_S: mean rate of the target, servicer axes */
 static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
 {
     double square = dot(w_S, w_S), share = 1;
@@ -61,7 +61,8 @@ static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
     return scale(share, bias);
 }
 
-/* wheel speeds with which body and wheels together have the momentum of the bias */
+/* wheel speeds at the servicer rate w_S with which body and wheels have the angular momentum
+ * that `bias` gives at rest */
 static inline vec3 wheels_with(const MissionParameters *p, vec3 bias, vec3 w_S)
 {
     vec3 rest = sub(bias, solve(p->A_w, mul(p->J_S, w_S)));
@@ -76,8 +77,8 @@ static inline double momentum_at_grasp(const MissionParameters *p, double mass, 
     return norm(mul(p->J_T, w_T_T)) + norm(w_T_T) * (J + reduced * p->L_3 * p->L_3);
 }
 
-/* velocity increment that turning with the target needs: in half a turn of steering at R, in the
- * final approach at its mean range, in third hold and mating at L_3 */
+/* velocity increment needed for turning with the target [m/s]: half a turn with steering at
+ * range R, the final approach at its mean range, third hold and mating at L_3 */
 static inline double increment_ahead(const MissionParameters *p, double tumble, double R,
                                      double steer)
 {
@@ -86,7 +87,8 @@ static inline double increment_ahead(const MissionParameters *p, double tumble, 
     return tumble * tumble * (R * PI / steer + (R + p->L_3) / 2 * final + p->L_3 * there);
 }
 
-/* lower bound of the velocity increment left [m/s]: log(1 + x) >= x/(1 + x) */
+/* lower bound of the velocity increment that the remaining propellant gives [m/s]:
+ * log(1 + x) >= x/(1 + x) */
 static inline double increment_left(const MissionParameters *p, double mass)
 {
     return mass > 0 ? p->Isp * STANDARD_GRAVITY * (1 - (p->mass_dry + p->reserve) / mass) : 0;

@@ -32,16 +32,16 @@ typedef struct {
 typedef struct {
     double begun, phase, t_phase, reason, attempt, torque;
     double t_valid;
-    RelativeState valid; /* the last valid one, at t_valid */
+    RelativeState valid; /* last valid state, at time t_valid */
     vec3 axis_H;         /* grasp axis at t_valid */
     Timer good, touched, error, fast,
         doomed; /* hold timers: condition of the phase, contact, ..., verdict against a capture */
     Profile profile;
     double spins;  /* 1: the servicer turns with the target */
-    Budget budget; /* in phases 0 to 3 by the present estimate, later as decided at hold 2 */
+    Budget budget; /* follows the estimate in phases 0 to 3, later as decided at hold 2 */
     Aim aim;
     vec3 dv_N;
-    double planned, clearance; /* 1: a retreat was planned; least range of the last plan */
+    double planned, clearance; /* 1: a retreat was planned; least range of its drift */
 } State;
 typedef struct {
     double phase, t_phase, reason, attempt;
@@ -60,9 +60,9 @@ MODEL_STRUCT;
 
 /* ---- phases ---- */
 enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, OPTIMAL_LAW, AS_BEFORE };
-enum { NO_GOAL, TO_POINT, TO_AXIS, ALONG_AXIS }; /* of the fuel-optimal law */
+enum { NO_GOAL, TO_POINT, TO_AXIS, ALONG_AXIS }; /* goals of the fuel-optimal law */
 enum { STOW, DEPLOY, GRASP, REST };              /* commands to the arm */
-/* a verdict of mission_budget.h is the reason ATTEMPTS + verdict */
+/* a verdict against a capture (mission_budget.h) has the number ATTEMPTS + verdict */
 enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
 
 static const struct {
@@ -70,7 +70,7 @@ static const struct {
     int near; /* 1: on the grasp axis; errors are monitored, limit of navigation loss is nav_near */
     int before;  /* 1: before capture, a retreat is possible */
     int profile; /* 1: the phase begins a range profile */
-    int arm;     /* command to the arm, where mating is by the arm */
+    int arm;     /* command to the arm, if the arm mates */
 } phases[PHASES] = {
     /* clang-format off */
     /*             force      torque     to         near before profile arm */
@@ -94,15 +94,15 @@ static const struct {
 
 static int phase_of(const State *x) { return (int)x->phase; }
 
-/* law of the torque; the fuel-optimal law needs no thrust axis: in the far phases the attitude is that
- * of the closing, towards the target */
+/* law that commands the torque. The fuel-optimal law in the far phases needs no thrust axis: the
+ * attitude law of the closing then points the servicer at the target. */
 static int torque_law(const Parameters *p, int phase)
 {
     int law = phases[phase].torque;
     return law == FAR_LAW && p->use_optimal ? CLOSE_LAW : law;
 }
 
-/* whether the angular momentum of both bodies, which the stack retains, is below its limit */
+/* true if the angular momentum of both bodies, which the stack will have, is below its limit */
 /* J.1-10 */
 static int may_grasp(const Parameters *p, const Geometry *g)
 {
@@ -119,7 +119,7 @@ static int wheels_are_prepared(const Parameters *p, const Input *u, const Budget
     return p->budget == 0 || off <= p->bias_tol * p->wheel_speed_max;
 }
 
-/* at the end of the fly-around: in front of the grasp axis, turning with the target */
+/* true at the end of the fly-around: in front of the grasp axis, turning with the target */
 static int is_before_axis(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                           double t)
 {
@@ -130,7 +130,7 @@ static int is_before_axis(const Parameters *p, const Input *u, const State *x, c
            wheels_within_budget(p, u);
 }
 
-/* at the end of the profile, at rest in the body frame of the target at the third hold */
+/* true if the range profile has ended and the servicer rests in target axes at the third hold */
 static int is_at_hold_3(const Parameters *p, const State *x, const Geometry *g, double t)
 {
     return reached(t, x->t_phase + profile_duration(p, &x->profile)) && g->d <= p->tol_3 &&
@@ -138,13 +138,13 @@ static int is_at_hold_3(const Parameters *p, const State *x, const Geometry *g, 
            g->w_rel <= p->rate_3;
 }
 
-/* backing off beyond the third hold, after a time-out */
+/* true if the servicer has backed off beyond the third hold after a time-out */
 static int is_far_back(const Parameters *p, const State *x)
 {
     return x->phase == BACKOFF && x->profile.to != p->L_3;
 }
 
-/* condition that must hold for `dwell` seconds before the next phase begins */
+/* true if the condition of the present phase holds; after `dwell` seconds the next phase begins */
 /* J.1-1 */
 static int condition_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                            double t)
@@ -164,7 +164,7 @@ static int condition_holds(const Parameters *p, const Input *u, const State *x, 
         [FLYAROUND] = is_before_axis(p, u, x, g, t),
         [FINAL]     = at_hold_3,
         [HOLD_3]    = at_hold_3 && u->go_3 > 0 && may_grasp(p, g) && wheels_within_budget(p, u),
-        [MATING]    = 0, /* `mate` */
+        [MATING]    = 0, /* by `mate` */
         [RIGIDISE]  = u->hard > 0,
         [DETUMBLE]  = u->done > 0 && norm(u->S.omega) <= p->settle_rate,
         [STACK]     = 0,
@@ -318,13 +318,15 @@ static int is_longer_ago(double since, double duration, double t)
     return !reached(since + duration, t);
 }
 
-/* tumble rate that the speed limit allows for, 0 unless the servicer turns with the target */
+/* rate of the target by which the speed limit is raised; 0 unless the servicer turns with the
+ * target */
 static double tumble_of_limit(const Parameters *p, const State *x, const Geometry *g)
 {
     return phases[phase_of(x)].force == SYNC_LAW ? smaller(g->tumble, p->tumble_max) : 0;
 }
 
-/* in the fly-around the servicer rests in H until it is at its range and the grasp axis will pass */
+/* starts turning with the target: until then, the servicer rests in H, until it is at its range
+ * and the grasp axis will pass by */
 static void update_spin(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
 {
     double begun = x->t_phase + profile_duration(p, &x->profile);
@@ -333,7 +335,8 @@ static void update_spin(const Parameters *p, const Input *u, State *x, const Geo
         x->spins = x->spins || window_is_open(p, g->w_T, g->a, g->rho, t - begun);
 }
 
-/* step 2: error near the target, speed before capture, a verdict against the capture */
+/* step 2: updates the timers of an error near the target, of the speed before capture and of a
+ * verdict against the capture */
 static void update_timers(const Parameters *p, const Geometry *g, State *x, double t)
 {
     int near = phases[phase_of(x)].near, before = phases[phase_of(x)].before;
@@ -344,8 +347,8 @@ static void update_timers(const Parameters *p, const Geometry *g, State *x, doub
     x->doomed = hold_timer(x->doomed, x->phase == HOLD_2 && x->budget.verdict != CAN_CAPTURE, t);
 }
 
-/* up to the second hold the budget follows the estimate; afterwards its wheel speeds still do,
- * until the servicer turns with the target */
+/* until the second hold, all of the budget follows the estimate; afterwards only its wheel
+ * speeds, until the servicer turns with the target */
 static void update_budget(const Parameters *p, const Input *u, State *x, const Geometry *g)
 {
     if (u->relative_valid <= 0 || x->spins) return;
@@ -377,7 +380,7 @@ static void enter_phase(const Parameters *p, State *x, const Geometry *g, double
     x->planned = 1;
 }
 
-/* step 3: the first of the reasons to retreat, 0: none */
+/* step 3: number of the first reason to retreat that applies, 0: none */
 /* J.1-3, J.1-5 */
 static int reason_to_retreat(const Parameters *p, const Input *u, const State *x, double t)
 {
@@ -399,8 +402,8 @@ static int reason_to_retreat(const Parameters *p, const Input *u, const State *x
     return ATTEMPTS + (int)x->budget.verdict;
 }
 
-/* true if a final approach or third hold that takes too long may begin anew, from the range of the
- * fly-around: not while the mating waits for ground or for the momentum of the pair */
+/* true if a final approach or third hold that takes too long may be repeated from the range of
+ * the fly-around; not while mating waits for the ground or for the momentum of both bodies */
 /* J.1-7 */
 static int may_begin_anew(const Parameters *p, const Input *u, const State *x, const Geometry *g)
 {
@@ -415,7 +418,7 @@ static void back_off_far(const Parameters *p, State *x, const Geometry *g, doubl
     x->profile.to = x->budget.R;
 }
 
-/* step 4 in MATING: soft capture, or the attempt has failed */
+/* step 4 in MATING: next phase after soft capture or after a failed attempt */
 /* J.1-6 */
 static void update_mating(const Parameters *p, const Input *u, State *x, const Geometry *g,
                           double t)
@@ -433,7 +436,7 @@ static void update_mating(const Parameters *p, const Input *u, State *x, const G
     else enter_phase(p, x, g, RETREAT, ATTEMPTS, t);
 }
 
-/* step 4 in other phases: next phase after dwell */
+/* step 4 in other phases: the next phase, after its condition has held for dwell */
 static void advance_phase(const Parameters *p, const Input *u, State *x, const Geometry *g,
                           double t)
 {
@@ -470,8 +473,8 @@ static void publish_phase(const State *x, Output *y)
 }
 
 /* goal of the fuel-optimal law. In the fly-around it is the hold point until the servicer turns
- * with the target. A fly-around closer than the hold, and the phases after it, have no goal: there
- * is no space for a path that is not a circle */
+ * with the target. A fly-around closer than the hold, and all phases after it, have no goal: the
+ * space permits only a circular path. */
 static int goal_of(const Parameters *p, const State *x)
 {
     int around = x->spins ? TO_AXIS : TO_POINT, wide = x->budget.R == p->R_2;
@@ -503,9 +506,10 @@ static void publish_selection(const Parameters *p, const State *x, Output *y)
     y->active_stack = force == STACK_LAW || torque == STACK_LAW;
 }
 
-/* The keep-out zone is open while `approaching`. During a retreat within R_2 monitor_valid is 0:
- * otherwise the monitor would report the position as an entry into the zone. Docked, it is 1, or 0
- * without monitor_stack: the force of an abort would turn the stack. */
+/* The keep-out zone does not apply while `approaching` is 1. During a retreat within R_2
+ * monitor_valid is 0: otherwise the monitor would report the position as an entry into the zone.
+ * After capture monitor_valid is 1, or 0 without monitor_stack: the force of an abort would turn
+ * the stack. */
 /* J.1-9, J.1-13 */
 static void publish_switches(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                              Output *y)
@@ -533,7 +537,7 @@ static void publish_budget(const Parameters *p, const Input *u, const State *x, 
     y->wheel_bias = prepares ? wheels_with(p, x->budget.bias, u->S.omega) : vec(0, 0, 0);
 }
 
-/* V of the closing beside the target */
+/* frame V of a closing that aims beside the target */
 static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, double t)
 {
     AimFrame V = {identity(1), vec(0, 0, 0)};
@@ -548,8 +552,8 @@ static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, doub
     return frame_turning(p, &x->aim, t);
 }
 
-/* V: the Hill frame rotated to the line of the hold points, C_VN = Rz(psi) C_HN, or the frame of
- * the closing beside the target */
+/* publishes frame V: the Hill frame rotated to the line of the hold points, C_VN = Rz(psi) C_HN,
+ * or the frame of a closing that aims beside the target */
 static void publish_virtual_target(const Parameters *p, State *x, const Geometry *g, Output *y,
                                    double t)
 {

@@ -44,7 +44,7 @@ typedef struct {
     mat3 A_w;
     double wheel_speed_max, bias_max, bias_tol;
     double await_axis, spin_time, spin_accel, use_optimal, far_time;
-    double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp */
+    double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp [N m s] */
     mat3 J_T, J_S;
     double abort_relative, axis_radius, aim_radius, monitor_stack;
     double sample_period;
@@ -202,14 +202,16 @@ typedef struct {
     mat3 C_SN;
     vec3 rho_H, drho_H;                          /* drho as seen in H */
     double R, l, d, los, v_rel, pointing, w_rel; /* v_rel as seen in T */
-    double momentum; /* of both bodies about their centre of mass, without wheels */
-    double tumble;   /* rate of the target */
-    vec3 w_mean_S;   /* its mean over a nutation, servicer axes */
-    vec3 w_T, a;     /* rate of the target and grasp axis, N axes */
-    vec3 rho;        /* N axes */
+    double
+        momentum;  /* angular momentum of both bodies about their centre of mass, without wheels */
+    double tumble; /* |w_T| */
+    vec3 w_mean_S; /* mean of w_T over a nutation, servicer axes */
+    vec3 w_T, a;   /* rate of the target and grasp axis, N axes */
+    vec3 rho;      /* N axes */
 } Geometry;
 
-/* component of the rate w along the angular momentum h; for a free body as constant as h */
+/* mean over a nutation of the rate w of a free body: its component along the constant angular
+ * momentum h */
 static inline vec3 mean_rate(vec3 w, vec3 h)
 {
     double square = dot(h, h);

@@ -13,7 +13,7 @@
 
 typedef struct {
     double phase, t, from, to;
-} Profile; /* phase and time of its beginning, l at that time and at its end */
+} Profile; /* phase, its start time, l at its start and end */
 typedef struct { double L, d, dd; } Distance;
 
 static inline Distance constant_distance(double L) { return (Distance){L, 0, 0}; }
@@ -22,7 +22,8 @@ static inline double profile_duration(const MissionParameters *p, const Profile 
 {
     double way = 1.875 * fabs(a->from - a->to);
     if (a->phase == FINAL) return way / p->v_final;
-    if (a->phase == FLYAROUND) return way / p->v_back; /* an abort must stop outside the zone */
+    if (a->phase == FLYAROUND)
+        return way / p->v_back; /* slow enough that an abort stops outside the zone */
     if (a->phase != BACKOFF) return 0;
     return larger(way / (a->to == p->L_3 ? p->v_back : p->v_final), 1);
 }

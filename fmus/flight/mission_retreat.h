@@ -17,9 +17,10 @@
 #include "mission_ports.h"
 
 #define ROUNDED_DOWN 1e-12 /* relative rounding error of the number of steps */
-#define SPENT        1e-12 /* m/s: a smaller rest of an increment counts as 0 */
+#define SPENT        1e-12 /* m/s: a smaller remaining increment counts as 0 */
 
-/* least distance at the instants k drift_step, k = 1, 2, ...; without an instant the present one */
+/* least distance of the drift at the times k drift_step, k = 1, 2, ...; the present distance if
+ * drift_time contains no such time */
 static inline double least_distance(const MissionParameters *p, const RelativeState *from, vec3 v)
 {
     double steps = floor_of(p->drift_time / p->drift_step * (1 + ROUNDED_DOWN)),
@@ -38,7 +39,7 @@ typedef struct {
     double clearance;
 } Escape;
 
-/* axis_H: axis along which the servicer leaves near the target; 0: none */
+/* velocity of the retreat; axis_H: axis along which the servicer leaves near the target, 0: none */
 /* J.3-1 */
 static inline Escape plan_escape(const MissionParameters *p, const RelativeState *from, vec3 axis_H)
 {
@@ -50,7 +51,7 @@ static inline Escape plan_escape(const MissionParameters *p, const RelativeState
     return (Escape){tmul(from->C_HN, sub(v, from->drho_H)), larger(clear_ahead, clear_behind)};
 }
 
-/* force over one sample of the burn; reduces the remaining increment dv_N accordingly */
+/* force over one sample of the burn; subtracts the velocity change of this sample from dv_N */
 /* J.3-2 */
 static inline vec3 burn(const MissionParameters *p, double mass, double period, vec3 *dv_N)
 {

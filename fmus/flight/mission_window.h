@@ -18,14 +18,15 @@ static inline double spin_up_time(const MissionParameters *p, double tumble)
     return larger(p->spin_time, 1.875 * tumble / p->spin_accel);
 }
 
-/* a turned about the unit vector u by an angle */
+/* the vector a rotated about the unit vector u by the angle `by` */
 static inline vec3 turned_about(vec3 a, vec3 u, double by)
 {
     SineCosine s = sine_and_cosine(by);
     return sum3(scale(s.c, a), scale(s.s, cross(u, a)), scale((1 - s.c) * dot(u, a), u));
 }
 
-/* all vectors in the same axes; since: time for which the servicer has waited [s] */
+/* true if turning with the target may begin; vectors in the same axes, since: waiting time so
+ * far [s] */
 static inline int window_is_open(const MissionParameters *p, vec3 w_T, vec3 axis, vec3 rho,
                                  double since)
 {

@@ -16,14 +16,14 @@
 #include "time_grid.h"
 #include "vec3.h"
 
-enum { NOTCHES = 2 }; /* in series */
+enum { NOTCHES = 2 }; /* notches in series */
 
 typedef struct {
     double frequency[NOTCHES], force_frequency[NOTCHES];
     double depth[NOTCHES], width[NOTCHES], sample_period;
 } Parameters;
 typedef struct { vec3 M_cmd_S, wheel_accel_cmd, F_cmd_S; } Input;
-typedef struct { vec3 one, two; } Memory; /* transposed direct form II */
+typedef struct { vec3 one, two; } Memory; /* states of the two notches */
 typedef struct { Memory torque[NOTCHES], wheels[NOTCHES], force[NOTCHES]; } State;
 typedef struct { vec3 M_notched_S, wheel_accel_notched, F_notched_S; } Output;
 MODEL_STRUCT;

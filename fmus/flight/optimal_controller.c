@@ -19,7 +19,7 @@
 #include "optimal_setup.h"
 #include "rigid_body.h"
 
-enum { SHOWN = 6 }; /* nodes of the plan among the outputs */
+enum { SHOWN = 6 }; /* nodes of the plan that are outputs */
 
 typedef OptimalParameters Parameters;
 typedef OptimalInput Input;
@@ -306,7 +306,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
     int first = x->seconds == 0;
     learn_disturbance(p, u, &x->d, t);
     y->d_hat_N = x->d.d_hat;
-    if (x->seconds > 1) { /* iterations of the first plan continue */
+    if (x->seconds > 1) { /* the iterations of the first plan take several seconds */
         x->seconds -= 1;
         return;
     }
@@ -315,7 +315,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
     set_up(p, u, x, t, seconds, first);
 }
 
-/* (20): at most seven iterations in a sample */
+/* (20): does the iterations of this sample, at most seven */
 /* N.4-6 */
 static void improve(const Parameters *p, State *x)
 {
@@ -362,7 +362,7 @@ static void command_attitude(const Parameters *p, const Input *u, Output *y, dou
     else y->M_cmd_S = neg(torque);
 }
 
-/* resets the state to before the first sample, except its first member, the gains */
+/* resets the state to its values before the first sample; the gains, its first member, remain */
 /* N.4-4 */
 static void stay_inactive(State *x, Output *y)
 {
@@ -372,8 +372,8 @@ static void stay_inactive(State *x, Output *y)
     *y = none;
 }
 
-/* the goal nearest to the input; -1: there is none, or the mass is 0: the rule of the output `mode`
- * rejects -1 */
+/* number of the goal nearest to the input value; -1 if there is no such goal or if the mass is
+ * 0: the rule of the output `mode` rejects -1 */
 /* N.4-7 */
 static int goal_of(const Input *u)
 {

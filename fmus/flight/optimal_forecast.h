@@ -13,8 +13,11 @@
 #include "optimal_motion.h"
 #include "time_grid.h"
 
-enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples of a second; seconds of a first plan */
-#define LONGEST_DURATION 1200.0           /* s: nodes of 20 s, four steps of the tumble */
+enum {
+    SAMPLES = 10,
+    MOST_SECONDS = 20
+};                              /* samples per second; longest time for a first plan [s] */
+#define LONGEST_DURATION 1200.0 /* s: gives nodes of 20 s, in which the tumble takes four steps */
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
 enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
@@ -44,13 +47,14 @@ typedef struct {
 typedef struct {
     Grid grid;
     vec3 u[NODES];
-} Plan; /* accelerations [m/s2] */
+} Plan; /* u: accelerations [m/s2] */
 typedef struct {
-    vec3 d_hat, rho, v, F_sum; /* estimate; state at the last second, sum of the forces since */
-    double known;              /* 1: rho, v and F_sum of a last second exist */
+    vec3 d_hat, rho, v,
+        F_sum;    /* d_hat: estimate; state at the last second, sum of forces since then */
+    double known; /* 1: rho, v and F_sum of a last second exist */
 } Disturbance;
 typedef struct {
-    vec3 rho; /* where braking began, in axes of T or H */
+    vec3 rho; /* place where braking began, axes of T or H */
     double in_target;
 } Hold;
 typedef struct {
@@ -58,7 +62,7 @@ typedef struct {
     double goal, L_goal, t_goal, sample, seconds, has_iterates, bad, has_plan, mode;
     Problem problem;
     Iterates it;
-    Grid grid; /* of the solve */
+    Grid grid; /* time grid of the solve in work */
     Progress progress;
     double range; /* at the start of the solve [m] */
     Plan plan;
@@ -66,7 +70,8 @@ typedef struct {
     Disturbance d;
 } OptimalState;
 
-/* range at the end of a goal, and time to its arrival: by input, else by parameter */
+/* range at the arrival at a goal and time until the arrival: from the input if it is > 0, else
+ * from the parameter */
 static inline double range_of(const OptimalParameters *p, const OptimalInput *u, int goal)
 {
     double L = u->L_goal > 0 ? u->L_goal : p->L_end[goal - 1];
@@ -83,7 +88,7 @@ static inline double second_of(const OptimalParameters *p) { return SAMPLES * p-
 typedef struct {
     vec3 rho, v;
     Tumble tumble;
-    double t, after; /* time; seconds since the inputs were read */
+    double t, after; /* t: time; after: seconds since the inputs */
 } Carried;
 
 static inline Carried carried_now(const OptimalInput *u, double t)
@@ -134,7 +139,8 @@ static inline vec3 acceleration(const OptimalParameters *p, const OptimalState *
     return x->plan.u[index_within(nodes, NODES - 1)];
 }
 
-/* (21): carries position, velocity and tumble over the whole seconds until the next plan begins */
+/* (21): propagates position, velocity and tumble of `s` over the seconds until the next plan
+ * begins */
 static inline void carry(const OptimalParameters *p, const OptimalState *x, const OrbitNow *o,
                          int seconds, Carried *s)
 {

@@ -25,7 +25,7 @@ static inline OrbitNow orbit_now(double mu, vec3 r, vec3 v)
     return (OrbitNow){k, H.C_HN.row[0], H.C_HN.row[1], H.C_HN.row[2], H.w_H.z};
 }
 
-/* (2): axes of the Hill frame `after` seconds later, in N components */
+/* (2): rotation matrix from N to the Hill frame `after` seconds later */
 static inline mat3 hill_axes(const OrbitNow *o, double after)
 {
     SineCosine a = sine_and_cosine(o->rate * after);
@@ -67,7 +67,8 @@ static inline void tumble_on(const Inertia *i, double h, Tumble *x)
     x->q = canonical(x->q);
 }
 
-/* over a node of dt seconds, at most four steps */
+/* propagates the free rotation of the target over a node of dt seconds, in at most four steps no
+ * longer than `longest` as far as four suffice */
 static inline void tumble_over_node(const Inertia *i, double dt, double longest, Tumble *x)
 {
     double ratio = dt / longest;
@@ -79,12 +80,12 @@ static inline void tumble_over_node(const Inertia *i, double dt, double longest,
 /* ---- start from the last solve, (23) ---- */
 typedef struct { double t, dt; } Grid; /* start [s] and length of a node [s] */
 
-/* values over the nodes of an old grid, linear in time, at the nodes of a new one; at: place of a
- * value in its node, 1/2 for the accelerations, 1 for the ends */
+/* place of node k of a new grid on an old grid, for linear interpolation in time; `at`: place of
+ * a value within its node, 1/2 for accelerations, 1 for states at the end of the node */
 typedef struct {
     int left;
     double part;
-} Place; /* node and part of the way to the next */
+} Place; /* node on the left, and fraction of the way to the next node */
 
 static inline Place place_on(Grid old, Grid new, int k, double at)
 {
@@ -118,7 +119,8 @@ static inline void move_splits(Split split[], Grid old, Grid new, double at, dou
     }
 }
 
-/* iterates of the old grid in the units of the new one; their path in metres */
+/* moves the iterates from the old grid to the new one and scales them to the units of the new
+ * solve; the path is converted to metres */
 static inline void start_from_last(Iterates *it, Grid old, Grid new)
 {
     double ratio = old.dt / new.dt, horizon = old.dt *NODES;
@@ -131,8 +133,8 @@ static inline void start_from_last(Iterates *it, Grid old, Grid new)
 
 /* ---- first path of a goal ---- */
 
-/* the straight line from a to b at a part of the way, or the arc between their directions with the
- * range changing linearly */
+/* point at the fraction `part` between a and b: on a straight line or, with is_arc, along the
+ * arc between both directions with a range that changes linearly */
 static inline vec3 first_way(vec3 a, vec3 b, int is_arc, double part)
 {
     double alpha = angle(a, b);

@@ -27,7 +27,8 @@ static inline int arrived(const Task *task, int k, double lead)
     return reached(task->grid.t + end_of_node(task, k), task->t_arrival - lead);
 }
 
-/* 2.2: axes C_k at the start of every node, grasp axes a at their ends; the end of the horizon */
+/* 2.2: servicer axes C_k at the start of every node and grasp axes a at its end; returns the
+ * tumble at the end of the horizon */
 static inline Tumble set_axes(const OptimalParameters *p, const OptimalInput *u, const Task *task,
                               Problem *b)
 {
@@ -43,7 +44,7 @@ static inline Tumble set_axes(const OptimalParameters *p, const OptimalInput *u,
     return at;
 }
 
-/* 2.1: where the goal is at the end of every node */
+/* 2.1: sets the position of the goal at the end of every node */
 static inline void set_places(const OptimalParameters *p, const Task *task, Problem *b)
 {
     double T = task->grid.dt * NODES, L = task->L / (T * T);
@@ -67,7 +68,8 @@ static inline void set_end(const Task *task, Tumble last, Problem *b)
         scale(task->grid.dt * NODES, cross(task->goal == TO_POINT ? orbiting : turning, b->p_end));
 }
 
-/* (4): free motion in units of a solve; way: path at the ends of the nodes [m] */
+/* (4): motion without force at the end of every node, in units of the solve; way: last path at
+ * these times [m] */
 static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[], Problem *b)
 {
     double T = task->grid.dt * NODES, h = 1.0 / NODES;
@@ -84,7 +86,7 @@ static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[
     }
 }
 
-/* goal 3: cone and slab, with (7) */
+/* goal 3: sets cone and slab of node k, widened by (7) */
 static inline void set_corridor(const OptimalParameters *p, const Task *task, int k, double fade,
                                 Node *node)
 {
@@ -101,7 +103,8 @@ static inline void set_corridor(const OptimalParameters *p, const Task *task, in
     node->has_ball = 0;
 }
 
-/* goals 1 and 2: keep-out before arrival, with (7), ball afterwards */
+/* goals 1 and 2: sets the keep-out half space of node k before the arrival, widened by (7), and
+ * the ball around the goal after the arrival */
 static inline void set_keep_out(const OptimalParameters *p, const Task *task, int k, double fade,
                                 vec3 way, Node *node)
 {

@@ -32,7 +32,7 @@ typedef struct {
 typedef struct {
     Estimate hat;
     double started, index; /* of the last sample */
-    quat q;                /* attitude at that sample */
+    quat q;                /* q_SN at that sample */
     Track fix;
 } State;
 typedef struct {
@@ -100,7 +100,7 @@ static void check(const Parameters *p, Problems *problems)
 /* ---- propagation ---- */
 typedef struct {
     const Parameters *p;
-    vec3 thrust_N; /* m/s2 */
+    vec3 thrust_N; /* acceleration by thrust [m/s2] */
 } Dynamics;
 
 static void derivative(const Dynamics *f, double t, const PosVel *s, PosVel *ds)

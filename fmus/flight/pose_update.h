@@ -29,7 +29,7 @@ typedef struct {
 } StartSigmas;
 
 typedef struct {
-    vec3 r; /* r_GK_K */
+    vec3 r; /* measured position r_GK_K */
     quat q; /* measured q_TN */
     mat3 C_KN;
     vec3 lever_S; /* C_SN^T p_KS_S */
@@ -45,13 +45,14 @@ static inline Pose pose_at(const PoseModel *p, vec3 r_GK_K, quat q_TK, quat q_SN
     return (Pose){r_GK_K, q, dcm_of_quat(q_KN), tmul(dcm_of_quat(q_SN), p->camera.p_KS_S)};
 }
 
-/* h = C_KN (C_TN^T d - rho - C_SN^T p_KS_S) */
+/* predicted position, h = C_KN (C_TN^T d - rho - C_SN^T p_KS_S) */
 static inline vec3 position_predicted(const Pose *m, const Estimate *x)
 {
     return mul(m->C_KN, sub(sub(tmul(dcm_of_quat(x->q), x->d), x->rho), m->lever_S));
 }
 
-/* R_1 = diag(sigma_r^2) + sigma_mount^2 range^2 I,   R_2 = (sigma_t^2 + sigma_mount^2) I */
+/* covariance of a measured position, R_1 = diag(sigma_r^2) + sigma_mount^2 range^2 I, and of a
+ * measured attitude, R_2 = (sigma_t^2 + sigma_mount^2) I */
 static inline mat3 position_covariance(const PoseModel *p, double range)
 {
     vec3 s = position_noise(&p->noise, range);
@@ -109,7 +110,7 @@ static inline double update_both(const PoseModel *p, Estimate *x, const Pose *m)
 
 static inline mat3 squared(vec3 s) { return diagonal(s.x * s.x, s.y * s.y, s.z * s.z); }
 
-/* covariance of the start, for the states that a pose does not measure */
+/* sets the start covariance of the states that a pose does not measure */
 static inline void start_covariance(const StartSigmas *s, double *P)
 {
     memset(P, 0, ERRORS * ERRORS * sizeof *P);

@@ -26,8 +26,8 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
-#define INSIDE        1e-3 /* theta is limited to this part of the width inside its funnel */
-#define LARGEST_KAPPA 0.98 /* limit of kappa, below 1, with which the law stays finite */
+#define INSIDE        1e-3 /* theta stays this fraction of the width from each bound */
+#define LARGEST_KAPPA 0.98 /* limit below 1 for kappa, which makes the law finite */
 
 typedef struct { double k, eta, lambda, alpha_0, alpha_inf, beta, delta; } Channel;
 
@@ -179,7 +179,8 @@ typedef struct {
     double theta, s, alpha, gain, margin, unkept_s;
 } Mapped; /* u = -gain s/(1 - kappa); margin > 0 inside */
 
-/* s of (15); outside the funnel theta is limited, and only the margin shows the violation */
+/* s of (15); theta is limited to the inside of the funnel, and a violation is visible only in
+ * the margin */
 static double mapped(double theta, double L, double U)
 {
     return theta > L && theta < U ? logarithm((theta - L) / (U - theta)) : 0;
@@ -222,7 +223,7 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
            d = map(c[2], law, x->rising.z, z.z, age);
     double kappa = c[0]->eta * a.s * a.s + c[1]->eta * b.s * b.s + c[2]->eta * d.s * d.s;
     double inside = smaller(a.margin, smaller(b.margin, d.margin));
-    if (first) { /* (18) is checked with theta before it is limited */
+    if (first) { /* (18) is checked with theta before the limitation of theta */
         vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s),
              eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
         x->margin = smaller(1 - dot(s, times(eta, s)), inside);
@@ -259,7 +260,7 @@ static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel 
     return T_transposed(e->q_SD, barrier(channels, p->law_att, x, z, t, y));
 }
 
-/* before t_att the funnel of the attitude stays at its start, and no torque is commanded */
+/* before t_att the funnel of the attitude stays as at its start, and the torque command is 0 */
 /* C.4-4 */
 static void control_attitude(const Parameters *p, const TrackingError *e, Funnel *x, double t,
                              Output *y)

@@ -40,7 +40,7 @@ typedef struct {
 typedef struct {
     double started, far, mode, t_burn;
     vec3 d_burn;
-} State; /* d_burn: direction of the burn, N */
+} State; /* d_burn: direction of the burn, N axes */
 typedef struct {
     Reference ref;
     double translate, mode, range;
@@ -148,18 +148,18 @@ static vec3 direction(vec3 a, vec3 otherwise) /* unit vector of a; `otherwise` i
 
 /* ---- attitude ---- */
 
-/* B.4.1: rows of A are the required axes in N; g: angle from X to d, b: from the XY plane to the
- * plane of X and d */
+/* B.4.1: quaternion from S to the required axes, which are the rows of A, in N axes; g: angle
+ * from X to d, b: from the XY plane to the plane of X and d */
 static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
     mat3 A = rows(d, vec(-q, d.x * cb, d.x * sb), vec(0, -sb, cb));
-    return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* sign of a half turn: L1 > 0 */
+    return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* half a turn: L1 > 0 */
 }
 
-/* B.4.2: rotation of X to b = d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X:
- * half a turn about Y. Backward, where 1 + b1 cancels: sine k of half the angle, c = s/(2k), s =
- * |(b2, b3)| */
+/* B.4.2: rotation that turns X to b = d in S axes: [c, 0, -b3/(2c), b2/(2c)],
+ * c = sqrt((1 + b1)/2); for b = -X half a turn about Y. For b1 near -1, where 1 + b1 cancels:
+ * sine k of half the angle, c = s/(2k), s = |(b2, b3)|. */
 /* B.4-1 */
 static quat shortest_arc(quat q_SN, vec3 d)
 {
@@ -171,7 +171,7 @@ static quat shortest_arc(quat q_SN, vec3 d)
                  : (quat){0, 0, 1, 0};
 }
 
-/* B.4.3: along the axis of L, limited */
+/* B.4.3: required rate along the axis of L, limited to omega_max */
 /* B.4-2 */
 static vec3 required_rate(const Parameters *p, quat L)
 {
@@ -191,8 +191,8 @@ static void publish_pointing(const Parameters *p, quat q_SN, vec3 d, Output *y)
 
 /* ---- velocity ---- */
 
-/* B.4.4: required speed by range; `far` switches at zeta1, with hysteresis after the first
- * sample */
+/* B.4.4: required speed by range; the state `far` changes at range zeta1, with hysteresis after
+ * the first sample */
 /* B.4-3 */
 static double scalar_speed(const Parameters *p, State *x, double range, double v_T)
 {
@@ -203,7 +203,7 @@ static double scalar_speed(const Parameters *p, State *x, double range, double v
     return range <= p->zeta2 || p->text_speed ? v_T : 0.5 * v_T;
 }
 
-/* B.4.5: whether engines burn, before the command of this sample */
+/* B.4.5: true if engines burn; evaluated before the command of this sample */
 /* B.4-5 */
 static int is_burning(const Parameters *p, const Input *u)
 {
@@ -211,7 +211,7 @@ static int is_burning(const Parameters *p, const Input *u)
            -u->F_S.x > 0.01 * p->brake_thrust;
 }
 
-/* B.4.5: the transitions are tested in this order within one sample; returns the required
+/* B.4.5: changes the mode, by tests in this order within one sample; returns the required
  * direction of X */
 /* B.4-4 */
 static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sight, vec3 e_v,
@@ -223,7 +223,7 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     if (x->mode == ALIGN && error < p->rho1) x->mode = COAST;
     if (x->mode == ALIGN) {
         d = scale(1 / error, e_v);
-        if (dot(d, X) < -0.01) d = neg(d); /* brakes */
+        if (dot(d, X) < -0.01) d = neg(d); /* turn X backwards to brake */
         if (dot(d, X) > cosine(p->alpha_fire) && norm(u->S.omega) < p->omega_fire) {
             x->mode = BURN;
             x->t_burn = t;
@@ -241,7 +241,7 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     return d;
 }
 
-/* law 1: s */
+/* required closing speed s of law 1 */
 /* B.4-6 */
 static double closing_speed(const Parameters *p, double range, double v_T)
 {
@@ -250,7 +250,8 @@ static double closing_speed(const Parameters *p, double range, double v_T)
     return clamp(wanted, -v_T, 2 * v_T);
 }
 
-/* required: v_S = v_T + drho_ref, along X only (scalar law), or in all three axes */
+/* sets the required velocity v_S = v_T + drho_ref: along X only (law 0), or in all three axes
+ * (law 1) */
 static vec3 require_velocity(const Parameters *p, const Input *u, State *x, Output *y, vec3 sight,
                              vec3 X, double t)
 {

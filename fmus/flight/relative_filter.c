@@ -36,7 +36,8 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, index, anchor_index, late; /* numbers of the last sample and of the anchor's */
+    double started, index, anchor_index,
+        late; /* numbers of the last sample and of the sample of the anchor */
     Track pose;
     Servicer ring[HISTORY];
 } State;
@@ -212,7 +213,7 @@ static void restart_head(const Parameters *p, State *x, double k)
         propagate_relative(&p->model, sample_of(x, j), &x->head, p->sample_period);
 }
 
-/* updates the anchor by a pose; returns whether the anchor changed */
+/* updates the anchor by a pose; returns 1 if the anchor changed */
 /* F.6-3 */
 static int use_pose(const Parameters *p, const Input *u, State *x)
 {
@@ -263,8 +264,9 @@ static Servicer coasted(Servicer s, double T)
     return s;
 }
 
-/* moves the anchor off the oldest sample before the newest replaces it in the ring buffer; sample
- * by sample, in case rounding in the time of the master has skipped one */
+/* moves the anchor from the oldest stored sample to the next one, before the newest sample
+ * overwrites the oldest in the ring buffer; one sample at a time, in case rounding of the
+ * master's time has skipped a sample */
 /* F.6-5 */
 static void advance(const Parameters *p, const Input *u, State *x, double k)
 {

@@ -78,7 +78,7 @@ typedef struct {
     vec3 rho, v;
     quat q;
     vec3 w;
-} Moving; /* integrated states, which are the first members of Estimate */
+} Moving; /* integrated states; they are also the first members of Estimate */
 typedef struct {
     const MotionModel *model;
     const Servicer *S;

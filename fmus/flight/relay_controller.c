@@ -35,13 +35,13 @@ typedef struct {
 } Input;
 typedef struct {
     double started, e[4], on[ENGINES];
-} State; /* e: differentiated quantities at the last sample; on: relays that are on */
+} State; /* e: quantities at the last sample, for their differences; on: 1 per relay that is on */
 typedef struct {
     double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v;
 } Output;
 MODEL_STRUCT;
 
-/* signal that switches each engine: axis of the rate error or speed, and sign */
+/* signal that switches each engine: sigma_w of an axis or sigma_v, and its sign */
 static const struct {
     int channel;
     double sign;

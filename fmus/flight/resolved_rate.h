@@ -27,7 +27,8 @@ typedef struct {
     double manipulability, damping, rate_scale;
 } JointRates;
 
-/* columns: velocity and rate of E for a unit rate of each joint, base axes */
+/* columns of the Jacobian: velocity and angular rate of E for a unit rate of each joint, base
+ * axes */
 typedef struct {
     int joints;
     vec3s v, w;
@@ -67,7 +68,7 @@ static inline void set_jacobian(Jacobian *restrict J, const Tree *restrict t,
 }
 
 /* ---- one pass: the joints that are not fixed ---- */
-/* J J' (6, 6), of which only the upper triangle is set, and the twist y in column 6 */
+/* J J^T (6 x 6), of which only the upper triangle is set, and the twist y in column 6 */
 typedef struct { double at[6][UPPER]; } Gram;
 
 static inline Gram gram_of(const Jacobian *J, const JointRates *r, Twist y)
@@ -91,7 +92,7 @@ static inline Gram gram_of(const Jacobian *J, const JointRates *r, Twist y)
                    {0, 0, 0, 0, 0, ww.zz, y.w.z}}};
 }
 
-/* sqrt(det J J^T) from the pivots of its elimination */
+/* manipulability sqrt(det J J^T), from the pivots of the elimination of J J^T */
 static inline double manipulability_of(const Gram *pivots)
 {
     double product = 1;
@@ -128,7 +129,7 @@ static inline void solve_pass(const RateLaw *law, const Jacobian *J, const doubl
         if (!r->limited[i]) r->dq[i] += dot_twist(motion_at(J, i), load);
 }
 
-/* fixes the joints that violate a limit of angle; returns their number */
+/* fixes the joints whose rates violate a limit of the angle at their bound; returns their number */
 /* K.3-5 */
 static inline int fix_joints(const RateLaw *law, const double q[], int joints, JointRates *r)
 {
@@ -160,8 +161,7 @@ static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, 
 {
     int joints = (int)t->joints;
     Jacobian J;
-    Twist base = {vec(0, 0, 0),
-                  w}; /* motion of the base without arm motion, at the same momentum */
+    Twist base = {vec(0, 0, 0), w}; /* base motion while joints rest, same momentum */
     Reaction reaction = {.v = {{0}, {0}, {0}}};
     double z[ARM_JOINTS];
     if (law->base_floats && joints > 0) set_reaction(&reaction, t);

@@ -28,11 +28,11 @@
 typedef struct {
     double is_known, t;
     RelativeState state;
-    vec3 axis_H; /* outward axis of the corridor, where the servicer is inside; else 0 */
+    vec3 axis_H; /* outward axis of the corridor if the servicer is inside, else 0 */
 } Known;         /* the last valid state whose range is not 0 */
 
-/* outward axis of the corridor in H axes if the servicer is near and inside, else 0; near: a drift
- * of the last valid state may lead within axis_radius */
+/* outward axis of the corridor in H axes if the servicer is inside the corridor and near, else
+ * 0; near: a drift of the last valid state may lead within axis_radius */
 static inline vec3 axis_in_hill(const SafetyParameters *p, const SafetyInput *u,
                                 const RelativeState *x)
 {
@@ -62,9 +62,9 @@ static inline vec3 relative_increment(const SafetyParameters *p, const RelativeS
 }
 
 /* ---- rule escape ---- */
-#define PARTS       2      /* of escape_time: its first sixth in 30 steps, the rest in 50 */
-#define LEAST_RANGE 1e-150 /* m: added to a range that divides */
-#define CURVED      1.25   /* a speed on an arc is at most so many times the speed on its chord */
+#define PARTS       2      /* parts of escape_time: its first sixth in 30 steps, the rest in 50 */
+#define LEAST_RANGE 1e-150 /* m: added to a range before a division by it */
+#define CURVED      1.25   /* bound of speed on an arc / speed along its chord */
 
 static const int steps_of[PARTS] = {30, 50};
 
@@ -76,14 +76,15 @@ typedef struct {
     double bend;      /* 3 n^2 r_max */
     double model;     /* e_model/2 */
     vec3 rho, r, v, dv;
-} EscapePath; /* rho: at the order; r, v: state after the burn */
+} EscapePath; /* rho: position when the abort is ordered; r, v: state after the burn */
 
 typedef struct {
     vec3 c;
     double range, square, h;
 } PathPoint;
 
-/* mean motion sqrt(mu/a^3), from the energy; of a motion without an ellipse, the rate of H */
+/* mean motion sqrt(mu/a^3) of the target, from its energy; `rate`, the rate of H, if its orbit
+ * is no ellipse */
 static inline double mean_motion(double mu, const Body *T, double rate)
 {
     double R = norm(T->r), inverse = mu > 0 ? 2 / R - dot(T->v, T->v) / mu : 0;
@@ -109,7 +110,8 @@ static inline EscapePath escape_path(const SafetyParameters *p, const RelativeSt
 
 static inline double sum_of_sizes(vec3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
 
-/* (4) to (6): point of the path and the support of the error set towards the target */
+/* (4) to (6): point of the path at time tau, and the largest displacement h towards the target
+ * by an error of the set */
 static inline PathPoint path_point(const SafetyParameters *p, const EscapePath *e, double tau,
                                    SineCosine nt)
 {
@@ -121,7 +123,7 @@ static inline PathPoint path_point(const SafetyParameters *p, const EscapePath *
     return (PathPoint){c, range, square, h / (range + LEAST_RANGE) + e->model * tau * tau};
 }
 
-/* the same at tau = 0, where Phi_rr = I and Phi_rv = 0 */
+/* path_point() at tau = 0, where Phi_rr = I and Phi_rv = 0 */
 static inline PathPoint first_point(const SafetyParameters *p, const EscapePath *e)
 {
     double range = norm(e->r);
@@ -129,7 +131,8 @@ static inline PathPoint first_point(const SafetyParameters *p, const EscapePath 
                        p->e_r * sum_of_sizes(e->r) / (range + LEAST_RANGE)};
 }
 
-/* least range of the burn: of a triangle, in the direction of rho */
+/* lower bound of the range during the burn: least component along rho in the triangle of its
+ * path, minus the position error */
 static inline double least_of_burn(const SafetyParameters *p, const EscapePath *e)
 {
     double square = dot(e->rho, e->rho), along = dot(e->rho, e->r);
@@ -137,8 +140,8 @@ static inline double least_of_burn(const SafetyParameters *p, const EscapePath *
     return (least - p->e_r * sum_of_sizes(e->rho)) / (sqrt(square) + LEAST_RANGE);
 }
 
-/* constants of a step D of the path: (7) where the path is not faster than e->speed, square of the
- * longest chord for which this holds, sine and cosine of the turn of the orbit */
+/* constants of all steps of length D: sagitta (7) of a path not faster than e->speed, square of
+ * the longest chord of such a path, sine and cosine of n D */
 typedef struct {
     double D, sagitta, longest_2;
     SineCosine turn;
@@ -151,14 +154,14 @@ static inline Stride stride(const EscapePath *e, double D)
                     sine_and_cosine(e->n * D)};
 }
 
-/* (7) on a path faster than e->speed, with the speed along the chord */
+/* sagitta (7) of a path faster than e->speed, from the speed along its chord */
 static inline double fast_sagitta(const EscapePath *e, double D, double length_2)
 {
     return D * D / 8 * (2 * e->n * CURVED * sqrt(length_2) / D + e->bend);
 }
 
-/* (8) without R_k: lowers the bound `least` if the path between the points a and b comes nearer to the
- * target than this bound */
+/* (8) without R_k: replaces the bound `least` if the path between the points a and b comes
+ * nearer to the target than this bound; tau: time at a */
 static inline void compare_path(const EscapePath *e, const Stride *s, const PathPoint *a,
                                 const PathPoint *b, double tau, EscapeBound *least)
 {
@@ -170,7 +173,7 @@ static inline void compare_path(const EscapePath *e, const Stride *s, const Path
         distance =
             toward < length_2 ? sqrt(fabs(a->square - toward * toward / length_2)) : b->range;
     double ahead = distance - arc - least->margin;
-    if (along > 0 && ahead >= 1.5 * h) return; /* below a right angle k is less */
+    if (along > 0 && ahead >= 1.5 * h) return; /* k < 1.5 for angles below 90 deg */
     double ranges = a->range * b->range, cosine_2 = ranges > 0 ? 1 + along / ranges : 1;
     double between = sqrt(2 / larger(cosine_2, 1e-6));
     if (ahead >= between * h) return;

@@ -11,7 +11,7 @@
 #include "safety_ports.h"
 
 #define RESTING 1e9  /* margin of a rule that is off or does not apply */
-#define TINY    1e-9 /* m, m/s: least size by which a margin is divided */
+#define TINY    1e-9 /* m, m/s: least divisor of a margin */
 
 /* ---- relative states and arcs ---- */
 static inline TwoOrbits two_orbits(const SafetyInput *u)
@@ -25,7 +25,7 @@ static inline Relative in_hill(const SafetyParameters *p, const SafetyInput *u)
     return relative_in_hill(p->mu, &x);
 }
 
-/* as seen in a body that rotates with omega: v = C drho_N - omega x p */
+/* relative motion as seen in a body that rotates with omega: v = C drho_N - omega x p */
 static inline Relative in_body(const SafetyInput *u, const Body *b)
 {
     mat3 C = dcm_of_quat(attitude_in(b->q));
@@ -47,10 +47,10 @@ typedef struct {
     const SafetyParameters *p;
     const SafetyInput *from, *to; /* inputs of the first and of the second sample */
     double t, h;
-    Arc arc[2]; /* in Hill axes, in target axes */
+    Arc arc[2]; /* arcs in Hill axes and in target axes */
 } Interval;
 
-/* whether a rule needs the arc in these axes; other arcs are not computed */
+/* true if some rule needs the arc in these axes; other arcs are not computed */
 static inline int is_needed(const SafetyParameters *p, double axes)
 {
     return (p->keep_out_shape != NO_ZONE && p->keep_out_axes == axes) ||
@@ -74,7 +74,7 @@ static inline const Arc *arc_in(const Interval *i, double axes)
     return &i->arc[axes == TARGET_AXES];
 }
 
-/* geometry of a rule in this interval, and the arc in servicer axes, which only the plume needs */
+/* geometry of one rule in this interval; own: arc in servicer axes, set for the plume only */
 typedef struct {
     union {
         Zone zone;
@@ -85,7 +85,8 @@ typedef struct {
     Arc own;
 } Setting;
 
-/* the arc on which the rule is evaluated; NULL: it does not apply */
+/* function that sets the geometry of a rule and returns the arc on which the rule is evaluated,
+ * NULL if the rule does not apply */
 typedef const Arc *InForce(const Interval *i, Setting *s);
 
 static inline const Arc *keep_out(const Interval *i, Setting *s)
@@ -109,7 +110,8 @@ static inline const Arc *corridor(const Interval *i, Setting *s)
     return p->use_corridor && i->from->approaching ? arc_in(i, p->corridor_axes) : NULL;
 }
 
-/* near a tumbling target the speed as seen in H has a share of |w_T| |rho| */
+/* slope k of the speed limit; near a tumbling target the speed as seen in H contains |w_T|
+ * |rho|, hence the sum */
 static inline double speed_slope_at(const SafetyParameters *p, const SafetyInput *u)
 {
     double tumble = smaller(norm(u->T.omega), p->tumble_max);
@@ -122,7 +124,7 @@ static inline const Arc *speed(const Interval *i, Setting *s)
     return i->p->use_speed_limit && i->from->approaching ? arc_in(i, HILL_AXES) : NULL;
 }
 
-/* the direction of the force is fixed in the body, so the arc is in servicer axes */
+/* the direction of the force is fixed in the servicer, so the arc is in servicer axes */
 static inline const Arc *plume(const Interval *i, Setting *s)
 {
     const SafetyParameters *p = i->p;
@@ -133,7 +135,8 @@ static inline const Arc *plume(const Interval *i, Setting *s)
     return &s->own;
 }
 
-/* sizes at a range [m, m/s] by which margins are divided to compare different rules */
+/* typical size of a margin at a range [m, m/s]: margins are divided by it to compare different
+ * rules */
 typedef double Size(const SafetyParameters *p, double range);
 
 static inline double zone_size(const SafetyParameters *p, double range)
@@ -155,8 +158,8 @@ static inline double plume_size(const SafetyParameters *p, double range)
     return p->plume_range;
 }
 
-/* a row per rule; PASSIVE has no arc (its drift is predicted), NAVIGATION (it counts time) and
- * ESCAPE (it is foreseen) have no row */
+/* functions of each rule. PASSIVE has no arc, because its drift is predicted. NAVIGATION, which
+ * counts time, and ESCAPE, which is a prediction, are not in the table. */
 static const struct {
     InForce *in_force;
     MarginValue *value;
@@ -182,8 +185,8 @@ static inline Finding evaluate_rule(const Interval *i, int rule)
 }
 
 /* ---- passive safety ---- */
-/* the attitude of the target is not predicted: a zone in target axes is replaced by the sphere
- * around it */
+/* zone for the predicted drift. The attitude of the target is not predicted: a zone in target
+ * axes is replaced by the sphere around it. */
 static inline Zone passive_zone(const SafetyParameters *p)
 {
     vec3 d = p->keep_out_half;
@@ -206,7 +209,7 @@ static inline PosVel interpolated(PosVel a, PosVel b, double h, double s)
     return (PosVel){arc_position(&arc, s), arc_velocity(&arc, s)};
 }
 
-/* motion from the last prediction to the present one */
+/* motion between the last prediction of the drift (from) and the present one (to) */
 typedef struct {
     TwoOrbits from, to;
     double t, h;
@@ -218,8 +221,8 @@ static inline TwoOrbits orbits_at(const Course *c, double s)
                        interpolated(c->from.S, c->to.S, c->h, s)};
 }
 
-/* instant between two predictions, the first safe and the second not, from which on the drift is
- * unsafe */
+/* instant from which on the drift is unsafe, between a prediction that is safe and one that is
+ * not, by bisection */
 static inline double passive_violation(const SafetyParameters *p, const Course *c)
 {
     double safe = 0, unsafe = 1;
@@ -232,8 +235,9 @@ static inline double passive_violation(const SafetyParameters *p, const Course *
     return c->t + c->h * unsafe;
 }
 
-/* margin and violation of the drift at the end of c; entry: time until the zone is entered; known:
- * a violation was found before, so that the instant of this one is not searched */
+/* margin of the drift at the end of c, and instant of its violation. entry: time until the drift
+ * enters the zone. known: 1 if an earlier violation is stored; then the instant of this one is
+ * not computed. */
 static inline Finding passive_finding(const SafetyParameters *p, const Course *c, int known,
                                       double *entry)
 {

@@ -23,15 +23,15 @@
 #include "earth.h"
 #include "time_grid.h"
 
-#define RESTING 1e9   /* barrier of a rule that is off or rests */
-#define DROPPED -1e30 /* c of a row that has failed twice */
+#define RESTING 1e9   /* barrier of a rule that is off or does not apply */
+#define DROPPED -1e30 /* c of a row that was relaxed twice: the row has no effect */
 
 typedef FilterParameters Parameters;
 typedef FilterInput Input;
 
 typedef struct {
     double slope;          /* of the faces of the corridor: tan(half angle) cos(pi/8) */
-    double backup, passed; /* simplex: braking; time for which the command has been safe */
+    double backup, passed; /* simplex: 1 while braking; time for which the command has been safe */
     double least[BARRIERS];
 } State;
 typedef struct {
@@ -100,7 +100,8 @@ static int equal(vec3 a, vec3 b) /* to the last bit */
 static double tolerance(const Parameters *p) { return 1e-9 * norm(p->F_max); }
 
 /* ---- filter 3: the nearest force ---- */
-/* relaxes row i to the most that the rows before it leave; a row that fails twice is dropped */
+/* relaxes row i to the largest value that the rows before it permit; a row that fails a second
+ * time is dropped */
 /* M.5-3 */
 static void relax(const Parameters *p, Rows *rows, int i)
 {
@@ -112,7 +113,8 @@ static void relax(const Parameters *p, Rows *rows, int i)
     r->failed = 1;
 }
 
-/* a longer command is shortened to this many times |F_max|: beyond, rounding hides the rows */
+/* a command longer than this many times |F_max| is shortened: otherwise rounding errors exceed
+ * the rows */
 #define FAR_COMMAND 1e5
 /* M.5-4 */
 static vec3 shortened(const Parameters *p, vec3 F)
@@ -122,8 +124,8 @@ static vec3 shortened(const Parameters *p, vec3 F)
     return largest > most ? scale(most / largest, F) : F;
 }
 
-/* 3.6: the nearest force, with rows relaxed by rank where no force satisfies all; relaxed: if it is
- * 0, set to the rule of the first row that is relaxed */
+/* 3.6: nearest force that satisfies all rows; where none exists, rows are relaxed by rank.
+ * `relaxed`: if it is 0, it becomes the rule of the first row that is relaxed */
 /* M.5-2 */
 static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, double *relaxed)
 {
@@ -137,7 +139,8 @@ static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, dou
     return F;
 }
 
-/* adds rows of the drift and repeats the search, as long as the result drifts into the sphere */
+/* largest number of searches with added rows of the drift, if the force found drifts into the
+ * sphere */
 enum { DRIFT_ROUNDS = 4 };
 static vec3 with_drift(const Parameters *p, const Input *u, const DriftFan *f, vec3 F, Rows *rows,
                        double *relaxed)
@@ -186,11 +189,11 @@ static vec3 boxed(const Parameters *p, vec3 F)
                clamp(F.z, -most.z, most.z));
 }
 
-/* (22): state after one hold of a force, in the frame in which the servicer stops, and the bound of
- * its position error */
+/* (22): state after one hold of a force, in the frame in which the servicer stops, with a bound
+ * e of its position error */
 typedef struct {
     vec3 x, v;
-    double e, brakes; /* e: bound; brakes: half the time to the stop */
+    double e, brakes; /* brakes: half the time to the stop */
 } Held;
 
 static Held after_hold(const Parameters *p, const Geometry *g, vec3 F)
@@ -237,7 +240,7 @@ static int can_stop(const Parameters *p, const Geometry *g, double slope, vec3 F
     return (!g->sphere || stops_outside(p, &h)) && (!g->corridor || stops_inside(p, g, slope, &h));
 }
 
-/* (25): the force that brakes in one hold, shortened into the box */
+/* (25): force that brakes in one hold, scaled down into the box */
 static vec3 braking(const Parameters *p, const Geometry *g)
 {
     vec3 v = g->corridor ? g->v_T : g->v, a = g->corridor ? g->a_T : g->g, most = p->F_max;
@@ -253,8 +256,8 @@ static double first_broken(const Parameters *p, const Rows *rows, vec3 F)
     return NO_RULE;
 }
 
-/* whether the servicer brakes: from the first sample whose command does not pass, until commands
- * have passed for dwell */
+/* true if the servicer brakes: from the first command that fails, until commands have passed for
+ * dwell */
 /* M.7-1 */
 static int stays_in_backup(const Parameters *p, State *x, int passes, double P)
 {
@@ -333,8 +336,9 @@ static State initial_state(const Parameters *p)
     return x;
 }
 
-/* While the initial values of a system are computed, inputs may have any value: nothing of the
- * first sample is stored. With sample_period 0 the hold has no length yet, and F_cmd_S passes. */
+/* While the initial values of a system are computed, inputs may have any value: this call stores
+ * nothing in the state. With sample_period 0 the hold has no length yet, and F_cmd_S passes
+ * unchanged. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = initial_state(p);

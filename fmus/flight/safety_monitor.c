@@ -48,7 +48,7 @@ typedef struct {
     vec3 dv_N;
     RangeCheck range;
     Known known;
-    double looked_ahead, t_escape; /* 1: rule escape was evaluated; time of the evaluation */
+    double looked_ahead, t_escape; /* 1: `escape` was evaluated; time of that */
 } State;
 typedef struct {
     double margin[RULES], least_margin[RULES], nearest, passive_entry, passive_age;
@@ -186,7 +186,8 @@ static int is_armed(const Parameters *p, double t)
     return p->t_armed == 0 || reached(t, p->t_armed);
 }
 
-/* whether the states are valid: by their source, and by the independent range */
+/* true if the states are valid: by the flag of their source, and by the independent range if it
+ * is used */
 /* G.2-4 */
 static int has_valid_states(const Parameters *p, const Input *u, State *x, double t)
 {
@@ -195,7 +196,8 @@ static int has_valid_states(const Parameters *p, const Input *u, State *x, doubl
     return u->relative_valid && !x->range.distrusted;
 }
 
-/* with range_alone a state that its source declares invalid does not count as lost */
+/* true if the relative state counts as lost; with range_alone, a state that its source declares
+ * invalid does not count as lost */
 /* G.5-2 */
 static void evaluate_navigation(const Parameters *p, const Input *u, State *x, int is_valid,
                                 double t)
@@ -234,15 +236,15 @@ static vec3 abort_increment_N(const Parameters *p, const State *x, double t)
 }
 
 /* ---- rule escape ---- */
-/* increment in Hill axes of an abort ordered at the last valid state */
+/* velocity increment in Hill axes for an abort that is ordered at the last valid state */
 static vec3 increment_in_hill(const Parameters *p, const Input *u, const Known *known)
 {
     if (is_relative(p)) return relative_increment(p, &known->state, known->axis_H);
     return mul(known->state.C_HN, fixed_increment_N(p, u));
 }
 
-/* radius in force; 0: the rule rests, as within axis_radius while approaching, where contact is
- * intended */
+/* escape radius in force; 0: rule escape does not apply, as within axis_radius while
+ * approaching, where contact is intended */
 /* G.11-3 */
 static double radius_in_force(const Parameters *p, const Input *u, const State *x)
 {
@@ -278,7 +280,8 @@ static void foresee_abort(const Parameters *p, const Input *u, State *x, Output 
     x->t_escape = t;
 }
 
-/* number of the rule with the least margin relative to its size, 1 keep-out ...; 0: none applies */
+/* number of the rule with the least ratio of margin to typical size (1: keep-out, ...); 0: no
+ * rule applies */
 /* G.2-6 */
 static double nearest_rule(const Parameters *p, const Input *u, const State *x)
 {
@@ -303,8 +306,8 @@ static void latch_abort(const Parameters *p, State *x, double t)
     x->abort = x->abort || due;
 }
 
-/* abort_force along the increment; less at the last sample, so that the increment is exactly
- * spent */
+/* abort_force along the remaining increment; smaller in the last sample, so that the increment
+ * is exactly spent */
 /* G.5-3 */
 static vec3 abort_force_S(const Parameters *p, const Input *u, State *x, double period)
 {

@@ -20,11 +20,11 @@
 
 #define NOT_YET (-1) /* time of an event that has not happened */
 
-/* start values: ten times the start values of the noise of range_sensor */
+/* start values of the range check: ten times the start values of the noise of range_sensor */
 #define RANGE_CHECK .range_at_zero = 1, .range_slope = 0.01, .range_patience = 5, .range_tau = 10
 
 typedef struct {
-    double begun, t, rate, reckoned; /* t, R' and D of the last sample */
+    double begun, t, rate, reckoned; /* t, R' and D (`reckoned`) of the last sample */
     double stamp,
         since; /* times of the last range and of the first of consecutive ranges that disagree */
     double distrusted;
@@ -47,7 +47,8 @@ static inline void compare_range(const SafetyParameters *p, const SafetyInput *u
     c->distrusted = c->since != NOT_YET && reached(c->stamp, c->since + p->range_patience);
 }
 
-/* an estimate that its source declares invalid is not compared; dead reckoning then starts again */
+/* compares the estimate with a new range. An estimate that its source declares invalid is not
+ * compared; dead reckoning then starts again. */
 /* G.8-1, G.8-2 */
 static inline RangeCheck updated_check(const SafetyParameters *p, const SafetyInput *u,
                                        RangeCheck c, double t)

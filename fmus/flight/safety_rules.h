@@ -45,7 +45,8 @@ typedef struct {
 static inline double smallest(vec3 a) { return smaller(a.x, smaller(a.y, a.z)); }
 static inline vec3 over(vec3 a, vec3 b) { return vec(a.x / b.x, a.y / b.y, a.z / b.z); }
 
-/* gradient of |p|_Z; by homogeneity |p|_Z = gradient . p, and |p'|_Z >= gradient . p' everywhere */
+/* gradient of |p|_Z at p. |p|_Z = gradient . p, as the norm is homogeneous; |p'|_Z >= gradient .
+ * p' at every other point p', as it is convex. */
 static inline vec3 zone_gradient(const Zone *z, vec3 p)
 {
     vec3 e = over(p, z->half);
@@ -110,10 +111,11 @@ static inline double speed_value(const void *rule, vec3 p, vec3 v)
     return l->at_zero + l->slope * norm(p) - norm(v);
 }
 
-/* lower bound of the margin: |p| is replaced by a chord of the concave function sqrt(p^2), which is
- * below it: |p| >= (p^2 + lo hi)/(lo + hi) for lo <= |p| <= hi. |v| is convex along the arc and
- * replaced by the chord between both ends, which is above it. The result is a polynomial, which is
- * nowhere below its smallest Bernstein coefficient. */
+/* lower bound of the margin v_0 + k |p| - |v| on a part of an arc. |p| is the concave root of
+ * p^2 and lies above the chord of the root: |p| >= (p^2 + lo hi)/(lo + hi) for lo <= |p| <= hi.
+ * |v| is convex along the arc and lies below the line between |v| at both ends. With both
+ * replacements the margin is a polynomial, which is nowhere below its smallest Bernstein
+ * coefficient. */
 static inline double speed_bound(const void *rule, const Arc *part)
 {
     const SpeedLimit *l = rule;
@@ -129,7 +131,7 @@ static inline double speed_bound(const void *rule, const Arc *part)
 
 /* ---- plume: the outside of a cone of finite length, convex in both parts ---- */
 typedef struct {
-    vec3 force; /* unit vector */
+    vec3 force; /* unit vector of the force */
     double half_angle, range;
 } Plume;
 

@@ -118,7 +118,7 @@ static double next_phase(const Parameters *p, double phase, double distance, dou
     return end > 0 && distance <= end ? phase + 1 : phase;
 }
 
-/* the last phase that can be reached by switching distances */
+/* number of the last phase that switching distances can reach */
 static double last_phase(const Parameters *p)
 {
     return p->switch_distance[0] == 0 ? FAR : p->switch_distance[1] == 0 ? FAR + 1 : NEAR;

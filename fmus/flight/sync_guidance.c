@@ -42,7 +42,7 @@ typedef struct {
     double inertia_hat[RATIOS];
 } Input;
 typedef struct {
-    vec3 k_H; /* k of the last sample outside the guard */
+    vec3 k_H; /* k in H, from the last sample outside the guard */
     CarriedFrame D;
     RollState roll;
 } State;
@@ -148,8 +148,8 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "spin_input", p->spin_input, "needs frame = 1");
 }
 
-/* inertia of the target over J11: neither its free motion nor the gravity gradient depends on the
- * scale */
+/* inertia of the target divided by J11: this scale has no effect on free motion and gravity
+ * gradient */
 static mat3 known_inertia(const Parameters *p, const Input *u)
 {
     const double *k = u->inertia_hat;
@@ -157,7 +157,7 @@ static mat3 known_inertia(const Parameters *p, const Input *u)
     return rows(vec(1, k[2], k[3]), vec(k[2], k[0], k[4]), vec(k[3], k[4], k[1]));
 }
 
-/* A.4.3: dw_T as the software knows it, T axes */
+/* A.4.3: dw_T of the target as far as the software knows it, T axes */
 static vec3 acceleration_of_target(const Parameters *p, const Input *u, mat3 C_TN, vec3 torque)
 {
     const Body *T = &u->T;
@@ -166,7 +166,7 @@ static vec3 acceleration_of_target(const Parameters *p, const Input *u, mat3 C_T
     return solve(J, sub(torque, cross(T->omega, mul(J, T->omega))));
 }
 
-/* A.4.3: grasp axis in H, derivatives as seen in H, from the target model */
+/* A.4.3: grasp axis in H from the model of the target, with derivatives as seen in H */
 static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H, double t)
 {
     const Body *T = &u->T;
@@ -182,7 +182,7 @@ static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H
                     tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
-/* (10), or L and its derivatives from the inputs */
+/* (10): L(t) and its derivatives, or their inputs with range_input */
 /* A.4-5 */
 static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {
@@ -229,14 +229,16 @@ static void reference_attitude(const Parameters *p, const HillFrame *H, Motion a
     if (!y->attitude_guard) *held = k.x;
 }
 
-/* derivatives as seen in N of a vector in H, N axes */
+/* a vector given in H with derivatives as seen in H: the same vector in N axes, with derivatives
+ * as seen in N */
 static Motion in_N(const HillFrame *H, Motion a)
 {
     return (Motion){tmul(H->C_HN, a.x), tmul(H->C_HN, rate_in_N(H, a.x, a.d)),
                     tmul(H->C_HN, add(a.dd, transport(H, a.x, a.d)))};
 }
 
-/* A.4.6: replaces the D of the rule by the D of limited_roll.h; w = i x i' + r i, in D axes */
+/* A.4.6: replaces the axes of the rule by the axes D of limited_roll.h; w = i x i' + r i, in D
+ * axes */
 /* A.4-3 */
 static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, RollState *x,
                        Output *y, double t, double period)
@@ -275,8 +277,8 @@ static void publish_relative_state(const Input *u, const HillFrame *H, vec3 axis
     y->normal_angle = arc_tangent(norm(vec(axis_H.x, axis_H.y, 0)), fabs(axis_H.z));
 }
 
-/* publishes the reference of carried_frame.h in N axes and integrates D to the next sample; range 0
- * has no direction and is rejected */
+/* publishes the reference of carried_frame.h in N axes and propagates D to the next sample; at
+ * range 0 the direction is undefined, and the reference is rejected */
 /* A.4-4 */
 static void guide_by_carried_frame(const Parameters *p, const Input *u, const HillFrame *H,
                                    CarriedFrame *D, Output *y, double t, double period)
@@ -318,7 +320,8 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
     if (p->roll.rate_max > 0) limit_roll(p, &H, axis, &x->roll, y, t, period);
 }
 
-/* a first sample inside the guard, where the grasp axis is near z of H, holds k = x of H */
+/* state before the first sample; a first sample inside the guard, with the grasp axis near z of
+ * H, thus uses k = x of H */
 static const State none = {.k_H = {1, 0, 0}};
 
 /* A.4-6 */

@@ -41,7 +41,7 @@ typedef struct {
 } Expansion;
 typedef struct {
     Expansion position, attitude;
-    double rested; /* 1: the last sample was not active */
+    double rested; /* 1: the law was not active at the last sample */
 } State;
 typedef struct { TrackingOutput common; } Output;
 MODEL_STRUCT;
@@ -150,7 +150,7 @@ static void expand(double link, mat3 S, vec3 Q_error, vec3 Q_rate, Expansion *x)
 
 static mat6 with_transpose(mat6 a) { return sum6(1, a, 1, transpose6(a)); }
 
-/* lower half of (T0 + T1 + T2) x */
+/* rows 4 to 6 of (T0 + T1 + T2) x */
 /* C.5-7 */
 static vec3 costate(const Expansion *e, mat6 A, double eps_1, double eps_2, Chain x)
 {
@@ -175,7 +175,7 @@ static void expand_position(const Parameters *p, Expansion *x)
     expand(1, diagonal3(per_channel(vec(1, 1, 1), position_R(p))), Q_error, Q_rate, x);
 }
 
-#define STRAIGHT 1e-8 /* rad, below it sin(x)/x is 1 to the last bit */
+#define STRAIGHT 1e-8 /* rad: below it, sin(x)/x is 1 to the last bit */
 
 static double sin_over(double x) { return fabs(x) < STRAIGHT ? 1 : sine(x) / x; }
 
@@ -275,7 +275,7 @@ static void control(const Parameters *p, const Input *u, const State *x, Output 
     control_attitude(p, &in, &e, &x->attitude, t, y);
 }
 
-/* the corrections begin at time t */
+/* sets the start time t of the terms eps_i */
 /* C.5-8 */
 static void begin(const Parameters *p, State *x, double t)
 {

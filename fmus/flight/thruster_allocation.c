@@ -26,7 +26,7 @@
 
 enum { EXCHANGES = 100, CUTS = 100, LENGTH = 6 + THRUSTERS };
 #define DAMPING  1e-5 /* sqrt(eps) */
-#define IN_REACH 1e-6 /* a wrench is attainable if its residual is below this part of its length */
+#define IN_REACH 1e-6 /* a wrench is attainable if |residual| < IN_REACH |wrench| */
 
 typedef struct {
     Thrusters thrusters;
@@ -37,7 +37,7 @@ typedef struct {
 typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
 typedef struct {
     double on[THRUSTERS], carry[THRUSTERS];
-} State; /* in samples: on-time of this period, remainder */
+} State; /* on-time of this period and remainder, in samples */
 typedef struct {
     double throttle[THRUSTERS], infeasible, scale;
     vec3 F_alloc_S, M_alloc_S;
@@ -103,7 +103,7 @@ static void check(const Parameters *p, Problems *problems)
 /* ---- columns: six weighted wrench components, then one row of damping per thruster ---- */
 typedef struct { double v[LENGTH]; } Column;
 typedef struct {
-    Column a[THRUSTERS]; /* a[i]: of the rows of damping only row 6 + i is not 0 */
+    Column a[THRUSTERS]; /* a[i]: row 6 + i is the only damping row that is not 0 */
     double length[THRUSTERS];
 } Matrix;
 
@@ -165,15 +165,16 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* Q R of the free columns; who: their thrusters, n: the columns that hold for them. Q has the rows
- * of damping of the free thrusters only, and column k is 0 below row 6 + k. */
+/* decomposition Q R of the columns of the free thrusters; who: numbers of these thrusters, n:
+ * number of columns that are up to date. Column k of Q has one damping row for each of its first
+ * k + 1 thrusters and is 0 below row 6 + k. */
 typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
     int who[THRUSTERS], n;
 } Factors;
 
-/* column n of Q and R from the column of thruster i, by modified Gram-Schmidt */
+/* appends the column of thruster i as column n of Q and R, by modified Gram-Schmidt */
 static void orthogonalize(const Matrix *A, Factors *f, int n, int i)
 {
     Column *q = &f->Q[n];
@@ -190,8 +191,9 @@ static void orthogonalize(const Matrix *A, Factors *f, int n, int i)
     f->n = n + 1;
 }
 
-/* step of the free x to the minimum with the others fixed: d = R^-1 c, c = Q^T r; the first columns
- * of Q and R remain from the step before while their thrusters are the same */
+/* step d of the free variables to the minimum while the others are fixed: d = R^-1 c, c = Q^T r.
+ * The first columns of Q and R are reused as long as their thrusters are the same as in the last
+ * step. */
 static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, double *d)
 {
     int n = 0;
@@ -211,8 +213,8 @@ static void free_step(const Matrix *A, const Iterate *it, Column r, Factors *f, 
     }
 }
 
-/* the bound variable whose release lowers the sum of squares fastest, -1 if none does: the
- * minimum */
+/* index of the variable at a bound whose release lowers the sum of squares fastest; -1 if none
+ * lowers it: x is the minimum */
 static int variable_to_release(const Matrix *A, const Iterate *it, const Column *b)
 {
     Column r = residual(A, *b, it->x);
@@ -227,8 +229,8 @@ static int variable_to_release(const Matrix *A, const Iterate *it, const Column 
     return found;
 }
 
-/* one move towards the minimum over the free variables, up to the first bound; 1 if the minimum was
- * reached */
+/* moves the free variables towards their minimum, as far as the first bound; returns 1 if the
+ * minimum was reached */
 /* B.7-5 */
 static int move(const Matrix *A, Iterate *it, const Column *b, Factors *f)
 {

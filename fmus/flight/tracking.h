@@ -31,8 +31,8 @@ typedef struct {
         INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"), \
         REFERENCE_ROWS(INPUT_ROW, u, ref), OPTIONAL_SWITCH(active, ACTIVE_TEXT)
 
-/* 300 m away, at rest on the reference, far from the poles of the LOS angles whichever axis is
- * up */
+/* start values: 300 m from the target, at rest on the reference, far from the poles of the LOS
+ * angles for any choice of "up" */
 #define TRACKING_START                                                                        \
     {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},                   \
      .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}, \
@@ -91,7 +91,7 @@ typedef struct {
         TRACKING_OUTPUT("domega_S", member.domega_S, "rad/s",                                     \
                         "angular velocity minus the reference one, servicer axes", ANY_VALUE)
 
-/* outputs while the law is not active */
+/* sets command and telemetry to 0, while the law is not active */
 static inline void command_nothing(TrackingOutput *y)
 {
     vec3 none = vec(0, 0, 0);
@@ -134,7 +134,7 @@ typedef struct {
     vec3 x1, x2;
     mat3 C_SN;
     quat q_SD;
-    vec3 wd, wdd, w; /* reference rate and acceleration, rate error; S components */
+    vec3 wd, wdd, w; /* reference rate and acceleration, rate error; S axes */
 } TrackingError;
 
 static inline TrackingError tracking_error(double up, const TrackingInput *u)
@@ -164,7 +164,7 @@ static inline vec3 T_transposed(quat q, vec3 w)
 }
 
 /* ---- command ---- */
-static inline vec3 Sigma(vec3 u) { return vec(-u.x, -u.y, u.z); } /* its own inverse */
+static inline vec3 Sigma(vec3 u) { return vec(-u.x, -u.y, u.z); } /* Sigma = Sigma^-1 */
 
 static inline vec3 limited_acceleration(const TrackingParameters *p, vec3 a_L)
 {
@@ -193,8 +193,8 @@ static inline int attitude_rests(const TrackingParameters *p, double t)
     return !reached(t, p->t_att);
 }
 
-/* M: torque of the law; the wheels produce a torque by an opposite change of their momentum A
- * Omega */
+/* converts the torque M of the law to a command. Wheels produce M by the opposite change of
+ * their momentum A Omega. */
 static inline void command_torque(const TrackingParameters *p, double t, vec3 M, mat3 A_w,
                                   TrackingOutput *y)
 {

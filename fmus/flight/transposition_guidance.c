@@ -29,7 +29,8 @@ typedef struct {
 typedef struct { double none; } Input;
 typedef struct {
     History history;
-    vec3 H_N[MAX_NODES + 1], h_end; /* total momentum at the nodes; h_cmg after the window */
+    vec3 H_N[MAX_NODES + 1],
+        h_end; /* total momentum at the nodes; gyro momentum after the window */
 } State;
 typedef struct {
     AttitudeReference ref;
@@ -43,7 +44,7 @@ static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
           .swing = SWING_START,
           .window = 5400,
-          .nodes = 24, /* coarse, for an initialization in milliseconds; systems set 90 */
+          .nodes = 24, /* few nodes plan in milliseconds; systems set 90 */
           .H_sat = 1500,
           .momentum_share = 0.9,
           .rotation_max = 7 * PI / 36,
@@ -138,7 +139,7 @@ static vec3 torque_N_at(const Parameters *p, const State *x, double t)
     return tmul(dcm_of_quat(q_oN(&p->assembly, t)), tmul(C_So, torque));
 }
 
-enum { QUADRATURE = 16 }; /* steps from node to node */
+enum { QUADRATURE = 16 }; /* steps of the quadrature per node interval */
 
 static vec3 impulse_N(const Parameters *p, const State *x, double from, double to)
 {
@@ -175,8 +176,8 @@ static vec3 predicted_momentum(const Parameters *p, const State *x, double t)
     return momentum_D(p, x, H_N, t);
 }
 
-/* sets H_N at the nodes and the momentum after the window; returns the largest momentum on the
- * grid */
+/* sets H_N at the nodes and the gyro momentum after the window; returns the largest gyro
+ * momentum on the grid */
 static double set_node_momenta(const Parameters *p, State *x)
 {
     const History *y = &x->history;

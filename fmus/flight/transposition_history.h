@@ -10,12 +10,12 @@
 
 enum {
     MAX_NODES = SPLINE_MAX,
-    FINE = 4, /* steps of the momentum history from node to node */
+    FINE = 4, /* steps of the momentum history per node interval */
     MAX_FINE = FINE * MAX_NODES
 };
 
 typedef struct {
-    double n, t_0, dt; /* n intervals */
+    double n, t_0, dt; /* n: number of intervals */
     vec3 eps[MAX_NODES + 1], curvature[MAX_NODES + 1];
 } History;
 
@@ -47,7 +47,7 @@ static inline Motion fine_motion(const History *y, int m)
     return spline_at(y->dt, y->eps, y->curvature, k, (double)(m - FINE * k) / FINE);
 }
 
-static inline double largest_eps(const History *y) /* of spline and nodes */
+static inline double largest_eps(const History *y) /* at the nodes and between them */
 {
     double largest = 0;
     for (int m = 0; m <= FINE * intervals(y); m++)

@@ -25,7 +25,7 @@ typedef struct {
     const Swing *swing;
     vec3 h_0_S;
     double limit, rotation_max;   /* N m s, rad */
-    double alpha, lambda, weight; /* weight: power of |h|/max in W */
+    double alpha, lambda, weight; /* weight: exponent p of (|h|/max)^p in W */
     int max_iterations;
     Scheme scheme;
 } Task;
@@ -40,7 +40,7 @@ typedef struct {
     mat3 sum[MAX_UNKNOWN_NODES];
     double jacobian[3][MAX_UNKNOWNS]; /* rows of one node */
     double normal[MAX_UNKNOWNS][MAX_UNKNOWNS], step[MAX_UNKNOWNS];
-    double largest; /* momentum of the history */
+    double largest; /* largest |h| of the history */
 } Workspace;
 
 static inline void prepare_basis(const History *shape, Workspace *w)
@@ -75,7 +75,7 @@ static inline vec3 torque_N(const Task *task, const Workspace *w, int m, vec3 ep
     return tmul(w->C_oN[m], tmul(C_So, environment_torque(task->assembly, &w->at[m], C_So)));
 }
 
-/* h_cmg for a given total momentum */
+/* gyro momentum h_cmg for the total momentum H_o */
 static inline vec3 momentum_of(const Task *task, const Configuration *c, vec3 H_o, Motion eps)
 {
     BaseMotion s = base_motion(task->assembly, eps);
@@ -122,7 +122,7 @@ static inline mat3 torque_by_eps(const Task *task, const Workspace *w, int m, ve
     return columns_of(up, down, difference);
 }
 
-/* derivative of momentum_of by eps (rate = 0) or eps' (rate = 1) */
+/* derivative of momentum_of() with respect to eps (rate = 0) or eps' (rate = 1) */
 static inline mat3 momentum_by(const Task *task, const Workspace *w, int m, Motion eps, int rate)
 {
     vec3 up[3], down[3], H_o = mul(w->C_oN[m], w->H_N[m]);
@@ -164,7 +164,8 @@ static inline void add_row(Workspace *w, int unknowns, const double *row, double
     }
 }
 
-/* adds the three rows of node k, so that no more rows of J are stored */
+/* adds the three rows of J for node k to the normal equations, so that J is never stored as a
+ * whole */
 static inline void add_node(const Task *task, const History *y, Workspace *w, int k)
 {
     vec3 h = w->h[FINE * k];
@@ -188,7 +189,7 @@ static inline void add_momentum_of_node(const Task *task, const History *y, Work
     add_node(task, y, w, k);
 }
 
-/* adds J^T W J and J^T W h */
+/* adds J^T W J and J^T W h to the normal equations */
 static inline void spline_jacobian(const Task *task, const History *y, Workspace *w)
 {
     mat3 before = torque_by_eps(task, w, 0, y->eps[0]);

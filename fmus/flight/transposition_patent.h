@@ -68,7 +68,7 @@ static inline void patent_jacobian(const Task *task, const History *y, Workspace
         mat3 turn = minus(diagonal(1, 1, 1), scaled(y->dt, spin));
         for (int j = 0; j < unknown_nodes; j++) w->sum[j] = matmul(turn, w->sum[j]);
         for (int i = 0; i < 3; i++) {
-            int j = k + i - 2; /* node k + i - 1 is unknown number j */
+            int j = k + i - 2; /* node k + i - 1 has the unknown of index j */
             if (j < 0 || j >= unknown_nodes) continue;
             mat3 by = patent_rate_by(task, c, y->dt, i, e, w->h[FINE * k]);
             w->sum[j] = plus(w->sum[j], scaled(y->dt, by));

@@ -24,7 +24,8 @@ typedef enum { PLANNED, FLIGHT_ATTITUDE, NOT_BELOW_LIMIT, ROTATION_TOO_LARGE } S
 typedef struct {
     Status status;
     int iterations;
-    double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1]; /* before each iteration */
+    double peak[MAX_ITERATIONS + 1],
+        rotation[MAX_ITERATIONS + 1]; /* before each iteration: largest |h|, largest rotation */
 } Result;
 
 static inline double largest_momentum(const Task *task, const History *y, const Workspace *w)
@@ -35,7 +36,7 @@ static inline double largest_momentum(const Task *task, const History *y, const 
     return largest;
 }
 
-/* D2^T D2: 5 or 6 on the diagonal, -4, 1 beside it */
+/* adds strength D2^T D2, a band matrix: diagonal 5 or 6, then -4, then 1 */
 static inline void add_smoothing(Workspace *w, int nodes, double strength)
 {
     for (int j = 0; j < nodes; j++)

@@ -25,7 +25,7 @@ static inline void check_unloading(const Unloading *p, Problems *problems)
     if (p->off > p->on) reject(problems, "unload_off", p->off, "must not be above unload_on");
 }
 
-/* whether the wheels are unloaded now; before: whether they were at the sample before */
+/* true if the wheels are to be unloaded now; before: result of the sample before */
 static inline double unloading_is_on(const Unloading *p, vec3 wheel_speed, double before)
 {
     double full = largest_size(sub(wheel_speed, p->ref)) / p->speed_max;
