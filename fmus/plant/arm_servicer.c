@@ -44,13 +44,13 @@ typedef struct {
     mat3 C_SN;
     Speeds u; /* v = 0: motion relative to S */
     Wrench momentum;
-    vec3 c;   /* centre of mass from S, base axes */
+    vec3 c;   /* centre of mass of base and arm, from S, base axes */
     PosVel C; /* motion of the centre of mass, N axes */
     Forces b; /* b - Q_gg */
 } Vehicle;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* evaluated at `now`; the next step starts from it */
+    Vehicle vehicle; /* of the motion `now`; the next step starts from it */
 } State;
 typedef struct {
     BaseOutput base;
@@ -116,7 +116,7 @@ typedef struct {
     Wrench tip;        /* load on the end effector, axes of the last link */
     DegreesOfFreedom moving;
     vec3 wheel_accel, wheel_torque; /* A_w dOmega */
-    double step_start;              /* s */
+    double step_start;              /* start time of the internal step [s] */
 } Context;
 
 static int locked(const Input *u, int i) { return u->joint_lock[i] != 0; }
@@ -159,7 +159,7 @@ static void place_links_of_arm(Tree *t, Links *k, const Chain *arm, const Motion
     set_link_inertias(k, arm);
 }
 
-/* the vehicle at an instant; now->tree and k already hold the positions of the links */
+/* sets `now` for the motion x; now->tree and k must already contain the positions of the links */
 static void set_vehicle(Vehicle *now, const Links *k, const Parameters *p, const Composite *base,
                         int turns, const Motion *x)
 {
@@ -196,13 +196,13 @@ static Wrench actuator_load(const Context *c, double t, const BaseState *x, vec3
     return (Wrench){force_S(&c->u->base), sub(torque, wheels)};
 }
 
-/* load on the end effector as a wrench at S, base axes */
+/* load on the end effector, converted to a wrench at S in base axes */
 static Wrench tip_load(const Context *c, const Tree *t)
 {
     return wrench_at(t->p_E, mul(t->R_A, c->tip.F), mul(t->R_A, c->tip.M));
 }
 
-/* Q - b */
+/* Q - b of the equations of motion */
 static Forces loads_on(const Context *c, double t, const Motion *x, const Vehicle *now)
 {
     const Tree *tree = &now->tree;
@@ -289,7 +289,8 @@ static void publish_tip(const Parameters *p, const State *x, Output *y)
                   canonical(product(y->base.q_SN, q_ES)), mul(dcm_of_quat(q_ES), motion.w)};
 }
 
-/* momentum and energy about C: h = L_S - c x p, T = u.H u/2 - m v_c^2/2 */
+/* sets the outputs of angular momentum and energy about C: h = L_S - c x p, T = u.H u/2 - m
+ * v_c^2/2 */
 static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
 {
     int joints = (int)now->tree.joints;
@@ -348,7 +349,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     publish(&c, x, y, t);
 }
 
-/* if all joints are locked, the arm is treated as part of the base in this step */
+/* if all joints are locked, makes the arm a part of the base for this step */
 static void merge_arm_with_base(Context *c, Tree *rigid)
 {
     const Tree *arm = &c->begin->tree;
@@ -369,7 +370,8 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         integrate(&c, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
         update_vehicle(p, &arm, x, s.t + s.h);
-        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0) break; /* rejected by the adapter */
+        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0)
+            break; /* the adapter rejects this state */
     }
     Context c = context_at(p, u, &arm, x, t + h, p->base.max_step);
     publish(&c, x, y, t + h);

@@ -131,7 +131,7 @@ static vec3 rate_relative_to_H(const Parameters *p, mat3 C_So, vec3 omega)
 /* ---- the gyros over one internal step ---- */
 typedef struct {
     double use_cluster, h_w;
-    vec3 h, dh; /* ideal device: h + dh tau, tau from the start of the step */
+    vec3 h, dh; /* momentum of the ideal device: h + dh tau at tau after the start of the step */
     double saturated, angle[GYROS], rate[GYROS];
 } GyroMotion;
 

@@ -31,7 +31,7 @@ typedef struct {
 } Input;
 typedef struct {
     MechanismState now;
-    Wrench wrench; /* published at the last step */
+    Wrench wrench; /* mean load of the last step, as published */
     double missed, peak;
 } State;
 typedef struct {
@@ -134,7 +134,8 @@ static PortState port_state_of(const PortGeometry *p, const TwoBodies *x)
     return port_state(p, x, &at);
 }
 
-/* positions are subtracted first, because sums with an orbit radius lose seven digits */
+/* relative motion of both bodies. Positions are subtracted first: a sum with an orbit radius
+ * loses seven digits. */
 static TwoBodies relative_motion(const Input *u)
 {
     TwoBodies b = {.rho = sub(u->S.r, u->T.r), .drho = sub(u->S.v, u->T.v)};
@@ -148,8 +149,8 @@ static TwoBodies relative_motion(const Input *u)
 /* ---- prediction ---- */
 typedef struct {
     TwoBodies body;
-    vec3 I, couple; /* integrals of F_N, M_N */
-    vec3_pair A;    /* integrals of both torques */
+    vec3 I, couple; /* integrals over the step of F_N and of the couple M_N */
+    vec3_pair A;    /* integrals over the step of the torque on S and on T */
     double dissipated, drive;
 } Motion;
 typedef struct {
@@ -192,7 +193,8 @@ static void held_derivative(const HeldLoad *c, double t, const TwoBodies *x, Two
 
 RK4(propagate_under_load, held_derivative, HeldLoad, TwoBodies)
 
-/* normal force and depth of the contact at an inner instant of the step; a latch has no contact */
+/* updates the largest normal force, and sets `missed` if the tip is too deep in the material, at
+ * an instant inside the step; a latch has no contact */
 static void record_contact(const Context *c, State *x, const TwoBodies *b, double t)
 {
     if (is_latched(c->entry)) return;
@@ -203,8 +205,8 @@ static void record_contact(const Context *c, State *x, const TwoBodies *b, doubl
     if (load.too_deep) x->missed = 1;
 }
 
-/* mean wrench of the step, with both forces on one line of action; `mean` is the mean of r_S - r_T
- * under a constant F */
+/* mean wrench of the step, with force and reaction on one line of action; `mean` is the mean of
+ * r_S - r_T under a constant F */
 static Wrench balanced_wrench(const TwoMasses *m, const TwoBodies *b, const Motion *end, double h)
 {
     Wrench w = {.F = scale(1 / h, end->I)};
@@ -216,7 +218,7 @@ static Wrench balanced_wrench(const TwoMasses *m, const TwoBodies *b, const Moti
     return w;
 }
 
-/* C(q_m), the mean attitude during the step */
+/* rotation matrix C(q_m) of body i for its mean attitude during the step */
 static mat3 mean_attitude(const TwoBodies *b, const TwoBodies *end, int i, double h)
 {
     vec3 a = scale(h / 6, add(scale(2, vec_of(&b->w, i)), vec_of(&end->w, i)));
@@ -308,7 +310,8 @@ static void clear_loads(State *x, Output *y)
     y->energy_elastic = 0;
 }
 
-/* whether the tip is so far from mouth and material of T that no load can act within two steps */
+/* true if the tip is so far from mouth and material of the drogue that no load can act within
+ * two steps */
 static int is_far(const Parameters *p, const State *x, const PortState *s, double h)
 {
     int idle = x->now.entry.phase == FREE || x->now.entry.phase == BROKEN;
@@ -317,12 +320,12 @@ static int is_far(const Parameters *p, const State *x, const PortState *s, doubl
     return idle && (norm(s->e) > 1 + path || outside > 0.1 + path);
 }
 
-/* masters accumulate rounding errors in time: a step within the tolerance of a whole number of
- * internal steps gets exactly that length */
+/* length of a step: h, or a whole number of internal steps if h equals that within the
+ * tolerance, because masters accumulate rounding errors in time */
 static double exact_step(double h, double max_step)
 {
     double whole = grid_number(h, max_step);
-    return whole > 0 ? whole * max_step : h; /* NaN: no grid point */
+    return whole > 0 ? whole * max_step : h; /* whole is NaN between grid points */
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)

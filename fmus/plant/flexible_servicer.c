@@ -25,7 +25,7 @@ typedef struct {
 } Motion;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* vehicle and substeps depend on the parameters only */
+    Vehicle vehicle; /* constants of hub and parts; like `substeps` from parameters only */
     double substeps; /* n of (12) */
 } State;
 typedef struct {
@@ -61,7 +61,7 @@ static const Model start = {
                     .travel = {0.15, 0.15, 0.15, 0.15}}},
 };
 
-/* one vector per panel or mass */
+/* parameter with three elements per panel or slosh mass */
 #define TRIPLES(name, member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, name, member, 3, unit, text, ANY_VALUE)
 
@@ -130,7 +130,7 @@ typedef struct {
     const Parameters *p;
     const Vehicle *v;
     Interval held;
-    vec3 F, M; /* load of actuators, contact and wheel acceleration, also constant over the step */
+    vec3 F, M; /* load of actuators, contact and wheels, constant in a step */
 } Context;
 
 static Context context(const Parameters *p, const State *x, const Input *u, const Substep *s)
@@ -151,7 +151,7 @@ static void place_vehicle(Placement *at, const Vehicle *v, const Motion *x)
     place_parts(at, v, v->mass_0 - x->base.mass, x->q, x->dq);
 }
 
-/* (8): motion of the centre of mass, N axes */
+/* (8): position and velocity of the centre of mass, N axes */
 static PosVel centre_of_mass(const Placement *at, const BaseState *x, const mat3 *C_SN, vec3 omega)
 {
     return (PosVel){add(x->r, tmul(*C_SN, at->c)),
@@ -165,7 +165,7 @@ static TidalField tidal_field(const BaseParameters *p, const mat3 *C_SN, vec3 r_
     return (TidalField){p->orbit.mu / (r * r * r), scale(1 / r, mul(*C_SN, r_CN_N))};
 }
 
-/* (7) and, from it, (6) */
+/* (7), then (6): time derivatives of the motion */
 static void flexible_rates(const Context *c, double t, const Motion *x, Motion *dx)
 {
     const BaseParameters *p = &c->p->base;
@@ -214,8 +214,9 @@ static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 RK4(integrate, derivative, Context, Motion)
 
 /* ---- outputs ---- */
-/* (11): momentum and energy about C: the terms of the motion about S, h = I w + sum l q',
- * 2 T = w.(I w) + 2 w.sum l q' + sum M q'^2, minus the terms of a mass m that moves with C */
+/* (11): sets the outputs of momentum and energy about C. From the terms of the motion about S,
+ * h = I w + sum l q' and 2 T = w.(I w) + 2 w.sum l q' + sum M q'^2, the terms of a mass m that
+ * moves with C are subtracted. */
 static void publish_momentum(const Parameters *p, const Vehicle *v, const Placement *at,
                              const mat3 *C_SN, Output *y)
 {

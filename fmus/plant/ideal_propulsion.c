@@ -49,14 +49,14 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems) { (void)p, (void)problems; }
 
-/* integral of F over h while F approaches c without a change of sign */
+/* integral of F over the time h, in which F approaches c and does not change sign */
 static double lag_integral(double F, double c, double tau, double h)
 {
     return c * h - (F - c) * tau * exponential_less_1(-h / tau);
 }
 
-/* one axis over an internal step: F(t+h) = c + (F-c) exp(-h/tau), and the integral of |F|, split at
- * the zero crossing of F */
+/* advances F of one axis over an internal step, F(t+h) = c + (F-c) exp(-h/tau), and adds the
+ * integral of |F| to the impulse; the integral is split where F crosses zero */
 static void advance_lag(double *F, double *impulse, double c, double tau, double h)
 {
     double before = *F, after = tau > 0 ? before - (before - c) * -exponential_less_1(-h / tau) : c;
@@ -91,7 +91,7 @@ static void publish(const Parameters *p, const Input *u, const State *x, Output 
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    double no_lag = p->tau == 0; /* 0: with a lag the thrust starts from zero */
+    double no_lag = p->tau == 0; /* 1: F = c; with a lag the thrust starts from zero */
     (void)t;
     *x = (State){.F = scale(no_lag, limited3(u->F_cmd_S, p->F_max)),
                  .M = scale(no_lag, limited3(u->M_cmd_S, p->M_max))};

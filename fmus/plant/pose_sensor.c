@@ -157,7 +157,8 @@ static void add_outliers(const Parameters *p, Output *pose, int status_bits, con
         pose->q_TK = product(pose->q_TK, (quat){0, p->flip_axis.x, p->flip_axis.y, p->flip_axis.z});
 }
 
-/* fault of the tracker, which pose_valid and pose_status do not show */
+/* adds drift and rotation by a fault of the tracker, which pose_valid and pose_status do not
+ * show */
 static void add_fault(const Parameters *p, Output *pose, double t)
 {
     double elapsed = t - p->fault_start;

@@ -85,7 +85,8 @@ static void check(const Parameters *p, Problems *problems)
     }
 }
 
-/* B.6: the counter runs while the command differs from the delayed command (latch: always) */
+/* B.6: updates the delayed command. The counter counts calls while command and delayed command
+ * differ (with latch: always). */
 static void apply_delay(const Parameters *p, Engine *e)
 {
     int no_change = e->command == e->delayed && !p->latch,
@@ -110,7 +111,7 @@ static double lag_factor(const Parameters *p, double T2)
     return T2 >= p->T0 ? p->T0 / T2 : 1;
 }
 
-/* updates thruster i in its call at time t */
+/* call of thruster i at time t: updates delay, lag and impulse */
 static void call_thruster(const Parameters *p, Engine *e, int i, double throttle, double t)
 {
     double before = e->command;
@@ -149,7 +150,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     Sample s = first_sample(t, h, p->T0);
-    if (s.left <= 0) return; /* no call: the outputs remain */
+    if (s.left <= 0) return; /* no call in this step: the outputs remain */
     for (; s.left > 0; s = next_sample(s))
         for (int i = 0; i < THRUSTERS; i++) call_thruster(p, &x->engine[i], i, u->throttle[i], s.t);
     publish(p, x, y);

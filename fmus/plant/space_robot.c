@@ -32,7 +32,7 @@ typedef struct {
     double joint_torque[JOINTS], joint_lock;
 } Input;
 typedef struct {
-    vec3 r, v; /* centre of mass, N */
+    vec3 r, v; /* of the centre of mass, N axes */
     quat q;
     vec3 omega;
     double joint_angle[JOINTS], joint_rate[JOINTS], nu, pitch;
@@ -195,7 +195,7 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 
 RK4(integrate, derivative, Context, State)
 
-/* omega+ = H_bb^-1 (H_bb omega + H_bm dq): the joints stop, the angular momentum is conserved */
+/* stops the joints and conserves the angular momentum: omega+ = H_bb^-1 (H_bb omega + H_bm dq) */
 static void stop_joints(const Parameters *p, State *x)
 {
     Robot robot = robot_at(&p->links, x->joint_angle, x->joint_rate);
@@ -224,7 +224,8 @@ static mat3 orbital_frame(const Parameters *p, vec3 r, vec3 v)
     return rows(x, cross(z, x), z);
 }
 
-/* C_b,or = Ry(psi) Rz(theta) Rx(vartheta); angles in the order vartheta, psi, theta */
+/* C_b,or = Ry(psi) Rz(theta) Rx(vartheta), orbital frame to base; order of `angles`: vartheta,
+ * psi, theta */
 static mat3 dcm_of_euler(const double angles[3])
 {
     SineCosine x = sine_and_cosine(angles[0]), y = sine_and_cosine(angles[1]),
@@ -235,11 +236,11 @@ static mat3 dcm_of_euler(const double angles[3])
     return matmul(Ry, matmul(Rz, Rx));
 }
 
-#define UPRIGHT 1e-9 /* smallest cosine used as a divisor */
+#define UPRIGHT 1e-9 /* least divisor cos(theta) */
 
-/* theta = asin(-C10), vartheta = atan2(C12, C11), psi = atan2(C20, C00); omega relative to the
- * orbital frame, base axes: rates from omega = T_Y [dvartheta; dpsi; dtheta], which is singular at
- * theta = +-90 deg */
+/* angles of a rotation matrix C_b,or: theta = asin(-C10), vartheta = atan2(C12, C11),
+ * psi = atan2(C20, C00); and their rates. w: angular velocity relative to the orbital frame,
+ * base axes, w = T_Y [dvartheta; dpsi; dtheta]; T_Y is singular at theta = +-90 deg. */
 static void euler_of_dcm(mat3 C, vec3 w, double angles[3], double rates[3])
 {
     double cz = sqrt(C.row[1].y * C.row[1].y + C.row[1].z * C.row[1].z), sz = -C.row[1].x;
@@ -259,7 +260,7 @@ static vec3 rate_of_euler(const double angles[3], const double rates[3]) /* T_Y 
                y.s * z.c * rates[0] + y.c * rates[2]);
 }
 
-/* the angle plus the full turns with which it is nearest to the earlier angle */
+/* the angle with the full turns added that bring it nearest to the earlier angle */
 static double unwrapped(double earlier, double angle)
 {
     return angle + 2 * PI * nearest_whole((earlier - angle) / (2 * PI));

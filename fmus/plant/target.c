@@ -87,7 +87,7 @@ static vec3 gravity_gradient_T(const Parameters *p, mat3 C_TN, vec3 r)
 typedef struct {
     const Parameters *p;
     const Input *u;
-    double step_start; /* of the internal step, s */
+    double step_start; /* start time of the internal step [s] */
 } Context;
 
 /* (2), (4) */
