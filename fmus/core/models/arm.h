@@ -40,7 +40,7 @@ static inline sym3 link_inertia(const Arm *arm, int i)
     return (sym3){d.x, d.y, d.z, p.x, p.y, p.z};
 }
 
-typedef struct { vec3 v, w; } Twist;  /* velocity of the point of the body at S, angular velocity */
+typedef struct { vec3 v, w; } Twist;  /* velocity at S, angular velocity */
 typedef struct { vec3 F, M; } Wrench; /* force, and moment about S; or momentum */
 typedef struct {
     vec3 v, w;
@@ -62,7 +62,7 @@ static inline vec3 velocity_at(Twist t, vec3 p) { return add(t.v, cross(t.w, p))
 /* ---- composite bodies ---- */
 typedef struct {
     double m;
-    vec3 h; /* first moment about S */
+    vec3 h; /* first moment of mass about S */
     sym3 I; /* inertia about S */
 } Composite;
 
@@ -71,20 +71,21 @@ static inline Wrench momentum_of(const Composite *b, vec3 v, vec3 w)
     return (Wrench){add(scale(b->m, v), cross(w, b->h)), add(sym_mul(b->I, w), cross(b->h, v))};
 }
 
-/* composite body with centre of mass S and inertia J_S */
+/* composite body with its centre of mass at S, mass m and inertia J_S */
 static inline Composite body_at_S(double m, mat3 J_S)
 {
     return (Composite){m, vec(0, 0, 0), sym_of(J_S)};
 }
 
-/* wrench at S that a body needs in order to turn at a constant rate about S */
+/* wrench at S under which a body turns at the constant rate w about S */
 static inline Wrench gyroscopic_wrench(const Composite *b, vec3 w)
 {
     return (Wrench){cross(w, cross(w, b->h)), cross(w, sym_mul(b->I, w))};
 }
 
 /* ---- geometry ---- */
-/* parameters of the arm link by link; links that do not exist have no mass and do not turn */
+/* parameters of the arm, one element per link; a link that does not exist has no mass and does
+ * not turn */
 typedef struct {
     int joints;
     vec3 shoulder;             /* first joint from S */
@@ -99,14 +100,14 @@ typedef struct {
     sym3s I;
 } Composites;
 
-/* the links of the arm at an instant, base axes */
+/* positions and inertias of the links at an instant, base axes */
 typedef struct {
     mat3s R;        /* link axes to base axes */
     vec3s o, reach; /* joint of the link; from there to the next, for the last link to E */
     Composites own; /* set by set_link_inertias() */
 } Links;
 
-/* kinematic tree of base and arm at an instant, base axes; doubles only */
+/* kinematic tree of base and arm at an instant, base axes; consists of doubles only */
 typedef struct {
     double joints, rotor[COLUMNS];
     vec3s a, oa; /* axis of each joint and o x a: the twist at unit rate is [o x a; a] */
@@ -189,7 +190,8 @@ static inline void rotate_links(mat3s *restrict R, const Chain *restrict arm, co
     put_mat(R, ARM_JOINTS, product_of_turns);
 }
 
-/* a_i = R_i axis_i, the same on both sides of the joint,  o_i = o_(i-1) + R_(i-1) offset_i */
+/* a_i = R_i axis_i, the same on both sides of the joint; position of joint i:
+ * o_i = o_(i-1) + R_(i-1) offset_i */
 static inline void place_links(Tree *restrict t, Links *restrict k, const Chain *restrict arm,
                                const double q[])
 {
@@ -237,7 +239,7 @@ static inline Twist plus_twist(Twist a, double k, Twist b) /* a + k b */
     return (Twist){add(a.v, scale(k, b.v)), add(a.w, scale(k, b.w))};
 }
 
-/* motion of the last link */
+/* velocity and angular velocity of the last link, as a twist at S */
 static inline Twist tip_twist(const Tree *t, const Speeds *u)
 {
     Twist sum = {u->v, u->w};
@@ -276,7 +278,7 @@ static inline void set_mass_matrix(Tree *t, const Links *k, const Composite *bas
 
 static inline vec3 centre_of(const Composite *b) { return scale(1 / b->m, b->h); }
 
-/* rows of the base in H times u */
+/* rows of the base in H, times u: momentum of base and arm */
 static inline Wrench base_rows(const Tree *t, const Speeds *u)
 {
     Wrench sum = momentum_of(&t->whole, u->v, u->w);
@@ -285,8 +287,8 @@ static inline Wrench base_rows(const Tree *t, const Speeds *u)
     return sum;
 }
 
-/* rows of the joints in H times u: joints inboard of j move all links outboard of j; joints
- * outboard of j move some of these links */
+/* rows of the joints in H, times u. Joints inboard of j move all links outboard of j; joints
+ * outboard of j move some of these links. */
 static inline void set_joint_rows(double row[COLUMNS], const Tree *t, const Speeds *u)
 {
     int joints = (int)t->joints;
@@ -302,8 +304,8 @@ static inline void set_joint_rows(double row[COLUMNS], const Tree *t, const Spee
     }
 }
 
-/* H_00^-1 as inverse mass and inverse inertia about C; inverse inertia 0 if the base does not
- * turn */
+/* H_00^-1 in the form of inverse mass and inverse inertia about C; the inverse inertia is 0 if
+ * the base does not turn */
 typedef struct {
     double inverse_mass;
     vec3 c;
@@ -317,7 +319,7 @@ static inline Mobility mobility_of(const Composite *whole, int turns)
     return (Mobility){1 / whole->m, c, turns ? sym_inverted(I_C) : sym_diagonal(0, 0, 0)};
 }
 
-/* H_00^-1 y:  w = I_C^-1 (M - c x F),  v = F/m - w x c */
+/* twist of the base H_00^-1 y:  w = I_C^-1 (M - c x F),  v = F/m - w x c */
 static inline Twist base_response(const Mobility *base, Wrench y)
 {
     vec3 w = sym_mul(base->inverse_inertia, sub(y.M, cross(base->c, y.F)));

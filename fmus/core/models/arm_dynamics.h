@@ -19,8 +19,8 @@ typedef struct {
     double moves[COLUMNS]; /* 1: the joint moves, 0: it is locked */
 } DegreesOfFreedom;
 
-/* twists of the joints with the reaction of the free base, and y_m - H_m0 H_00^-1 y_0; 0 for a
- * locked joint */
+/* per joint: twist including the reaction of the free base, and the element of y_m - H_m0
+ * H_00^-1 y_0; 0 for a locked joint */
 typedef struct {
     vec3s v, w, F, M;
     double y[COLUMNS];
@@ -43,10 +43,11 @@ static inline void reduce(Reduced *restrict r, const Tree *restrict t,
     }
 }
 
-/* x of H x = y for the joints that move, 0 for the others; NaN if H is not positive definite:
- *   (H_mm - H_m0 H_00^-1 H_0m) x_m = y_m - H_m0 H_00^-1 y_0,   x_0 = H_00^-1 (y_0 - H_0m x_m)
- * An element of the reduced matrix is the momentum of one joint times the twist of the other joint
- * with the reaction of the free base. */
+/* solves H x = y for the joints that move; x is 0 for the other joints. Returns 0 if H is not
+ * positive definite.
+ * (H_mm - H_m0 H_00^-1 H_0m) x_m = y_m - H_m0 H_00^-1 y_0, x_0 = H_00^-1 (y_0 - H_0m x_m)
+ * An element of the reduced matrix is the momentum of one joint times the twist of the other
+ * joint, with the reaction of the free base. */
 static inline int solve_joints(double x[COLUMNS], const Tree *t, const DegreesOfFreedom *k,
                                const Forces *y, const Mobility *base)
 {
@@ -82,8 +83,8 @@ static inline Speeds solve_for_speeds(const Tree *t, const DegreesOfFreedom *k, 
 }
 
 /* ---- loads on the bodies and the generalised forces Q or b ---- */
-/* tidal field: acceleration at x from C minus acceleration at C, G x = g (3 a (a.x) - x), g =
- * mu/r^3 */
+/* tidal field: acceleration at x from C minus the acceleration at C, which is G x = g (3 a
+ * (a.x) - x), g = mu/r^3 */
 typedef struct {
     mat3 G;
     vec3 at_S;
@@ -95,7 +96,8 @@ static inline TidalField tidal_field_about(vec3 c, double g, vec3 a)
     return (TidalField){G, neg(mul(G, c))};
 }
 
-/* w~ w~ + alpha~ - G: gradient of a' minus the tidal acceleration over the points of a body */
+/* w~ w~ + alpha~ - G: derivative with respect to position of a' minus the tidal acceleration,
+ * within a body */
 static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
 {
     double xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
@@ -106,8 +108,8 @@ static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
                  G);
 }
 
-/* integral of r x A r dm over a body of inertia I, which is I alpha' + w x I w - 3 g a x (I a); the
- * second moments of its mass are trace(I)/2 1 - I */
+/* integral of r x A r dm over a body with inertia I, which is I alpha' + w x I w - 3 g
+ * a x (I a). The second moments of the mass are trace(I)/2 1 - I. */
 static inline vec3 moment_of(mat3 A, sym3 I)
 {
     double half = (I.xx + I.yy + I.zz) / 2;
@@ -117,7 +119,7 @@ static inline vec3 moment_of(mat3 A, sym3 I)
                dot(A.row[1], x) - dot(A.row[0], y));
 }
 
-/* wrench at S that gives the points r of a body (from S) the acceleration a + A r */
+/* wrench at S that accelerates each point r of a body (from S) by a + A r */
 static inline Wrench inertial_load(Composite b, vec3 a, mat3 A)
 {
     return (Wrench){add(scale(b.m, a), mul(A, b.h)), add(cross(b.h, a), moment_of(A, b.I))};
@@ -154,7 +156,8 @@ static inline void set_acceleration_fields(AccelerationFields *restrict f, const
     partial_sums(&f->at_o, sub(mul(A_0, vec_at(&k->o, 0)), tidal->at_S), &increment);
 }
 
-/* b of the joints: loads on the links, summed inward; returns their sum, which acts on the base */
+/* sets b of the joints: loads on the links, summed inward; returns the sum of all links, which
+ * acts on the base */
 static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, const Speeds *u,
                                       const TidalField *tidal, mat3 A_0)
 {
@@ -179,7 +182,7 @@ static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, 
     return sum;
 }
 
-/* b - Q_gg: loads of the motion with du/dt = 0 minus loads of the gravity gradient */
+/* b - Q_gg: loads of the motion with du/dt = 0, minus the loads by the gravity gradient */
 static inline Forces velocity_forces(const Tree *t, const Links *k, const Composite *base,
                                      const Speeds *u, const TidalField *tidal)
 {

@@ -107,8 +107,9 @@ static inline vec3 gravity_torque(const Assembly *a, const Configuration *c, mat
     return gravity_gradient(a->mu, mul(C_So, vec(0, 0, -a->R_C)), c->J);
 }
 
-/* 1/2 rho V_R^2 C_D sum(A_k C_k) x v;  V_R^2 = mu/R_C; A_k, C_k: area in the flow and centre of
- * facet k; v: direction of the gas relative to the assembly, opposite to the orbital velocity */
+/* aerodynamic torque 1/2 rho V_R^2 C_D sum(A_k C_k) x v; V_R^2 = mu/R_C; A_k, C_k: projected
+ * area and centre of facet k; v: direction of the gas relative to the assembly, opposite to the
+ * orbital velocity */
 static inline vec3 aero_torque(const Assembly *a, const Configuration *c, mat3 C_So)
 {
     vec3 v = mul(C_So, vec(-1, 0, 0)), moment = vec(0, 0, 0);
@@ -128,7 +129,7 @@ static inline vec3 momentum_without_gyros(const Configuration *c, vec3 omega) /*
     return add(mul(c->J, omega), c->h);
 }
 
-/* J_A' omega_0 + h_m' + omega_0 x H - tau */
+/* loads J_A' omega_0 + h_m' + omega_0 x H - tau, which equal -(J_A omega_0' + h_cmg') */
 static inline vec3 inertial_load(const Configuration *c, vec3 omega, vec3 h, vec3 torque)
 {
     vec3 gyroscopic = cross(omega, add(momentum_without_gyros(c, omega), h));
@@ -138,7 +139,7 @@ static inline vec3 acceleration(const Configuration *c, vec3 omega, vec3 h, vec3
 {
     return solve(c->J, neg(add(inertial_load(c, omega, h, torque), dh)));
 }
-/* h_cmg' that gives the acceleration domega */
+/* rate of the gyro momentum h_cmg' that gives the base the acceleration domega */
 static inline vec3 momentum_rate(const Configuration *c, vec3 omega, vec3 domega, vec3 h,
                                  vec3 torque)
 {
@@ -152,8 +153,8 @@ typedef struct {
     vec3 omega, domega; /* relative to N, body axes */
 } BaseMotion;
 
-/* omega = C_So omega_orb + w,  w = 2 (eta eps' - eps x eps' - eta' eps),
- * eta = sqrt(1 - eps.eps) */
+/* rate and acceleration of the base along eps(t): omega = C_So omega_orb + w, w = 2 (eta
+ * eps' - eps x eps' - eta' eps), eta = sqrt(1 - eps.eps) */
 static inline BaseMotion base_motion(const Assembly *a, Motion eps)
 {
     double eta = sqrt(1 - dot(eps.x, eps.x)), deta = -dot(eps.x, eps.d) / eta;

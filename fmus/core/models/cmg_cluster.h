@@ -14,7 +14,7 @@
 
 enum { GYROS = 6 };
 
-/* zero momentum, far from singular gimbal angles */
+/* gimbal angles with zero total momentum, far from singular angles */
 #define GIMBALS_AT_START {0.3 * PI, -0.6 * PI, 0.8 * PI, 0, -0.8 * PI, 0.6 * PI}
 
 typedef struct { vec3 g, s, t; } Gyro; /* gimbal axis, spin axis at zero, torque axis at zero */
@@ -71,7 +71,7 @@ singularity_measure(const double d[GYROS]) /* m = sqrt(det A A^T), 0: singular *
     return sqrt(larger(0, determinant(A_A_transposed(d))));
 }
 
-/* largest momentum along the unit vector u: h_w sum sqrt(1 - (g_i.u)^2) */
+/* largest momentum of the cluster along the unit vector u: h_w sum sqrt(1 - (g_i.u)^2) */
 static inline double envelope(double h_w, vec3 u)
 {
     double sum = 0;

@@ -15,7 +15,8 @@
 
 #define EARTH .mu = MU_JGM3, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3 /* JGM-3 */
 
-/* Zhu & Yang 2009, with J2: elements of the target; the servicer starts at an offset from it */
+/* start orbit of Zhu & Yang 2009, with J2: elements of the target; the servicer starts at an
+ * offset from the target */
 #define START_ORBIT                                                  \
     {EARTH,          .a = 7158140,       .e = 0.01,   .inc = PI / 6, \
      .argp = PI / 3, .raan = 2 * PI / 3, .nu = PI / 6}

@@ -27,7 +27,7 @@ enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 #define UP_AXIS_TEXT \
     "inertial axis called up in the definition of the line-of-sight angles: 1 = X, 2 = Y, 3 = Z"
 
-/* a vec3 of LOS coordinates is (range, elevation, azimuth) */
+/* three outputs for a vec3 that contains (range, elevation, azimuth) */
 #define LOS_OUTPUTS(name, member, range_unit, angle_unit, text)                               \
     ROW_AS(OUTPUT_ROW, y, name ".range", member.x, 1, range_unit, text ", range", ANY_VALUE), \
         ROW_AS(OUTPUT_ROW, y, name ".elevation", member.y, 1, angle_unit, text ", elevation", \
@@ -38,7 +38,7 @@ enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 typedef struct {
     Motion q;                         /* range, elevation, azimuth with derivatives; m, rad */
     mat3 C_LN;                        /* rows x_l, y_l, z_l */
-    double ce, se, ce_safe, rho_safe; /* cos and sin of the elevation; divisors */
+    double ce, se, ce_safe, rho_safe; /* cosine and sine of the elevation; bounded divisors */
 } LineOfSight;
 
 static inline void check_up_axis(Problems *problems, double up)
@@ -47,7 +47,7 @@ static inline void check_up_axis(Problems *problems, double up)
         reject(problems, "up_axis", up, "must be 1, 2 or 3");
 }
 
-/* components reordered so that "up" is the second one, and the inverse */
+/* components in cyclic order with "up" as the second one (y); below: the inverse */
 static inline vec3 with_up_as_y(vec3 a, double up)
 {
     return up == UP_IS_X ? vec(a.z, a.x, a.y) : up == UP_IS_Z ? vec(a.y, a.z, a.x) : a;
@@ -79,7 +79,7 @@ static inline vec3 los_accelerations(const LineOfSight *los, vec3 a_L)
                    (los->rho_safe * los->ce_safe));
 }
 
-/* LOS coordinates of the motion of r as seen in N */
+/* LOS coordinates of r, from r and its derivatives as seen in N */
 static inline LineOfSight line_of_sight(double up, Motion r)
 {
     vec3 a = with_up_as_y(r.x, up);
@@ -97,15 +97,15 @@ static inline LineOfSight line_of_sight(double up, Motion r)
     return los;
 }
 
-/* the same angle in (-pi, pi] */
+/* the angle plus full turns, in (-pi, pi] */
 static inline double wrapped(double angle)
 {
     return angle - 2 * PI * ceiling_of(angle / (2 * PI) - 0.5);
 }
 
 /* gravity at r_T + rho minus gravity at r_T, without cancellation (Encke):
- *   -mu/r^3 (rho + f (r_T + rho)),  f = -q (3 + 3q + q^2) / ((1+q)^1.5 (1 + (1+q)^1.5)),
- *           q = rho.(rho + 2 r_T)/r^2 */
+ * -mu/r^3 (rho + f (r_T + rho)), f = -q (3 + 3q + q^2) / ((1+q)^1.5 (1 + (1+q)^1.5)),
+ * q = rho.(rho + 2 r_T)/r^2 */
 static inline vec3 differential_gravity(double mu, vec3 r_T, vec3 rho)
 {
     double rr = larger(dot(r_T, r_T), 1),

@@ -5,7 +5,7 @@
 
 #include "directions.h"
 
-/* the camera that measures the pose of the target: boresight +X of K */
+/* mounting of the camera K that measures the pose of the target; boresight: +X of K */
 typedef struct {
     vec3 p_KS_S;
     quat q_KS;

@@ -13,7 +13,7 @@ typedef struct {
 } Orbit; /* osculating elements at the start; constants of the planet */
 typedef struct { vec3 r, v; } PosVel; /* N axes */
 
-/* position and velocity on the osculating ellipse: perifocal axes rotated by argp, inc, raan */
+/* position and velocity for osculating elements: perifocal axes rotated by argp, inc, raan */
 static inline PosVel posvel_of_elements(const Orbit *o)
 {
     SineCosine i = sine_and_cosine(o->inc), w = sine_and_cosine(o->argp);
@@ -25,7 +25,7 @@ static inline PosVel posvel_of_elements(const Orbit *o)
                     add(scale(-k * nu.s, P), scale(k * (o->e + nu.c), Q))};
 }
 
-/* A.2: -mu r/r^3 + a_J2 */
+/* A.2: acceleration -mu r/r^3 + a_J2 */
 static inline vec3 gravity(const Orbit *o, double with_J2, vec3 r)
 {
     if (o->mu == 0) return vec(0, 0, 0);
@@ -35,8 +35,8 @@ static inline vec3 gravity(const Orbit *o, double with_J2, vec3 r)
                  vec(r.x * (1 + j * (1 - zz)), r.y * (1 + j * (1 - zz)), r.z * (1 + j * (3 - zz))));
 }
 
-/* A.4.1: C_HN = [ir; it; ih], rate |h|/r^2 and Keplerian acceleration -2 (r.v)/r^2 rate, both about
- * z of H. In deep space (mu = 0) there is no orbit: H is N. */
+/* A.4.1: Hill frame: C_HN = [ir; it; ih], rate |h|/r^2 and its Keplerian derivative -2 (r.v)/r^2
+ * rate, both about z of H. In deep space (mu = 0) there is no orbit: H is N. */
 typedef struct {
     mat3 C_HN;
     vec3 w_H, dw_H;
@@ -51,8 +51,8 @@ static inline HillFrame hill_frame(double mu, vec3 r, vec3 v)
                        vec(0, 0, -2 * dot(r, v) / rr * rate)};
 }
 
-/* derivative of a vector as seen in the frame, from its derivative as seen in N, and the inverse;
- * all in H components */
+/* derivative of the vector x as seen in the frame, from its derivative as seen in N; below: the
+ * inverse; all in H components */
 static inline vec3 rate_in_frame(const HillFrame *f, vec3 x, vec3 dx_N)
 {
     return sub(dx_N, cross(f->w_H, x));
@@ -62,8 +62,8 @@ static inline vec3 rate_in_N(const HillFrame *f, vec3 x, vec3 dx)
     return add(dx, cross(f->w_H, x));
 }
 
-/* state at the offset rho_H, drho_H from the start of an orbit: r = r_o + C_HN^T rho, v = v_o +
- * C_HN^T (drho + w_H x rho), drho as seen in H */
+/* position and velocity at an offset rho_H, drho_H (as seen in H) from the start of an orbit:
+ * r = r_o + C_HN^T rho, v = v_o + C_HN^T (drho + w_H x rho) */
 static inline PosVel posvel_beside(const Orbit *o, vec3 rho_H, vec3 drho_H)
 {
     PosVel orbit = posvel_of_elements(o);
@@ -72,7 +72,7 @@ static inline PosVel posvel_beside(const Orbit *o, vec3 rho_H, vec3 drho_H)
                     add(orbit.v, tmul(H.C_HN, rate_in_N(&H, rho_H, drho_H)))};
 }
 
-/* d gravity / dr of a point mass: mu/r^3 (3 r r^T/r^2 - I) */
+/* derivative of point-mass gravity with respect to r: mu/r^3 (3 r r^T/r^2 - I) */
 static inline mat3 gravity_gradient_matrix(double mu, vec3 r)
 {
     if (mu == 0) return identity(0);
@@ -80,8 +80,8 @@ static inline mat3 gravity_gradient_matrix(double mu, vec3 r)
     return plus(identity(-k), scaled(3 * k / rr, outer(r, r)));
 }
 
-/* transport terms w' x x + 2 w x x' + w x (w x x) of the second derivative; dx as seen in the
- * frame */
+/* transport terms of the second derivative of x, w' x x + 2 w x x' + w x (w x x); dx: x' as seen
+ * in the frame */
 static inline vec3 transport(const HillFrame *f, vec3 x, vec3 dx)
 {
     return sum3(cross(f->dw_H, x), scale(2, cross(f->w_H, dx)), cross(f->w_H, cross(f->w_H, x)));

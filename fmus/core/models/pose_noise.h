@@ -35,7 +35,7 @@ typedef struct { double range_0, range_2, bearing_0, bearing_1, theta_0, theta_1
         NONNEGATIVE_AS("sigma_theta_1", member.theta_1, "rad/m",                                  \
                        "growth of sigma_theta_0 with range")
 
-/* camera axes, boresight X */
+/* standard deviations of a measured position at range R, camera axes with boresight X [m] */
 static inline vec3 position_noise(const PoseNoise *n, double R)
 {
     double across = n->bearing_0 + n->bearing_1 * R;

@@ -6,7 +6,8 @@
 #include "fmu.h"
 #include "vec3.h"
 
-/* 3 mu / r^3  rb x (J rb), rb the unit position in body axes [N.m]; docs/models.md A.2 */
+/* gravity-gradient torque 3 mu / r^3 rb x (J rb) [N.m], rb: unit vector of r_B, body axes;
+ * docs/models.md A.2 */
 static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
 {
     if (mu == 0) return vec(0, 0, 0);
@@ -17,9 +18,9 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
 
 #define SYMMETRIC 1e-9
 
-/* relative to the largest diagonal element: a matrix rotated in floating point is symmetric up to
- * rounding errors. It is used as given; the effect of its unsymmetric part on the motion is as
- * small. */
+/* true if m is symmetric within a tolerance relative to its largest diagonal element, as
+ * rounding errors make a rotated matrix unsymmetric. The matrix is used as given; its
+ * unsymmetric part affects the motion as little. */
 static inline int is_symmetric(mat3 m)
 {
     double largest = larger(fabs(m.row[0].x), larger(fabs(m.row[1].y), fabs(m.row[2].z)));
@@ -42,8 +43,8 @@ static inline void check_positive_definite(Problems *problems, const char *name,
                "must be positive definite");
 }
 
-/* no principal moment above the sum of the other two, which holds if and only if no principal minor
- * of E = trace(J)/2 I - J is negative */
+/* true if no principal moment exceeds the sum of the other two. This holds if and only if no
+ * principal minor of E = trace(J)/2 I - J is negative. */
 static inline int satisfies_triangle_inequality(mat3 J)
 {
     double half = (J.row[0].x + J.row[1].y + J.row[2].z) / 2, tolerance = -1e-12 * half;

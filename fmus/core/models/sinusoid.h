@@ -21,14 +21,14 @@ typedef struct {
         PARAMETER_AS(name ".start", member.start, "s", text ": zero before this time")
 #define SINUSOID_ROWS(member, unit, text) SINUSOID_ROWS_AS(#member, member, unit, text)
 
-/* one axis; amplitude 0, the most frequent case, needs no sine */
+/* disturbance on one axis; amplitude 0, the most frequent case, skips the sine */
 static inline double wave(double bias, double amplitude, double frequency, double phase, double t)
 {
     return amplitude == 0 ? bias : bias + amplitude * sine(frequency * t + phase);
 }
 
-/* `step_start`: start of the internal step that contains t; the disturbance acts from the first
- * internal step that begins at or after its start time */
+/* disturbance at time t; step_start: start of the internal step that contains t. The disturbance
+ * acts from the first internal step that begins at or after its start time. */
 static inline vec3 sinusoid(const Sinusoid *d, double step_start, double t)
 {
     if (!reached(step_start, d->start)) return vec(0, 0, 0);

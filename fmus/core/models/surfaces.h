@@ -12,7 +12,7 @@ typedef struct { vec3 of[PANELS]; } PanelVectors;
 typedef struct {
     vec3 box_0, box_1; /* edges along the body axes, m; 0: no box */
     double panel_area[PANELS], panel_body[PANELS];
-    PanelVectors panel_position, panel_normal; /* from the centre of mass, body axes */
+    PanelVectors panel_position, panel_normal; /* from the centre of mass of the body, body axes */
 } Surfaces;
 
 typedef struct {
@@ -20,7 +20,7 @@ typedef struct {
     vec3 normal, centre;
 } Facet;
 
-static inline Facet box_face(vec3 edges, int k) /* k: +x -x +y -y +z -z */
+static inline Facet box_face(vec3 edges, int k) /* face k: +x -x +y -y +z -z */
 {
     double side = k % 2 ? -1 : 1;
     vec3 axis[3] = {vec(side, 0, 0), vec(0, side, 0), vec(0, 0, side)}, n = axis[k / 2];
@@ -43,7 +43,7 @@ static inline Facet facet(const Surfaces *s, int k)
     return box_face(k < BOX_FACES ? s->box_0 : s->box_1, k % BOX_FACES);
 }
 
-/* projected area in a flow of direction v [m2] */
+/* area of a facet, projected on the plane normal to the direction v of the flow [m2] */
 static inline double area_in_flow(Facet f, vec3 v)
 {
     double facing = -dot(f.normal, v);

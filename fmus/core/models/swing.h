@@ -24,8 +24,8 @@ typedef struct { double angle, rate, accel; } Arm; /* rad, rad/s, rad/s2 */
                "1: quintic swing; 0: constant acceleration, then as much deceleration",   \
                SWITCH_VALUE)
 
-/* t_inside: an instant inside the integration step, which decides on which side of a jump of the
- * acceleration or its derivative the step is */
+/* swing at time t. t_inside: an instant inside the integration step; where the acceleration or
+ * its derivative jumps, t_inside selects the side of the jump */
 static inline Arm arm_in_step(const Swing *s, double t, double t_inside)
 {
     double u = clamp((t - s->start) / s->duration, 0, 1), v = 1 - u;

@@ -12,7 +12,7 @@
 #include "mat3.h"
 #include "moving_parts.h"
 
-/* I of (4): sum mass (r.r 1 - r r^T) = tr(Q) 1 - Q with Q = sum mass r r^T */
+/* inertia I of (4) about S: sum mass (r.r 1 - r r^T) = tr(Q) 1 - Q with Q = sum mass r r^T */
 static inline sym3 inertia_about_S(const Vehicle *v, const Placement *at)
 {
     sym3 I = v->I_fixed, Q = sym_diagonal(0, 0, 0);
@@ -53,15 +53,15 @@ static inline void set_effective_inertia(EffectiveInertia *effective, const Vehi
     effective->I = I, effective->U = U, effective->V = V, effective->W = W;
 }
 
-/* V^T X with X = K V and K symmetric, so that the product is symmetric */
+/* V^T X, which is symmetric as X = K V with a symmetric K */
 static inline sym3 congruence(mat3 V, mat3 X)
 {
     return sym_add(upper(V.row[0], X.row[0]),
                    sym_add(upper(V.row[1], X.row[1]), upper(V.row[2], X.row[2])));
 }
 
-/* A = U^-1 (force - V alpha), (W - V^T U^-1 V) alpha = moment - V^T U^-1 force; a hub whose
- * attitude is held has alpha = 0 */
+/* acceleration A of the hub at S and alpha under a load: A = U^-1 (force - V alpha),
+ * (W - V^T U^-1 V) alpha = moment - V^T U^-1 force; held: the attitude is held, alpha = 0 */
 static inline Acceleration acceleration(const EffectiveInertia *x, vec3 force, vec3 moment,
                                         int held)
 {
@@ -75,7 +75,8 @@ static inline Acceleration acceleration(const EffectiveInertia *x, vec3 force, v
 }
 
 /* ---- (10) ---- */
-/* tidal field of the planet: g (3 n (n.x) - x) at x from the centre of mass; g = 0: no field */
+/* tidal field of the planet: acceleration g (3 n (n.x) - x) at x from the centre of mass; g = 0:
+ * no field */
 typedef struct {
     double g;
     vec3 n;
@@ -86,15 +87,15 @@ static inline vec3 tidal_acceleration(const TidalField *f, vec3 x)
     return scale(f->g, sub(scale(3 * dot(f->n, x), f->n), x));
 }
 
-/* M_gg = 3 g n x (I_C n),   I_C = I - m (c.c 1 - c c^T) */
+/* gravity-gradient torque M_gg = 3 g n x (I_C n),   I_C = I - m (c.c 1 - c c^T) */
 static inline vec3 tidal_torque(const TidalField *f, const Placement *at, const sym3 *I)
 {
     sym3 I_C = sym_sub(*I, point_inertia(at->m, at->c));
     return scale(3 * f->g, cross(f->n, sym_mul(I_C, f->n)));
 }
 
-/* Q_k/M_k, the acceleration of a coordinate that the field causes; for a panel
- *   a.(n x I_i n) = (I3 - I1) (n.e)(n.t) */
+/* Q_k/M_k: acceleration of the coordinate of one part by the tidal field; for a panel
+ * a.(n x I_i n) = (I3 - I1) (n.e)(n.t) */
 static inline double tidal_part_acceleration(const TidalField *f, const PlacedPart *x, vec3 c)
 {
     double pull = x->part->P_size * dot(x->t, tidal_acceleration(f, sub(x->r, c)));
@@ -106,7 +107,7 @@ static inline double tidal_part_acceleration(const TidalField *f, const PlacedPa
  * a hub that does not accelerate ---- */
 typedef struct {
     vec3 F, M;       /* N_F + sum g_k p_k, N_M + sum g_k l_k */
-    double g[PARTS]; /* accelerations of the parts in a hub with A = alpha = 0 */
+    double g[PARTS]; /* accelerations q_k'' of the parts if A = alpha = 0 */
 } BiasTerms;
 
 /* A part exerts the force b + g p = md (g t + 2 q' w x t - q'^2 e) on the vehicle, and its moment.

@@ -13,8 +13,8 @@
 typedef struct {
     PhaseEntry entry; /* present phase, its start time, pose at that time */
     double in_window, t_window,
-        window_force; /* 1: in the latch window; time of the entry, peak force since then */
-    double F_inner;   /* largest normal force at the inner instants of the last step */
+        window_force; /* window_force: 1 in the latch window; t of entry, peak force since */
+    double F_inner;   /* largest normal force at the instants inside the last step */
     double load_force, load_moment; /* sizes of the mean force and couple of the last step */
     double dissipated, drive;
 } MechanismState;
@@ -27,7 +27,8 @@ static inline double misalignment(const PortState *s)
 static inline double offset(vec3 e) { return sqrt(e.y * e.y + e.z * e.z); }
 static inline int is_latched(const PhaseEntry *c) { return c->phase == SOFT || c->phase == HARD; }
 
-/* adds a rise of the stored energy to the work of the drive, a fall to the dissipated energy */
+/* sets the phase; adds a rise of the stored energy to the work of the drive, a fall to the
+ * dissipated energy */
 static inline void change_phase(const DockingParameters *p, MechanismState *x, const PortState *s,
                                 double phase, double t)
 {
@@ -50,8 +51,8 @@ static inline int in_latch_window(const DockingParameters *p, int armed, const P
            norm(s->w) <= p->latch_rate && !touch->too_deep;
 }
 
-/* soft capture needs a normal force of trip_force inside the window: a probe that is too slow
- * bounces off */
+/* updates the state of the latch window. Soft capture needs a normal force of trip_force in the
+ * window: a probe that is too slow bounces off. */
 static inline void update_latch_window(const DockingParameters *p, int armed, MechanismState *x,
                                        const PortState *s, double t)
 {

@@ -20,8 +20,8 @@ typedef struct {
     double draw_delay, draw_time, k_sep, stroke_sep;
 } Port;
 
-/* relative motion of the ports: d, tip of the probe from both centres of mass, N axes; e, u, tip
- * and its velocity, w, angular velocity of the probe, relative to Q in Q axes */
+/* relative motion of the ports. d: tip of the probe from both centres of mass, N axes. e, u: tip
+ * and its velocity, w: angular velocity of the probe; relative to Q, in Q axes */
 typedef struct {
     vec3_pair d;
     vec3 e, u, w;
@@ -29,8 +29,8 @@ typedef struct {
     quat q_PQ;
 } PortState;
 
-/* phase, and time and pose at its start: tip e_c (soft capture, release), rest attitude q_R (soft
- * capture) */
+/* present phase, and time and pose at its start: e_c: tip (soft capture, release); q_R: rest
+ * attitude (soft capture) */
 typedef struct {
     double phase, t_phase;
     vec3 e_c;
@@ -40,12 +40,12 @@ typedef struct {
 typedef struct {
     vec3 F, M;
     double U, P_diss, P_drive;
-    double normal; /* sum of normal forces */
+    double normal; /* sum of the normal forces of contact [N] */
     double touches, too_deep;
 } PortLoad;
 
 /* ---- contact ---- */
-/* S(x) = 10 x^3 - 15 x^4 + 6 x^5 and its slope; S is constant outside 0..1 */
+/* fifth-order step S(x) = 10 x^3 - 15 x^4 + 6 x^5; S is 0 below and 1 above 0..1 */
 static inline double smooth(double x)
 {
     double s = clamp(x, 0, 1);
@@ -62,7 +62,7 @@ static inline double power_of(double x, double exponent)
     return x > 0 ? exponential(exponent * logarithm(x)) : 0;
 }
 
-/* adds the load of one contact of depth d > 0 with normal n */
+/* adds the load of one contact with depth d > 0 and normal n; u: velocity of the tip */
 static inline void add_contact(const Port *p, double d, vec3 n, vec3 u, PortLoad *y)
 {
     double rate = -dot(n, u), elastic = p->k_contact * power_of(d, p->n_contact);
@@ -78,8 +78,8 @@ static inline void add_contact(const Port *p, double d, vec3 n, vec3 u, PortLoad
     y->touches = 1;
 }
 
-/* the material of the drogue is the disc r < face_radius, x < 0, less the cone; the tip has at most
- * one contact with wall or rim, and one with the floor */
+/* load of all contacts of the tip e. The material of the drogue is the disc r < face_radius, x <
+ * 0, without the cone; the tip has at most one contact with wall or rim, and one with the floor. */
 static inline PortLoad contact_load(const Port *p, vec3 e, vec3 u)
 {
     PortLoad y = {.U = 0};
@@ -143,8 +143,8 @@ static inline PortLoad port_load(const Port *p, const PhaseEntry *c, const PortS
     return y;
 }
 
-/* rest attitude of P: aligned (X_P = -X_Q) along the shortest arc, with the roll angle at soft
- * capture */
+/* rest attitude q_R of P: q_PQ rotated along the shortest arc until X_P = -X_Q; the roll angle
+ * at soft capture does not change */
 static inline quat rest_attitude(quat q_PQ)
 {
     vec3 b = dcm_of_quat(q_PQ).row[0];

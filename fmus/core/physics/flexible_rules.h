@@ -72,14 +72,15 @@ static inline Vehicle vehicle(const FlexibleParameters *p)
     return vehicle_of(p->base.mass_0, p->base.J_S, &p->panel, &p->slosh);
 }
 
-/* n: the smallest whole number with (max_step/n) omega_top <= 0.3; (12) */
+/* (12): number n of substeps in an internal step, the smallest with (max_step/n)
+ * omega_top <= 0.3 */
 static inline double substeps(const FlexibleParameters *p, const Vehicle *v)
 {
     return larger(1, ceiling_of(p->base.max_step * highest_mode(v) / 0.3 * (1 - 1e-12)));
 }
 
-/* the hub must have positive mass and a possible inertia about its own centre of mass, I_hc = I_h0
- * - (h.h 1 - h h^T)/m_h, with the wheels locked and without the wheels */
+/* rejects a hub without positive mass, or with an impossible inertia about its own centre of
+ * mass, I_hc = I_h0 - (h.h 1 - h h^T)/m_h, with locked wheels or without wheels */
 static inline void check_hub(const FlexibleParameters *p, Problems *problems)
 {
     Vehicle v = vehicle(p);
@@ -119,8 +120,7 @@ static inline void check_flexible(Problems *problems, const FlexibleParameters *
         }
     if (draw > 1)
         reject(problems, "sum of slosh_draw", draw, "must be at most 1 over the existing masses");
-    if (problems->count == 0)
-        check_hub(p, problems); /* the hub is computed from valid values only */
+    if (problems->count == 0) check_hub(p, problems); /* needs valid parameters */
 }
 
 #endif

@@ -13,7 +13,7 @@
 
 enum { PANELS = 4, SLOSHES = 4, PARTS = PANELS + SLOSHES }; /* coordinates: panels first */
 
-/* one entry or row per panel or mass */
+/* parameters: each array has one entry or row per panel or slosh mass */
 typedef struct {
     double mass[PANELS];
     vec3 hinge_S[PANELS], arm_S[PANELS], axis_S[PANELS], inertia[PANELS];
@@ -29,7 +29,7 @@ typedef struct {
 /* ---- constants that follow from the parameters; doubles only, because a State holds them ---- */
 typedef struct {
     double k;                    /* index of its coordinate */
-    double mass;                 /* at the start */
+    double mass;                 /* mass at the start */
     vec3 origin, e_0, axis, t_0; /* panel: hinge, e_0, a, a x e_0; slosh mass: r_0, -, p, - */
     double d;         /* r' = d q' t; panel: from hinge to centre of mass; slosh mass: 1 */
     double I_h;       /* I2 + mu d^2 */
@@ -39,7 +39,7 @@ typedef struct {
     double gyroscopic_t, gyroscopic_e; /* I1 + I2 - I3, I1 - I2 - I3 */
     vec3 I_axis;                       /* I2 a */
     double stiffness, damping;         /* per generalised mass: w^2, 2 z w */
-    double draw;                       /* slosh_draw */
+    double draw;                       /* share of the consumed propellant */
 } Part;
 /* sums of p p^T/M, p l^T/M, l l^T/M of (7) */
 typedef struct {
@@ -49,7 +49,7 @@ typedef struct {
 typedef struct {
     double count; /* number of parts that exist */
     Part part[PARTS];
-    double mass_0, mass; /* of the vehicle and of the hub, at the start */
+    double mass_0, mass; /* mass of the vehicle and of the hub, at the start */
     vec3 first_moment;   /* h of the hub about S */
     sym3 inertia;        /* I_h0 of the hub about S, wheels locked */
     sym3 I_fixed;        /* terms of I of (4) that do not depend on the coordinates */
@@ -101,7 +101,7 @@ static inline Part slosh_of(const Sloshes *p, int j)
                   .draw = p->draw[j]};
 }
 
-/* sum += k (p p^T, p l^T, l l^T) */
+/* adds k p p^T, k p l^T and k l l^T to the sums */
 static inline void add_coupling(Coupling *sum, double k, vec3 p, vec3 l)
 {
     sum->pp = sym_add(sum->pp, dyad(k, p));
@@ -109,13 +109,15 @@ static inline void add_coupling(Coupling *sum, double k, vec3 p, vec3 l)
     sum->ll = sym_add(sum->ll, dyad(k, l));
 }
 
-/* I_i without (I1 - I3) e e^T: I3 1 + (I2 - I3) a a^T, as e, a, t are perpendicular */
+/* constant part of the inertia I_i of a panel, without (I1 - I3) e e^T: I3 1 + (I2 - I3) a a^T,
+ * as e, a, t are perpendicular */
 static inline sym3 fixed_inertia(vec3 I, vec3 axis)
 {
     return sym_add(sym_diagonal(I.z, I.z, I.z), dyad(I.y - I.z, axis));
 }
 
-/* (3): the hub is the vehicle without its undeformed parts */
+/* (3): constants of the vehicle; the hub has mass and inertia of the vehicle minus the
+ * undeformed parts */
 static inline Vehicle vehicle_of(double mass_0, mat3 J_S, const Panels *panels,
                                  const Sloshes *sloshes)
 {
@@ -151,10 +153,10 @@ typedef struct {
     double q, rate, mass, M; /* q_k, q_k', present mass, generalised mass of (5) */
     double md;               /* p = md t */
     vec3 r, t, L; /* centre of mass from S; its direction of motion, r' = d q' t; l/M of (5) */
-    vec3 e;       /* of a panel, (1) */
+    vec3 e;       /* axis e of a panel by (1) */
 } PlacedPart;
 typedef struct {
-    double m, used, hub_mass; /* used: propellant U consumed so far */
+    double m, used, hub_mass; /* used: consumed propellant U */
     vec3 s, c, dc;            /* first moment; centre of mass; its velocity relative to the hub */
     int count;
     PlacedPart part[PARTS]; /* the parts that exist */
@@ -179,7 +181,8 @@ static inline void place_slosh(PlacedPart *x, const Part *b, double displacement
     x->L = b->L_fixed;
 }
 
-/* (4) without I, and (8) */
+/* (4) except I, and (8): positions of the parts and centre of mass after the consumption of
+ * `used` kilograms */
 static inline void place_parts(Placement *at, const Vehicle *v, double used, const double q[PARTS],
                                const double dq[PARTS])
 {

@@ -97,7 +97,7 @@ static const double quantile_F[] = {1.0,
                                     1.42151175831644588870e-7,
                                     2.04426310338993978564e-15};
 
-/* the quantile of the normal distribution for 0 < u < 1 */
+/* quantile z of the normal distribution at the probability u, 0 < u < 1 */
 static inline double normal_quantile(double u)
 {
     double q = u - 0.5;
@@ -114,9 +114,9 @@ static inline double normal_quantile(double u)
 /* ---- draws ---- */
 typedef struct {
     uint32_t key[2], low, high, once;
-} Draws; /* all draws of a sample (once = 0) or of the run (once = 1) */
+} Draws; /* addresses the draws of a sample (once = 0) or of the run (once = 1) */
 
-static inline double remainder_of(double x, double divisor) /* in [0, divisor) */
+static inline double remainder_of(double x, double divisor) /* result in [0, divisor) */
 {
     return x - divisor * floor_of(x / divisor);
 }
@@ -134,7 +134,8 @@ static inline Draws draws_of_run(const RandomStream *r)
     return (Draws){{(uint32_t)r->seed, (uint32_t)r->stream}, 0, 0, 1};
 }
 
-/* uniform in (0, 1), exact and symmetric about 1/2: 52 bits of two words plus half a unit */
+/* uniform number in (0, 1), symmetric about 1/2: 52 bits of two words plus half a unit in their
+ * last place, which is exact */
 static inline double uniform_of_words(uint32_t a, uint32_t b)
 {
     return ((a >> 6) * 67108864.0 + (b >> 6) + 0.5) / 4503599627370496.0;
@@ -147,7 +148,7 @@ static inline double uniform(const Draws *d, unsigned j)
 }
 static inline double normal(const Draws *d, unsigned j) { return normal_quantile(uniform(d, j)); }
 
-/* three draws from draw j on: normal, and uniform in (-1, 1) */
+/* three standard normal draws, from draw j on; below: three uniform draws in (-1, 1) */
 static inline vec3 normals(const Draws *d, unsigned j)
 {
     return vec(normal(d, j), normal(d, j + 1), normal(d, j + 2));

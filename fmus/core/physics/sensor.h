@@ -14,8 +14,8 @@
 #define SENSOR_PERIOD_ROW \
     GRID(sample_period, "period of the measurements, a multiple of the macro step")
 
-/* defines name(p, u, x, y, t, h), which calls measure(p, u, x, y, s) at every sample instant in [t,
- * t+h) */
+/* defines the function name(p, u, x, y, t, h), which calls measure(p, u, x, y, s) at every
+ * sample instant s in [t, t+h) */
 #define SAMPLED(name, measure)                                                                     \
     static void name(const Parameters *p, const Input *u, State *x, Output *y, double t, double h) \
     {                                                                                              \
@@ -28,7 +28,8 @@ enum { RING = 8 };
 
 #define LATENCY_ROW NONNEGATIVE(latency, "s", "from the measurement to the output, up to 7 periods")
 
-/* defines Slot and State; filled: 1 if the slot holds a sample */
+/* defines the ring buffer of late samples: Slot and State; filled: 1 if the slot contains a
+ * sample */
 #define LATE_STATE            \
     typedef struct {          \
         double filled, index; \
@@ -36,8 +37,8 @@ enum { RING = 8 };
     } Slot;                   \
     typedef struct { Slot ring[RING]; } State
 
-/* defines step(), with measured(p, u, s) the output of a sample: at the end of a step to t the
- * newest sample n with n P + latency < t is published */
+/* defines step(), in which measured(p, u, s) returns the sample s: at the end of a step to t,
+ * the newest sample n with n P + latency < t is published */
 #define LATE_STEP(measured)                                                                        \
     static Slot *ring_slot(State *x, double n) { return &x->ring[(int)remainder_of(n, RING)]; }    \
     static void store_sample(const Parameters *p, const Input *u, State *x, Output *y, Sample s)   \
@@ -75,7 +76,7 @@ typedef struct { double start, duration, p_drop; } Outage;
 
 typedef struct {
     vec3 direction; /* to the Sun, N axes */
-    double cone;    /* rad */
+    double cone;    /* half angle [rad] */
 } Sun;
 
 #define SUN_ROWS(member)                                                            \
@@ -88,10 +89,11 @@ static inline int in_outage(const Outage *o, double t)
     return reached(t, o->start) && !reached(t, o->start + o->duration);
 }
 
-/* u: uniform draw of the sample in (0, 1) */
+/* true if the sample has a drop-out; u: its uniform draw in (0, 1) */
 static inline int dropped(const Outage *o, double u) { return u < o->p_drop; }
 
-/* the boresight is +X of the sensor, q its attitude relative to N */
+/* true if the Sun is within the cone about the boresight, +X of the sensor; q: attitude of the
+ * sensor relative to N */
 static inline int sun_in_cone(const Sun *sun, quat q)
 {
     return angle(dcm_of_quat(q).row[0], sun->direction) < sun->cone;

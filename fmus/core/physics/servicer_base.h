@@ -127,8 +127,8 @@ static inline void check_base_body(Problems *problems, const BaseParameters *p)
     check_positive_definite(problems, "A_w", p->A_w);
 }
 
-/* for a servicer that is one rigid body: its inertia without the wheels must be positive
- * definite */
+/* checks the inertia of a servicer that is one rigid body: without the wheels it must be
+ * positive definite */
 static inline void check_rigid_base(Problems *problems, const BaseParameters *p)
 {
     check_base_body(problems, p);
@@ -136,8 +136,8 @@ static inline void check_rigid_base(Problems *problems, const BaseParameters *p)
 }
 
 /* ---- motion ---- */
-/* force and torque of actuators and contact, body axes; the torque is about the reference point of
- * M_S */
+/* force and torque of actuators and contact together, body axes; the torque is about the
+ * reference point of M_S */
 static inline vec3 force_S(const BaseInput *u) { return add(u->F_S, u->F_contact_S); }
 static inline vec3 torque_S(const BaseInput *u) { return add(u->M_S, u->M_contact_S); }
 
@@ -154,7 +154,7 @@ typedef struct {
     const BaseParameters *p;
     const BaseInput *u;
     vec3 wheel_accel;
-    double step_start; /* s */
+    double step_start; /* start time of the internal step [s] */
     int released;
 } Interval;
 
@@ -166,8 +166,8 @@ static inline vec3 free_fall_N(const BaseParameters *p, const vec3 *r, const vec
                disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, r, v, step_start, t));
 }
 
-/* velocity_follows_attitude: the acceleration omega x v, with which C_SN v stays constant while the
- * body turns; v: velocity of the centre of mass */
+/* additional acceleration with velocity_follows_attitude: omega x v, with which C_SN v stays
+ * constant while the body turns; v: velocity of the centre of mass */
 static inline vec3 velocity_turning_N(const BaseParameters *p, int released, const BaseState *x,
                                       vec3 v)
 {
@@ -175,7 +175,8 @@ static inline vec3 velocity_turning_N(const BaseParameters *p, int released, con
     return cross(tmul(dcm_of_mrp(x->sigma), x->omega), v);
 }
 
-/* acceleration of one wheel over an internal step, within the limits of acceleration and speed */
+/* acceleration of one wheel over an internal step of length h, within the limits of acceleration
+ * and speed */
 static inline double wheel_accel(const BaseParameters *p, double command, double speed, double h)
 {
     double accel = limited(command, p->wheel_accel_max), limit = p->wheel_speed_max;
@@ -223,8 +224,9 @@ static inline BaseState rigid_rates(const Interval *c, double t, const BaseState
     return dx;
 }
 
-/* half a turn in an internal step is beyond the stability limit of the integrator (2.8 rad): the
- * attitude is lost, and the states would become NaN */
+/* half a turn per max_step minus the rate of the body [rad/s]. Half a turn in an internal step
+ * is beyond the stability limit of the integrator (2.8 rad): the attitude is lost, and the
+ * states would become NaN. */
 static inline double rate_margin(const BaseParameters *p, const BaseState *x, double t)
 {
     return PI / p->max_step - (reached(t, p->t_att) ? norm(x->omega) : 0);

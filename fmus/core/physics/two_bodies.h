@@ -24,7 +24,7 @@ typedef struct {
     vec3_pair w;
 } TwoBodies;
 
-/* force on S, moments on S and T about their centres of mass, N axes; the force on T is -F */
+/* F: force on S, -F acts on T; M: moments on S and on T about their centres of mass; N axes */
 typedef struct {
     vec3 F;
     vec3_pair M;
@@ -40,7 +40,7 @@ static inline TwoMasses two_masses(double mass_S, mat3 J_S, double mass_T, mat3 
     return m;
 }
 
-/* q [0, w]/2 */
+/* dq/dt = q [0, w]/2 */
 static inline quat attitude_rate(quat q, vec3 w)
 {
     return product(q, (quat){0, w.x / 2, w.y / 2, w.z / 2});
@@ -51,7 +51,7 @@ static inline vec3 rate_derivative(mat3 J, mat3 J_inverse, vec3 w, vec3 torque)
     return mul(J_inverse, sub(torque, cross(w, mul(J, w))));
 }
 
-/* C_SN, C_TN */
+/* rotation matrices C_SN and C_TN */
 static inline mat3_pair attitude_matrices(const TwoBodies *x)
 {
     mat3_pair C;

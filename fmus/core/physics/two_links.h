@@ -12,8 +12,8 @@
 
 enum { BODIES = 3, JOINTS = 2, SPEEDS = 5 };
 
-/* base, link 1, link 2: moments of inertia about the own centre of mass, inboard joint -> centre of
- * mass -> outboard joint */
+/* parameters of base, link 1 and link 2, one entry each: moments of inertia about the centre of
+ * mass; distances inboard joint -> centre of mass -> outboard joint */
 typedef struct {
     double mass[BODIES], Ixx[BODIES], Iyy[BODIES], Izz[BODIES];
     double l[BODIES], r[BODIES];
@@ -30,7 +30,7 @@ typedef struct {
 } Part;
 typedef struct { Part part[BODIES]; } Robot;
 
-/* Rz(g) diag(Ixx, Iyy, Izz) Rz(g)^T, along = (cos g, sin g, 0) */
+/* Rz(g) diag(Ixx, Iyy, Izz) Rz(g)^T: inertia of body k in base axes, along = (cos g, sin g, 0) */
 static inline mat3 turned_inertia(const Links *p, int k, vec3 along)
 {
     double c = along.x, s = along.y, difference = p->Ixx[k] - p->Iyy[k];
@@ -39,9 +39,8 @@ static inline mat3 turned_inertia(const Links *p, int k, vec3 along)
     return rows(vec(xx, xy, 0), vec(xy, yy, 0), vec(0, 0, p->Izz[k]));
 }
 
-/* sets position, its derivatives and the quadratic terms of the acceleration of a body at the end
- * of two segments of length a and b; the first joint turns the first segment, both joints turn the
- * second */
+/* sets the position of a body at the end of two segments of lengths a and b, its derivatives,
+ * and the quadratic terms of its acceleration; joint 1 turns both segments, joint 2 the second */
 static inline void place_body(Part *part, double a, double b, vec3 along_1, vec3 along_2,
                               const double dq[JOINTS])
 {
@@ -53,7 +52,8 @@ static inline void place_body(Part *part, double a, double b, vec3 along_1, vec3
     part->c = neg(add(scale(s1 * s1, first), scale(s2 * s2, both)));
 }
 
-/* changes the origin from the centre of mass of the base to the centre of mass of the robot */
+/* moves the origin of all positions from the centre of mass of the base to the centre of mass of
+ * the robot */
 static inline void refer_to_centre_of_mass(Robot *robot)
 {
     double mass = 0;
@@ -128,8 +128,8 @@ static inline Matrix mass_matrix(const Robot *robot)
     return H;
 }
 
-/* x of (upper left n x n block of H) x = y by Cholesky decomposition; the other elements of x are
- * 0 */
+/* x of H x = y for the upper left n x n block of H, by Cholesky decomposition; the other
+ * elements of x are 0 */
 static inline Column solution(Matrix H, Column y, int n)
 {
     Column x = {{0}};
@@ -153,7 +153,7 @@ static inline Column solution(Matrix H, Column y, int n)
     return x;
 }
 
-/* adds Jw_k^T torque + Jv_k^T force of one body k */
+/* adds the generalised force of a torque and a force on one body k: Jw_k^T torque + Jv_k^T force */
 static inline void add_generalised_force(Column *to, const Part *b, vec3 torque, vec3 force)
 {
     for (int i = 0; i < SPEEDS; i++) to->at[i] += dot(b->Jw[i], torque) + dot(b->Jv[i], force);

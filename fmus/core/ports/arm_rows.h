@@ -11,7 +11,8 @@
 #include "mounting.h"
 #include "rigid_body.h"
 
-/* seven joints z, y, x, y, x, y, x at the front face, 2.0 m from the second to the tip, 25 kg */
+/* default arm: seven joints z, y, x, y, x, y, x at the front face, 2.0 m from the second joint
+ * to the tip, 25 kg */
 #define ARM_START                                                                           \
     {.joints = 7,                                                                           \
      .axis = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}}, \
@@ -41,7 +42,7 @@
      .p_EA_A = {0.3, 0, 0},                                                                 \
      .q_EA = {1, 0, 0, 0}}
 
-/* the stowed arm, folded over the front face */
+/* joint angles of the stowed arm, which is folded over the front face */
 #define ARM_STOWED {1.5707963267948966, 0.3, 0, -2.7, 0, 1.2, 0}
 
 #define ARM_MATRIX(name, member, unit, text) \
@@ -78,7 +79,7 @@ typedef struct {
         NONNEGATIVE_AS("joint_torque_max", joint.torque_max, "N.m",                           \
                        "largest torque, per joint; 0 = no limit")
 
-/* damping dq + friction dq/sqrt(dq^2 + friction_rate^2) */
+/* friction torque of joint i: damping dq + friction dq/sqrt(dq^2 + friction_rate^2) */
 static inline double friction_torque(const Joints *joint, int i, double dq)
 {
     double r = joint->friction_rate, viscous = joint->damping[i] * dq;
@@ -116,7 +117,8 @@ static inline void check_link(Problems *problems, const Arm *arm, int i)
     check_inertia(problems, element_of(text, "link_inertia", i), mat_of(link_inertia(arm, i)));
 }
 
-/* the number of joints; 0 if it is rejected, so that no row is checked */
+/* checks the rows of the arm; returns the number of joints, 0 if that number is rejected, so
+ * that no row is checked */
 static inline int check_arm(Problems *problems, const Arm *arm)
 {
     double n = arm->joints;

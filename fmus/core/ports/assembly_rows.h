@@ -9,7 +9,7 @@
 #include "earth.h"
 #include "fmu.h"
 
-/* scenario of docs/models.md E.3 */
+/* default values: the scenario of docs/models.md E.3 */
 #define ASSEMBLY_START                                                                         \
     {.m0 = 24000,                                                                              \
      .m1 = 20000,                                                                              \

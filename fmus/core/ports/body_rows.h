@@ -10,9 +10,9 @@ typedef struct {
     vec3 r, v;
     quat q;
     vec3 omega;
-} Body; /* position, velocity in N axes; attitude and rate relative to N, rate in body axes */
+} Body; /* r, v: N axes; q: relative to N; omega: relative to N, body axes */
 
-/* suffix: "_hat" for estimates */
+/* rows of the state of a body; suffix: "_hat" for estimates, else "" */
 #define BODY_ROWS(causality, part, X, suffix, member, body)                         \
     ROW_AS(causality, part, "r_" X "N_N" suffix, member.r, 1, "m",                  \
            "position of the " body ", N axes", ANY_VALUE),                          \

@@ -11,7 +11,7 @@
 
 enum { THRUSTERS = 16 };
 
-typedef struct { vec3 row[THRUSTERS]; } Rows; /* one per thruster */
+typedef struct { vec3 row[THRUSTERS]; } Rows; /* one row per thruster */
 typedef struct {
     Rows position, direction;
     double nominal[THRUSTERS];
@@ -28,8 +28,8 @@ typedef struct {
         PARAMETER_AS("centre_of_mass", member.centre_of_mass, "m",                                 \
                      "centre of mass from the body origin, body axes")
 
-/* Kozlova & Fomichev 2023: attitude P1..P8 (0.5 N), brakes P'1..P'4 (10 N), main engine P'5 (50 N);
- * positions chosen here */
+/* thrusters of Kozlova & Fomichev 2023: attitude P1..P8 (0.5 N), brakes P'1..P'4 (10 N), main
+ * engine P'5 (50 N); their positions are chosen here, not in the paper */
 #define PAPER_THRUSTERS                                                       \
     {.position = {{{-0.5, 1, 0},                                              \
                    {-0.5, 0, 1},                                              \

@@ -20,7 +20,7 @@ static char line[LONGEST_LINE];
 typedef struct {
     double start, step; /* macro step k begins at start + k step [s] */
     int steps;          /* number of macro steps of the run */
-    int every;          /* macro steps from row to row; the last macro step gives a row, too */
+    int every;          /* macro steps between two rows; the last macro step also gives a row */
 } Schedule;
 
 static Schedule schedule;
@@ -39,7 +39,7 @@ static int fail(const char *text)
     return 0;
 }
 
-/* allocates memory for values and rows */
+/* returns new memory for values and rows; its size is in bytes */
 PAGE(reserve) void *reserve(size_t bytes);
 void *reserve(size_t bytes) { return malloc(bytes); }
 
@@ -60,7 +60,7 @@ int restart(void)
     return 1;
 }
 
-/* sets parameters and open inputs by value reference */
+/* sets parameters and open inputs by their value references */
 PAGE(set) int set(const unsigned vr[], const double value[], size_t count);
 int set(const unsigned vr[], const double value[], size_t count)
 {
@@ -84,7 +84,8 @@ static void write_row(const unsigned vr[], size_t width, double row[])
         row[i] = value_of(whole->model, scalar_of(&fmu_model, vr[i]));
 }
 
-/* initializes the system and writes the first row */
+/* initializes the system and writes the first row, the variables `vr`; `every`: macro steps
+ * between two rows */
 PAGE(begin)
 int begin(double start, double step, int steps, int every, const unsigned vr[], size_t width,
           double row[]);
@@ -99,8 +100,8 @@ int begin(double start, double step, int steps, int every, const unsigned vr[], 
     return 1;
 }
 
-/* does the macro steps first .. last - 1 and writes their rows; returns the number of steps done
- * since the start */
+/* does the macro steps first .. last - 1 and writes their rows of the variables `vr`; returns
+ * the number of steps completed since the start */
 PAGE(run)
 int run(int first, int last, const unsigned vr[], size_t width, double rows[]);
 int run(int first, int last, const unsigned vr[], size_t width, double rows[])
