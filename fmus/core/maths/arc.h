@@ -30,8 +30,8 @@ static inline Arc hermite(vec3 p0, vec3 v0, vec3 p1, vec3 v1, double h)
 
 static inline vec3 between(vec3 a, vec3 b, double s) { return add(a, scale(s, sub(b, a))); }
 
-/* polar form (blossom) of the cubic: three equal arguments give a point, mixed arguments the
- * control points of a part */
+/* polar form (blossom) of the cubic with control points p: three equal arguments give the point
+ * at that parameter, mixed arguments give the control points of a part */
 static inline vec3 blossom(const vec3 p[4], double a, double b, double c)
 {
     vec3 q0 = between(p[0], p[1], a), q1 = between(p[1], p[2], a), q2 = between(p[2], p[3], a);
@@ -53,16 +53,16 @@ static inline Arc arc_part(const Arc *arc, double a, double b)
         {arc_velocity(arc, a), arc_velocity(arc, b)}};
 }
 
-/* least projection of the control points on a direction: no point of the arc is below it */
+/* least component of the control points along u: no point of the arc has a smaller component */
 static inline double least_along(const Arc *arc, vec3 u)
 {
     return smaller(smaller(dot(u, arc->p[0]), dot(u, arc->p[1])),
                    smaller(dot(u, arc->p[2]), dot(u, arc->p[3])));
 }
 
-/* Bernstein coefficients of |point|^2 along the arc, a polynomial of degree 6 that stays between
- * the least and the largest coefficient; both bounds are exact for a monotonic distance and close
- * for a nearly constant one */
+/* Bernstein coefficients of |p|^2 along an arc, a polynomial of degree 6 whose values are
+ * between the least and the largest coefficient. Both bounds are exact for a monotonic distance
+ * and close for a nearly constant distance. */
 enum { SQUARE = 7 };
 typedef struct { double c[SQUARE], least, most; } Square;
 
@@ -96,7 +96,7 @@ static inline double value_at(const Margin *m, const Arc *arc, double s)
     return m->value(m->rule, arc_position(arc, s), arc_velocity(arc, s));
 }
 
-/* a part of 0..1: start s and width w, a power of two that divides s */
+/* a part of the parameter range 0..1: start s and width w; w is a power of two that divides s */
 typedef struct { double s, w; } Part;
 
 static inline Part next_part(Part x)
@@ -107,14 +107,16 @@ static inline Part next_part(Part x)
 }
 static inline Part left_half(Part x) { return (Part){x.s, x.w / 2}; }
 
-/* resolution of the least value: 1e-7 m or m/s, but not finer than the rounding of the arc */
+/* resolution with which a least value is computed: 1e-7 m or m/s, or the rounding error of the
+ * arc if that is larger */
 static inline double resolution(const Arc *arc)
 {
     double size = norm(arc->p[0]) + norm(arc->p[1]) + norm(arc->p[2]) + norm(arc->p[3]);
     return larger(1e-7, 1e-12 * size);
 }
 
-/* lower bound of the least value on the arc, below it by at most the resolution */
+/* lower bound of the least margin on the arc; the bound is below the least margin by at most the
+ * resolution */
 static inline double least_on(const Margin *m, const Arc *arc)
 {
     double best = smaller(value_at(m, arc, 0), value_at(m, arc, 1)), lowest = best;
@@ -133,7 +135,7 @@ static inline double least_on(const Margin *m, const Arc *arc)
     return smaller(best, lowest);
 }
 
-/* parameter in 0..1 at which the value first falls below zero, or NEVER */
+/* parameter in 0..1 of the arc at which the margin first falls below zero, or NEVER */
 static inline double first_below_zero(const Margin *m, const Arc *arc)
 {
     Part x = {0, 1};

@@ -14,7 +14,7 @@ typedef struct { double w, x, y, z; } quat;
 static inline vec3 vector_part(quat q) { return vec(q.x, q.y, q.z); }
 static inline quat conjugate(quat q) { return (quat){q.w, -q.x, -q.y, -q.z}; }
 
-/* Hamilton product a b: q_BN = q_MN q_BM */
+/* Hamilton product a b; for example q_BN = q_MN q_BM */
 static inline quat product(quat a, quat b)
 {
     vec3 av = vector_part(a), bv = vector_part(b);
@@ -41,7 +41,8 @@ static inline mat3 dcm_of_quat(quat q)
                 vec(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)));
 }
 
-/* Shepperd: divide by the largest of the four components; q_0 >= 0 */
+/* quaternion of a rotation matrix by Shepperd: divides by the largest of the four components;
+ * q_0 >= 0 */
 static inline quat quat_of_dcm(mat3 c)
 {
     double xx = c.row[0].x, yy = c.row[1].y, zz = c.row[2].z, trace = xx + yy + zz;
@@ -88,7 +89,7 @@ static inline vec3 mrp_G_transposed(vec3 s, vec3 w)
 }
 static inline vec3 mrp_rate(vec3 s, vec3 w) { return scale(0.25, mrp_G(s, w)); }
 
-/* the MRP of the attitude inside the unit sphere: s or its shadow */
+/* MRP inside the unit sphere for the attitude s: s or its shadow */
 static inline vec3 mrp_inside(vec3 s)
 {
     double ss = dot(s, s);

@@ -5,8 +5,8 @@
 
 #include <math.h>
 
-/* A = L L^T, L in the lower triangle of a, by rows; `stride`: distance of rows in doubles. Returns
- * 0 if A is not positive definite. */
+/* decomposition A = L L^T; L replaces the lower triangle of a, by rows; `stride`: distance of
+ * rows in doubles. Returns 0 if A is not positive definite. */
 static inline int cholesky(double *a, int n, int stride)
 {
     for (int j = 0; j < n; j++) {
@@ -38,10 +38,11 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
     }
 }
 
-/* x of A x = b by elimination without square roots: the upper triangle of A is in the first n < 8
- * columns of a, b in column n; both are overwritten. So that compilers process two numbers at a time,
- * the loop over row i begins at column 0, or at HALF if i >= HALF: it also computes elements left of
- * the diagonal, which may have any value and are not used. Returns 0 if A is not positive definite. */
+/* solution x of A x = b by elimination without square roots: the upper triangle of A is in the
+ * first n < 8 columns of a, b in column n; both are overwritten. So that compilers process two
+ * numbers at a time, the loop over row i begins at column 0, or at HALF if i >= HALF: it also
+ * computes elements left of the diagonal, which may have any value and are not used. Returns 0
+ * if A is not positive definite. */
 enum { UPPER = 8, HALF = UPPER / 2 };
 static inline int solve_upper(double a[][UPPER], int n, double *x)
 {

@@ -24,7 +24,8 @@ static inline void put_vec(vec3s *a, int i, vec3 b)
     a->z[i] = b.z;
 }
 
-/* sum_i = from + step_0 + ... + step_(i-1); returns the complete sum */
+/* sets sum_i = from + step_0 + ... + step_(i-1) for i = 0 to 7; returns the sum with all eight
+ * steps */
 static inline vec3 partial_sums(vec3s *restrict sum, vec3 from, const vec3s *restrict step)
 {
     for (int i = 0; i < COLUMNS; i++) {

@@ -12,9 +12,9 @@
 
 #include <string.h>
 
-enum { MOST_STATES = 23, MOST_BLOCKS = 3, AT_ONCE = 4 /* columns */ };
+enum { MOST_STATES = 23, MOST_BLOCKS = 3, AT_ONCE = 4 /* AT_ONCE: columns */ };
 
-/* set or increase the 3x3 block at (row, column) of a matrix of n columns */
+/* sets the 3x3 block at (row, column) of a matrix M with n columns; below: adds to the block */
 static inline void put_block(double *M, size_t n, size_t row, size_t column, mat3 block)
 {
     for (size_t i = 0; i < 3; i++) {
@@ -31,7 +31,7 @@ static inline void add_block(double *M, size_t n, size_t row, size_t column, mat
 }
 static inline vec3 three(const double *x) { return vec(x[0], x[1], x[2]); }
 
-/* square roots of the diagonal elements i to i + 2 */
+/* standard deviations: square roots of the diagonal elements i to i + 2 of P */
 static inline vec3 sigma_at(const double *P, size_t n, size_t i)
 {
     const double *at = P + i * (n + 1);
@@ -45,8 +45,8 @@ static inline void symmetrise(double *P, size_t n)
             P[i * n + j] = P[j * n + i] = (P[i * n + j] + P[j * n + i]) / 2;
 }
 
-/* the first `moving` rows of (I + F) M in the first `columns` columns, and in up to AT_ONCE - 1
- * columns more; M and the result have n columns, and the zeros of F are skipped */
+/* the first `moving` rows of (I + F) M, in its first `columns` columns and in up to AT_ONCE - 1
+ * more columns. M and the result have n columns; zeros of F are skipped. */
 static inline void transition_times(const double *F, size_t moving, const double *M, size_t columns,
                                     double *result, size_t n)
 {
@@ -73,13 +73,14 @@ static inline void transition_times(const double *F, size_t moving, const double
     }
 }
 
-/* P <- (I + F) P (I + F)^T = (I + F) ((I + F) P)^T of a symmetric P, to be symmetrised after the noise
- * is added. Only the first `moving` rows of F are not zero. Of constant states, only the covariance
- * with the others changes: it is in (I + F) P already. */
+/* P <- (I + F) P (I + F)^T, computed as (I + F) ((I + F) P)^T of a symmetric P; the caller makes
+ * P symmetric after adding noise. Only the first `moving` rows of F are not zero; of the other
+ * states, which are constant, only the covariance with the first ones changes, which (I + F) P
+ * already contains. */
 static inline void propagate_covariance(double *P, const double *F, size_t moving, size_t n)
 {
     double half[MOST_STATES * MOST_STATES], transposed[MOST_STATES * MOST_STATES];
-    size_t used = moving + AT_ONCE < n ? moving + AT_ONCE : n; /* columns of `transposed` */
+    size_t used = moving + AT_ONCE < n ? moving + AT_ONCE : n; /* columns used */
     transition_times(F, moving, P, n, half, n);
     for (size_t i = 0; i < used; i++)
         for (size_t j = 0; j < n; j++) transposed[j * n + i] = (i < moving ? half : P)[i * n + j];
@@ -88,7 +89,8 @@ static inline void propagate_covariance(double *P, const double *F, size_t movin
         for (size_t j = moving; j < n; j++) P[i * n + j] = P[j * n + i] = half[i * n + j];
 }
 
-/* white noise of density q in the acceleration of three states: q [T^3/3, T^2/2; T^2/2, T] */
+/* adds the covariance by white noise of density q in the acceleration of three position states
+ * and three rate states over the time T: q [T^3/3, T^2/2; T^2/2, T] */
 static inline void add_white_acceleration(double *P, size_t n, size_t position, size_t rate,
                                           double q, double T)
 {
@@ -98,7 +100,7 @@ static inline void add_white_acceleration(double *P, size_t n, size_t position, 
     add_block(P, n, rate, rate, identity(q * T));
 }
 
-/* residual y = H x + noise of covariance R; H is zero except for `count` 3x3 blocks */
+/* measured residual y = H x + noise with covariance R; H is zero except for `count` 3x3 blocks */
 typedef struct {
     vec3 y;
     mat3 R;
@@ -109,7 +111,7 @@ typedef struct {
     } block[MOST_BLOCKS];
 } Residual;
 
-/* row i of M H^T */
+/* one row of M H^T, from that row of M */
 static inline vec3 row_times_H_transposed(const Residual *m, const double *row)
 {
     vec3 sum = vec(0, 0, 0);
@@ -118,7 +120,7 @@ static inline vec3 row_times_H_transposed(const Residual *m, const double *row)
     return sum;
 }
 
-/* S = H P H^T + R from the rows of P H^T */
+/* covariance of the innovation, S = H P H^T + R, from the rows of P H^T */
 static inline mat3 innovation_covariance(const Residual *m, const vec3 *PHt)
 {
     mat3 S = m->R;
@@ -129,7 +131,8 @@ static inline mat3 innovation_covariance(const Residual *m, const vec3 *PHt)
     return S;
 }
 
-/* Joseph form in place, K and P H^T by rows: M = (I - K H) P, then M (I - K H)^T + K R K^T */
+/* Joseph form of the updated P, in place, with rows of K and of P H^T: M = (I - K H) P, then M
+ * (I - K H)^T + K R K^T */
 static inline void joseph_update(double *P, size_t n, const Residual *m, const vec3 *K,
                                  const vec3 *PHt)
 {
@@ -142,7 +145,8 @@ static inline void joseph_update(double *P, size_t n, const Residual *m, const v
     symmetrise(P, n);
 }
 
-/* S = H P H^T + R,  K = P H^T S^-1,  dx = K y;  returns y.S^-1 y */
+/* updates P by a residual and sets dx: S = H P H^T + R, K = P H^T S^-1, dx = K y; returns y.S^-1
+ * y */
 static inline double update_covariance(double *P, size_t n, const Residual *m, double *dx)
 {
     vec3 PHt[MOST_STATES], K[MOST_STATES];

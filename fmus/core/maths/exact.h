@@ -8,13 +8,14 @@
 #include <stdint.h>
 #include <string.h>
 
-/* the result is NaN only if both arguments are NaN; if one of them is, the other one is returned */
+/* smaller and larger number; if one argument is NaN, the other is returned; NaN only if both are
+ * NaN */
 static inline double smaller(double a, double b) { return a < b || isnan(b) ? a : b; }
 static inline double larger(double a, double b) { return a > b || isnan(b) ? a : b; }
 
 #define PI 3.14159265358979323846
 
-/* as doubles: the constants of math.h are of type float */
+/* INFINITY and NAN of math.h have the type float; these have the type double */
 #define INFINITE   ((double)INFINITY)
 #define NOT_NUMBER ((double)NAN)
 
@@ -46,11 +47,11 @@ static inline double double_of(uint64_t bits)
     return x;
 }
 
-/* 2^n for -1022 <= n <= 1023; x 2^n for a normal product */
+/* 2^n for -1022 <= n <= 1023 */
 static inline double power_of_2(int n) { return double_of((uint64_t)(n + 1023) << 52); }
 static inline double raised(double x, int n) { return double_of(bits_of(x) + ((uint64_t)n << 52)); }
 
-/* the upper 26 bits of x: a product with another such number is exact */
+/* x with only its upper 26 bits: the product of two such numbers is exact */
 static inline double upper_bits(double x)
 {
     return double_of(bits_of(x) & UINT64_C(0xFFFFFFFFF8000000));

@@ -6,8 +6,9 @@
 #include <math.h>
 #include <stddef.h>
 
-/* A sum is finite only if every term is finite, so that one test suffices; if the sum overflows,
- * the terms are tested one by one. There are two sums, because compilers add to both at once. */
+/* true if all of x[0 .. count-1] are finite. A sum is finite only if every term is finite, so
+ * one test suffices; if the sum overflows, the terms are tested one by one. Two sums are formed,
+ * which compilers compute at once. */
 static inline int all_finite(const double x[], size_t count)
 {
     double sum[2] = {0};

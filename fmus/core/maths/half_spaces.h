@@ -15,7 +15,7 @@ enum { MOST_ROWS = 26, ALL_SATISFIED = -1 };
 #define END_OF_LINE 1e30 /* where a line ends, in both directions */
 
 typedef struct {
-    vec3 n; /* unit vector */
+    vec3 n; /* unit normal */
     double c, rule, failed;
 } Row; /* half space n.u >= c; rule: number of its safety rule; failed: 1 after it was relaxed */
 typedef struct {
@@ -25,8 +25,8 @@ typedef struct {
 
 static inline int excludes(const Row *r, vec3 u, double tol) { return dot(r->n, u) < r->c - tol; }
 
-/* the point nearest to `from` on the line through it along `along` that satisfies the first
- * `before` rows; returns 0 if no point does */
+/* sets u to the point nearest to `from` that satisfies the first `before` rows, on the line
+ * through `from` in the direction `along`; returns 0 if no point of the line satisfies them */
 static inline int nearest_on_line(const Row row[], int before, vec3 from, vec3 along, double tol,
                                   vec3 *u)
 {
@@ -43,8 +43,8 @@ static inline int nearest_on_line(const Row row[], int before, vec3 from, vec3 a
     return 1;
 }
 
-/* the point nearest to u_0 on the plane of row `before` that satisfies all rows before it; returns
- * 0 if no point does */
+/* sets u to the point nearest to u_0 that satisfies the rows before row `before`, on the plane
+ * of row `before`; returns 0 if no point of the plane satisfies them */
 static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double tol, vec3 *u)
 {
     vec3 n = row[before].n, p = add(u_0, scale(row[before].c - dot(n, u_0), n));
@@ -60,8 +60,9 @@ static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double
     return 1;
 }
 
-/* (21): the point nearest to u_0 that satisfies the first `number` rows. Returns ALL_SATISFIED, or
- * the index of the first row that no point satisfies together with the rows before it. */
+/* (21): sets u to the point nearest to u_0 that satisfies the first `number` rows. Returns
+ * ALL_SATISFIED, or the index of the first row that no point satisfies together with the rows
+ * before it. */
 static inline int nearest_point(const Row row[], int number, vec3 u_0, double tol, vec3 *u)
 {
     *u = u_0;

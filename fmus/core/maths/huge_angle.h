@@ -17,7 +17,7 @@ typedef struct {
 #define DIGIT_WORDS 7
 typedef struct { uint32_t word[DIGIT_WORDS]; } Digits; /* the first word is the highest */
 
-/* m 2^(e - 52) 2/pi mod 4, in units of 4/2^224; 0 <= e <= 1023 */
+/* m 2^(e - 52) 2/pi mod 4, in units of 4/2^224, for 0 <= e <= 1023 */
 static inline Digits quarter_turns(uint64_t m, int e)
 {
     int first = (e + 42) / 32, shift = (e + 42) % 32;
@@ -50,9 +50,10 @@ static inline uint64_t upper_product(uint64_t a, uint64_t b) /* a b / 2^64 */
     return a1 * b1 + (middle >> 32) + (other >> 32);
 }
 
-/* The two highest bits are the number of quarter turns, the others the fraction of a quarter turn;
- * a fraction of 1/2 or more is replaced by the next quarter turn minus the complement. Its leading
- * zeros, at most 62, are counted. */
+/* x mod pi/2 from the digits of 2/pi. The two highest bits of the product are the number of
+ * quarter turns, the others the fraction of a quarter turn; a fraction of 1/2 or more is
+ * replaced by the next quarter turn minus the complement. The leading zeros of the fraction, at
+ * most 62, are counted. */
 static inline Angle reduced_by_digits(double x)
 {
     uint64_t bits = bits_of(x), m = (bits & UINT64_C(0xFFFFFFFFFFFFF)) | UINT64_C(1) << 52;

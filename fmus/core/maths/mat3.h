@@ -23,7 +23,8 @@ static inline mat3 tilde(vec3 a) /* [a]x: tilde(a) b = a x b */
     return rows(vec(0, -a.z, a.y), vec(a.z, 0, -a.x), vec(-a.y, a.x, 0));
 }
 
-/* -([a]x[b]x + [b]x[a]x)/2 = (a.b) 1 - (a b^T + b a^T)/2; a = b: inertia of a unit mass at a */
+/* -([a]x[b]x + [b]x[a]x)/2 = (a.b) 1 - (a b^T + b a^T)/2; with a = b: inertia of a unit mass at
+ * the position a */
 static inline mat3 inertia_product(vec3 a, vec3 b)
 {
     double ab = dot(a, b);

@@ -15,8 +15,8 @@ static inline Motion cross_motion(Motion a, Motion b)
                     sum3(cross(a.dd, b.x), scale(2, cross(a.d, b.d)), cross(a.x, b.dd))};
 }
 
-/* k = u/|u|:  n' = k.u',  k' = (u' - n' k)/n,  n'' = k'.u' + k.u'',  k'' = (u'' - n'' k - 2 n'
- * k')/n */
+/* unit vector k = u/|u| with derivatives, n = |u|: n' = k.u', k' = (u' - n' k)/n,
+ * n'' = k'.u' + k.u'', k'' = (u'' - n'' k - 2 n' k')/n */
 static inline Motion normalised(Motion u)
 {
     double n = norm(u.x);
@@ -27,7 +27,7 @@ static inline Motion normalised(Motion u)
     return (Motion){k, dk, scale(1 / n, sub(u.dd, add(scale(2 * dn, dk), scale(ddn, k))))};
 }
 
-/* component of a fixed vector perpendicular to the unit vector i */
+/* part of a fixed vector that is perpendicular to the unit vector i, with derivatives */
 static inline Motion perpendicular_part(vec3 fixed, Motion i)
 {
     double s = dot(fixed, i.x), ds = dot(fixed, i.d), dds = dot(fixed, i.dd);

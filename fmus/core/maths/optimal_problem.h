@@ -17,10 +17,10 @@
 
 enum { NODES = 60 };
 
-#define RELAXATION      1.6 /* of an iteration */
+#define RELAXATION      1.6 /* over-relaxation of an iteration */
 #define POSITION_WEIGHT 480.0
 #define SPEED_WEIGHT    30.0
-#define END_FACTOR      3e3 /* weight of the end over the weight of a node */
+#define END_FACTOR      3e3 /* weight of the end state divided by the weight of a node */
 #define NEAR_THE_LIMIT  (1 - 1e-12)
 
 typedef struct {
@@ -28,10 +28,10 @@ typedef struct {
     vec3 a;            /* axis of the cone */
     double tangent, o; /* tangent of the half angle of the cone; its radius at the apex */
     vec3 n;            /* normal of the slab, or centre of the ball */
-    double low, high;  /* of the slab; high: radius of the ball */
+    double low, high;  /* of the slab; high: also radius of the ball */
     double has_ball;   /* 1: ball, 0: slab */
-    vec3 place;        /* of the goal */
-    vec3 v_centre;     /* of the speed limit */
+    vec3 place;        /* place of the goal */
+    vec3 v_centre;     /* centre of the speed limit */
     double v_max;
     vec3 p_free, v_free; /* motion without force, at the end of the node */
 } Node;                  /* data of one node, in units of a solve: p/T^2, v/T */
@@ -52,8 +52,8 @@ typedef struct {
     vec3 p[NODES]; /* path of the last iteration */
 } Iterates;
 
-/* of the last iteration: squares of the largest residuals and of the largest changes, numbers of
- * nodes where box, cone or slab limit the path */
+/* progress in the last iteration: squares of the largest residuals and of the largest changes;
+ * numbers of nodes where box, cone or slab limit the path */
 typedef struct {
     double residual_p, residual_u, change_p, change_u;
     double count_box, count_cone, count_slab;
@@ -63,7 +63,7 @@ typedef struct {
 typedef struct { double p, v, R_inverse; } NodeGains;
 typedef struct { NodeGains node[NODES]; } Gains;
 
-/* P <- A^T (P - b b^T/R) A + Q with A = [1 h; 0 1] */
+/* (13): gains of all nodes, backwards: P <- A^T (P - b b^T/R) A + Q with A = [1 h; 0 1] */
 static inline void set_gains(Gains *g, int nodes, int has_speed_limit)
 {
     double h = 1.0 / nodes, Q_p = 2 * POSITION_WEIGHT, Q_v = has_speed_limit ? SPEED_WEIGHT : 0;
@@ -86,7 +86,8 @@ static inline double shrunk(double b, double threshold)
     return left > 0 ? (b < 0 ? -left : left) : 0;
 }
 
-/* (16); near: 1 if a component is at its limit */
+/* (16): shrinks x by the threshold and projects it to the box; sets `near` to 1 if a component
+ * is at its limit */
 static inline vec3 onto_box(const Problem *b, const mat3 *C, vec3 x, int *near)
 {
     vec3 body = mul(*C, x);
@@ -133,14 +134,15 @@ static inline int differ(vec3 a, vec3 b) { return a.x != b.x || a.y != b.y || a.
 /* ---- one iteration, (9) to (15) ---- */
 static inline double square(vec3 a) { return dot(a, a); }
 
-/* (12): x = 1.6 q - 0.6 z + y, which is then projected */
+/* (12): x = 1.6 q - 0.6 z + y, the value that is then projected */
 static inline vec3 relaxed(vec3 q, Split s)
 {
     return add(sub(scale(RELAXATION, q), scale(RELAXATION - 1, s.z)), s.y);
 }
 static inline void replace_split(Split *s, vec3 x, vec3 z) { *s = (Split){z, sub(x, z)}; }
 
-/* (9): pull of position and velocity on the accelerations */
+/* (9): gradient by which the position constraints of node k act on the accelerations; below: by
+ * the speed constraint */
 static inline vec3 position_pull(const Problem *b, const Iterates *it, int k)
 {
     vec3 p = b->node[k].p_free;
@@ -153,7 +155,7 @@ static inline vec3 velocity_pull(const Problem *b, const Iterates *it, int k)
     return scale(SPEED_WEIGHT, sub(sub(it->speed[k].z, it->speed[k].y), b->node[k].v_free));
 }
 
-/* (14), backwards: q of every node */
+/* (14): sets q of every node, backwards from the end */
 static inline void sweep(const Problem *b, const Iterates *it, const Gains *g, int nodes, vec3 q[])
 {
     double h = 1.0 / nodes;
@@ -170,7 +172,7 @@ static inline void sweep(const Problem *b, const Iterates *it, const Gains *g, i
     }
 }
 
-/* (12) of the acceleration at one node; f: progress to update, or NULL */
+/* (12): projects the acceleration u of node k; f: progress to update, or NULL */
 static inline void project_u(const Problem *b, int k, vec3 u, Split *s, Progress *f)
 {
     int near;
@@ -182,7 +184,8 @@ static inline void project_u(const Problem *b, int k, vec3 u, Split *s, Progress
     f->change_u = larger(f->change_u, square(sub(s->z, before)));
 }
 
-/* (12) of a position p whose relaxed value x is projected to z; returns whether z differs from x */
+/* (12): stores the projection z of the relaxed value x of a position p; returns 1 if z differs
+ * from x */
 static inline int project_position(vec3 p, vec3 x, vec3 z, Split *s, Progress *f)
 {
     vec3 before = s->z;
@@ -214,7 +217,7 @@ static inline void project_v(const Problem *b, int k, vec3 v, Split *s)
     replace_split(s, x, onto_ball(b->node[k].v_centre, b->node[k].v_max, x));
 }
 
-/* (15) forwards and (12): one iteration. q: working memory; f: its progress, or NULL */
+/* (15) forwards and (12): does one iteration. q: working memory; f: its progress, or NULL */
 static inline void iterate(const Problem *b, const Gains *g, int nodes, Iterates *it, vec3 q[],
                            Progress *f)
 {
@@ -235,7 +238,7 @@ static inline void iterate(const Problem *b, const Gains *g, int nodes, Iterates
     }
 }
 
-/* cold start: at rest, on the free path */
+/* sets the iterates without an earlier path: the path without force */
 static inline void start_cold(const Problem *b, int nodes, Iterates *it)
 {
     vec3 none = vec(0, 0, 0);

@@ -15,16 +15,17 @@
 
 #define ROUNDER (1.5 * ALL_WHOLE) /* x + ROUNDER - ROUNDER: nearest whole number, |x| < 2^51 */
 
-/* the last bits of the nearest whole number n, from n + ROUNDER: n modulo a power of 2, also where n
- * is negative or does not fit into an int */
+/* the last bits of a whole number n, given n + ROUNDER: n modulo a power of 2 (mask + 1), also
+ * where n is negative or does not fit into an int */
 static inline int last_bits(double rounded, uint64_t mask)
 {
     return (int)(bits_of(rounded) & mask);
 }
 
 /* ---- sin and cos ---- */
-/* x - n pi/2 with pi/2 in three parts, two of which have exact products with n (Cody & Waite 1980);
- * if the difference cancels more digits than the third part covers, the digits of 2/pi are used */
+/* x - n pi/2 for the nearest whole n. pi/2 is the sum of three parts, and n times the first or
+ * second part is exact (Cody & Waite 1980); if the difference cancels more digits than the third
+ * part covers, the digits of 2/pi are used. */
 static inline Angle reduced(double x)
 {
     if (fabs(x) <= PI / 4) return (Angle){x, 0, 0};
@@ -79,8 +80,8 @@ static inline SineCosine sine_and_cosine(double x) /* the same bits as the two f
 }
 
 /* ---- atan2 ---- */
-/* base + rest +- atan(b/a) for 0 <= b <= a: a series in q = b/a, which is in two parts, if q < 1/8,
- * else atan(c) + atan((b - c a)/(a + c b)) with the nearest c = k/64 */
+/* base + base_rest + sign atan(b/a) for 0 <= b <= a: a series in q = b/a, which is computed in
+ * two parts, if q < 1/8, else atan(c) + atan((b - c a)/(a + c b)) with the nearest c = k/64 */
 static inline double add_arc(double base, double base_rest, double sign, double b, double a)
 {
     double q = b / a, a_1 = upper_bits(a), a_2 = a - a_1;
@@ -100,7 +101,8 @@ static inline double add_arc(double base, double base_rest, double sign, double 
     return whole + (sign * tail + (base - whole + sign * arc[0] + base_rest));
 }
 
-/* both arguments zero or infinite, or one of them not finite: directions at 0, 45, 90 .. degrees */
+/* atan2 where both arguments are zero or infinite, or one is not finite: directions at 0, 45, 90
+ * .. degrees */
 static inline double arc_at_edge(double y, double x, double a)
 {
     double half = a == 0 ? signbit(x) : x < 0, quarter = a > 0 && fabs(y) == a;
@@ -109,8 +111,8 @@ static inline double arc_at_edge(double y, double x, double a)
     return quarter ? 0.5 * PI_1 : half ? PI_1 : 0;
 }
 
-/* the first octant has b <= a, the others follow by reflection; a and b are scaled where products
- * would leave the range of doubles */
+/* atan2(y, x). The first octant has b <= a, the other octants follow by reflection; a and b are
+ * scaled where products would leave the range of doubles. */
 static inline double arc_tangent(double y, double x)
 {
     double v = fabs(y), u = fabs(x), a = v > u ? v : u, b = v > u ? u : v, size;
@@ -127,8 +129,8 @@ static inline double arc_tangent(double y, double x)
 }
 
 /* ---- exp and expm1 ---- */
-/* exp(x) = 2^n (a + a tail): x = (128 n + j) ln 2/128 + r, a (1 + b) = 2^(j/128) from a table,
- * |r| <= ln 2/256 (Tang 1989) */
+/* parts of exp(x) = 2^n (a + a tail): x = (128 n + j) ln 2/128 + r, a (1 + b) = 2^(j/128) from a
+ * table, |r| <= ln 2/256 (Tang 1989) */
 typedef struct {
     double a, tail;
     int n; /* modulo 2^12, as the exponent of a double counts */
@@ -143,8 +145,8 @@ static inline Power power_of_e(double x)
     return (Power){row[0], tail, last_bits(rounded, 0x7ffff) >> 7};
 }
 
-/* exp(x) for an x at which 2^n is out of range: if large, exp(x)/2 is computed and doubled; if small,
- * 2^1000 exp(x), a normal number, is computed and scaled */
+/* exp(x) where 2^n is not a normal double: for large x exp(x)/2 is computed and doubled; for
+ * small x 2^1000 exp(x), which is normal, is computed and scaled */
 static inline double exponential_at_edge(double x)
 {
     if (isnan(x)) return x;
@@ -188,8 +190,8 @@ static inline double logarithm_at_edge(double x)
 #define SMALLEST_NORMAL (UINT64_C(1) << 52)     /* bits of 2^-1022 */
 #define ALL_NORMAL      (UINT64_C(0x7FE) << 52) /* from there to infinity */
 
-/* x = 2^n z, ln z = ln c + ln(1 + r), 1/c in 20 bits from a table: r = z/c - 1 is exact in two
- * parts (after Tang 1990) */
+/* ln x: x = 2^n z, ln z = ln c + ln(1 + r), with 1/c in 20 bits from a table: r = z/c - 1 is
+ * exact in two parts (after Tang 1990) */
 static inline double logarithm(double x)
 {
     int shift = 1022;

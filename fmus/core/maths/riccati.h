@@ -68,8 +68,8 @@ static inline int largest_below(const double *a, int n, int column)
     return best;
 }
 
-/* b := a^-1 b by Gauss-Jordan elimination with row pivoting; a is n x n and destroyed, b is n x
- * m */
+/* solves a x = b for the n x m matrix x, which replaces b, by Gauss-Jordan elimination with row
+ * pivoting; the n x n matrix a is overwritten */
 static inline void solve_in_place(double *a, int n, double *b, int m)
 {
     for (int c = 0; c < n; c++) {
@@ -105,9 +105,9 @@ static inline double largest6(mat6 a)
 /* ---- Riccati by doubling ---- */
 typedef struct { mat6 E, G, H; } Doubling;
 
-/* Cayley transform at the point 1 1/s; any positive point works and affects only the speed of
- * convergence.
- *   B = A - I,  W = B^T + Q B^-1 S,  E = I + 2 W^-T,  G = 2 B^-1 S W^-1,  H = 2 W^-1 Q B^-1 */
+/* start of the doubling algorithm: Cayley transform at the point 1; any positive point works and
+ * affects only the speed of convergence.
+ * B = A - I, W = B^T + Q B^-1 S, E = I + 2 W^-T, G = 2 B^-1 S W^-1, H = 2 W^-1 Q B^-1 */
 static inline Doubling doubling_start(mat6 A, mat6 S, mat6 Q)
 {
     mat6 I = identity6(), B_inverse = solve6(sum6(1, A, -1, I), I),
@@ -119,7 +119,7 @@ static inline Doubling doubling_start(mat6 A, mat6 S, mat6 Q)
                       sum6(2, product6(product6(W_inverse, Q), B_inverse), 0, I)};
 }
 
-/* E := E N E,  G := G + E N G E^T,  H := H + E^T H N E,  N = (I + G H)^-1 */
+/* one doubling: E := E N E,  G := G + E N G E^T,  H := H + E^T H N E,  N = (I + G H)^-1 */
 static inline Doubling doubled(Doubling d)
 {
     mat6 I = identity6(), N = solve6(sum6(1, I, 1, product6(d.G, d.H)), I), EN = product6(d.E, N),
@@ -130,7 +130,7 @@ static inline Doubling doubled(Doubling d)
 }
 
 /* ---- Lyapunov ---- */
-static inline int element(int i, int j) /* of the upper triangle */
+static inline int element(int i, int j) /* index in Packed of row i, column j */
 {
     int row = i < j ? i : j, column = i < j ? j : i;
     return row * ORDER - row * (row - 1) / 2 + column - row;
@@ -152,7 +152,8 @@ static inline mat6 unpacked(Packed p)
     return m;
 }
 
-/* row (i,j) of T A + A^T T: sum over k of T_ik A_kj + T_kj A_ki */
+/* inverse of T -> T A + A^T T for packed T; row (i,j) of the equations: sum over k of T_ik
+ * A_kj + T_kj A_ki */
 static inline void lyapunov_inverse(mat6 A, LyapunovInverse *inverse)
 {
     double equations[ELEMENTS][ELEMENTS];
@@ -177,7 +178,7 @@ static inline mat6 lyapunov(const LyapunovInverse *inverse, mat6 C)
 }
 
 /* ---- Riccati by Newton steps ---- */
-/* a Newton step: X+ of (A - S X)^T X+ + X+ (A - S X) = -(Q + X S X) */
+/* X after one Newton step, X+: (A - S X)^T X+ + X+ (A - S X) = -(Q + X S X) */
 static inline mat6 refined(mat6 A, mat6 S, mat6 Q, mat6 X, LyapunovInverse *workspace)
 {
     mat6 SX = product6(S, X);
@@ -185,7 +186,8 @@ static inline mat6 refined(mat6 A, mat6 S, mat6 Q, mat6 X, LyapunovInverse *work
     return lyapunov(workspace, sum6(-1, Q, -1, product6(X, SX)));
 }
 
-/* workspace: 3.5 kB provided by the caller, so that they are not on the stack */
+/* stabilising solution X of the Riccati equation. workspace: 3.5 kB from the caller, which are
+ * thus not on the stack */
 static inline mat6 riccati(mat6 A, mat6 S, mat6 Q, LyapunovInverse *workspace)
 {
     Doubling d = doubling_start(A, S, Q);

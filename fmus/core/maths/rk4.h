@@ -30,7 +30,8 @@ static inline void rk4(Derivative *f, const void *context, double t, double h, d
     for (size_t i = 0; i < n; i++) x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
 }
 
-/* the arrays hold at most RK4_MAX_STATES numbers: a larger State does not compile */
+/* defines `name`, an integrator of `derivative`. Its arrays hold at most RK4_MAX_STATES numbers:
+ * a larger State does not compile. */
 #define RK4(name, derivative, Context, State)                                                   \
     typedef char name##_fits[sizeof(State) <= RK4_MAX_STATES * sizeof(double) ? 1 : -1];        \
     static inline void name##_rates(const void *context, double t, const double *x, double *dx) \

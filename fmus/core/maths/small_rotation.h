@@ -9,7 +9,7 @@
 
 #include "attitude.h"
 
-/* rot(a) = [1 - s.s, 2 s]/(1 + s.s),  s = a/4 */
+/* quaternion of a small rotation a: rot(a) = [1 - s.s, 2 s]/(1 + s.s),  s = a/4 */
 static inline quat rotation(vec3 a)
 {
     vec3 s = scale(0.25, a);
@@ -18,10 +18,10 @@ static inline quat rotation(vec3 a)
     return (quat){(1 - ss) / (1 + ss), v.x, v.y, v.z};
 }
 
-/* err(q) = 4 q_vec/(1 + q_0) of the canonical quaternion */
+/* small rotation of a quaternion: err(q) = 4 q_vec/(1 + q_0) with q_0 >= 0 */
 static inline vec3 rotation_error(quat q) { return scale(4, mrp_of_quat(q)); }
 
-/* phi of a quaternion, |phi| <= pi */
+/* rotation vector phi of a quaternion, |phi| <= pi */
 static inline vec3 rotation_vector(quat q)
 {
     quat c = canonical(q);
@@ -30,7 +30,8 @@ static inline vec3 rotation_vector(quat q)
     return scale(n > 0 ? 2 * arc_tangent(n, c.w) / n : 2, v);
 }
 
-/* [cos |phi|/2, sin(|phi|/2)/|phi| phi] by series: error below 1e-16 for rotations up to pi */
+/* quaternion of a rotation vector by series: [cos |phi|/2, sin(|phi|/2)/|phi| phi], with an
+ * error below 1e-16 for |phi| <= pi */
 static inline quat quat_of_rotation_vector(vec3 phi)
 {
     double x = dot(phi, phi) / 4, c = 1, s = 1;

@@ -10,7 +10,7 @@
 
 #include "motion.h"
 
-enum { SPLINE_MAX = 120 }; /* intervals */
+enum { SPLINE_MAX = 120 }; /* most intervals */
 
 static inline void spline_curvature(int n, double dt, const vec3 *y, vec3 *m)
 {

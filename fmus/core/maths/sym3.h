@@ -27,14 +27,14 @@ static inline vec3 sym_mul(sym3 m, vec3 a)
                m.xz * a.x + m.yz * a.y + m.zz * a.z);
 }
 
-/* upper triangle of a b^T, for sums of such products that are symmetric */
+/* upper triangle of a b^T, for sums of such products whose total is symmetric */
 static inline sym3 upper(vec3 a, vec3 b)
 {
     return (sym3){a.x * b.x, a.y * b.y, a.z * b.z, a.x * b.y, a.x * b.z, a.y * b.z};
 }
 static inline sym3 dyad(double k, vec3 a) { return upper(scale(k, a), a); } /* k a a^T */
 
-/* mass (r.r 1 - r r^T): inertia of a point mass at r */
+/* inertia of a point mass at r: mass (r.r 1 - r r^T) */
 static inline sym3 point_inertia(double mass, vec3 r)
 {
     double size = mass * dot(r, r);
@@ -49,7 +49,7 @@ static inline sym3 sym_inverted(sym3 m) /* by cofactors; m regular */
                   k * xz, k * (m.xy * m.xz - m.xx * m.yz)};
 }
 
-/* conversion from a matrix that is symmetric up to rounding errors, and back */
+/* elements of a matrix that is symmetric up to rounding errors; below: the matrix of a sym3 */
 static inline sym3 sym_of(mat3 m)
 {
     return (sym3){m.row[0].x,

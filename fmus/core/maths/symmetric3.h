@@ -10,7 +10,8 @@ typedef struct {
     mat3 axis;  /* rows: eigenvectors */
 } Eigen;
 
-/* rotates axes p and q so that M_pq vanishes: tan 2 phi = 2 M_pq/(M_qq - M_pp), the smaller phi */
+/* Jacobi rotation of axes p and q after which M_pq = 0: tan 2 phi = 2 M_pq/(M_qq - M_pp), with
+ * the smaller phi; V collects the rotations */
 static inline void rotate_away(double M[3][3], double V[3][3], int p, int q)
 {
     if (M[p][q] == 0) return;
@@ -47,7 +48,8 @@ static inline Eigen eigen(mat3 m) /* eight sweeps: quadratic convergence needs f
                         vec(V[2][0], V[2][1], V[2][2]))};
 }
 
-/* sum of v v^T/lambda over the eigenvalues above `relative_limit` times the largest */
+/* pseudo-inverse: sum of v v^T/lambda over the eigenvalues lambda above `relative_limit` times
+ * the largest eigenvalue */
 static inline mat3 pseudo_inverse(mat3 m, double relative_limit)
 {
     Eigen e = eigen(m);

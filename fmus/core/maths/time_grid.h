@@ -17,8 +17,8 @@
 
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
-/* largest difference at which another number still counts as equal to x: 1e-9 (1 + |x|), at most
- * `most`, at least two rounding errors of x */
+/* tolerance of x: a number that differs from x by no more counts as x. 1e-9 (1 + |x|), but at
+ * most `most`, and at least two rounding errors of x */
 static inline double time_tolerance(double x, double most)
 {
     double relative = 1e-9 * (1 + fabs(x)), two_roundings = 4.44089209850062616e-16 * fabs(x);
@@ -26,7 +26,7 @@ static inline double time_tolerance(double x, double most)
     return bounded > two_roundings ? bounded : two_roundings;
 }
 
-/* number of the grid point at t, NaN if t is between two grid points */
+/* number n of the grid point n * grid at the time t; NaN if t is between two grid points */
 static inline double grid_number(double t, double grid)
 {
     double n = nearest_whole(t / grid);
@@ -51,7 +51,7 @@ static inline GridTime grid_time(double t, double grid)
 
 static inline Substep substep_at(GridTime now, GridTime end, double grid)
 {
-    double h = end.t - now.t; /* the last piece, 0 at the end */
+    double h = end.t - now.t; /* last piece, or 0 at the end */
     if (now.before < end.before)
         h = now.t == now.before * grid ? grid : (now.before + 1) * grid - now.t;
     return (Substep){now.t, h, now.before, grid, end};

@@ -21,7 +21,7 @@ static inline vec3 sum3(vec3 a, vec3 b, vec3 c) { return add(add(a, b), c); }
 static inline vec3 sum4(vec3 a, vec3 b, vec3 c, vec3 d) { return add(sum3(a, b, c), d); }
 static inline double dot(vec3 a, vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 static inline double norm(vec3 a) { return sqrt(dot(a, a)); }
-/* largest size of a component */
+/* largest absolute value of the components */
 static inline double largest_size(vec3 a)
 {
     return larger(fabs(a.x), larger(fabs(a.y), fabs(a.z)));
@@ -41,7 +41,7 @@ static inline double clamp(double value, double low, double high)
     return smaller(larger(value, low), high);
 }
 
-/* value within +-limit; a limit of 0 means "no limit" */
+/* value limited to +-limit; with a limit of 0 the value is not limited */
 static inline double limited(double value, double limit)
 {
     return limit > 0 ? clamp(value, -limit, limit) : value;
@@ -88,8 +88,8 @@ static inline mat3 matmul_t(mat3 a, mat3 b) /* a transpose(b) */
 
 static inline double determinant(mat3 m) { return dot(m.row[0], cross(m.row[1], m.row[2])); }
 
-/* x with m x = b, m regular: the rows of the inverse transpose are the cross products of the rows
- * of m */
+/* solution x of m x = b for a regular m: the rows of the inverse transpose of m are the cross
+ * products of its rows, divided by det m */
 static inline vec3 solve(mat3 m, vec3 b)
 {
     vec3 x = sum3(scale(b.x, cross(m.row[1], m.row[2])), scale(b.y, cross(m.row[2], m.row[0])),
