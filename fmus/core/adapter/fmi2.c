@@ -48,7 +48,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     union {
         fmi2String read;
         char *own;
-    } text = {name}; /* new_instance() makes a copy */
+    } text = {name}; /* copied by new_instance() */
     caller.name = text.own;
     if (!can_instantiate(&caller, type, guid)) return NULL;
     Instance *instance = new_instance(&caller);

@@ -32,7 +32,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     union {
         fmi3String read;
         char *own;
-    } text = {name}; /* new_instance() makes a copy */
+    } text = {name}; /* copied by new_instance() */
     caller.name = text.own;
     if (!has_name_and_guid(&caller, function, "instantiation token", token)) return NULL;
     const char *rule = why_no_instance(event_mode, intermediates);

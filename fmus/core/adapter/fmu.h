@@ -33,8 +33,8 @@ typedef enum {
 
 typedef enum {
     PLAIN_ROW,
-    OPTIONAL_ROW, /* an input that has its start value when unconnected */
-    GRID_ROW      /* an internal step or sample period */
+    OPTIONAL_ROW, /* input that retains its start value if unconnected */
+    GRID_ROW      /* an internal step or a sample period */
 } Kind;
 
 typedef struct {
@@ -47,7 +47,7 @@ typedef struct {
     const char *text;
     Rule rule;
     Kind kind;
-    const char *names; /* of the values 0, 1, .. of a mode: "far|hold 1|closing", else NULL */
+    const char *names; /* names of the values 0, 1, .. of a mode: "far|hold 1|closing"; else NULL */
 } Variable;
 
 #define MODEL_STRUCT  \
@@ -89,7 +89,8 @@ typedef struct {
 #define SWITCH(member, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, "1", text, SWITCH_VALUE)
 #define MATRIX(member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, #member, member, 3, unit, text, ANY_VALUE)
-/* an internal step or sample period, by which the adapter limits the number of internal steps */
+/* row of an internal step or sample period; the adapter uses it to limit the number of internal
+ * steps in a step */
 #define GRID_OF(name, member, text, rule) \
     ROW(PARAMETER_ROW, p, name, member, 1, "s", text, rule, GRID_ROW)
 #define GRID_AS(name, member, text) GRID_OF(name, member, text, POSITIVE_VALUE)
@@ -101,7 +102,7 @@ typedef struct {
 #define SWITCH_INPUT(member, text) ROW_AS(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE)
 #define NONNEGATIVE_INPUT(member, unit, text) \
     ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
-/* inputs that may stay unconnected, which the model description states */
+/* row of an input that may stay unconnected; the model description states this */
 #define OPTIONAL_INPUT_AS(name, member, unit, text) \
     ROW(INPUT_ROW, u, name, member, 1, unit, text, ANY_VALUE, OPTIONAL_ROW)
 #define OPTIONAL_INPUT(member, unit, text) OPTIONAL_INPUT_AS(#member, member, unit, text)
@@ -113,27 +114,28 @@ typedef struct {
 #define NONNEGATIVE_OUTPUT(member, unit, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
 #define FLAG(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, SWITCH_VALUE)
-/* flag; its change from 0 to 1 is logged as a warning */
+/* row of an output 0 or 1 whose change from 0 to 1 is logged as a warning */
 #define ALARM(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, ALARM_VALUE)
-/* number of a mode: the build writes its names, limits and the end of its description; a value that
- * does not occur has an empty name */
+/* row of an output with the number of a mode. The build writes the names of the modes, the
+ * limits and the end of the description; a value that does not occur has an empty name. */
 #define MODE(member, text, names) \
     ROW_OF(OUTPUT_ROW, y, #member, member, 1, "1", text, NONNEGATIVE_VALUE, PLAIN_ROW, names)
 #define MODE_INPUT(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, PLAIN_ROW, names)
-/* number of a mode at an input that may stay unconnected; -1 may mean that nothing is commanded */
+/* row of an input with the number of a mode that may stay unconnected; -1 may mean that nothing
+ * is commanded */
 #define OPTIONAL_MODE(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, OPTIONAL_ROW, names)
 #define ANGLE_OUTPUT(member, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, "rad", text, ANGLE_VALUE)
 
-/* a number for a message: zero and NaN without a sign (the sign of a NaN depends on the
- * compiler) */
+/* the value as messages print it: zero and NaN without a sign, because the sign of a NaN depends
+ * on the compiler */
 static inline double readable(double value) { return isnan(value) ? NOT_NUMBER : value + 0.0; }
 
 /* ---- list of rejected parameter values ---- */
 typedef struct {
-    char text[4000]; /* space for about fifty problems; more are only counted */
+    char text[4000]; /* space for about fifty problems; further ones are only counted */
     size_t count;
     const char *part; /* "component." of a model that is part of a system, else "" */
 } Problems;
@@ -150,7 +152,7 @@ static inline void reject(Problems *all, const char *name, double value, const c
 typedef struct {
     const char *name, *text;
     size_t size, state_offset, state_count; /* bytes, bytes, doubles */
-    size_t scratch; /* bytes of workspace for initialize after the model; not part of the state */
+    size_t scratch; /* bytes of workspace for initialize, after the model; no part of the state */
     const void *start;
     const Variable *variables;
     size_t variable_count;
@@ -158,9 +160,9 @@ typedef struct {
     void (*initialize)(void *model, double t);
     void (*step)(void *model, double t, double h);
     /* for a system as one model (fused.h), else NULL and 0: */
-    double (*macro_step)(const void *model); /* s; every communication step is a whole multiple */
+    double (*macro_step)(const void *model); /* s; divides every communication step */
     const char *structure;   /* digest of the connections of the parts, for guid and states */
-    const Variable *checked; /* further rows whose rules every result must satisfy */
+    const Variable *checked; /* rows besides the outputs whose rules every result must satisfy */
     size_t checked_count;
 } ModelInterface;
 
@@ -204,7 +206,8 @@ extern const ModelInterface FMU_MODEL_SYMBOL;
 
 #define FMU_MODEL(identifier, description) \
     FMU_MODEL_OF(identifier, description, initialize(&m->p, &m->u, &m->x, &m->y, t), 0)
-/* initialize(p, u, x, y, t, w) gets a workspace of type Scratch, a struct of doubles */
+/* as FMU_MODEL, but initialize(p, u, x, y, t, w) gets a workspace w of type Scratch, a struct of
+ * doubles */
 #define FMU_MODEL_WITH(Scratch, identifier, description)                                \
     FMU_MODEL_OF(identifier, description,                                               \
                  initialize(&m->p, &m->u, &m->x, &m->y, t, (Scratch *)(void *)(m + 1)), \

@@ -15,7 +15,7 @@
 enum { MACRO_STEP = 0, MOST_ROUNDS = 200 };
 
 typedef struct {
-    size_t from, to, count; /* doubles */
+    size_t from, to, count; /* indices and number of doubles */
     double factor, offset;  /* of a converted signal: to = factor from + offset */
     bool plain;             /* no conversion */
 } Copy;
@@ -28,10 +28,10 @@ typedef struct {
 typedef struct {
     const char *prefix; /* "component." */
     const ModelInterface *model;
-    size_t head;   /* index in the memory of its first parameter; inputs follow */
-    size_t tail;   /* index in the memory of its first state; outputs follow */
-    Copies driven; /* to the inputs of the part, from published outputs of other parts */
-    Copies late;   /* to the published places of its outputs with latency, from the tail */
+    size_t head;   /* index in the memory of the first parameter of the part; inputs follow */
+    size_t tail;   /* index in the memory of the first state of the part; outputs follow */
+    Copies driven; /* published outputs of other parts -> inputs of this part */
+    Copies late;   /* outputs with latency in the tail -> their published places */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)
@@ -49,7 +49,7 @@ static inline void copy_all(Copies all, double m[])
         memcpy(m + c->to, m + c->from, c->count * sizeof *m);
 }
 
-/* true if a bit has changed */
+/* copies `count` doubles; returns true if a bit of the destination has changed */
 static inline bool copy_if_different(double *to, const double *from, size_t count)
 {
     if (memcmp(to, from, count * sizeof *to) == 0) return false;
@@ -69,7 +69,8 @@ static inline bool set_driven_inputs(const Part *part, double m[])
     return changed;
 }
 
-/* head of the part followed by states and outputs with their start values */
+/* joins a part in work[]: its head (parameters, inputs) from the memory, its states and outputs
+ * with their start values */
 static inline void assemble_part(const Part *part, const double m[], double work[])
 {
     memcpy(work, part->model->start, part->model->size);
@@ -89,7 +90,8 @@ static inline void check_part(const Part *part, const double m[], double work[],
  * output changes, as harness/master/simulation.py does. A part is evaluated again, from its start
  * values, if one of its inputs has changed. */
 
-/* true if an output of a part differs from its previous value */
+/* true if an output of a part differs from its previous value; whole: new values of the part,
+ * tail: previous states and outputs */
 static inline bool outputs_differ(const ModelInterface *model, const double whole[],
                                   const double tail[])
 {
@@ -102,7 +104,7 @@ static inline bool outputs_differ(const ModelInterface *model, const double whol
     return false;
 }
 
-/* evaluates the first outputs of a part; true if an output has changed */
+/* evaluates the first outputs of a part at time t; returns true if an output has changed */
 static inline bool evaluate_outputs(const Part *part, double m[], double work[], double t)
 {
     assemble_part(part, m, work);
@@ -113,7 +115,8 @@ static inline bool evaluate_outputs(const Part *part, double m[], double work[],
     return changed;
 }
 
-/* true if the adapter of the part would accept its values */
+/* true if all values of the part satisfy their rules, as the adapter of the part would check
+ * them */
 static inline bool satisfies_rules(const Part *part, const double m[])
 {
     const ModelInterface *model = part->model;
@@ -122,7 +125,7 @@ static inline bool satisfies_rules(const Part *part, const double m[])
            satisfy_rows(model, OUTPUT_ROW, m + part->tail, head_count(model));
 }
 
-/* sets driven inputs to their start values, states and outputs to zero */
+/* sets the driven inputs of a part to their start values, its states and outputs to zero */
 static inline void reset_part(const Part *part, double m[])
 {
     const double *start = part->model->start;
@@ -132,8 +135,9 @@ static inline void reset_part(const Part *part, double m[])
     memset(m + part->tail, 0, tail_count(part->model) * sizeof *m);
 }
 
-/* initializes all parts; false: the outputs have not converged; work: space for the largest part
- * and its workspace; stale: an element per part, true if the part must be evaluated again */
+/* initializes all parts at time t; false: the outputs have not converged. work: space for the
+ * largest part with its workspace; stale: one element per part, true if the part must be
+ * evaluated again */
 static inline bool initialize_parts(const Part *parts, size_t count, bool stale[], double m[],
                                     double work[], double t)
 {

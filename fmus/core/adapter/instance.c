@@ -69,7 +69,7 @@ void release(const Instance *instance, void *memory)
 
 enum { FINDING_SIZE = NAME_SIZE + 400 }; /* a name, a value, a rule and the text of the row */
 
-/* outputs, then further rows that are checked */
+/* row i of the outputs, followed by the further rows that are checked */
 static const Variable *checked_row(size_t i) /* NULL: i is beyond the last row */
 {
     const size_t beyond = i - fmu_model.variable_count;
@@ -127,8 +127,8 @@ static bool is_zero(const double value[], size_t count)
     return true;
 }
 
-/* an input that is zero while its start value is not, such as an attitude, a position or a mass that
- * the master has not passed on yet */
+/* true if an input is zero while its start value is not, such as an attitude, position or mass
+ * that the master has not passed on yet */
 static bool lacks_value(const Variable *v, const void *model)
 {
     const Scalar first = {v, 0};
@@ -136,7 +136,8 @@ static bool lacks_value(const Variable *v, const void *model)
            !is_zero(values_from(fmu_model.start, first), v->size);
 }
 
-/* the first vector that lacks a value, or else the first scalar; NULL: all inputs have values */
+/* the first vector input that lacks a value, or else the first such scalar; NULL: all inputs
+ * have values */
 static const Variable *first_lacking_input(const void *model)
 {
     const Variable *end = fmu_model.variables + fmu_model.variable_count, *scalar = NULL;
@@ -185,10 +186,10 @@ static void evaluate_first_outputs(const Instance *instance, void *model)
     fmu_model.initialize(model, instance->now.start);
 }
 
-/* Some masters begin with zeros for all inputs. Where zeros give no valid outputs, the first
- * outputs are computed with the start values of the inputs that are zero; before the first step the
- * master must set these inputs. False: no input lacks a value, or the outputs are not valid with
- * start values either. */
+/* initializes a model some of whose inputs have no values yet: some masters begin with zeros for
+ * all inputs. Where zeros give no valid outputs, the first outputs are computed with the start
+ * values of the inputs that are zero; before the first step the master must set these inputs.
+ * False: no input lacks a value, or the outputs are not valid with start values either. */
 RARE static bool initialize_without_inputs(const Instance *instance, void *model)
 {
     char text[NAME_SIZE + 120];
@@ -224,7 +225,7 @@ bool step_checked(const Instance *instance, const char *function, void *model, d
     return result_is_good(instance, function, model, t + h);
 }
 
-static Scalar output_at(size_t double_index) /* index of a double of the model */
+static Scalar output_at(size_t double_index) /* double_index: index of a double in the model */
 {
     size_t i = 0, first = 0;
     for (; i < fmu_model.variable_count; i++) {

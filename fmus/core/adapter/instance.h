@@ -21,14 +21,14 @@ typedef enum {
     STEPPING = 4,
     TERMINATED = 8,
     FAILED = 16
-} Phase; /* bits of masks */
+} Phase; /* bits, combined in masks of allowed phases */
 enum { ANY_PHASE = INSTANTIATED | INITIALIZING | STEPPING | TERMINATED | FAILED };
 enum { LOG_ERRORS = 1, LOG_WARNINGS = 2, LOG_EVENTS = 4 };
 typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR } Status; /* FMI's numbers */
 
 typedef struct {
     Phase phase;
-    int stale; /* 1: outputs are not yet evaluated for the values set in initialization mode */
+    int stale; /* 1: values were set in initialization mode after the outputs were evaluated */
     double start, time, stop,
         step; /* s; stop: infinite if undefined; step: size of the last step, 0 before the first */
     double grid; /* s; shortest internal step or sample period, 0 if there is none */
@@ -36,29 +36,29 @@ typedef struct {
 
 typedef struct Instance Instance;
 
-/* callbacks of the environment; write_line: calls the logger as a version of FMI defines it */
+/* callbacks of the importer; write_line calls `logger` with the arguments of one version of FMI */
 typedef struct {
     void (*write_line)(const Instance *instance, Status status, const char *category, char *line);
     void (*logger)(void); /* NULL: no logger */
     void *environment;
     void *(*allocate)(size_t count, size_t size);
-    void (*release)(void *memory); /* if one of allocate and release is NULL: calloc and free */
+    void (*release)(void *memory); /* calloc and free if one of allocate, release is NULL */
 } Callbacks;
 
 struct Instance {
     Callbacks call;
     char *name;
-    unsigned categories; /* log categories switched on */
+    unsigned categories; /* bits of the log categories switched on */
     Progress now;
     void *model;                     /* memory_of(&fmu_model) bytes */
     void *last_good;                 /* states and outputs before the step: tail_size() bytes */
-    Run *ruled;                      /* outputs with a rule besides being finite */
-    size_t ruled_count, alarm_count; /* alarms come first among these outputs */
+    Run *ruled;                      /* outputs with further rules than being finite */
+    size_t ruled_count, alarm_count; /* alarms come first in `ruled` */
     KnownCalls written, read;
 };
 
-/* functions with text buffers, not inlined, so that a successful step needs no stack for the
- * buffers */
+/* for functions with text buffers: they are not inlined, so that a step without an error needs
+ * no stack for the buffers */
 #if defined __GNUC__
 #define RARE __attribute__((noinline))
 #else
@@ -74,13 +74,13 @@ bool reject_phase(const Instance *instance, const char *function); /* logs and r
 void *allocate(const Instance *instance, size_t bytes);
 void release(const Instance *instance, void *memory);
 
-/* check and initialize a model, or step it; false with a message if the model or its result is
- * rejected, which leaves invalid states and outputs */
+/* initialize_checked() checks and initializes a model, step_checked() steps it; false, after a
+ * message, if the model or its result is rejected: its states and outputs are then invalid */
 bool initialize_checked(const Instance *instance, const char *function, void *model);
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
-/* fills `ruled`, one entry per run of neighbouring outputs with the same rule; `ruled` needs memory
- * for variable_count + checked_count entries */
+/* fills `ruled` with one entry for each group of neighbouring outputs that have the same rule;
+ * `ruled` needs memory for as many entries as the model has outputs and further checked rows */
 void list_ruled_outputs(Instance *instance);
 
 /* logs a warning for every alarm that has changed to 1 since the last valid state */
@@ -108,7 +108,7 @@ static inline void restore_good_state(Instance *instance)
     memcpy(tail(instance->model), instance->last_good, tail_size());
 }
 
-/* such a number of internal steps in a step is considered a mistake in a parameter */
+/* true if a step of length h has so many internal steps that a parameter is probably wrong */
 static inline bool too_many_substeps(const Progress *now, double h)
 {
     return now->grid > 0 && h / now->grid > 1e7;

@@ -32,10 +32,10 @@ static inline const double *values_from(const void *model, Scalar s)
 }
 static inline double value_of(const void *model, Scalar s) { return *values_from(model, s); }
 
-/* bytes of a model and its workspace */
+/* size in bytes of a model with its workspace */
 static inline size_t memory_of(const ModelInterface *m) { return m->size + m->scratch; }
 
-/* v, v[3] or v[2,3]: one-based, row major */
+/* writes the name of an element to buffer: v, v[3] or v[2,3] (one-based, row major) */
 static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
 {
     unsigned i = (unsigned)(s.element + 1), columns = (unsigned)s.row->columns;
@@ -47,14 +47,15 @@ static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
     return buffer;
 }
 
-/* rule for setting a value; parameters are checked at the end of initialization */
+/* rule that a value must satisfy when it is set; parameters are checked at the end of
+ * initialization instead */
 static inline Rule rule_when_set(Scalar s)
 {
     return s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE;
 }
 
-/* rejects every parameter that violates the rule of its row, then what the model rejects; parameters:
- * memory of the model, of which only the parameters are read */
+/* rejects every parameter that violates the rule of its row, then the parameters that check() of
+ * the model rejects; parameters: memory of the model, of which only the parameters are read */
 static inline void check_parameters(const ModelInterface *m, void *parameters, Problems *problems)
 {
     char name[NAME_SIZE];
@@ -69,8 +70,8 @@ static inline void check_parameters(const ModelInterface *m, void *parameters, P
     m->check(parameters, problems);
 }
 
-/* 64-bit FNV-1a over names, units, shapes and start values, so that the guid depends on the
- * interface only */
+/* adds bytes to a 64-bit FNV-1a hash. The guid is the hash of names, units, shapes and start
+ * values, and so depends on the interface only. */
 static inline uint64_t fold(uint64_t hash, const void *bytes, size_t count)
 {
     for (const unsigned char *b = bytes; count-- > 0; b++)

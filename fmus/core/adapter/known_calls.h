@@ -11,18 +11,18 @@
 
 #include "interface.h"
 
-#ifndef LONGEST_CALL /* references; smaller on a processor with little memory */
+#ifndef LONGEST_CALL /* most references; fewer on a processor with little memory */
 #define LONGEST_CALL 1024
 #endif
 enum { KNOWN_CALLS = 2, MOST_RUNS = LONGEST_CALL < 256 ? 16 : 64 };
 
 typedef struct {
-    size_t first, count; /* doubles of the model */
+    size_t first, count; /* neighbouring doubles of the model: index of the first, number */
     Rule rule;
 } Run;
 
 typedef struct {
-    size_t count, values, runs; /* count 0: empty; values: number of elements of all references */
+    size_t count, values, runs; /* numbers of references (0: empty), their elements, runs */
     unsigned reference[LONGEST_CALL];
     Run run[MOST_RUNS];
 } KnownCall;
@@ -41,7 +41,7 @@ static inline const KnownCall *find_known_call(const KnownCalls *known, const un
     return NULL;
 }
 
-/* the elements of a value reference: one in FMI 2.0, a whole row in FMI 3.0 */
+/* elements of one value reference: one element in FMI 2.0, a whole row in FMI 3.0 */
 typedef struct {
     Scalar first; /* row NULL: the variable does not exist */
     size_t size;
@@ -54,9 +54,9 @@ static inline Part part_of(const ModelInterface *m, unsigned vr, bool rows)
     return (Part){s, rows ? s.row->size : 1};
 }
 
-/* Adds the elements of a part to run[0 .. *runs-1]. A run covers neighbouring elements with the same
- * rule, so the part extends the last run where it can, otherwise it becomes a new run, for which the
- * array must have space. */
+/* Adds the elements of p to run[0 .. *runs-1]. A Run is a group of neighbouring elements with
+ * the same rule: p extends the last Run if it continues it, and is a new Run otherwise, for
+ * which the array must have space. */
 static inline void add_to_runs(Run run[], size_t *runs, Part p, Rule rule)
 {
     size_t at = p.first.row->offset / sizeof(double) + p.first.element;
@@ -65,7 +65,8 @@ static inline void add_to_runs(Run run[], size_t *runs, Part p, Rule rule)
     else run[(*runs)++] = (Run){at, p.size, rule};
 }
 
-/* replaces the oldest call; a call with too many references or runs is not stored */
+/* stores a call in place of the oldest stored one; a call with too many references or Runs is
+ * not stored */
 static inline void store_known_call(KnownCalls *known, const ModelInterface *m, const unsigned vr[],
                                     size_t count, bool rows)
 {

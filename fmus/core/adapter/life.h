@@ -8,7 +8,7 @@
 #include "instance.h"
 #include "time_grid.h"
 
-/* s; a longer communication step is considered a mistake of the master */
+/* longest communication step [s]; a longer step is considered a mistake of the master */
 enum { LONGEST_STEP = 100000 };
 
 static inline void reset_model(Instance *instance)
@@ -27,8 +27,8 @@ static inline void free_instance(Instance *instance)
     release(instance, instance);
 }
 
-/* true if the caller gives a name and the guid of this FMU; what: term for the guid in this version
- * of FMI */
+/* true if the caller gives a name and the guid of this FMU, else false after a message; what:
+ * name of the guid in this version of FMI */
 static inline bool has_name_and_guid(const Instance *caller, const char *function, const char *what,
                                      const char *guid)
 {
@@ -42,7 +42,8 @@ static inline bool has_name_and_guid(const Instance *caller, const char *functio
     return reject_call(caller, function, text);
 }
 
-/* a new instance with name, callbacks and log categories of the caller; NULL: out of memory */
+/* returns a new instance with name, callbacks and log categories of the caller; NULL: out of
+ * memory */
 static inline Instance *new_instance(const Instance *caller)
 {
     size_t name_size = strlen(caller->name) + 1;
@@ -71,8 +72,8 @@ static inline unsigned category_of(const char *name) /* 0: unknown */
     return 0;
 }
 
-/* on: log the given categories, or all if none is given; off: log none; false: a category is
- * unknown */
+/* on: logs the given categories, or all if none is given; not on: logs no category. False: a
+ * category is unknown */
 static inline bool choose_categories(Instance *instance, bool on, size_t count,
                                      const char *const categories[])
 {
@@ -98,8 +99,8 @@ static inline void set_span(Instance *instance, double start, bool stop_defined,
     instance->now.stop = stop_defined ? stop : INFINITY;
 }
 
-/* evaluates the outputs for the values set so far; called when outputs are read, so that masters
- * can propagate start values */
+/* evaluates the outputs for the values set so far in initialization mode; called when outputs
+ * are read, so that masters can propagate start values. False: rejected */
 static inline bool update_outputs(Instance *instance, const char *function)
 {
     if (!instance->now.stale) return true;
@@ -110,7 +111,7 @@ static inline bool update_outputs(Instance *instance, const char *function)
     return true;
 }
 
-/* the shortest internal step or sample period, 0 if there is none */
+/* shortest internal step or sample period of the model [s], 0 if there is none */
 static inline double finest_grid(const void *model)
 {
     double finest = INFINITY;
@@ -122,14 +123,14 @@ static inline double finest_grid(const void *model)
     return isfinite(finest) ? finest : 0;
 }
 
-/* false: the parameters or the first outputs are rejected */
+/* ends initialization mode; false: the parameters or the first outputs are rejected */
 static inline bool leave_initialization(Instance *instance, const char *function)
 {
     if (!update_outputs(instance, function)) return false;
     instance->now.grid = finest_grid(instance->model);
     instance->now.phase = STEPPING;
     memcpy(instance->last_good, tail_const(fmu_model.start),
-           tail_size()); /* all alarms were 0 before */
+           tail_size()); /* all alarms count as 0 before */
     report_alarms(instance, instance->now.start);
     log_message(instance, STATUS_OK, LOG_EVENTS, "initialized");
     return true;
@@ -159,7 +160,7 @@ static inline const char *why_no_step(const Progress *now, double t, double h)
     return NULL;
 }
 
-/* one step of the model; false: the step has failed, which ends the run */
+/* does one step of the model, from t to t + h; false: the step has failed, which ends the run */
 static inline bool take_step(Instance *instance, const char *function, double t, double h)
 {
     store_good_state(instance);
@@ -174,7 +175,7 @@ static inline bool take_step(Instance *instance, const char *function, double t,
     return true;
 }
 
-/* takes a communication step of a fused system as several macro steps; false: a step has failed */
+/* does the communication step of a fused system as several macro steps; false: a step has failed */
 static inline bool take_macro_steps(Instance *instance, const char *function, double t, double h)
 {
     const double macro = fmu_model.macro_step(instance->model), steps = nearest_whole(h / macro);
@@ -191,8 +192,8 @@ static inline const char *why_not_whole(const void *model, double h)
     return whole ? NULL : "the step size must be a whole multiple of macro_step";
 }
 
-/* advances from the present time to t + h; false: the step is rejected, or has failed, which ends
- * the run */
+/* does a communication step from the present time to t + h; false: the step is rejected, or has
+ * failed, which ends the run */
 static inline bool advance(Instance *instance, const char *function, double t, double h)
 {
     char text[240];

@@ -12,8 +12,8 @@
 #include <float.h>
 #include <stdbool.h>
 
-/* inclusive bounds of a rule (the adapter also rejects 0 for POSITIVE_VALUE, and all values but 0
- * and 1 for a switch) */
+/* lowest and highest value that a rule permits; the adapter also rejects 0 for POSITIVE_VALUE,
+ * and all values except 0 and 1 for a switch */
 static inline double lowest(Rule rule) { return rule == ANY_VALUE ? -DBL_MAX : 0; }
 static inline int is_flag(Rule rule) { return rule == SWITCH_VALUE || rule == ALARM_VALUE; }
 static inline double highest(Rule rule)
@@ -28,7 +28,7 @@ static inline const char *violated_rule(Rule rule, double value) /* NULL: the va
     if (value < lowest(rule)) return "must be >= 0";
     return value > highest(rule) ? "must be <= pi" : NULL;
 }
-/* whether several finite values satisfy a rule; returns no reason */
+/* true if all of several finite values satisfy a rule; these functions give no reason */
 static inline bool all_flags(const double value[], size_t count)
 {
     for (size_t i = 0; i < count; i++)
@@ -55,7 +55,7 @@ static inline bool satisfy_rule(Rule rule, const double value[], size_t count)
     return all_within(value, count, lowest(rule), highest(rule));
 }
 
-/* whether the rows of a causality satisfy their rules; values: doubles of the model from number
+/* true if all rows of a causality satisfy their rules; values: doubles of the model from index
  * `first` on, all finite */
 static inline bool satisfy_rows(const ModelInterface *m, Causality causality, const double values[],
                                 size_t first)

@@ -3,8 +3,8 @@
 #include "state.h"
 
 typedef struct {
-    uint64_t model; /* fingerprint: a state can be restored only in the same FMU */
-    uint64_t sum;   /* over progress and data, to detect damaged bytes */
+    uint64_t model; /* fingerprint of the FMU in which the state can be restored */
+    uint64_t sum;   /* checksum of progress and data */
     Progress now;
     double data[]; /* fmu_model.size bytes */
 } Snapshot;
@@ -74,7 +74,8 @@ static double next_step(const Instance *instance)
     return instance->now.step > 0 ? instance->now.step : 0.1;
 }
 
-/* evaluates a copy of the model at the operating point moved by `distance` along the seed */
+/* evaluates a copy of the model with its knowns moved by `distance` along the seed; false: the
+ * evaluation is rejected */
 static bool evaluate_at(const Instance *instance, const Direction *d, double distance, void *copy)
 {
     memcpy(copy, instance->model, fmu_model.size);
@@ -85,21 +86,21 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
 }
 
 enum { MOST_HALVINGS = 16 };
-/* relative to the largest slope of the row: largest difference of two estimates that agree, and
- * least difference of the slopes of both sides that counts as a kink */
+/* relative to the largest slope of the row: largest difference between two estimates that agree;
+ * below: least difference between the slopes of both sides that counts as a kink */
 static const double agreement = 1e-6;
 static const double clear_bend = 1e-3;
 
-/* differences of an unknown over a distance along the seed */
+/* finite differences of one unknown over a distance along the seed */
 typedef struct {
-    double central, ahead; /* slopes over both sides, over the side ahead of the seed */
-    double bend;           /* slope ahead less slope behind */
+    double central, ahead; /* slopes: from behind to ahead of the seed, and ahead only */
+    double bend;           /* slope ahead minus slope behind */
     double largest;        /* largest central slope in the row of the unknown */
     double rounding;       /* rounding error to expect in a slope: 64 units in the last place */
 } Slope;
 
-/* derivative of an unknown while it is found; best: the estimate that a halving of the distance has
- * changed least */
+/* state of the search for the derivative of one unknown; best: the estimate that changed least
+ * when the distance was halved */
 typedef struct {
     double value, first_bend, estimate, best, least_change;
     Slope slope, wider; /* at the shortest distance and at twice this distance */
@@ -114,7 +115,8 @@ static double largest_slope(Scalar s, const void *plus, const void *minus, doubl
     return largest;
 }
 
-/* slopes at a distance; magnitude: of the largest known; false: an evaluation is rejected */
+/* computes the slopes of all unknowns at a distance; magnitude: of the largest known; false: an
+ * evaluation is rejected */
 static bool measure_slopes(const Instance *instance, const Direction *d, double distance,
                            double magnitude, void *work, Derivative found[])
 {
@@ -136,8 +138,8 @@ static bool measure_slopes(const Instance *instance, const Direction *d, double 
     return true;
 }
 
-/* true if the slopes of both sides differ by the same amount at all distances; a difference that a
- * curvature causes shrinks with the distance, a difference by rounding errors grows */
+/* true if the slopes ahead and behind differ by the same amount at all distances. A difference
+ * by curvature shrinks with the distance, a difference by rounding errors grows. */
 static bool has_kink(const Derivative *f)
 {
     const double bend = fabs(f->slope.bend);
@@ -145,7 +147,7 @@ static bool has_kink(const Derivative *f)
            fabs(f->slope.bend - f->wider.bend) < 0.25 * bend && bend < 2 * fabs(f->first_bend);
 }
 
-/* a derivative has settled if its change by a halving of the distance is within the tolerance */
+/* sets `settled` if the change by the last halving of the distance is within the tolerance */
 static void settle(Derivative *f, int halvings)
 {
     const double before = f->estimate;
@@ -180,7 +182,8 @@ static double largest_known(const Instance *instance, const Direction *d)
     return largest;
 }
 
-/* derivatives of all unknowns; work: space for two models; false: an evaluation is rejected */
+/* finds the derivatives of all unknowns, from `distance` on; work: space for two models; false:
+ * an evaluation is rejected */
 static bool find_derivatives(const Instance *instance, const Direction *d, double distance,
                              void *work, Derivative found[])
 {
@@ -205,15 +208,15 @@ static bool find_derivatives(const Instance *instance, const Direction *d, doubl
     return true;
 }
 
-/* scale of the difference of a variable: one unit, more for a position in N; for a parameter its
- * value */
+/* scale on which a variable is moved for differences: one unit, more for a position in N; for a
+ * parameter its value */
 static double scale_of(Scalar s, double value)
 {
     if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);
     return larger(1, 1e-6 * fabs(value));
 }
 
-/* distance at which the first known has moved by 1 % of its scale; 0 for a zero seed */
+/* first distance: the first known moves by 1 % of its scale; 0 for a zero seed */
 static double difference_distance(const Instance *instance, const Direction *d)
 {
     double distance = INFINITY;

@@ -8,14 +8,14 @@
 
 size_t snapshot_size(void); /* bytes, in memory and serialized */
 
-/* copies the state to *state, which is allocated if it is NULL; false: out of memory */
+/* copies the state to *state, and allocates *state if it is NULL; false: out of memory */
 bool take_snapshot(const Instance *instance, void **state);
 void restore_snapshot(Instance *instance, const void *state);
 
 void write_snapshot(const void *state, void *bytes);
 
-/* replaces *state by the state in bytes from write_snapshot(); returns NULL or the reason for an
- * error */
+/* replaces *state by the state that write_snapshot() wrote to `bytes`; returns NULL, or the
+ * reason of an error */
 const char *read_snapshot(const Instance *instance, const void *bytes, size_t size, void **state);
 
 typedef struct {
@@ -25,8 +25,8 @@ typedef struct {
     const double *seed;
 } Direction;
 
-/* sensitivity of the unknowns to the knowns along the seed; false with a message if it cannot be
- * computed */
+/* computes the directional derivative of each unknown with respect to the knowns along the seed;
+ * false after a message if this is not possible */
 bool derive(const Instance *instance, const Direction *d, double sensitivity[]);
 
 #endif

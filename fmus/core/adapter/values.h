@@ -10,7 +10,8 @@ typedef struct {
     bool rows;             /* a value reference names a whole row, not one element */
 } Access;
 
-/* the independent variable, which FMI 3.0 requires as a variable and no model has */
+/* value reference of time, the independent variable, which FMI 3.0 requires as a variable and no
+ * model has */
 static inline unsigned time_reference(void)
 {
     return (unsigned)(VR_STRIDE * fmu_model.variable_count);
@@ -36,7 +37,7 @@ RARE static bool reject_named(const Instance *instance, const char *function, co
 }
 
 /* true if all references name variables and the number of values equals the number of their
- * elements */
+ * elements, else false after a message */
 static inline bool match_references(const Instance *instance, const Access *a, const char *function,
                                     const unsigned vr[], size_t count, size_t values)
 {
@@ -62,7 +63,8 @@ static inline const char *why_not_settable(const Instance *instance, const Varia
     return NULL;
 }
 
-/* true if a part may be set to these values */
+/* true if the elements of one value reference may be set to these values in the present phase,
+ * else false after a message */
 static inline bool acceptable_part(const Instance *instance, const Access *a, Part p,
                                    const double value[])
 {
@@ -80,7 +82,7 @@ static inline bool acceptable_part(const Instance *instance, const Access *a, Pa
     return true;
 }
 
-/* all values are checked before the first is set */
+/* true if all values may be set; all are checked before the first is set */
 static inline bool acceptable(const Instance *instance, const Access *a, const unsigned vr[],
                               size_t count, const double value[])
 {
@@ -93,8 +95,8 @@ static inline bool acceptable(const Instance *instance, const Access *a, const u
     return true;
 }
 
-/* while stepping only inputs can be set; a known call whose values satisfy the rules needs no
- * further checks */
+/* sets values while stepping, when only inputs can be set, if the call is stored and the values
+ * satisfy their rules: then no further check is needed. False: nothing was set */
 static inline bool set_known(Instance *instance, const unsigned vr[], size_t count,
                              const double value[], size_t values)
 {
@@ -128,7 +130,7 @@ static inline bool set_values(Instance *instance, const Access *a, const unsigne
 }
 
 /* ---- reading ---- */
-/* outputs are evaluated when they are read in initialization mode */
+/* reads the elements of one value reference; in initialization mode outputs are evaluated first */
 static inline bool get_part(Instance *instance, const Access *a, Part p, double value[])
 {
     bool output = p.first.row->causality == OUTPUT_ROW;
