@@ -12,7 +12,8 @@
 
 enum { TEXT_SIZE = 2000 };
 
-/* one buffer of each kind suffices, because there is one request at a time */
+/* one request at a time: one buffer for frames that arrive and one for frames that are sent
+ * suffice */
 static unsigned char incoming[FRAME_LIMIT], outgoing[FRAME_LIMIT];
 static union {
     fmi2Real real[PAYLOAD_LIMIT / 8];
@@ -94,8 +95,7 @@ static unsigned initialize(const Board *board, size_t slot, Reader *in, Writer *
     (void)in, (void)out;
     unsigned status =
         (unsigned)board->software[slot].exit_initialization(board->slot[slot].instance);
-    if (board->paint_stack)
-        board->paint_stack(); /* initialization does not count as stack of the steps */
+    if (board->paint_stack) board->paint_stack(); /* the stack of initialization does not count */
     return status;
 }
 
@@ -274,7 +274,8 @@ static Answer *const answers[] = {
 };
 enum { ANSWERS = sizeof answers / sizeof answers[0] };
 
-/* sends an answer: size of its data, data, message; a failed request has no data */
+/* sends an answer: size of its data, the data, the message; the answer to a failed request has
+ * no data */
 static void send_answer(const Board *board, Frame f, unsigned status, size_t data)
 {
     size_t length = strlen(message);
@@ -288,7 +289,7 @@ static void send_answer(const Board *board, Frame f, unsigned status, size_t dat
     board->write(board->port, outgoing, answer_size);
 }
 
-/* reports a request that was not processed; the last answer stays in `outgoing` */
+/* sends the reason why a request was not processed; the last answer stays in `outgoing` */
 static void send_rejection(const Board *board, Frame f, Trouble trouble)
 {
     unsigned char bytes[HEADER_SIZE + CRC_SIZE];
@@ -321,8 +322,8 @@ static bool acceptable(const Board *board, const Frame *f)
     return send_rejection(board, *f, NO_SESSION), false;
 }
 
-/* a new request is processed, the answer to a repeated one is sent again, any other one is
- * ignored */
+/* processes a new request, repeats the last answer for a repeated request, and ignores any other
+ * frame */
 static void receive(const Board *board, Frame f)
 {
     if (!acceptable(board, &f)) return;

@@ -34,7 +34,7 @@ typedef struct {
     fmi2DeSerializeFMUstateTYPE *deserialize;
 } Software;
 
-/* cost of the steps, by the counter of the board */
+/* cost of the steps, in counts of the board */
 typedef struct {
     uint64_t steps, total, largest;
     double when; /* s; communication point of the most expensive step */
@@ -42,14 +42,14 @@ typedef struct {
 
 typedef struct {
     fmi2Component instance;
-    uint32_t first, last; /* sequence numbers of the session */
+    uint32_t first, last; /* range of sequence numbers in this session */
     bool described;
     uint32_t memory; /* bytes that the instance has allocated */
     Cost cost;
 } Slot;
 
 typedef struct {
-    const char *target; /* "cortex-m7" */
+    const char *target; /* name of the processor: "cortex-m7" */
     const Software *software;
     Slot *slot; /* one per FMU */
     size_t count;

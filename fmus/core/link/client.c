@@ -73,7 +73,7 @@ static void discard(Client *c, size_t count)
     c->buffered -= count;
 }
 
-/* true if magic or CRC are valid in the other byte order only */
+/* true if magic or CRC are valid only with the bytes in reversed order */
 static bool is_reversed(const unsigned char *bytes, size_t count)
 {
     static const unsigned char reversed_magic[4] = {'K', 'N', 'L', 'S'};
@@ -127,7 +127,8 @@ static bool read_answer(Client *c, Frame f, unsigned *status)
     return true;
 }
 
-/* true if this frame is the answer to the request; damaged: the request must be repeated at once */
+/* true if the frame is the answer to the last request; damaged: set if the request must be
+ * repeated at once */
 static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
 {
     if (f.version != PROTOCOL_VERSION || (f.code & ANSWER && f.status == OTHER_VERSION))
@@ -141,8 +142,9 @@ static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
     return read_answer(c, f, status);
 }
 
-/* bytes that have arrived by `until` are read even after that time; of later bytes at most one
- * frame is read, so that a board that sends without end is late as well */
+/* waits for the answer to the last request until the time `until`. Bytes that arrived before are
+ * read even after that time; of later bytes at most one frame is read, so that a board that
+ * sends without end is late as well. */
 Outcome wait_until(Client *c, double until, unsigned *status)
 {
     size_t size, got, late_bytes = 0;
@@ -221,7 +223,8 @@ static unsigned read_description(Client *c, Description *d)
     return status;
 }
 
-/* finds the component by its slot, or the first one with the right guid */
+/* finds the slot of the component on the board: the configured one, or the first with the right
+ * guid */
 static bool find_component(Client *c)
 {
     Description d = {.components = 1};

@@ -16,20 +16,20 @@ typedef struct {
     unsigned char request[FRAME_LIMIT], incoming[FRAME_LIMIT];
     size_t request_size, buffered, done; /* bytes; done: size of the answer that has been read */
     Code code;                           /* code of the last request */
-    double sent;                         /* now_s() */
+    double sent;                         /* now_s() at sending */
     long attempts;
-    bool outstanding, reversed; /* request without answer; peer with other byte order */
+    bool outstanding, reversed; /* request without an answer; board with the other byte order */
     uint32_t limit, variables; /* largest payload of the board; scalar variables of the component */
-    bool saves;                /* the component can save its state */
-    Reader data;               /* of the last answer; valid until the next request */
+    bool saves;                /* 1: the component can save its state */
+    Reader data;               /* data of the last answer; valid until the next request */
     char message[MESSAGE_SIZE]; /* of the component, or the reason for a missing answer */
 } Client;
 
-/* connects and finds the component; false: see `message` */
+/* connects to the board and finds the component; false: `message` contains the reason */
 bool open_client(Client *c, const char *resources);
 void close_client(Client *c);
 
-/* a request: new_request(), write the payload, send_request(), wait_for_answer() */
+/* writer for the payload of a new request; then call send_request() and wait_for_answer() */
 Writer new_request(Client *c);
 bool send_request(Client *c, Code code, const Writer *payload);
 unsigned wait_for_answer(Client *c); /* fmi2Status; repeats the request as often as configured */

@@ -14,13 +14,13 @@ enum { CONFIG_SIZE = 8192, MOST_ARGUMENTS = 40, PATH_SIZE = 1024 };
 typedef enum { LATE_WAIT, LATE_HOLD, LATE_STOP } Late;
 
 typedef struct {
-    char text[CONFIG_SIZE];    /* text of the file; the pointers below point into it */
+    char text[CONFIG_SIZE];    /* content of the file; the pointers below point into it */
     char resources[PATH_SIZE]; /* folder */
     const char *via;           /* emulator, tcp, unix, serial */
     const char *guid, *target; /* guid of the component; name of the processor, "" for any */
     const char *host, *port;   /* tcp */
     const char *path;          /* unix: path of the socket; serial: path of the device */
-    const char *group; /* emulator: name of the group of links that share it, "" if not shared */
+    const char *group; /* emulator: name of the group of links that share it; "": not shared */
     const char *argument[MOST_ARGUMENTS + 1]; /* of the emulator; @: folder of the resources */
     size_t arguments;
     long slot, baud, retries; /* slot: index of the component on the board, -1: found by guid */

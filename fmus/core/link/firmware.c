@@ -65,7 +65,7 @@ static void start_counter(void)
     timer->reload = timer->value = UINT32_MAX;
     timer->control = 1;
 }
-static uint64_t read_counter(void) /* sum of ticks of 40 ns, as instructions */
+static uint64_t read_counter(void) /* timer ticks of 40 ns, converted to instructions */
 {
     static uint64_t ticks;
     static uint32_t last = UINT32_MAX;

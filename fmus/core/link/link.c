@@ -11,7 +11,8 @@ static int hex_value(char c)
     return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c - 'A' + 10;
 }
 
-/* file:///a%20b or file:/a -> /a b; a plain path is not changed */
+/* converts the URI of the resources to a path: file:///a%20b or file:/a -> /a b; a plain path is
+ * not changed */
 static void set_path(const char *uri, char path[PATH_SIZE])
 {
     char *at = path, *end = path + PATH_SIZE - 1;
@@ -137,7 +138,7 @@ fmi2Status fmi2Terminate(fmi2Component component)
 fmi2Status fmi2Reset(fmi2Component component)
 {
     Link *l = component;
-    l->client.outstanding = false; /* its answer is no longer needed */
+    l->client.outstanding = false; /* the answer to the last request is not needed */
     l->stepping = false;
     l->start = l->stop = 0;
     l->late = 0;

@@ -17,7 +17,8 @@
 typedef struct {
     ValueType type;
     fmi2ValueReference reference;
-    /* pending: set, not yet sent; read: read at least once; valid: the value equals the board's */
+    /* pending: set by the master, not yet sent; read: read by the master at least once; valid:
+     * equal to the board's value */
     bool pending, read, valid;
     double real;
     fmi2Integer integer;
@@ -29,7 +30,7 @@ typedef struct {
     bool log_warnings, log_statistics; /* log categories that are switched on */
     Entry *entry;
     size_t entries, capacity;
-    bool stepping, behind;    /* behind: the board still has to make the last steps */
+    bool stepping, behind;    /* behind: steps after `time` are still to be sent */
     double start, stop, time; /* s; time: end of the last step sent to the board */
     fmi2Boolean bounded;
     size_t late;
@@ -42,7 +43,7 @@ EntryFilter is_pending, was_read, needs_value;
 
 Entry *find_or_add_entry(Link *l, ValueType type, fmi2ValueReference reference, size_t guess);
 void invalidate(Link *l,
-                bool pending); /* declares all values invalid; pending: also discards set values */
+                bool pending); /* declares all values invalid; pending: also drops unsent values */
 bool any_entry(const Link *l, EntryFilter *filter);
 void put_list(Link *l, Writer *w, EntryFilter *filter, bool with_values);
 bool take_values(Link *l, EntryFilter *filter); /* values of an answer, in the order of the list */
@@ -53,10 +54,11 @@ fmi2Status report_answer(Link *l, unsigned status); /* logs the message of an an
 void log_line(const Link *l, fmi2Status status, const char *category, const char *text);
 
 unsigned finish_exchange(Link *l, unsigned status);
-unsigned finish_late_answer(Link *l); /* receives an answer that was late for its step */
+unsigned finish_late_answer(Link *l); /* receives the answer of an earlier step that was late */
 fmi2Status send_simple_request(Link *l, Code code); /* without payload */
 fmi2Status send_pending(Link *l);                   /* sends values that have been set */
-/* requests from the board the values that the master reads and that the link does not know */
+/* requests from the board all values that the master has read before and that are not valid in
+ * the link */
 fmi2Status read_missing(Link *l);
 
 #endif

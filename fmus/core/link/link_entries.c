@@ -39,7 +39,8 @@ bool any_entry(const Link *l, EntryFilter *filter)
     return false;
 }
 
-/* length of the next run of entries with consecutive references, from *at on; 0: there is none */
+/* length of the next group of entries with consecutive references that the filter selects, from
+ * index *at on; 0: there is none */
 static size_t next_run(const Link *l, EntryFilter *filter, size_t *at)
 {
     while (*at < l->entries && !filter(&l->entry[*at])) ++*at;
@@ -74,7 +75,8 @@ void put_list(Link *l, Writer *w, EntryFilter *filter, bool with_values)
     if (!w->full) store(runs, total, 2);
 }
 
-/* stores the values of an answer, in the order of the request */
+/* stores the values of an answer for the entries that the filter selects, in the order of the
+ * request; false: too few values */
 bool take_values(Link *l, EntryFilter *filter)
 {
     Reader *r = &l->client.data;

@@ -4,8 +4,8 @@
 #include "link.h"
 
 typedef struct {
-    uint64_t guid; /* CRC of the guid: a state can be restored only with the same interface */
-    uint64_t sum;  /* over the following members and bytes */
+    uint64_t guid; /* CRC of the guid: restored only for the same interface */
+    uint64_t sum;  /* checksum of the following members and bytes */
     uint64_t size; /* bytes of the state of the component */
     uint64_t stepping, behind;
     double start, stop, time, bounded;

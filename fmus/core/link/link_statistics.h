@@ -18,7 +18,8 @@ typedef struct {
     uint64_t late;                  /* number of answers after the deadline */
 } LinkStatistics;
 
-/* function for the harness, not part of FMI; false if the board does not answer */
+/* function for the harness, not part of FMI: gets the statistics; false if the board does not
+ * answer */
 #if defined __GNUC__
 __attribute__((visibility("default")))
 #endif

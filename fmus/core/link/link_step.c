@@ -2,7 +2,7 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
-/* requests a step from the time of the board to t + h */
+/* sends the request of a step from the time of the board to t + h */
 static bool send_exchange(Link *l, double t, double h, fmi2Boolean final)
 {
     Writer w = new_request(&l->client);
@@ -23,8 +23,8 @@ static unsigned hold_outputs(Link *l)
     return fmi2OK;
 }
 
-/* waits for the answer until the deadline; if it is late, waits longer, holds the outputs, or
- * fails, as configured */
+/* waits for the answer to a step until the deadline. If the answer is late, waits longer, leaves
+ * the outputs as they are, or fails, as configured. */
 static unsigned wait_for_step(Link *l)
 {
     Client *c = &l->client;

@@ -9,11 +9,11 @@
 
 typedef uintptr_t __attribute__((may_alias)) Word;
 
-enum { SIZE = sizeof(Word), BLOCK = 8 }; /* bytes of a word, words of a round */
+enum { SIZE = sizeof(Word), BLOCK = 8 }; /* bytes per word; words copied per loop */
 
 void *memcpy(void *restrict to, const void *restrict from, size_t size);
 
-/* the compiler may not make a call of memcpy out of these loops */
+/* memcpy; the attribute prevents the compiler from replacing these loops by a call of memcpy */
 __attribute__((optimize("no-tree-loop-distribute-patterns"))) void *
 memcpy(void *restrict to, const void *restrict from, size_t size)
 {

@@ -44,7 +44,7 @@ static void name_paths(Paths *p, const Stream *s)
     snprintf(p->lock, LONG_PATH, "%s/lock", s->folder);
 }
 
-/* removes the folder and its files; not 0: failed */
+/* removes the folder with its files; returns 0 if all are removed */
 static int remove_folder(const Paths *p, const char *folder)
 {
     unlink(p->to_board), unlink(p->from_board), unlink(p->life), unlink(p->log), unlink(p->lock);
@@ -103,7 +103,8 @@ static void default_signals(void)
     sigprocmask(SIG_SETMASK, &none, NULL);
 }
 
-/* redirects the standard streams to /dev/null and closes all files of the program except one */
+/* redirects the standard streams to /dev/null and closes all files of the parent program except
+ * `needed` */
 static void close_other_files(int needed)
 {
     int nothing = open("/dev/null", O_RDWR);
@@ -122,8 +123,8 @@ static void become_emulator(char *const command[], int log)
     _exit(127);
 }
 
-/* returns when every link has left or the program has ended; when the emulator ends, its pipe is
- * removed so that no link waits for it */
+/* returns when every link has left or the program has ended. When the emulator ends, its pipe is
+ * removed, so that no link waits for it. */
 static void wait_for_links(int life, int alive, const Paths *p)
 {
     struct pollfd watched[] = {{life, POLLIN, 0}, {alive, POLLIN, 0}};
@@ -193,7 +194,7 @@ static bool start_supervisor(Stream *s, const Paths *p, const Config *c)
     if (mkfifo(p->to_board, 0600) < 0 || mkfifo(p->from_board, 0600) < 0 ||
         mkfifo(p->life, 0600) < 0)
         return free(command), fail_start(s, s->folder);
-    /* open at both ends, so that the supervisor's open() does not block */
+    /* opened for reading and writing, so that open() in the supervisor does not block */
     int life = open(p->life, O_RDWR | O_NONBLOCK | O_CLOEXEC);
     s->supervisor = fork();
     if (s->supervisor == 0) run_supervisor(p, s->folder, command->list);
@@ -204,7 +205,8 @@ static bool start_supervisor(Stream *s, const Paths *p, const Config *c)
     return started;
 }
 
-/* opens the pipes; writing succeeds once the emulator has opened its ends */
+/* opens the pipes of the frames until the time `until`; opening for writing succeeds once the
+ * emulator has opened its ends */
 static bool open_pipes(Stream *s, const Paths *p, double until)
 {
     char log_line[REASON_SIZE / 2] = "";
@@ -226,7 +228,7 @@ bool start_processor(Stream *s, const Config *c)
     name_paths(&p, s);
     if (first ? !start_supervisor(s, &p, c) : !open_life_pipe(s, &p, now_s() + c->timeout)) {
         if (first && s->supervisor <= 0)
-            remove_folder(&p, s->folder); /* there is no supervisor to remove it */
+            remove_folder(&p, s->folder); /* no supervisor exists that would remove it */
         return false;
     }
     if (write(s->life, "j", 1) != 1 || !open_pipes(s, &p, now_s() + c->timeout)) return false;

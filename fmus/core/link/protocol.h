@@ -22,7 +22,7 @@ enum {
     HEADER_SIZE = 20,
     CRC_SIZE = 4,
     FRAME_LIMIT = HEADER_SIZE + PAYLOAD_LIMIT + CRC_SIZE,
-    ANSWER = 0x80 /* bit of the code of an answer */
+    ANSWER = 0x80 /* bit of the code that is set in answers */
 };
 
 typedef enum {
@@ -40,7 +40,7 @@ typedef enum {
     STATISTICS
 } Code;
 
-/* statuses of answers besides fmi2Status */
+/* statuses of answers besides the values of fmi2Status */
 typedef enum {
     DAMAGED = 64, /* a damaged frame has arrived; its sequence number is unknown */
     OTHER_VERSION,
@@ -53,7 +53,7 @@ typedef enum { REAL_TYPE, INTEGER_TYPE, BOOLEAN_TYPE } ValueType;
 enum { TYPE_COUNT = BOOLEAN_TYPE + 1 };
 
 static const double probe_value =
-    -1.25e-3; /* sent in descriptions, to compare the formats of doubles */
+    -1.25e-3; /* sent in descriptions, to compare formats of doubles */
 static const unsigned char frame_magic[4] = {'S', 'L', 'N', 'K'};
 
 /* ---- CRC-32 of IEEE 802.3 (reflected, polynomial 0x04C11DB7), four bits per step */
@@ -144,7 +144,7 @@ static inline double take_double(Reader *r)
     memcpy(&value, &bits, sizeof value);
     return value;
 }
-/* truncated to the size of the buffer; returns the buffer */
+/* text from a frame, cut to the size of the buffer; returns the buffer */
 static inline const char *take_text(Reader *r, char *buffer, size_t size)
 {
     size_t length = take_number(r, 4);
@@ -188,7 +188,8 @@ typedef struct {
     Reader payload;
 } Frame;
 
-/* writes header and CRC of a frame whose payload is at bytes + HEADER_SIZE; returns its size */
+/* completes a frame whose payload is at bytes + HEADER_SIZE: writes header and CRC, returns the
+ * size of the frame */
 static inline size_t finish_frame(unsigned char *bytes, Frame f, size_t length)
 {
     const uint8_t numbers[4] = {PROTOCOL_VERSION, f.code, f.component, f.status};
@@ -205,8 +206,8 @@ static inline size_t finish_frame(unsigned char *bytes, Frame f, size_t length)
 
 typedef enum { INCOMPLETE, COMPLETE, NOISE } Found;
 
-/* examines the beginning of `count` bytes: COMPLETE frame of `size` bytes, INCOMPLETE frame, or
- * NOISE of `size` bytes to skip */
+/* finds what `count` bytes begin with: a COMPLETE frame of `size` bytes, an INCOMPLETE frame, or
+ * NOISE, `size` bytes to skip */
 static inline Found find_frame(const unsigned char *bytes, size_t count, Frame *f, size_t *size)
 {
     size_t matching = 0;

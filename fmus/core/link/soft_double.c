@@ -19,11 +19,11 @@
 #define QUIET    ((uint64_t)1 << 51)
 #define LEADING  ((uint64_t)1 << 52)
 #define HEAD     0xfff00000u
-#define ONE      0x00100000u /* 1 in the exponent of a head */
+#define ONE      0x00100000u /* 1 in the exponent field of a head */
 #define HALF     0x80000000u
 
-/* rest: part below the last place of `whole`, in units of 2^-32 of that place; its last bit is
- * sticky */
+/* significand after a right shift. rest: part below the last place of `whole`, in units of 2^-32
+ * of that place; its last bit is sticky (1 if any lower bit was 1) */
 typedef struct {
     uint64_t whole;
     uint32_t rest;
@@ -38,13 +38,14 @@ static inline uint64_t words(uint32_t high, uint32_t low) { return (uint64_t)hig
 static inline unsigned exponent(uint64_t a) { return upper(a) >> 20 & 0x7ff; }
 static inline uint64_t fraction(uint64_t a) { return a & (LEADING - 1); }
 
-/* bits that a right shift by `places` (below 32) removes, at the top of a word */
+/* the bits that a right shift by `places` (below 32) removes from a word, moved to the top of a
+ * word */
 static inline uint32_t removed_bits(uint32_t word, unsigned places)
 {
     return word << 1 << (31 - places);
 }
 
-/* m shifted to the right by `places`, below 64 */
+/* m shifted to the right by `places`, which is below 64 */
 static inline Significand shifted(uint64_t m, unsigned places)
 {
     uint32_t high = upper(m), low = (uint32_t)m;
@@ -56,7 +57,8 @@ static inline Significand shifted(uint64_t m, unsigned places)
     return (Significand){high >> places, rest | (removed_bits(low, places) != 0)};
 }
 
-/* rounds to nearest, ties to even; a carry out of the fraction increases the exponent */
+/* bits of the double with head, significand m and rest: rounded to nearest, ties to even; a
+ * carry out of the fraction increases the exponent */
 static inline uint64_t rounded(uint32_t head, uint64_t m, uint32_t rest)
 {
     uint64_t bits = m + words(head - ONE, 0);
@@ -74,7 +76,7 @@ static inline uint64_t sum(uint32_t head, uint64_t m, Significand n)
     return rounded(head, m >> 1, (uint32_t)m << 31 | n.rest >> 1 | (n.rest & 1));
 }
 
-/* shifts the leading one to bit 52, or until e = 1 */
+/* bits of the double after m is shifted until its leading one is at bit 52, or until e = 1 */
 static uint64_t normalised(uint32_t head, uint64_t m)
 {
     if (m == 0) return 0;
@@ -83,8 +85,8 @@ static uint64_t normalised(uint32_t head, uint64_t m)
     return rounded(head - places * ONE, m << places, 0);
 }
 
-/* m - n for m >= n; if their exponents differ by two or more, the difference loses at most one
- * place; otherwise the rest has at most one bit */
+/* bits of m - n for m >= n. If the exponents of the numbers differ by two or more, the
+ * difference loses at most one place; otherwise n.rest has at most one bit that is 1. */
 static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
 {
     m -= n.whole + (n.rest != 0);
@@ -96,7 +98,7 @@ static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
     return normalised(head - ONE, m);
 }
 
-/* sum where a number is NaN or infinite, or the smaller number is zero; not inlined, because its
+/* sum if a number is NaN or infinite, or if the smaller number is zero; not inlined, because its
  * registers would cost time in all other cases */
 static __attribute__((noinline)) uint64_t special_sum(uint64_t a, uint64_t b)
 {
@@ -106,7 +108,7 @@ static __attribute__((noinline)) uint64_t special_sum(uint64_t a, uint64_t b)
     return size_a ? a : a & b;
 }
 
-/* the sum with the larger number first */
+/* bits of the sum a + b with |a| >= |b| */
 static uint64_t sum_ordered(uint64_t a, uint64_t b)
 {
     if (exponent(a) == 0x7ff || (b & ~SIGN) == 0) return special_sum(a, b);
@@ -132,9 +134,9 @@ uint64_t sum_of_bits(uint64_t a, uint64_t b)
 /* ---- quotients */
 static inline uint32_t upper_product(uint32_t a, uint32_t b) { return upper((uint64_t)a * b); }
 
-/* 2^63 / d with a relative error between -2^-29 and 0; d >= 2^31. A linear approximation with an
- * error below 8 % is improved by three Newton steps r (2 - d r); neither the steps nor truncation
- * make the result too large */
+/* 2^63 / d for d >= 2^31, with a relative error between -2^-29 and 0. A linear approximation
+ * with an error below 8 % is improved by three Newton steps r (2 - d r); neither the steps nor
+ * truncation make the result too large. */
 static inline uint32_t reciprocal(uint32_t d)
 {
     uint32_t r = 0x76cf5d0b - d;
@@ -142,10 +144,11 @@ static inline uint32_t reciprocal(uint32_t d)
     return r;
 }
 
-/* m / n to 54 bits and a sticky bit, m at bit 53 and n at bit 52, in two digits of 27 bits */
+/* m / n to 54 bits and a sticky bit, as two digits of 27 bits; the leading one of m is bit 53,
+ * of n bit 52 */
 static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
 {
-    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2; /* reduced by 2, for the lower bits of n */
+    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2; /* 2 less, for the lower bits of n */
     uint32_t first = upper_product((uint32_t)(m >> 22), r) >> 4;
     m = (m << 26) - n * first;
     uint32_t second = upper_product((uint32_t)(m >> 22), r) >> 3;
@@ -155,7 +158,7 @@ static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
     return ((uint64_t)first << 27) + second;
 }
 
-/* quotient of significands with leading ones; e: exponent field of the quotient */
+/* bits of the quotient of two significands with leading ones; e: exponent field of the quotient */
 static inline uint64_t quotient(uint32_t sign, int e, uint64_t m, uint64_t n)
 {
     bool sticky;
@@ -199,9 +202,9 @@ uint64_t quotient_of_bits(uint64_t a, uint64_t b)
 
 /* ---- square roots */
 
-/* 2^47 / sqrt(x) with a relative error between -2^-28 and 0; x >= 2^30. A linear approximation with
- * an error below 12 % is improved by four Newton steps y (3 - x y^2) / 2; neither the steps nor
- * truncation make the result too large */
+/* 2^47 / sqrt(x) for x >= 2^30, with a relative error between -2^-28 and 0. A linear
+ * approximation with an error below 12 % is improved by four Newton steps y (3 - x y^2) / 2;
+ * neither the steps nor truncation make the result too large. */
 static inline uint32_t reciprocal_root(uint32_t x)
 {
     uint32_t y = 0x03886595 - (x >> 1);
@@ -211,8 +214,9 @@ static inline uint32_t reciprocal_root(uint32_t x)
 }
 
 /* Integer part (54 bits) of the square root of 2^44 x, x >= 2^62. Its upper bits come from the
- * reciprocal root, the others from one Newton step, which errs by one unit of the last place at most.
- * 1 is subtracted, so that the result is never too large; the lines after it add what is missing. */
+ * reciprocal root, the others from one Newton step, whose error is at most one unit of the last
+ * place. Therefore 1 is subtracted, so that the result is never too large, and the lines after
+ * it add what is missing. */
 static inline uint64_t whole_root(uint64_t x)
 {
     uint32_t y = reciprocal_root(upper(x)), first = upper_product(upper(x), y);
@@ -223,7 +227,8 @@ static inline uint64_t whole_root(uint64_t x)
     return s;
 }
 
-/* square root of the significand m with leading one and exponent e; there are no ties */
+/* bits of the square root of the number with significand m (with leading one) and exponent e;
+ * ties do not occur */
 static inline uint64_t root(int e, uint64_t m)
 {
     uint64_t s = whole_root(m << (e & 1 ? 10 : 11));

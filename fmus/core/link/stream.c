@@ -179,7 +179,7 @@ static StreamState report_end(Stream *s)
     return STREAM_ENDED;
 }
 
-/* writing to a closed pipe returns an error; the signal SIGPIPE is suppressed */
+/* writes bytes; writing to a closed pipe returns an error and raises no SIGPIPE */
 static ssize_t write_quietly(int file, const void *bytes, size_t count)
 {
     sigset_t pipe_only, before, waiting;

@@ -11,26 +11,26 @@
 enum { REASON_SIZE = 1600 };
 
 typedef struct {
-    int in, out;              /* equal for sockets and serial lines */
-    int life, lock;           /* files of an emulator, see processor.c; -1: none */
+    int in, out;              /* file descriptors; equal for sockets and serial lines */
+    int life, lock;           /* files of an emulator (processor.c); -1: none */
     pid_t supervisor;         /* process that ends the emulator; 0: another link started it */
     char folder[PATH_SIZE];   /* folder of the pipes */
     char reason[REASON_SIZE]; /* reason of the last failure */
 } Stream;
 
-double now_s(void); /* monotonic */
+double now_s(void); /* monotonic time [s] */
 
 bool open_stream(Stream *s, const Config *c);
 void close_stream(Stream *s);
 
 typedef enum { STREAM_OK, STREAM_LATE, STREAM_ENDED } StreamState;
 
-/* return when everything is written, or when at least one byte is read; until: value of now_s() at
- * which they return STREAM_LATE */
+/* write_stream() returns when all bytes are written, read_stream() when at least one byte is
+ * read; both return STREAM_LATE when now_s() reaches `until` */
 StreamState write_stream(Stream *s, const void *bytes, size_t count, double until);
 StreamState read_stream(Stream *s, void *bytes, size_t most, size_t *got, double until);
 
-/* exclusive use of a shared emulator between these two calls */
+/* between lock_stream() and unlock_stream() this link alone uses a shared emulator */
 void lock_stream(const Stream *s);
 void unlock_stream(const Stream *s);
 
