@@ -8,8 +8,8 @@
 
 static unsigned row_reference(size_t row) { return (unsigned)(VR_STRIDE * row); }
 
-/* a flag is a number (0 or 1) as in FMI 2.0, so that FMUs of both versions can replace each
- * other */
+/* a flag is a number (0 or 1) as in FMI 2.0, so that an FMU of one version can replace an FMU of
+ * the other */
 static void print_types(void)
 {
     for (size_t i = 0; i < fmu_model.variable_count; i++)

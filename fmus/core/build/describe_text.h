@@ -31,7 +31,8 @@ static const struct {
     {"N", {1, 1, -2, 0}},  {"J", {1, 2, -2, 0}}, {"1", {0, 0, 0, 0}},
 };
 
-/* one factor such as "s2" at *text, counted `sign` times; 0 if it is unknown */
+/* reads one factor of a unit, such as "s2", at *text and adds `sign` times its powers to d;
+ * returns 0 if the unit is unknown */
 static int parse_factor(const char **text, int sign, Dimension *d)
 {
     for (size_t i = 0; i < COUNT(base_units); i++) {
@@ -57,7 +58,7 @@ static int parse_unit(const char *text, Dimension *d)
         if (*text == ')' && sign < 0) text++;
         if (!*text) return 1;
         if (*text++ == '/')
-            sign = -1; /* all factors that follow are divisors, in brackets if there are several */
+            sign = -1; /* the factors that follow are divisors, in brackets if there are several */
         if (*text == '(' && sign < 0) text++;
     }
     return 0;
@@ -136,7 +137,8 @@ static void print_units(bool seconds) /* seconds: print the unit s even if no ro
 
 #define ROOT_10 3.1622776601683795
 
-/* the power of ten nearest to the largest start value of a row if it is far from 1, else 1 */
+/* nominal value: the power of ten nearest to the largest start value of a row if that is far
+ * from 1, else 1 */
 static double nominal(const Variable *v, const double *values)
 {
     double largest = 0;
@@ -155,7 +157,7 @@ static int last_mode(const char *names)
     return count;
 }
 
-/* description; of a mode with its numbers and names: "cause: 0 none, 1 abort" */
+/* prints the description of a row; for a mode with numbers and names: "cause: 0 none, 1 abort" */
 static void print_description(const Variable *v)
 {
     printf(" description=\"");
@@ -173,7 +175,7 @@ static void print_description(const Variable *v)
 
 static void print_bounds(const Variable *v, double value)
 {
-    /* inputs outside the modes mean the nearest mode or none: they have no bounds */
+    /* an input of a mode has no bounds: other values mean the nearest mode, or none */
     const bool is_mode = v->names && v->causality == OUTPUT_ROW;
     const double low = is_mode ? smaller(value, 0) : lowest(v->rule);
     const double high = is_mode ? last_mode(v->names) : highest(v->rule);
@@ -181,8 +183,8 @@ static void print_bounds(const Variable *v, double value)
     if (high < DBL_MAX) print_attribute("max", high);
 }
 
-/* a row is sampled if it is an output of software or of a sensor, which have a sample period: in a
- * system the period of the component "controller." */
+/* true if a row is sampled: an output of software or of a sensor, which have a sample period. In
+ * a system the period of the component counts: "controller.sample_period". */
 static bool is_sampled(const Variable *v)
 {
     const char *point = strrchr(v->name, '.');
@@ -202,11 +204,12 @@ static const char *variability(const Variable *v)
     return is_flag(v->rule) || v->names || is_sampled(v) ? "discrete" : "continuous";
 }
 
-/* whether a row has annotations for the harness (harness/system/interface.py): an input that may stay
- * unconnected, the names of a mode */
+/* true if a row has annotations for the harness (harness/system/interface.py): an input that may
+ * stay unconnected, or the names of a mode */
 static bool is_annotated(const Variable *v) { return v->kind == OPTIONAL_ROW || v->names; }
 
-/* each annotation has one element; begin: begin of its start tag up to the name of this project */
+/* prints the annotations of a row, one element each; begin: its start tag up to the name of this
+ * project */
 static void print_annotations(const Variable *v, const char *begin, const char *end)
 {
     if (!is_annotated(v)) return;
@@ -220,7 +223,7 @@ static void print_annotations(const Variable *v, const char *begin, const char *
     printf("</Annotations>\n");
 }
 
-/* data of the build for the root element and the list of sources */
+/* data of the build: attributes of the root element and list of sources */
 typedef struct {
     const char *version, *date;
     const char *licenses; /* folder of licenses/ in the archive */

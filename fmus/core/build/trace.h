@@ -42,8 +42,8 @@ static void print_outputs(const void *model, double t)
     printf("\n");
 }
 
-/* Step k is from k h to k h + h, as for a master that counts its steps. Returns false if a result
- * violates a rule. */
+/* runs the model and prints rows if `print` is set; false: a result violates a rule. Step k is
+ * from k h to k h + h, as for a master that counts its steps. */
 static bool run(void *model, bool print)
 {
     if (print) print_outputs(model, 0);

@@ -30,7 +30,7 @@
 #define OPAQUE noipa
 #endif
 
-/* functions of one double, which functions with tables and integers call for each lane */
+/* functions of one double, which vector functions with tables and integers call for each lane */
 namespace scalar
 {
 #include "scalar/portable_math.h"
@@ -49,16 +49,16 @@ namespace scalar
 namespace lanes
 {
 typedef double Numbers __attribute__((vector_size(8 * WIDTH)));
-typedef int64_t Answers __attribute__((vector_size(8 * WIDTH))); /* -1: true, 0: false */
+typedef int64_t Answers __attribute__((vector_size(8 * WIDTH))); /* per lane -1: true, 0: false */
 
 /* ---- answers that differ ---- */
 struct Split {
     jmp_buf place; /* in performed(), before the call of the function */
-    int answer;    /* bits of the lanes with a true answer */
+    int answer;    /* bits of the active lanes in which the answer is true */
     Split *outer;  /* Split of the function that called this function */
 };
 inline Split *present; /* Split of the function that is being performed */
-inline jmp_buf again;  /* in runs.h: repeats macro steps if a component splits that is not saved */
+inline jmp_buf again;  /* runs.h: repeats macro steps if a component splits before it is saved */
 inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter */
 
 [[noreturn]] __attribute__((noinline, cold)) inline void split(int answer)
@@ -67,8 +67,9 @@ inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter *
     longjmp(present->place, 1);
 }
 
-/* performs a function; false: the function was left because active lanes differ in here->answer.
- * Only performed() returns twice (setjmp), and no optimization looks into it. */
+/* performs a function; false: the function was left, because the active lanes differ in the
+ * condition here->answer. Only performed() returns twice (by setjmp), and the compiler does not
+ * optimize across it. */
 __attribute__((OPAQUE)) inline bool performed(Split *here, void (*function)(void *), void *given)
 {
     here->outer = present;
@@ -82,7 +83,7 @@ __attribute__((OPAQUE)) inline bool performed(Split *here, void (*function)(void
     return true;
 }
 
-/* one answer for all active lanes */
+/* the answer as one bool for all active lanes; splits if the lanes differ */
 INLINE bool agreed(int answer)
 {
     if (__builtin_expect(answer != 0 && answer != active, 0)) split(answer);
@@ -152,7 +153,8 @@ struct Vector {
     {
         return Numbers{((void)I, x)...};
     }
-    /* a whole number, a mode or a condition: one for all lanes */
+    /* conversion to a whole number, a mode or a condition: one value for all active lanes, which
+     * splits if the lanes differ */
     template <Number T> explicit operator T() const
     {
         if constexpr (std::is_same_v<T, bool>) return Mask(v != 0);
@@ -218,7 +220,7 @@ template <Answer A, Answer B> inline Mask operator||(A a, B b)
 INLINE Vector blend(Mask m, Vector a, Vector b) { return m.answer ? a.v : b.v; }
 INLINE Mask blend(Mask m, Mask a, Mask b) { return (m.answer & a.answer) | (~m.answer & b.answer); }
 
-/* whether a type consists of vectors only, so that a blend of its vectors is a blend of the whole */
+/* true if a type T consists of vectors only, so that blending its vectors blends the whole */
 template <class T, size_t... I> constexpr bool accepts_lanes(std::index_sequence<I...>)
 {
     return requires(Vector x) { T{((void)I, x)...}; };
@@ -242,7 +244,8 @@ INLINE T blend(Mask m, T a, T b)
     return a;
 }
 
-/* c ? a : b for whole numbers a and b, as a vector or, if all lanes agree, as one number */
+/* result of c ? a : b for whole numbers a and b: converts to a vector or, if all lanes agree in
+ * c, to one number */
 template <class N> struct Whole {
     Mask c;
     N a, b;
@@ -270,7 +273,7 @@ template <class A, class B> constexpr auto common(int)
     else return std::type_identity<std::common_type_t<A, B>>();
 }
 
-/* c ? a() : b(); a function whose value no active lane takes is not called */
+/* c ? a() : b() with blended results; a function whose value no active lane needs is not called */
 template <class T, class A, class B> INLINE T chosen(Mask c, A a, B b)
 {
     if constexpr (is_blended<T>()) {
@@ -282,7 +285,7 @@ template <class T, class A, class B> INLINE T chosen(Mask c, A a, B b)
     } else return (bool)c ? T(a()) : T(b());
 }
 
-/* c ? a() : b() */
+/* c ? a() : b() with the common type of both results */
 template <class C, class A, class B> INLINE auto choose(C c, A a, B b)
 {
     using FirstType = std::remove_cvref_t<decltype(a())>;
@@ -337,7 +340,7 @@ inline Vector floor_of(Vector x)
 }
 inline Vector ceiling_of(Vector x) { return -floor_of(-x); }
 
-/* bits can be compared only: every other use of the bits of a vector does not compile */
+/* bits of a vector, which can only be compared: any other use does not compile */
 struct Bits {
     Answers bits;
     friend Mask operator==(Bits a, Bits b) { return a.bits == b.bits; }
@@ -380,8 +383,8 @@ inline Vector cosine_series(Vector hi, Vector lo)
     return w + ((1 - w - half) + (zz * sum - hi * lo));
 }
 
-/* The operations of reduced() for all lanes; a lane beyond 1e6, near a multiple of pi/2 or not
- * finite is computed alone. */
+/* sine and cosine by the operations of reduced() for all lanes; a lane with |x| above 1e6, near
+ * a multiple of pi/2 or not finite is computed alone */
 inline SineCosine sine_and_cosine(Vector x)
 {
     const Vector size = fabs(x), rounded = x * TWO_OVER_PI + ROUNDER, n = rounded - ROUNDER;
@@ -441,7 +444,8 @@ using lanes::arc_tangent, lanes::exponential, lanes::SineCosine;
     void single_object(State *); \
     void single_object(Output *)
 
-/* neither table nor checks nor initialization: these are made by the FMU of each run */
+/* the lanes need neither the table nor the checks nor the initialization of a model: the FMU of
+ * each run does these */
 #undef FMU_MODEL_OF
 #define FMU_MODEL_OF(...) extern "C" void this_model_has_no_table(void)
 
@@ -513,8 +517,8 @@ inline Answers answers_of(int bits)
     return all;
 }
 
-/* Returns the value of a function that writes nothing. Where lanes differ in an answer, the
- * function is performed once for the lanes of each answer, and both values are blended. */
+/* Returns the value of a function that writes nothing. Where lanes differ in a condition, the
+ * function is performed once for the lanes with each answer, and the two values are blended. */
 template <class T, class F> T performed_apart(const F &function);
 template <class T, class F> INLINE T apart(F function)
 {
@@ -542,8 +546,9 @@ template <class T, class F> T performed_apart(const F &function)
     return blend(answers_of(here.answer), first, second);
 }
 
-/* Performs a function for the active lanes: once, or once for the lanes of each answer where lanes
- * differ in an answer. x: all that the function writes. Returns whether lanes differed. */
+/* Performs a function for the active lanes: once or, where lanes differ in a condition, once for
+ * the lanes with each answer. x: pointers to all that the function writes. Returns true if lanes
+ * differed. */
 template <class F, class... X> bool perform_apart(const F &function, X *...x)
 {
     const std::tuple<X...> before(*x...);
@@ -563,7 +568,8 @@ template <class F, class... X> bool perform_apart(const F &function, X *...x)
     return true;
 }
 
-/* perform_apart() for the active lanes in `some`; x does not change in the other lanes */
+/* perform_apart() for those active lanes whose bits are set in `some`; x does not change in the
+ * other lanes */
 template <class F, class... X> void perform_for(int some, const F &function, X *...x)
 {
     const std::tuple<X...> before(*x...);
@@ -574,12 +580,12 @@ template <class F, class... X> void perform_for(int some, const F &function, X *
     ((*x = blend(answers_of(some), *x, std::get<X>(before))), ...);
 }
 
-/* pointer to one struct, not into an array: a model declares single_object() for its states and
- * outputs */
+/* pointer to a single struct, not into an array; a model declares single_object() for its states
+ * and outputs */
 template <class T>
 concept Single = requires(T pointer) { single_object(pointer); };
-/* number, or vectors or a pointer to constant vectors only: behind it there is no pointer through
- * which a function could write */
+/* argument through which a function cannot write: a number, vectors, or a pointer to constant
+ * vectors */
 template <class T>
 concept NotWritten = Number<T> || is_blended<T>() ||
                      (std::is_pointer_v<T> && std::is_const_v<std::remove_pointer_t<T>> &&
@@ -591,7 +597,7 @@ template <class T> INLINE auto written(T argument)
     else return std::tuple<T>(argument);
 }
 
-/* if (c) function(arguments); */
+/* if (c) function(arguments); for the lanes in which c is true */
 template <class C, class F, class... T> INLINE void where(C c, const F &function, T... arguments)
 {
     if constexpr (Answer<C> && ((NotWritten<T> || Single<T>) && ...)) {
@@ -603,8 +609,9 @@ template <class C, class F, class... T> INLINE void where(C c, const F &function
     } else if (c) function();
 }
 
-/* A step of a component in all lanes. Saving states and outputs takes longer than many steps; a
- * component is saved from its first split on, and the macro steps before that split are repeated. */
+/* Performs a step of a component in all lanes. Saving states and outputs takes longer than many
+ * steps: a component is saved only from its first split on, and the macro steps before that
+ * split are repeated. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {
@@ -618,7 +625,7 @@ void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *split
 }
 
 /* ---- checks ---- */
-inline int not_finite; /* bits of the lanes with a state or output that is not finite, now */
+inline int not_finite; /* bits of the lanes that have a state or output that is not finite */
 
 inline Mask all_of(const Vector *x, size_t count)
 {
@@ -627,7 +634,7 @@ inline Mask all_of(const Vector *x, size_t count)
     return valid;
 }
 
-/* a sum is finite only if every term is finite */
+/* lanes in which all of x[0 .. count-1] are finite: a sum is finite only if every term is finite */
 inline Mask all_finite(const Vector *x, size_t count)
 {
     Vector sum[4] = {0, 0, 0, 0};
@@ -639,7 +646,8 @@ inline Mask all_finite(const Vector *x, size_t count)
     return valid.bits() == active ? valid : all_of(x, count);
 }
 
-/* Checks a component after its step, while its memory is in the cache. Only a step changes it. */
+/* Adds to not_finite the lanes in which a component is not finite; called after its step, the
+ * only place where it changes, while its memory is in the cache. */
 template <class X, class Y> void check_finite(const X *x, const Y *y)
 {
     const Mask valid = all_finite((const Vector *)x, sizeof *x / sizeof(Vector)) &&

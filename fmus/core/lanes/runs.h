@@ -33,11 +33,11 @@ struct Work {
 
 typedef struct {
     double start, step;              /* s; macro step k begins at start + k step */
-    int64_t every, steps;            /* a row after every N-th macro step, and after all */
+    int64_t every, steps;            /* a row after every N-th macro step and after the last */
     int64_t count;                   /* runs, at most WIDTH */
     size_t columns;                  /* recorded outputs */
     const unsigned *reference;       /* value references of the recorded outputs */
-    scalar::Snapshot *const *states; /* a state per run: loaded by begin(), stored by end() */
+    scalar::Snapshot *const *states; /* state of each run: loaded by begin(), stored by end() */
     double *const *tables;           /* recorded rows of every run */
     int64_t done, lost;              /* macro steps completed; bits of the lost runs */
     double now;                      /* s; time of all runs */
@@ -51,7 +51,7 @@ static Mask satisfying(const Ruled *r)
     return r->flag ? x == 0 || x == 1 : x >= r->low && x <= r->high;
 }
 
-/* bits of the runs with a state or output that is rejected */
+/* bits of the runs in which a state or output is rejected */
 static int rejected(const Runs *r)
 {
     Mask valid(true);
@@ -88,7 +88,8 @@ static void list_ruled(Work *w, const scalar::Variable *rows, size_t count)
 /* ---- functions of the library ---- */
 EXPORT const int width = WIDTH;
 
-/* loads states after the same number of macro steps; false: out of memory */
+/* allocates the memory and loads the states of the runs, all after the same number of macro
+ * steps; false: out of memory */
 EXPORT bool begin(Runs *r)
 {
     Work *w = r->work = (Work *)aligned_alloc(alignof(Work), sizeof(Work));
@@ -151,7 +152,8 @@ static void perform(Runs *r, int64_t last)
     }
 }
 
-/* performs macro steps; false: they have to be repeated, see step_in_lanes() in lanes.h */
+/* performs macro steps up to `last`; false: they have to be repeated, see step_in_lanes() in
+ * lanes.h */
 __attribute__((OPAQUE)) static bool performed(Runs *r, int64_t last)
 {
     if (setjmp(lanes::again)) return false;
