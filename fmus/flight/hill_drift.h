@@ -43,7 +43,7 @@ static inline vec3 drift_position(const Transition *f, vec3 r, vec3 v)
                f->yx * r.x + r.y - f->swing * v.x + f->vy * v.y, f->zz * r.z + f->vx * v.z);
 }
 
-/* Phi_rr^T a and Phi_rv^T a */
+/* Phi_rr^T a; below: Phi_rv^T a */
 static inline vec3 position_part(const Transition *f, vec3 a)
 {
     return vec(f->xx * a.x + f->yx * a.y, a.y, f->zz * a.z);
@@ -60,7 +60,7 @@ static inline vec3 drift_velocity(double n, SineCosine nt, vec3 r, vec3 v)
                -6 * n * (1 - c) * r.x - 2 * s * v.x + (4 * c - 3) * v.y, -n * s * r.z + c * v.z);
 }
 
-/* relative state t later, in the Hill axes of that time */
+/* relative state after a drift of t seconds, in the Hill axes of that time */
 static inline RelativeState drifted(const RelativeState *from, double t)
 {
     double n = norm(from->w_H);

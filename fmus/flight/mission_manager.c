@@ -69,7 +69,7 @@ static const struct {
     int force, torque, next;
     int near; /* 1: on the grasp axis; errors are monitored, limit of navigation loss is nav_near */
     int before;  /* 1: before capture, a retreat is possible */
-    int profile; /* 1: the phase begins a range profile */
+    int profile; /* 1: a range profile begins with this phase */
     int arm;     /* command to the arm, if the arm mates */
 } phases[PHASES] = {
     /* clang-format off */

@@ -133,7 +133,7 @@ static vec3 force_H(const Parameters *p, double phase, vec3 e, vec3 de)
     return add(mul(K->rho, e), mul(K->drho, de));
 }
 
-/* relative state and error: derivatives as seen in N become derivatives as seen in H */
+/* publishes relative state and error, with derivatives as seen in H instead of N */
 static void publish_relative_state(const HillFrame *H, const Input *u, Output *y)
 {
     vec3 rho_N = sub(u->S.r, u->T.r), drho_N = sub(u->S.v, u->T.v);

@@ -148,7 +148,7 @@ static Matrix columns_of(const Parameters *p, double t)
     return A;
 }
 
-/* b - A x; b has no rows of damping */
+/* residual b - A x; the damping rows of b are 0 */
 static Column residual(const Matrix *A, Column b, const double *x)
 {
     for (int i = 0; i < THRUSTERS; i++) {

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 
 #define TRACE_STEP 0.1                         /* s; step of the default experiment */
-enum { TRACE_STEPS = 1000, TRACE_EVERY = 50 }; /* number of steps, steps from row to row */
+enum { TRACE_STEPS = 1000, TRACE_EVERY = 50 }; /* number of steps; steps between rows */
 
 static bool is_output(size_t row) { return fmu_model.variables[row].causality == OUTPUT_ROW; }
 

@@ -28,7 +28,7 @@ struct Work {
     double saved_now;
     Ruled ruled[2 * scalar::SIZE];
     size_t ruled_count;
-    const Vector **columns; /* recorded outputs */
+    const Vector **columns; /* vectors of the recorded outputs */
 };
 
 typedef struct {
@@ -38,7 +38,7 @@ typedef struct {
     size_t columns;                  /* recorded outputs */
     const unsigned *reference;       /* value references of the recorded outputs */
     scalar::Snapshot *const *states; /* state of each run: loaded by begin(), stored by end() */
-    double *const *tables;           /* recorded rows of every run */
+    double *const *tables;           /* table of the recorded rows of each run */
     int64_t done, lost;              /* macro steps completed; bits of the lost runs */
     double now;                      /* s; time of all runs */
     Work *work;

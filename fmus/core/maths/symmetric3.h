@@ -6,7 +6,7 @@
 #include "mat3.h"
 
 typedef struct {
-    vec3 value; /* in the order of the vectors */
+    vec3 value; /* eigenvalues in the order of `axis` */
     mat3 axis;  /* rows: eigenvectors */
 } Eigen;
 

@@ -169,7 +169,7 @@ static inline mat3 turn_about(vec3 a, double s, double c)
                 vec(xz - b.y, yz + b.x, c + k.z * a.z));
 }
 
-/* R_i = R_(i-1) Rot(axis_i, q_i) */
+/* sets the rotation matrices of the links: R_i = R_(i-1) Rot(axis_i, q_i) */
 static inline void rotate_links(mat3s *restrict R, const Chain *restrict arm, const double q[])
 {
     double s[COLUMNS] = {0}, c[COLUMNS] = {[ARM_JOINTS] = 1};
@@ -216,7 +216,8 @@ static inline sym3 rotated_inertia(mat3 R, sym3 L)
     return (sym3){xx, yy, L.xx + L.yy + L.zz - xx - yy, dot(x, Ly), dot(z, Lx), dot(z, Ly)};
 }
 
-/* c_i = o_i + R_i centre_i, I_i = R_i L_i R_i^T, moved to S */
+/* sets centre of mass and inertia of every link, moved to S: c_i = o_i + R_i centre_i, I_i = R_i
+ * L_i R_i^T */
 static inline void set_link_inertias(Links *restrict k, const Chain *restrict arm)
 {
     for (int i = 0; i < COLUMNS; i++) {
