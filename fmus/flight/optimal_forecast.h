@@ -13,10 +13,7 @@
 #include "optimal_motion.h"
 #include "time_grid.h"
 
-enum {
-    SAMPLES = 10,
-    MOST_SECONDS = 20
-};                              /* samples per second; longest time for a first plan [s] */
+enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples per second; limit of a first plan [s] */
 #define LONGEST_DURATION 1200.0 /* s: gives nodes of 20 s, in which the tumble takes four steps */
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
