@@ -48,8 +48,7 @@ typedef struct {
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
-    double started, force,
-        torque;     /* started: 1 after the first sample; selections at the last sample */
+    double started, force, torque; /* selections at the last sample */
     Command out, D; /* out: command of the last sample without the push; D: see above */
     double unloading;
 } State;

@@ -14,9 +14,8 @@
 #include "tracking.h"
 
 typedef struct {
-    double P, R, a_F, e_p, e_v,
-        turn;            /* turn: change of F/m in a hold by the rotation of S [m/s2] */
-    vec3 rho, v, out, g; /* out: unit vector from the target */
+    double P, R, a_F, e_p, e_v, turn; /* turn: change of F/m in a hold, as S rotates [m/s2] */
+    vec3 rho, v, out, g;              /* out: unit vector from the target */
     vec3 W, v_T, a_T, w_H, v_H, a_H;
     mat3 C_SN, C_TN;
     int sphere, corridor, speed, drift; /* 1: the rule is in force */

@@ -30,7 +30,8 @@ typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
             SWITCH_VALUE)
 
 typedef struct {
-    double last, stamp, used; /* times of the last new and of the last used one [s]; 1: any used */
+    double last, stamp,
+        used; /* times of the last new and the last used measurement [s]; 1: any was used */
     double nis, rejected, in_row, acquired;
 } Track;
 

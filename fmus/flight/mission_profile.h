@@ -22,8 +22,7 @@ static inline double profile_duration(const MissionParameters *p, const Profile 
 {
     double way = 1.875 * fabs(a->from - a->to);
     if (a->phase == FINAL) return way / p->v_final;
-    if (a->phase == FLYAROUND)
-        return way / p->v_back; /* slow enough that an abort stops outside the zone */
+    if (a->phase == FLYAROUND) return way / p->v_back; /* an abort must stop outside the zone */
     if (a->phase != BACKOFF) return 0;
     return larger(way / (a->to == p->L_3 ? p->v_back : p->v_final), 1);
 }

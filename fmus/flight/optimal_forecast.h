@@ -46,9 +46,8 @@ typedef struct {
     vec3 u[NODES];
 } Plan; /* u: accelerations [m/s2] */
 typedef struct {
-    vec3 d_hat, rho, v,
-        F_sum;    /* d_hat: estimate; state at the last second, sum of forces since then */
-    double known; /* 1: rho, v and F_sum of a last second exist */
+    vec3 d_hat, rho, v, F_sum; /* estimate; state at the last second, sum of the forces since */
+    double known;              /* 1: rho, v and F_sum of a last second exist */
 } Disturbance;
 typedef struct {
     vec3 rho; /* place where braking began, axes of T or H */

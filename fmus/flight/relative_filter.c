@@ -36,8 +36,7 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, index, anchor_index,
-        late; /* numbers of the last sample and of the sample of the anchor */
+    double started, index, anchor_index, late; /* numbers of the last sample and of the anchor's */
     Track pose;
     Servicer ring[HISTORY];
 } State;

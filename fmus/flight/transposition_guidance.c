@@ -29,8 +29,7 @@ typedef struct {
 typedef struct { double none; } Input;
 typedef struct {
     History history;
-    vec3 H_N[MAX_NODES + 1],
-        h_end; /* total momentum at the nodes; gyro momentum after the window */
+    vec3 H_N[MAX_NODES + 1], h_end; /* total momentum at the nodes; h_cmg after the window */
 } State;
 typedef struct {
     AttitudeReference ref;

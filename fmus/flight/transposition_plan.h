@@ -24,8 +24,7 @@ typedef enum { PLANNED, FLIGHT_ATTITUDE, NOT_BELOW_LIMIT, ROTATION_TOO_LARGE } S
 typedef struct {
     Status status;
     int iterations;
-    double peak[MAX_ITERATIONS + 1],
-        rotation[MAX_ITERATIONS + 1]; /* before each iteration: largest |h|, largest rotation */
+    double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1]; /* before each iteration */
 } Result;
 
 static inline double largest_momentum(const Task *task, const History *y, const Workspace *w)

@@ -370,8 +370,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         integrate(&c, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
         update_vehicle(p, &arm, x, s.t + s.h);
-        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0)
-            break; /* the adapter rejects this state */
+        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0) break; /* rejected by the adapter */
     }
     Context c = context_at(p, u, &arm, x, t + h, p->base.max_step);
     publish(&c, x, y, t + h);

@@ -55,7 +55,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         const Interval constant = interval(base, &u->base, &x->base, &s);
         integrate(&constant, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
-        if (rate_margin(base, &x->base, s.t + s.h) < 0) break; /* the adapter rejects this state */
+        if (rate_margin(base, &x->base, s.t + s.h) < 0) break; /* rejected by the adapter */
     }
     publish_base(base, &x->base, &y->base, t + h);
 }
