@@ -6,14 +6,14 @@
  *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
  * With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional torque M_w:
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
- * which is switched on above unload_on and off below unload_off of wheel_speed_max. It is always on
- * with `prepare`, which brings the wheels to wheel_bias instead of wheel_speed_ref and begins the
- * switching anew, and in law 1 without far_wheels, which leaves the wheels alone. The throttles th
- * of the relays command virtual engines, whose force and torque the allocation distributes to the
- * thrusters:
+ * M_w is switched on above unload_on and off below unload_off of wheel_speed_max. With `prepare` M_w
+ * is always on and brings the wheels to wheel_bias instead of wheel_speed_ref; after `prepare` it is
+ * off until a wheel exceeds unload_on again. In law 1 without far_wheels M_w is always on, because
+ * this law commands no wheels. The throttles th of the relays command virtual engines, whose force
+ * and torque the allocation distributes to the thrusters ((o): product of each element):
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
- * With far_wheels the wheels give that torque, W_1 = -A_w^-1 M_1, and M_1 = 0.
+ * With far_wheels the wheels give the torque M_1: W_1 = -A_w^-1 M_1, and then M_1 = 0.
  * The change between laws is bumpless, the change to and from no law and to the retreat immediate:
  * when the selection changes from law to law, D is set to the last command minus F*, and decreases,
  *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not in D)

@@ -27,7 +27,7 @@
 typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;
 typedef struct { double rate_max, acceleration_max; } RollLimits;
 typedef struct {
-    vec3 i, k;                 /* axes of D, N axes */
+    vec3 i, k;                 /* axes i and k of D, in components along N */
     double rate, acceleration; /* roll about i */
 } Roll;
 typedef struct {

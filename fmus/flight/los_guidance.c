@@ -2,14 +2,14 @@
  * solar panels to the Sun.
  *
  *   rho_ref = rho_f R(q_TN) p_T                         R: target components to N components
- *   D:  x = r/|r|,   y = chi x x / |chi x x|,   z = x x y,
+ *   D:  X = r/|r|,   Y = chi x X / |chi x X|,   Z = X x Y,
  *           r = r_TN - r_SN: actual line of sight, chi: to the Sun
  *
  * with first and second derivatives as seen in N. The target turns torque-free, or under gravity
- * gradient if use_gravity_gradient. The relative acceleration behind alpha_DN_D is differential
- * gravity minus the last command, without manoeuvres of the target, which the servicer does not
- * know. y and q_DN never change sign from sample to sample. Where
- * the Sun is within guard_angle of the line of sight, the last y is held, made normal to x.
+ * gradient if use_gravity_gradient. alpha_DN_D follows from the relative acceleration, for which the
+ * guidance uses differential gravity minus the last command: the servicer does not know manoeuvres
+ * of the target. Y and q_DN never change sign from sample to sample. Where the Sun is within
+ * guard_angle of the line of sight, the Y of the last sample applies, made normal to X.
  * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range
  * of zero is rejected. A sample with active = 0 resets the state; its flags are 0.
  * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
@@ -37,7 +37,7 @@ typedef struct {
 typedef struct {
     vec3 y_N;
     quat q_DN;
-} State; /* y of the last sample outside the guard, q_DN of the last sample; 0: none yet */
+} State; /* Y of the last sample outside the guard, q_DN of the last sample; 0: none yet */
 typedef struct {
     Reference ref;
     double range;

@@ -6,9 +6,9 @@
  *   attitude, per body axis      M = -(Kp e + Ki I + Kd w),   e: vector part of q_SD, w: rate error
  *   anti-windup                  dI/dt = e + (u - sat(u))/(Ki T_aw)
  *
- * Sampled: explicit Euler, I is updated after its use. T_aw counts as at least the period, so that
- * the back-calculation of one sample ends at the limit; beyond it explicit Euler would overshoot
- * and diverge. Equations: docs/models.md C.5; the usual back-calculation gain is 1/(Ki T_aw). */
+ * Sampled: explicit Euler, I is updated after its use. T_aw counts as at least the period: with a
+ * shorter T_aw the back-calculation of one sample would go beyond the limit and diverge. The factor
+ * 1/(Ki T_aw) is the usual gain of back-calculation. Equations: docs/models.md C.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 

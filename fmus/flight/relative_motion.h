@@ -122,7 +122,7 @@ static inline void translation_blocks(const MotionModel *model, vec3 r_T, double
 }
 
 typedef struct {
-    mat3 inverse_B, th_th, w_th, w_w; /* blocks of A */
+    mat3 inverse_B, th_th, w_th, w_w; /* B^-1, blocks of A for errors of attitude and rate */
     mat3 B;
     vec3 w, dw, e;
     double tide;

@@ -237,8 +237,8 @@ static Motion in_N(const HillFrame *H, Motion a)
                     tmul(H->C_HN, add(a.dd, transport(H, a.x, a.d)))};
 }
 
-/* A.4.6: replaces the axes of the rule by the axes D of limited_roll.h; w = i x i' + r i, in D
- * axes */
+/* A.4.6: with a limited roll the reference attitude is the frame D of limited_roll.h. Its angular
+ * velocity is w = i x i' + r i, in D axes, with the roll rate r about i. */
 /* A.4-3 */
 static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, RollState *x,
                        Output *y, double t, double period)

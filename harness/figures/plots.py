@@ -262,8 +262,8 @@ def _colours(labels: Sequence[str]) -> dict[str, Colour]:
 
 
 class _Runs(NamedTuple):
-    """Several runs and their colours, both by label, and the length of the unit of the time axis
-    [s].
+    """Several runs and their colours, both by label. seconds: unit of the time axis in seconds,
+    such as 3600 for hours.
     """
 
     results: Mapping[str, Result]

@@ -112,7 +112,8 @@ class ResultFile:
 
     def write_partial(self, result: Result) -> str:
         """Write the result of a run that ended early to the partial file, and return its path. If
-        that fails, return the path of the other place where the result was stored, with the error.
+        that file cannot be written, write one in the folder for temporary files or a .csv beside
+        it, and return the path of this file with the error in parentheses.
 
         Raises ResultsError if the result cannot be stored anywhere.
         """

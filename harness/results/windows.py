@@ -71,8 +71,8 @@ def eventually(x: Array, within: Windows) -> Array:
 
 def until(x: Array, y: Array, within: Windows) -> Array:
     """Return the robustness (rows,) of the condition that x holds until y holds: the largest, over
-    the rows of the window, of min(y, smallest x before that row). NaN: no evidence, unless the
-    robustness is at least 0 already for a window that extends beyond the run.
+    the rows of the window, of min(y, smallest x before that row). A window that extends beyond the
+    run gives NaN (no evidence), except if its rows within the run already give at least 0.
     """
     first, last, over = within
     begin = np.arange(len(x))

@@ -134,7 +134,7 @@ def _text(base: Base) -> str:
     return ".".join(f"{name}{n if n != 1 else ''}" for name, n in _dimension(base).items()) or "1"
 
 
-# ---- units that are written as text
+# ---- units given as text, such as "km/h"
 
 SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
     "1": (1.0, {}),

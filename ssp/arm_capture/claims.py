@@ -104,7 +104,7 @@ def at_any_time(result: Result) -> tuple[float, ...]:
 
 
 APPROACH = Paper(
-    title="Synchronised approach: what it leaves to the arm",
+    title="Synchronised approach: what the paper leaves to the arm",
     needs=(MODE, GRIP, *BODIES),
     parameters=(*ARM, FIXTURE, SPEED),
     meant=lambda result: bool((result[MODE] >= DEPLOY).any()),

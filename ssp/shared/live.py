@@ -106,8 +106,8 @@ def attitude_settles(result: Result, limits: Limits) -> str:
 
 
 def attitude_steady(result: Result, _: Limits) -> str:
-    """Return the expression of the largest attitude error in the last fifth of the time since the
-    release [deg].
+    """Return the expression of the largest attitude error [deg] in the last fifth of the time in
+    which the attitude is free (released).
     """
     late = f"(last(time) - time <= 0.2 * {since_release(result)})"
     error = f"max(degrees({attitude_error(result)}) * {late})"

@@ -90,7 +90,8 @@ def force_H(result: Result) -> Array:
     """Return the force of the actuators on the servicer in axes of the target's Hill frame, (rows,
     3) [N].
 
-    x radial outward, y along track, z orbit normal; turned with the attitude of the same row.
+    Axes: x radial outward, y along track, z orbit normal. Each row is converted from axes of the
+    servicer with the attitude of the servicer in the same row.
     """
     r, v = result[TARGET], result[VELOCITIES[1]]
     normal = np.cross(r, v)

@@ -31,7 +31,7 @@ from .evaluations import (
 CLAIMS = (
     Claim(
         name="flight attitude saturates",
-        text="held in Earth-pointing attitude all the time, the actuators may saturate",
+        text="if the stack always points to the Earth, its actuators may saturate",
         where="step (4)",
         needs=(PEAK,),
         compute=metrics.first_peak,

@@ -156,7 +156,7 @@ class _Draft:
             )
         if self.plan.definition.get("record") and "step" in table.factors:
             self.problems.append(
-                "record: histories cannot be recorded if the factor step varies the macro step"
+                "record: time series cannot be recorded if the factor `step` varies the macro step"
             )
 
     # ---- against the system

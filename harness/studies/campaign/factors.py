@@ -199,7 +199,9 @@ class Inertia(Struct, frozen=True):
     axes: Number = 0.0
 
     def draw(self) -> Draw:
-        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
+        """Return the distribution from which the factor is drawn. Raise ValueError, with the rule,
+        if an entry of the factor violates a rule.
+        """
         j = np.array(self.principal)
         p = j.sum() / 2 - j
         fine = len(j) == 3 and (p > 0).all()
