@@ -93,7 +93,8 @@ def _key(fmu: Path) -> bytes:
     program, build = Path(compiler()[0]).resolve(), _core() / "build"
     if len(compiler()) > 1:
         program = Path(importlib.import_module(LIBRARY).__path__[0]) / "zig"
-    tools = (build / "lanes.py", build / "build_fmu.py", *sorted((_core() / "lanes").iterdir()))
+    names = ("lanes.py", "lanes_source.py", "build_fmu.py")
+    tools = (*(build / name for name in names), *sorted((_core() / "lanes").iterdir()))
     about = repr((width(), str(program), paths.stamp(program))).encode()
     return b"\0".join([about, *(file.read_bytes() for file in (fmu, *tools))])
 
