@@ -312,6 +312,12 @@ static double local(double a)
     if (a < 2.5) return ++n;
     return n;
 }
+static double apply(double (*act)(double *), const double *n) { return act((double *)n); }
+static double led_to(const double **of, const double *other)
+{
+    *of = other;
+    return **of;
+}
 static double first(Pair of)
 {
     of[0] += 3;
@@ -323,9 +329,10 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     const Holder own = {{x}};
     const Table table = {take};
     Pair both = {u->x, 0};
+    const double *pointed = &u->x;
     x->sum = u->x;
     CASE
-    y->y[15] = x->sum + both[0];
+    y->y[15] = x->sum + both[0] + *pointed;
 }
 """
 WRITING = {
@@ -342,6 +349,8 @@ WRITING = {
     "pointer": "Action *act = take; y->y[0] = u->x > 1.5 ? (*act)(&x->sum) : 2;",
     "local pointer": "Action *act = take; y->y[0] = u->x > 1.5 ? act(&x->sum) : 2;",
     "member": "y->y[0] = u->x > 1.5 ? table.act(&x->sum) : 2;",
+    "function as argument": "y->y[0] = u->x > 1.5 ? apply(take, &x->sum) : 2;",
+    "pointer to pointer": "y->y[0] = u->x > 1.5 ? led_to(&pointed, &p->k) : 2;",
     "array": "y->y[0] = u->x > 1.5 ? first(both) : 2;",
     "copy": "y->y[0] = u->x > 1.5 ? (memcpy(&x->sum, &p->k, sizeof x->sum), 1) : 2;",
 }
