@@ -19,6 +19,8 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
+import shared_variables
+
 CORE = Path(__file__).resolve().parents[1]
 LICENSE = CORE.parents[1] / "LICENSE"
 PARTS = ("fmi{}", "fmi{}_state", "fmi{}_unused", "instance", "state")
@@ -48,6 +50,10 @@ PLATFORM, LIBRARY = {"win32": ("win64", ".dll"), "darwin": ("darwin64", ".dylib"
 """Name of this platform's folder of libraries in an FMU, and ending of a library, as in FMPy."""
 
 
+class SharedVariableError(Exception):
+    """Error: a model has variables that are not part of its state; str() has a line for each."""
+
+
 def compile_with(compiler: list[str]) -> list[str]:
     """Return the command, with flags and include folders, that compiles models and the adapter."""
     include = [f"-I{folder}" for folder in (*HEADERS, FMI_HEADERS)]
@@ -72,7 +78,7 @@ def build(
 ) -> None:
     """Write the FMU of the C file `source` for FMI `fmi` ("2" or "3") to the path `output`. Raises
     CalledProcessError if the compiler or the program that prints the description fails, after it
-    has printed the reason.
+    has printed the reason, and SharedVariableError.
 
     compiled: folder with the compiled files of the adapter (None: compile them).
     """
@@ -84,6 +90,8 @@ def build(
         linked = compiled_adapter(compiled, fmi) if compiled else adapter
         tool = [CORE / "build/describe.c", *RUN_ONCE, "-o", describe, "-lm"]
         subprocess.run([*compile_c, *tool], check=True)
+        if shared := shared_variables.problems(compile_with(compiler), source):
+            raise SharedVariableError("\n".join(f"{source.name}: {text}" for text in shared))
         with xml.open("wb") as file:
             names = [path.name for path in (source, *adapter)]
             subprocess.run([describe, fmi, "0", DATE, *names], check=True, stdout=file)
@@ -113,8 +121,12 @@ def main() -> None:
             compile_adapter(a.adapter, a.cc, a.fmi)
         else:
             build(a.source, output, a.cc, a.fmi, a.adapter)
-    except (subprocess.CalledProcessError, OSError) as error:
-        sys.exit(f"build_fmu.py: {error}" if isinstance(error, OSError) else 1)
+    except subprocess.CalledProcessError:
+        sys.exit(1)
+    except SharedVariableError as error:
+        sys.exit(str(error))
+    except OSError as error:
+        sys.exit(f"build_fmu.py: {error}")
     print(output)
 
 

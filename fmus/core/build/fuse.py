@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 import build_fmu
+import shared_variables
 from fused_layout import Model, Part, Whole, lay_out, read_layout
 from fused_source import system_c
 
@@ -147,6 +148,9 @@ class Build:
         stems = [symbol.removesuffix("_model") for symbol in fmus]
         models = [self.folder / f"part_{stem}.c" for stem in stems]
         objects = self._objects(models, list(fmus.values()))
+        for model, fmu in zip(models, fmus.values(), strict=True):
+            if shared := shared_variables.problems(self.compile, model):
+                raise NotFusibleError("\n".join(f"{fmu}: {text}" for text in shared))
         whole = self._laid_out(symbols, self._models(fmus, objects))
         if self.spec.get("scalars"):
             whole.rows = [one for row in whole.rows for one in row.scalars()]
