@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compute the least impulses of cases, write them to the file for the column `x optimum` of
-comparisons, and print the tables of docs/how_good.md.
+"""Compute the least impulses of the runs in docs/how_good.md, print the tables of this page, and
+write the optima to ssp/shared/optima.json, from which the metric `x optimum` of `harness compare`
+is computed.
 
     python .ci/bounds.py                                          # 6 minutes
 """
@@ -28,7 +29,9 @@ LAWS = (
     *(("relay_approach", params, "relay_controller") for params in ("limited", "geo")),
     ("arch_rendezvous", "default", "switched_controller"),
 )  # fmt: skip
-"""Systems, parameter sets and controllers; the default controller of a system first."""
+"""Triples (system, parameter set, controller); of each system and parameter set the default
+controller comes first.
+"""
 CONSTRAINTS = {
     "sync_approach": ("corridor", "distance", "tracking", "pointing"),
     "ppc_tracking": ("range", "distance", "closing"),
@@ -37,10 +40,10 @@ ITERATIONS = (9, 20, 50, 60)
 
 
 def laws(cases: dict[str, list[optima.Leg]]) -> None:
-    """Print a row per controller of LAWS and store in `cases` the optimum of the controller that a
-    system has by default.
+    """Print a row per entry of LAWS. Store the optimum of the first controller of each system and
+    parameter set in `cases`, by the hash optima.case().
     """
-    print("| case | law | impulse | optimum [N s] | ratio | norm | ratio | off plan [mm] |")
+    print("| case | law | impulse | optimum [N s] | ratio | norm optimum | ratio | off plan [mm] |")
     for system, params, law in LAWS:
         found = {cost: _bound(system, params, law, cost) for cost in ("sum", "norm")}
         cells = [x for a in found.values() for x in (a.spent, a.optimum.impulse)]
@@ -55,8 +58,9 @@ def _bound(system: str, params: str, law: str, cost: str) -> Answer:
 
 
 def phases(cases: dict[str, list[optima.Leg]]) -> None:
-    """Print the increments of the phases of a mission beside their optima, and the optima without
-    single constraints [m/s].
+    """Print, for three parameter sets of the servicing mission, the velocity increments of its
+    phases beside their optima, then the optimum of each phase without one of its constraints, one
+    row per constraint [m/s]. Store the optima of the phases in `cases`, by the hash optima.case().
     """
     for params in (None, "optimal", "limited"):
         found = bound("servicing_mission", params=params)
@@ -69,7 +73,9 @@ def phases(cases: dict[str, list[optima.Leg]]) -> None:
 
 
 def prices() -> None:
-    """Print the optima of two approaches without single constraints."""
+    """Print the least impulses [N s] of the systems of CONSTRAINTS with all constraints, without
+    each one of them, without all but the first, and without any.
+    """
     for system, names in CONSTRAINTS.items():
         for without in ((), *((name,) for name in names), names[1:], names):
             best = bound(system, params="limited", without=without).optimum.impulse
@@ -77,8 +83,9 @@ def prices() -> None:
 
 
 def iterations() -> None:
-    """Print impulse, least corridor margin, least range and largest residual of the optimal
-    controller for several numbers of iterations.
+    """Print, for several numbers of iterations of the optimal controller, the impulse [N s], the
+    least corridor margin, the least range [m] and the largest violation of a position constraint
+    by its planned path [m].
     """
     for count in ITERATIONS:
         changes = {"controller.iterations": count, "controller.iterations_first": count}
@@ -94,8 +101,9 @@ def iterations() -> None:
 
 
 def cold() -> None:
-    """Print impulse and violation of the corridor after several numbers of iterations of the
-    optimal controller from a cold start, for the start of the synchronised approach.
+    """Print the impulse [N s] and the largest violation of the corridor [m] of the plan at the
+    start of the synchronised approach, after several numbers of iterations of the optimal
+    controller without an earlier plan, and those values of the optimum.
     """
     for count in (5, 10, 20, 50, 200, 5000):
         print("| {} | {:.1f} | {:.3f} |".format(count, *optimal_start.iterated(count)))

@@ -75,7 +75,7 @@ def verdicts(expected: Path, given: Path) -> dict[str, str]:
             continue
         differences = np.abs(columns[theirs][near] - values)[both]
         worst = int(np.argmax(differences))
-        within = bool((differences <= limits[name]).all())  # False for NaN
+        within = bool((differences <= limits[name]).all())  # False if a difference is NaN
         at = times[both][worst]
         found[name] = "" if within else (
             f"differs by {differences[worst]:.3g} at t = {at:g} s, tolerance {limits[name]:.3g}"

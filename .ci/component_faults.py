@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Measure the share of deliberate faults that the tests catch, per component of flight software.
 
-    python .ci/component_faults.py FILE [--seed N] [--count N] [COMPONENT...]     (make faults)
+    python .ci/component_faults.py FILE [--seed N] [--count N] [--jobs N] [COMPONENT...]
+                                                                                  (make faults)
 
 Draws `count` faults per component from its C file and the headers that only this component
-includes, and runs the tests of the component until one fails (tests/mutation). FILE has a line of
-JSON per fault. If the code of a component has changed since, its faults are drawn anew.
+includes. For each fault, runs the tests of the component until one fails (tests/mutation contains
+the functions for both). FILE has a line of JSON per fault. The faults of a component are drawn anew
+if its code has changed since, or if FILE has fewer than `count` of them.
 """
 
 from __future__ import annotations

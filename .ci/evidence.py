@@ -48,7 +48,7 @@ its runs. [Evidence](evidence.md) states what they mean and what is missing.
   with several is counted if it is shown to change the decision alone (MC/DC). A row counts the C
   file and the headers that only this component includes; `{shared}` counts the headers of several.
 * Reasoned: what the tests do not reach, each with a reason below.
-* Eva: alarms of {frama_c} for all parameters and inputs that the rows allow
+* Eva: alarms of {frama_c} for all parameters and inputs that its table of variables allows
   ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it followed.
 * Sources: first digits of the SHA-256 of the C file and of all headers that it includes, without
   comments.
@@ -70,8 +70,8 @@ MORE = """
   edges of the code that were reached, findings. `make fuzz` repeats it, `make fuzz SECONDS=60` for
   a night.
 * Processors: emulated processors on which the default run has equal bits
-  ([measured](processor_figures.md)). Older code: measured before rows had a digest. An empty cell:
-  not measured.
+  ([measured](processor_figures.md)). `older code`: some of these runs were measured before
+  their page recorded a digest of the code. An empty cell: not measured.
 * Systems: number of systems that contain the component. The tests of executors, of fused systems
   and of WebAssembly run every system ([tests](evidence.md#equal-bits)).
 
@@ -96,10 +96,14 @@ LIST = """
 
 
 class Row(NamedTuple):
-    """Evidence for a component: files that are counted in its row; pairs (number reached, number in
-    all) of statements, branches and conditions; lines that are not reached; outcome of Eva; hash
-    of its sources; ids of its requirements; largest complexity; outcomes of faults; outcome of
-    random inputs; number of processors with equal bits, as text; systems that contain it.
+    """Evidence for a component, or for the headers that several components include.
+
+    files: files that are counted in this row; reached: pairs (number reached, number in all) of
+    statements, branches and conditions; missing: lines that are not reached; proof: outcome of Eva;
+    sources: hash of the sources of the component; requirements: ids of its requirements;
+    complexity: largest cyclomatic complexity of a function; faults: outcomes of deliberate faults;
+    fuzz: outcome of random inputs; processors: number with equal bits, as text; systems: systems
+    that contain the component.
     """
 
     name: str
@@ -119,7 +123,9 @@ class Row(NamedTuple):
 # ---- files ----
 @cache
 def includes(source: Path) -> tuple[str, ...]:
-    """Return a C file and the headers that it includes, relative to fmus/, without the adapter."""
+    """Return the paths, relative to fmus/, of a C file and of the headers that it includes, except
+    the headers of the adapter.
+    """
     paths = [path.relative_to(FMUS) for path in proofs.files(source)]
     return tuple(str(p) for p in paths if p.parts[:2] != ("core", "adapter"))
 
@@ -148,7 +154,9 @@ def owners() -> dict[str, tuple[str, ...]]:
 
 
 def lines_of(file: Path) -> dict[str, list[dict]]:
-    """Return the entries of a file with a line of JSON each, by component; {} without the file."""
+    """Return the objects in a file with one line of JSON per object, by component; {} if the file
+    does not exist.
+    """
     found: dict[str, list[dict]] = {}
     for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
         row = json.loads(line)
@@ -187,7 +195,9 @@ def equal_on() -> dict[str, str]:
 
 
 def required() -> dict[str, tuple[str, ...]]:
-    """Return the ids of requirements by file (relative to fmus/) of the code that meets them."""
+    """Return, by path of a file relative to fmus/, the ids of the requirements that its code
+    meets.
+    """
     found: dict[str, tuple[str, ...]] = {}
     for name, places in requirements.code().items():
         for file in {str(path.relative_to("fmus")) for path, _ in places}:
@@ -294,7 +304,7 @@ def version(command: str) -> str:
 
 def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str], places: Mapping) -> str:
     """Return the page docs/evidence_figures.md; known: reasons for lines that are not reached;
-    places: violations by rule of MISRA C.
+    places: file and line of each violation of MISRA C, by rule.
     """
     evidence = list(evidence)
     components = [row for row in evidence if row.sources]

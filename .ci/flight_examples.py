@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compile the examples for cFS and F Prime with checkouts of these frameworks.
+"""Compile the examples for cFS and F Prime (examples/cfs, examples/fprime) with checkouts of these
+frameworks.
 
     flight_examples.py FOLDER [--cfs CFE OSAL PSP ELF2CFETBL] [--fprime CHECKOUT]
 
-The folder receives a mission of cFS with the app only, and a project of F Prime with the component
-only. The checkouts are copied or read, never changed.
+The folder receives a mission of cFS in which the example is the only app, and a project of F Prime
+in which the example is the only component. The checkouts are copied or read, never changed.
 """
 
 import argparse
@@ -32,7 +33,9 @@ def run(*command: object, folder: Path) -> None:
 
 
 def build_cfs(checkouts: list[Path], mission: Path) -> Path:
-    """Build a mission with the app and return the path of the app."""
+    """Build a cFS mission with the example as its only app in the folder `mission`, and return the
+    path of the app; checkouts: cFE, OSAL, PSP and elf2cfetbl, in this order.
+    """
     for name, checkout in zip(("cfe", "osal", "psp", "tools/elf2cfetbl"), checkouts, strict=True):
         shutil.copytree(checkout, mission / name, ignore=shutil.ignore_patterns(".git"))
     tools = "project(CFETOOLS C)\nadd_subdirectory(elf2cfetbl)\n"
@@ -51,7 +54,9 @@ def build_cfs(checkouts: list[Path], mission: Path) -> Path:
 
 
 def build_fprime(checkout: Path, project: Path) -> Path:
-    """Build the component in a project of its own and return the path of its library."""
+    """Build an F Prime project with the example as its only component in the folder `project`, and
+    return the path of the library; checkout: folder of F Prime.
+    """
     shutil.copytree(EXAMPLES / "fprime", project / "Flight")
     (project / "CMakeLists.txt").write_text(PROJECT, encoding="utf-8")
     build = project / "build"
@@ -70,7 +75,7 @@ def main() -> None:
     parser.add_argument("--fprime", type=Path)
     a = parser.parse_args()
     if not a.cfs and not a.fprime:
-        sys.exit("flight-examples: name the checkouts, as in make flight-examples FPRIME=../fprime")
+        sys.exit("flight-examples: no checkout is named: make flight-examples FPRIME=../fprime")
     folder = a.folder.resolve()
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("code", "cfs", "fprime"):

@@ -29,8 +29,10 @@ compare` draw these figures and more, with `--style paper` for print.
 
 
 class Scene(NamedTuple):
-    """Section of the gallery: captions of figures by name, and changes of the runs of one system by
-    label. Each figure shows all runs; every: macro steps per recorded row.
+    """Section of the gallery with the runs of one system.
+
+    figures: captions by name of the figure, each of which shows all runs; runs: arguments of
+    Simulation.run() for each run, by its label; every: macro steps per recorded row.
     """
 
     name: str
@@ -43,7 +45,9 @@ class Scene(NamedTuple):
 
 
 def swaps(component: str, *fmus: str) -> dict[str, dict[str, object]]:
-    """Return by name of the FMU the changes of a run in which this FMU replaces a component."""
+    """Return, by name of each FMU, the arguments of a run in which this FMU replaces the
+    component.
+    """
     return {fmu: {"swap": {component: fmu}} for fmu in fmus}
 
 

@@ -29,8 +29,8 @@ def deviations() -> dict[str, str]:
 
 
 def places(sources: Iterable[Path]) -> dict[str, set[tuple[str, int]]]:
-    """Return file name and line of every violation by rule. Each source is checked alone, with the
-    headers that it includes.
+    """Return, by rule, the file names and lines where the rule is violated. Each source is checked
+    alone, with the headers that it includes.
     """
     found: dict[str, set[tuple[str, int]]] = {}
     for source in sources:

@@ -3,7 +3,7 @@
 
 python .ci/pages build/site-facts --facts   # runs cases and missions: facts.json and figures
 python .ci/pages build/site-facts --quoted  # runs what pages quote: quoted.json
-python .ci/pages build/site-facts --fill    # writes these values into the pages
+python .ci/pages build/site-facts --fill    # writes the values of quoted.json into the pages
 python .ci/pages build/site-facts build/site-pages      # the Markdown that mkdocs reads
 """
 
@@ -37,11 +37,11 @@ FILES = {
     "README.md": "index.md",
     "examples/README.md": "examples/index.md",
 }
-"""Page by file of the repository, for files outside docs/."""
+"""Path of the page in the site, by path of the file in the repository; only files outside docs/."""
 
 
 def homes() -> dict[str, str]:
-    """Return the page of the site by file of the repository that it shows."""
+    """Return the path of the page in the site, by path of the file in the repository it shows."""
     docs = (p for p in (ROOT / "docs").rglob("*") if p.is_file())
     found = {f"docs/{p}": str(p) for p in (d.relative_to(ROOT / "docs") for d in docs)}
     found |= dict(missions.equations().values())
@@ -78,8 +78,9 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
 
 
 def sought(page: str, text: str) -> str:
-    """Return a page, with a larger weight in the search if it answers questions of users: reference
-    pages and decisions repeat the same words more often and would come first.
+    """Return the text of a page, with a larger weight in the search if the page answers questions
+    of users: without it, reference pages and decisions would come first, because they contain
+    the words of the search more often.
     """
     answers = page.startswith("how_to/") or "/" not in page
     return f"---\nsearch:\n  boost: {WEIGHT}\n---\n{text}" if answers else text
@@ -134,7 +135,7 @@ def main(facts: Path, target: str) -> None:
     shutil.copytree(facts / "figures", folder / "reference/missions/figures")
     if (facts / missions.LIVE).is_dir():
         shutil.copytree(facts / missions.LIVE, folder / missions.LIVE)
-    import mathjax  # django-static-mathjax, of the extra `site`
+    import mathjax  # from django-static-mathjax, which the extra `site` installs
 
     engine = Path(mathjax.__path__[0]) / "static/mathjax/es5/tex-mml-svg.js"
     shutil.copy(engine, folder / "javascripts/tex-mml-svg.js")

@@ -37,8 +37,9 @@ MOST_BYTES = 32e6
 
 
 def facts(folder: Path) -> dict[str, Any]:
-    """Run the cases that the papers describe. Return by mission a record per run: verdicts of
-    claims and requirements; in the first record also figures, live page and lesson.
+    """Run every mission in its default case and in the cases that its papers describe. Return, by
+    mission, a list with a record per run: verdicts of claims and requirements; in the first record
+    also figures, live page and lesson.
     """
     found = {name: [_run(case, folder / "figures" if not i else None, name)
                     for i, case in enumerate(_cases(name))]
@@ -237,7 +238,7 @@ def claims(facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def claiming() -> list[str]:
-    """Return the missions with a paper whose case is a system in the folder of the mission."""
+    """Return the missions with a paper that has a case of a system in the folder of the mission."""
     return [name for name in names() if any(c.system in _own(name) for c in _papers(name))]
 
 
@@ -305,7 +306,9 @@ def equations() -> dict[str, tuple[str, str]]:
 
 
 def typeset(text: str) -> str:
-    """Return a page of equations with its indented lines as mathematics; code must be in fences."""
+    """Return a page of equations with its indented lines as mathematics; code must be in fences,
+    because indented code would become mathematics, too.
+    """
     block = writer("typeset").block
     parts = re.split(r"^(```.*?^```)", text, flags=re.MULTILINE | re.DOTALL)
     parts[::2] = [

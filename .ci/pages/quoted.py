@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Values that pages quote from runs: <!--=NAME-->TEXT<!---->. NAME is one of VALUES or a table of
-claims, which the page of the mission shows, too.
+"""Values that pages quote from runs: <!--=NAME-->TEXT<!---->. NAME is one of VALUES, or
+`claims_MISSION` for the table of the claims of a mission, which its page in the site shows, too.
 
 `make quoted-values` does these runs and writes the texts into the pages. `make site` does the runs,
 too, and fails if a page quotes another text or a name that no run gives.
@@ -54,7 +54,9 @@ def plain(text: str, values: Mapping[str, str], source: str) -> str:
 
 
 def fill(values: Mapping[str, str]) -> None:
-    """Write the values into the pages that quote them; a name that no run gives remains."""
+    """Write the values into the pages that quote them; a quotation whose name is not in `values`
+    remains unchanged.
+    """
     for page in pages():
         old = page.read_text(encoding="utf-8")
         new = QUOTE.sub(lambda m: f"{m[1]}{values.get(m[2], m[3])}{m[4]}", old)
@@ -66,7 +68,9 @@ def fill(values: Mapping[str, str]) -> None:
 
 
 def closest_approach() -> str:
-    """Return the length by which the case of the paper violates its safe distance of 4 m [mm]."""
+    """Return, as text, the length by which the default run of sync_approach, the case of its
+    paper, comes closer than the safe distance of 4 m [mm].
+    """
     from harness import run
 
     least = run("sync_approach")["guidance.range"].min()
@@ -84,7 +88,9 @@ def mass_effect() -> str:
 
 
 def new_controller() -> str:
-    """Return the largest position error of an unedited new controller, from the fifth minute on."""
+    """Return, as text, the largest position error after five minutes in sync_approach with the
+    controller that `harness new controller` writes.
+    """
     import numpy as np
 
     from harness import run
@@ -108,7 +114,9 @@ def energy_per_step() -> str:
 
 
 def restitution() -> str:
-    """Return the error of the restitution of a head-on blow at 0.03 m/s, by macro step."""
+    """Return, as text, the errors of the coefficient of restitution in a head-on contact at
+    0.03 m/s, each with the macro step of its run.
+    """
     case = results.of_the_tests("docking_case")
     errors = []
     for step in (0.04, 0.02, 0.01, 0.005):
@@ -167,7 +175,9 @@ def compared() -> str:
 
 
 def overloads() -> str:
-    """Return the FMUs whose steps do not fit into their period, as a list."""
+    """Return a Markdown list of the FMUs whose longest step does not fit into their sample period,
+    with the processor.
+    """
     lines = []
     for r in rows():
         if (share := float(r["share [%]"])) > 100:

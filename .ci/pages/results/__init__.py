@@ -89,7 +89,7 @@ def value(what: str | Callable[[Any], Any], result: Any) -> Any:
 
 
 def cell(column: Column, result: Any) -> str:
-    """Return the text of a column for a result."""
+    """Return the text of the cell of a result in a column."""
     import numpy as np
 
     found = value(column.value, result)

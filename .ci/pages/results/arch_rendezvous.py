@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rendezvous with proved safety: the instances of the benchmark."""
+"""Rendezvous with proved safety: table of the instances of the benchmark SPRE of ARCH-COMP."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ INSTANCES = {
 
 
 def box(result: Any) -> tuple[float, ...]:
-    """Return the least distance to the box [m] and the end of thrust [min]."""
+    """Return the least distance to the box around the target that the drift must not enter [m],
+    negative inside, and the time after which there is no thrust [min].
+    """
     from ssp.arch_rendezvous import claims
 
     return claims.box(result)

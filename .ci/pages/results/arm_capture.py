@@ -38,7 +38,9 @@ def deployment() -> str:
 
 
 def approach(name: str) -> Any:
-    """Return a function for value and verdict of a claim about the synchronised approach."""
+    """Return a function from a result to the text `VALUE: VERDICT` of a claim about the
+    synchronised approach; name: name of the claim.
+    """
 
     def evaluate(result: Any) -> str:
         from harness.results.verdict import Kind

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables of the safety filter: no filter, simplex filters and least change, behind several
-controllers and with a guidance that aims at the target.
+"""Tables of the safety filter: runs without a filter, with two simplex filters and with the filter
+of least change, first behind several controllers, then with a guidance that aims at the target.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _impulse(result: Any) -> float:
 
 
 def _arrival(result: Any) -> float:
-    """Return the first time within 10 cm of the sphere [s]."""
+    """Return the first time within 10 cm of the keep-out sphere [s]; NaN if there is none."""
     from ssp.shared.relative_motion import range_
 
     near = range_(result) < SPHERE + 0.1
@@ -44,7 +44,9 @@ def _arrival(result: Any) -> float:
 
 
 def controllers() -> str:
-    """Return a table of four controllers behind each filter, in the parameter set limited."""
+    """Return a table with a row per controller and filter behind it, for the parameter set
+    `limited`.
+    """
     base = "ppc_tracking_filtered --params limited"
     runs = {
         f"`{controller}`, {name}": f"{base} --swap controller={controller} --set filter.filter={k}"
@@ -64,7 +66,9 @@ def controllers() -> str:
 
 
 def aiming() -> str:
-    """Return a table of a guidance that leads to 0.5 m from the centre of the target."""
+    """Return a table with a row per filter, for a guidance that leads the servicer to 0.5 m from
+    the centre of the target.
+    """
     runs = {name: f"{AIMING} --set filter.filter={k}" for k, name in enumerate(FILTERS)}
     return of_runs(
         "filter",

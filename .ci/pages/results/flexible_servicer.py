@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables of the flexible servicer: panels and slosh in the systems, on thrusters, with notches."""
+"""Tables of the flexible servicer: panels and slosh in several systems, with thrusters beside the
+rigid servicer, and with notch filters.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,7 @@ WINGS = (3.0, 4.0, 5.5)
 """Frequencies of a wing on a held hub [Hz]."""
 TURNING, SHIFTING = 1.3427, 1.0687
 """Frequencies of the free antisymmetric and symmetric modes of two wings, divided by the frequency
-of a wing on a held hub (L.4).
+of a wing on a held hub (docs/models.md L.4).
 """
 VIBRATION = [
     Column("wings, largest [mrad]", "panel angle", "{:.2g}"),
@@ -42,7 +44,9 @@ ERROR = Column("attitude error [deg]", "attitude error", "{:.3g}")
 
 
 def alarmed(result: Any) -> str:
-    """Return "yes" if the propellant has left the range of the model."""
+    """Return "yes" if a sloshing mass has been outside its tank, where its model is not valid;
+    otherwise "no".
+    """
     return "yes" if result["servicer.slosh_beyond_travel"].any() else "no"
 
 
@@ -61,7 +65,10 @@ def on_thrusters() -> str:
 
 
 def notched(hertz: float, torque: bool, force: bool) -> str:
-    """Return the command of a run with wings of this frequency and notches at their free modes."""
+    """Return the command of a run with wings of the frequency `hertz` on a held hub [Hz]; torque:
+    with a notch in the torque at the free antisymmetric mode; force: with a notch in the force at
+    the free symmetric mode.
+    """
     wing = 2 * np.pi * hertz
     at = {"servicer.panel_frequency": f"[{','.join([f'{wing:.5g}'] * 4)}]",
           "filter.frequency": f"[{TURNING * wing * torque:.5g},0]",

@@ -50,7 +50,7 @@ def effort(result: Any) -> float:
 
 
 def by_law() -> str:
-    """Return a table of the controllers of the paper in both scenarios."""
+    """Return a table of the controllers of the paper in the sets `nominal` and `manoeuvre`."""
     runs = {f"{law}, {params}": f"ppc_tracking --params {params}{swap}"
             for params in ("nominal", "manoeuvre") for law, swap in LAWS.items()}  # fmt: skip
     return of_runs("controller, set", runs, [
@@ -72,7 +72,7 @@ def by_bound() -> str:
 
     rows = [
         line("largest range error after 60 s at 100 Hz [m]", FAST),
-        line("at 20 Hz [m]; the last two leave the funnel, flagged", ""),
+        line("at 20 Hz [m]; the last two leave the funnel, which the controller flags", ""),
     ]
     return f"\n{table(('set `manoeuvre`, `alpha_inf` of the range [m]', *BOUNDS), rows)}"
 
@@ -94,7 +94,9 @@ def settles(error: str) -> Any:
 
 
 def by_task() -> str:
-    """Return a table of four laws in two tasks and two scenarios."""
+    """Return a table of four controllers in sync_approach and ppc_tracking, each without and with a
+    manoeuvre of the target.
+    """
     runs = {f"{task}: {law.replace('pid', 'PID').replace('theta_d', 'theta-D')}":
             f"{command} --swap controller={law}_controller"
             for task, command in TASKS.items() for law in FOUR}  # fmt: skip

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Relay approach: parameter sets, a tick of latency, thrusters in the synchronised approach."""
+"""Tables of the relay approach: parameter sets, and a latency of one macro step; and of thrusters
+in the synchronised approach.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +41,8 @@ def held(result: Any) -> tuple[float, ...]:
 
 
 def leg_speed(result: Any) -> float:
-    """Return the mean speed of the servicer on the first leg; on an orbit, relative to the target
-    [m/s].
+    """Return the mean speed of the servicer on the first leg [m/s]: its speed in N, or, if the
+    servicer is in an orbit, its speed relative to the target.
     """
     from ssp.shared.relative_motion import relative_speed
 
@@ -78,7 +80,9 @@ def by_set() -> str:
 
 
 def by_latency() -> str:
-    """Return a table of the velocity increments without latency and with a latency of a tick."""
+    """Return a table of the velocity increments of each parameter set, without latency and with a
+    latency of the controller of one macro step.
+    """
     shown = Column("", "delta-v", "{:.4g}")
     cells = [[cell(shown, result_of(c)) for c in runs(late).values()] for late in (0, 1)]
     rows = zip(SETS, *cells, strict=True)

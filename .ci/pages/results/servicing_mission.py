@@ -93,7 +93,9 @@ SPENDING = ("far", "closing", "fly-around", "final")
 
 
 def spent(phase: str) -> Callable[[Any], float]:
-    """Return a function for the velocity increments of a phase ("": of all others) [m/s]."""
+    """Return a function from a result to the velocity increments of a phase [m/s]; phase "": of all
+    phases that are not in SPENDING.
+    """
 
     def evaluate(result: Any) -> float:
         from ssp.servicing_mission.events import increments, stays
@@ -129,7 +131,9 @@ def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
 
 
 def shown(least: float, inside: float) -> str:
-    """Return a least range with the share of the instants within the zone, as text."""
+    """Return, as text, a least range [m] of drifts and the share (0 to 1) of the drifts that come
+    `inside` the keep-out zone, if there are any.
+    """
     return f"{least:.2f} m" + (f" ({100 * inside:.0f} % inside)" if inside else "")
 
 

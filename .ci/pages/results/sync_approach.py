@@ -29,8 +29,8 @@ def adaptation() -> str:
 
 
 def span(begin: float) -> Any:
-    """Return a function for the largest change of an element of the estimated inertias after a time
-    [kg m2].
+    """Return a function from a result to the largest difference between two values of one element
+    of the estimated inertias from the time `begin` [s] on [kg m2].
     """
 
     def evaluate(result: Any) -> float:

@@ -52,7 +52,9 @@ def by_scheme() -> str:
 
 
 def steps() -> str:
-    """Return peak of the momentum and rotation after each iteration of the plan, as text."""
+    """Return, as text, the peak of the momentum and the largest rotation before each iteration of
+    the plan and after the last.
+    """
     result = result_of("transposition --params ideal")
     n = int(result["guidance.iterations"][-1]) + 1
     peaks = ", ".join(f"{peak:.0f}" for peak in result["guidance.peak"][-1][:n])
