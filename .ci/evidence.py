@@ -48,7 +48,8 @@ its runs. [Evidence](evidence.md) states what they mean and what is missing.
   with several is counted if it is shown to change the decision alone (MC/DC). A row counts the C
   file and the headers that only this component includes; `{shared}` counts the headers of several.
 * Reasoned: what the tests do not reach, each with a reason below.
-* Eva: alarms of {frama_c} for all parameters and inputs that its table of variables allows
+* Eva: alarms of {frama_c} for all parameters and inputs that a component's table of
+  variables allows
   ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it followed.
 * Sources: first digits of the SHA-256 of the C file and of all headers that it includes, without
   comments.

@@ -34,7 +34,7 @@ def main() -> None:
     lacking = [path for path, text in texts.items() if LINE not in text]
     for path in lacking:
         if a.check:
-            print(f"{path}: no licence line; add it by make format")
+            print(f"{path}: no licence line: run make format")
         else:
             path.write_text(with_line(texts[path], path.suffix), encoding="utf-8")
     sys.exit(a.check and bool(lacking))

@@ -19,7 +19,7 @@ TOP = Path(__file__).with_suffix(".md")
 
 
 def markdown(rows: Iterable[Row], page: str = "") -> str:
-    """Return the page with a line per row; of `page`, the text before, the lines for other FMUs or
+    """Return the page with a line per row. Of the earlier text `page`, the lines for other FMUs or
     processors remain.
     """
     lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line[:2] == "| "]

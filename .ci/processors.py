@@ -20,7 +20,9 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "build/processors"
 KERNELS = ("Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX")
-"""Values of OPENBLAS_CORETYPE. Wheels of numpy have one kernel for several of them."""
+"""Values of OPENBLAS_CORETYPE. In the wheels of numpy several of them select the same kernel, for
+which run() runs the tests only once.
+"""
 UNFUSED = "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4"
 """Value of GLIBC_TUNABLES that disables fused multiply-add in the C library: sin, cos, exp, atan2
 and pow then differ in their last digits.
@@ -62,7 +64,7 @@ one machine, and writes this page from the results.
 * C library without FMA: `GLIBC_TUNABLES` disables the fused sin, cos, exp, atan2, pow.
 * FMUs: FMUs and C executor compiled with `-march` of this name, `-ffp-contract=off` as always.
 * emulated: `qemu-x86_64 -cpu Nehalem`, which has no AVX. It takes about thirty times as long, so
-  these run only: {slice}.
+  only these tests run: {slice}.
 
 All other rows run {numerical}, without the tests of pages and pictures in `tests/systems`.
 
@@ -132,7 +134,9 @@ class Outcome(NamedTuple):
 
     @property
     def code(self) -> tuple[object, ...]:
-        """All that determines which instructions compute the results."""
+        """Everything that determines which instructions compute the results. Processors with
+        equal code would give the same results.
+        """
         library = self.processor.variables.get("GLIBC_TUNABLES")
         return (self.blas, self.features, library, *self.processor[2:])
 
@@ -208,7 +212,9 @@ def page(outcomes: Sequence[Outcome]) -> str:
 
 
 def main(file: str, *names: str) -> int:
-    """Run the tests as the named processors, or as all of them and write the page."""
+    """Run the tests with the settings of the named processors; without names, of all processors,
+    and write the page. Return 1 if a test fails, otherwise 0.
+    """
     FOLDER.mkdir(parents=True, exist_ok=True)
     outcomes: list[Outcome] = []
     for processor in processors():

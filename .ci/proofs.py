@@ -13,8 +13,8 @@ component only in the number of states that Eva follows separately (MORE): a sma
 alarms, but never hides one. The working memory of a component has a value (0) before `initialize`,
 because the caller sets it.
 
-Stubs: `sqrt`, `fabs` and `copysign` come from Frama-C; `reject`, which writes the texts of
-rejected parameters before the first step, counts only.
+Stubs: `sqrt`, `fabs` and `copysign` come from Frama-C; the stub of `reject`, which writes the
+texts of rejected parameters before the first step, only records that a parameter is rejected.
 """
 
 import argparse
@@ -155,8 +155,9 @@ def program(source: Path, model: Model) -> str:
 
 
 def prove(source: Path, model: Model, folder: Path, seconds: int = 600) -> Proof:
-    """Analyse a component with Eva and return the outcome; the log remains in the folder. The same
-    program with the same headers is not analysed again: return the outcome recorded in the folder.
+    """Analyse a component with Eva and return the outcome; the log remains in the folder. If
+    the folder has an outcome of the same program with the same headers and options, return this
+    one without another analysis. seconds: limit of processor time.
     """
     file, log = folder / f"{source.stem}.c", folder / f"{source.stem}.log"
     file.write_text(program(source, model), encoding="utf-8")

@@ -35,8 +35,8 @@ STEPS, EVERY = 200, 10
 DIGITS = 1e-11
 """Tolerance of a vector, as a share of the largest absolute value of its elements in the trace."""
 REASONS = {
-    True: "equal bits: every instant has its digits; a CSV file has twelve",
-    False: "zero throughout: nothing may appear",
+    True: "equal bits at every instant; allows for a CSV file of twelve digits",
+    False: "zero at every instant: no other value is right",
 }
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)
 README = """Reference systems of servicing-fmus
@@ -49,7 +49,7 @@ traces/NAME.csv      what all three give: Jacobi (all FMUs read, then all step),
 traces/tolerances.csv  per trace and variable: tolerance and its reason
 compare.py           python compare.py traces/NAME.csv ROWS_OF_YOUR_TOOL.csv
 specimens/           FMUs of FMI 3.0 with Event Mode and early return, clocks, a table of vectors, a
-                     binary port: NAME.fmu, its source, and NAME.csv, which its tool must give
+                     binary port: NAME.fmu, its source, and NAME.csv, the trace a tool must give
 
 The page "Test your tool in ten minutes" of the documentation has the steps.
 """
@@ -95,8 +95,8 @@ def tolerances(result: Result) -> list[tuple[object, ...]]:
 
 
 def contents(folder: Path, fmus: Path) -> dict[str, bytes]:
-    """Return the contents of the files in the archive by name; folder: release with the systems in
-    its ssp/; fmus: folder of the FMUs of the specimens.
+    """Return the contents of the files in the archive, by path in the archive. folder: folder of
+    the release, with the systems in ssp/; fmus: folder with the FMUs of the specimens.
     """
     limits: list[tuple[object, ...]] = [("trace", "variable", "tolerance", "reason")]
     files = {"README.txt": README.format(steps=STEPS, every=EVERY).encode()}

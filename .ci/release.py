@@ -55,7 +55,7 @@ def checksums(folder: Path) -> str:
 
 def about(path: Path) -> tuple[str, str]:
     """Return two cells of the page: the purpose of an artefact, and its standard with the platforms
-    of its binaries (FMU) or the number of its components (system).
+    of its binaries (FMU) or the number of its FMUs (system). Both are "" for Python packages.
     """
     if path.suffix == ".zip":
         return "equations, sources, validation and verdicts of FMUs and parameter sets", "SRMD 1.1"
@@ -118,19 +118,19 @@ def problems(folder: Path) -> Iterator[str]:
         if not (found := [p for p in folder.glob(pattern) if p.is_file()]):
             yield f"{folder / name}: missing"
         elif len(found) > 1:
-            yield f"{folder / name}: {len(found)} files, expected one"
+            yield f"{folder / name}: {len(found)} files match, expected one"
     for path in sorted(folder.glob("fmus*/*.fmu")):
         yield from _fmu(path)
     for path in sorted(folder.glob("*.whl")):
         yield from _wheel(path)
     sums = folder / "SHA256SUMS"
     if sums.is_file() and sums.read_text(encoding="utf-8") != checksums(folder):
-        yield f"{sums}: differs from the files"
+        yield f"{sums}: differs from the files; write it with .ci/release.py"
 
 
 def expected() -> dict[str, str]:
-    """Return the files that a release must have: glob pattern relative to its folder, by the name
-    that messages show.
+    """Return the files that a release must have, as glob patterns relative to the folder of the
+    release, by the names that messages show.
     """
     kernel = f"servicing_fmus-{version()}"
     fmus = sorted(

@@ -75,7 +75,9 @@ Requirements state behaviour. The equations themselves, units and ranges are not
 
 
 class Trace(NamedTuple):
-    """Requirements by id: text and file; functions by id; tests by id."""
+    """Requirements with their code and tests, by id. texts: text, and file that states it; code:
+    pairs (file, function) with the id in a comment above; tests: tests that verify it.
+    """
 
     texts: Mapping[str, tuple[str, Path]]
     code: Mapping[str, tuple[tuple[Path, str], ...]]
@@ -95,15 +97,15 @@ def texts(root: Path = ROOT) -> dict[str, tuple[str, Path]]:
 
 
 def code(root: Path = ROOT) -> dict[str, tuple[tuple[Path, str], ...]]:
-    """Return file and function by id; raise ValueError for a comment that is not directly above a
-    function.
+    """Return, by id, the pairs (file, function) whose comment above the function has this id; raise
+    ValueError if a comment with an id is not directly above a function.
     """
     found: dict[str, tuple[tuple[Path, str], ...]] = {}
     for path in sorted((root / "fmus").rglob("*.[ch]")):
         text = path.read_text(encoding="utf-8")
         rows = COMMENT.findall(text)
         if len(rows) != len(MENTION.findall(text)):
-            raise ValueError(f"{path}: a comment with an id is not directly above a function")
+            raise ValueError(f"{path}: a comment with a requirement's id must be above a function")
         for names, function in rows:
             for name in names.split(", "):
                 found[name] = (*found.get(name, ()), (path.relative_to(root), function))
@@ -137,7 +139,7 @@ def trace(root: Path = ROOT) -> Trace:
 
 
 def gaps(t: Trace) -> Iterator[str]:
-    """Yield ids without code or tests, and ids that no requirement has."""
+    """Yield a message for each id without code or tests, and for each id of no requirement."""
     for name in t.texts:
         if name not in t.code:
             yield f"{name}: no comment in fmus/ has this id"

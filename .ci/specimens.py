@@ -28,13 +28,13 @@ from package_fmu import write_zip  # noqa: E402
 
 HEADERS = ("types.h", "specimen.h", "unused.h")
 STEP = Fraction(1, 4)
-EXACT = "exact in binary"
+EXACT = "all values of the trace are exact in binary"
 Rows = list[tuple[Fraction | int, ...]]
 
 
 def event() -> Rows:
-    """Return the trace of `event`: rows of time, level and count. An edge has two rows, with the
-    values before and after it.
+    """Return the trace of `event`: rows of time, level and count. An instant at which the level
+    drops to 0 has two rows, with the values before and after the drop.
     """
     top, stop = Fraction(5, 8), 2
     edges = [k * top for k in range(1, floor(stop / top) + 1)]
@@ -47,13 +47,13 @@ def event() -> Rows:
 
 
 def clock() -> Rows:
-    """Return the trace of `clock`: rows of time, ramp, held, ticks and sum, after the events of the
-    instant.
+    """Return the trace of `clock`: rows of time, ramp, held, ticks and sum, with the values after
+    the events at this time.
     """
     every, rows = Fraction(1, 2), []
     for k in range(17):
         t, ticks = k * STEP, k // 2 + 1
-        third = ticks // 3 * 3 - 1  # last tick of the clock `third`
+        third = ticks // 3 * 3 - 1  # index, from 0, of the last tick of the clock `third`
         total = sum(every * n for n in (third - 2, third - 1, third)) if third > 0 else 0
         rows.append((t, t, every * (ticks - 1), ticks, Fraction(total)))
     return rows
@@ -104,7 +104,7 @@ def limits(name: str) -> list[tuple[object, ...]]:
 
 
 def contents(name: str, libraries: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return the files of a specimen with libraries by their path below binaries/."""
+    """Return the files of a specimen, by path in the FMU; libraries: by path below binaries/."""
     files = {f"sources/{file}": (SOURCES / file).read_bytes() for file in (f"{name}.c", *HEADERS)}
     files["sources/buildDescription.xml"] = build_description(name, [f"{name}.c"]).encode()
     files["modelDescription.xml"] = (SOURCES / f"{name}.xml").read_bytes()

@@ -146,4 +146,4 @@ def differences(found: Iterable[Missing], known: Mapping[Missing, str]) -> Itera
     for m in sorted(there - set(known)):
         yield f"{m.file}: lacks a reason: {m.line}\n" + "".join(f"    {what}\n" for what in m.what)
     for m in sorted(set(known) - there):
-        yield f"{m.file}: the reason does not match what the tests reach: {m.line}\n"
+        yield f"{m.file}: .ci/unreached.toml does not match what the tests reach: {m.line}\n"

@@ -17,9 +17,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = 72
 NO_VERB = re.compile("A|An|The|This|That|These|It|Its|All|Every|Each|New|No|Some|In|On|Of|For|With")
-"""First words of subjects that name a thing."""
+"""First words of subjects that name a thing and not a change, and are therefore reported."""
 VERBS = ("Bias", "Bring", "Embed", "Focus", "String")
-"""Imperatives that look like another form of a verb."""
+"""Imperatives that are accepted although they end like another form of a verb."""
 GENERATED = ("Merge ", "Revert ", "fixup! ", "squash! ")
 """First words of subjects that git writes."""
 

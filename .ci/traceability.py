@@ -8,8 +8,8 @@ The folder has FMUs in fmus/ and fmus3/ and systems in ssp/. The file of an FMU 
 and their source, the hash of its sources, the options of its compiler and the results of the cases
 of `harness validate`. The file of a parameter set states the verdicts of requirements and claims in
 its run. A system with FMUs of the other FMI version is not run again if it begins with the same
-bits: its file names the system that was run. Unknown entries are omitted. The same build gives the
-same bytes: the files contain no date and no person.
+bits: its file names the system that was run. An entry whose value is not known is omitted. The same
+build gives the same bytes: the files contain no date and no name of a person.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ Map = Callable[[Callable[[Path, str], list[Entry]], Sequence[Path], Sequence[str
 
 def contents(folder: Path, rows: Sequence[Row], mapped: Map = map) -> dict[str, bytes]:
     """Return the files of the archive by name; rows: results of all cases of `harness validate`;
-    mapped: map() for the runs.
+    mapped: function that applies about_set() to all runs, such as map().
     """
     found = {}
     for kind, ending in (("fmus", ""), ("fmus3", ".fmi3")):

@@ -56,11 +56,11 @@ ALLOWED = (
     r"fly-?(?:around|wheels?)",
     r"flown (?:trajectory|trajectories)",
     r"keep[- =](?:out|direction|alive|blank values|global|retain)",
-    r"during the attempt .*|x2 in z keeps the system stable",  # of published works
+    r"during the attempt .*|x2 in z keeps the system stable",  # quoted from published works
     r"pytest\.mark\w*|marks(?= ?=)",
     r"not judged",
-    r"engine\.(?:ask|tell)|file\.tell",  # of the libraries cma and io
-    r"connection refused",  # the system's own text
+    r"engine\.(?:ask|tell)|file\.tell",  # methods of the libraries cma and io
+    r"connection refused",  # text of a message of the operating system
 )
 """Phrases with a word of the list in another meaning, of the field or of another library."""
 PATHS = re.compile(
@@ -68,7 +68,7 @@ PATHS = re.compile(
     re.IGNORECASE,
 )
 QUOTING = {".ci/words.py", "tests/site/test_words.py"}
-"""Files that contain the list itself."""
+"""Files that are not checked, because they contain the words of the list INSTEAD."""
 TEXT = {".py", ".c", ".h", ".js", ".html", ".css", ".toml", ".md", ".txt", ".yml", ".yaml", ".cff"}
 TEXT |= {".json", ".ipynb", ".template", ".mplstyle"}
 HIDING = re.compile(r"(?:What|Who|Whose|Where|How|Of|It|That|Those|Whether)\b")

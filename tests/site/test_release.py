@@ -189,7 +189,7 @@ def _repack(path, name, data):
         (lambda d: (d / "ssp/sync_approach.fmi3.ssp").unlink(), "approach.fmi3.ssp: missing"),
         (
             lambda d: shutil.copy(next(d.glob("*.whl")), d / "servicing_fmus-0.1.0-x.whl"),
-            "2 files, expected one",
+            "2 files match, expected one",
         ),
         (
             lambda d: _repack(
@@ -217,7 +217,7 @@ def test_missing_parts_of_a_release_are_reported(release, complete, spoil, line,
 def test_checksums_that_differ_from_the_files_are_reported(release, complete):
     (complete / "traceability.zip").write_bytes(b"other")
     (line,) = release.problems(complete)
-    assert line.endswith("SHA256SUMS: differs from the files")
+    assert line.endswith("SHA256SUMS: differs from the files; write it with .ci/release.py")
 
 
 def test_a_release_of_an_unclean_or_older_tree_is_reported(release, complete, monkeypatch):

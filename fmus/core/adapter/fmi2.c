@@ -1,4 +1,5 @@
-/* fmi2.c - the FMI 2.0 co-simulation interface over a model table: life cycle, values, step.
+/* fmi2.c - functions of FMI 2.0 co-simulation for a model with an interface table: life cycle,
+ * values, step.
  *
  * Every function checks the call state first (FMI 2.0, section 4.2.4) and returns fmi2Error with a
  * message for a rejected call; the instance does not change and stays usable. Only a failed step
@@ -48,7 +49,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     union {
         fmi2String read;
         char *own;
-    } text = {name}; /* copied by new_instance() */
+    } text = {name}; /* without const, but never written: new_instance() copies it */
     caller.name = text.own;
     if (!can_instantiate(&caller, type, guid)) return NULL;
     Instance *instance = new_instance(&caller);

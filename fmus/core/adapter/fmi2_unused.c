@@ -76,7 +76,8 @@ fmi2Status fmi2CancelStep(fmi2Component c)
     return reject_unless_empty(c, "fmi2CancelStep", 0, 1, "");
 }
 
-/* The status functions are meant for slaves whose fmi2DoStep returns fmi2Pending or fmi2Discard. */
+/* The status functions are meant for slaves whose fmi2DoStep returns fmi2Pending or fmi2Discard.
+ * Here only fmi2LastSuccessfulTime and fmi2Terminated have a value. */
 static fmi2Status no_status(fmi2Component c, const char *function, const void *value)
 {
     const Instance *instance = c;
@@ -122,7 +123,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
 }
 
 /* ---- model exchange ----
- * Some tools need all functions of FMI 2.0 to load a library, whichever they call. */
+ * Some tools load only a library that has all functions of FMI 2.0, even those they never call. */
 static fmi2Status reject_exchange(fmi2Component c, const char *function)
 {
     return reject_unless_empty(c, function, ANY_PHASE, 1, "this FMU supports co-simulation only");

@@ -1,8 +1,9 @@
-/* fmi3.c - the FMI 3.0 co-simulation interface over a model table: life cycle, values, step.
+/* fmi3.c - functions of FMI 3.0 co-simulation for a model with an interface table: life cycle,
+ * values, step.
  *
  * As in fmi2.c every function checks the call state first and returns fmi3Error with a message for
- * a rejected call; the instance does not change and stays usable. The value reference of a row is
- * the value reference of its first element in FMI 2.0. */
+ * a rejected call; the instance does not change and stays usable. A row of the table
+ * has the value reference that its first element has in FMI 2.0. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi3_layer.h"
 #include "life.h"
@@ -32,7 +33,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     union {
         fmi3String read;
         char *own;
-    } text = {name}; /* copied by new_instance() */
+    } text = {name}; /* without const, but never written: new_instance() copies it */
     caller.name = text.own;
     if (!has_name_and_guid(&caller, function, "instantiation token", token)) return NULL;
     const char *rule = why_no_instance(event_mode, intermediates);

@@ -65,8 +65,9 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
     return rule ? failure(instance, "fmi3DeserializeFMUState", rule) : fmi3OK;
 }
 
-/* ---- directional derivatives by rows, whose elements follow one another in seed and sensitivity
- * ---- */
+/* ---- directional derivatives ----
+ * A value reference names a whole row of the table. Seed and sensitivity contain the elements of
+ * the rows, one row after the other. */
 enum { NO_ELEMENT = VR_STRIDE - 1 + 1000000 * VR_STRIDE }; /* a value reference that no model has */
 
 static size_t elements_of(const fmi3ValueReference row[], size_t rows)

@@ -34,7 +34,7 @@ typedef enum {
 typedef enum {
     PLAIN_ROW,
     OPTIONAL_ROW, /* input that retains its start value if unconnected */
-    GRID_ROW      /* an internal step or a sample period */
+    GRID_ROW      /* parameter that is an internal step or a sample period */
 } Kind;
 
 typedef struct {
@@ -116,13 +116,14 @@ typedef struct {
 #define FLAG(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, SWITCH_VALUE)
 /* row of an output 0 or 1 whose change from 0 to 1 is logged as a warning */
 #define ALARM(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, ALARM_VALUE)
-/* row of an output with the number of a mode. The build writes the names of the modes, the
- * limits and the end of the description; a value that does not occur has an empty name. */
+/* row of an output with the number of a mode. In the model description, the build appends numbers
+ * and names of the modes to `text`, and writes the limits; a number that does not occur has an
+ * empty name. */
 #define MODE(member, text, names) \
     ROW_OF(OUTPUT_ROW, y, #member, member, 1, "1", text, NONNEGATIVE_VALUE, PLAIN_ROW, names)
 #define MODE_INPUT(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, PLAIN_ROW, names)
-/* row of an input with the number of a mode that may stay unconnected; -1 may mean that nothing
+/* row of an input that has the number of a mode and may stay unconnected; -1 may mean that nothing
  * is commanded */
 #define OPTIONAL_MODE(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, OPTIONAL_ROW, names)
@@ -152,7 +153,7 @@ static inline void reject(Problems *all, const char *name, double value, const c
 typedef struct {
     const char *name, *text;
     size_t size, state_offset, state_count; /* bytes, bytes, doubles */
-    size_t scratch; /* bytes of workspace for initialize, after the model; no part of the state */
+    size_t scratch; /* bytes of workspace behind the model, for initialize; not part of the state */
     const void *start;
     const Variable *variables;
     size_t variable_count;
@@ -161,8 +162,8 @@ typedef struct {
     void (*step)(void *model, double t, double h);
     /* for a system as one model (fused.h), else NULL and 0: */
     double (*macro_step)(const void *model); /* s; divides every communication step */
-    const char *structure;   /* digest of the connections of the parts, for guid and states */
-    const Variable *checked; /* rows besides the outputs whose rules every result must satisfy */
+    const char *structure;   /* digest of part connections; guid and states depend on it */
+    const Variable *checked; /* rows whose rules every result must satisfy, as the outputs do */
     size_t checked_count;
 } ModelInterface;
 

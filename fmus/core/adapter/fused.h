@@ -3,9 +3,9 @@
  *
  * The memory, in doubles, holds the macro step and the heads of all parts (parameters, inputs).
  * Then follow the states and outputs: start time, number of completed macro steps, 1 if the initial
- * values have not converged, a time per slow part, outputs that are published late, and the tails
- * of all parts (states, outputs). The workspace behind them holds one part with head and tail
- * together. */
+ * values have not converged, the time of each part that does not step at every macro step, copies
+ * of outputs that other parts read later than they are computed, and the tails of all parts
+ * (states, outputs). The workspace behind them holds one part with head and tail together. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FUSED_H
 #define FUSED_H
@@ -31,7 +31,7 @@ typedef struct {
     size_t head;   /* index in the memory of the first parameter of the part; inputs follow */
     size_t tail;   /* index in the memory of the first state of the part; outputs follow */
     Copies driven; /* published outputs of other parts -> inputs of this part */
-    Copies late;   /* outputs with latency in the tail -> their published places */
+    Copies late;   /* outputs with latency: from the tail -> where other parts read them */
 } Part;
 
 static inline size_t head_count(const ModelInterface *m)
@@ -152,7 +152,7 @@ static inline bool initialize_parts(const Part *parts, size_t count, bool stale[
         for (const Part *p = parts; p < end; p++) {
             if (!stale[p - parts]) continue;
             changed |= evaluate_outputs(p, m, work, t);
-            if (!satisfies_rules(p, m)) return true; /* the adapter rejects these values */
+            if (!satisfies_rules(p, m)) return true; /* no more rounds: the adapter rejects this */
         }
         for (const Part *p = parts; p < end; p++) stale[p - parts] = set_driven_inputs(p, m);
     }

@@ -52,7 +52,7 @@ struct Instance {
     Progress now;
     void *model;                     /* memory_of(&fmu_model) bytes */
     void *last_good;                 /* states and outputs before the step: tail_size() bytes */
-    Run *ruled;                      /* outputs with further rules than being finite */
+    Run *ruled;                      /* outputs that a rule limits further than to finite values */
     size_t ruled_count, alarm_count; /* alarms come first in `ruled` */
     KnownCalls written, read;
 };

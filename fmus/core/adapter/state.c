@@ -61,13 +61,14 @@ const char *read_snapshot(const Instance *instance, const void *bytes, size_t si
 
 /* ---- directional derivatives ----
  * After initialization: derivatives of the outputs at the end of the next step (of the size of the
- * last one, 0.1 s before the first) with respect to the inputs, which are constant over the step.
+ * last one, 0.1 s before the first; in a fused system a macro step) with respect to the inputs,
+ * which are constant over the step.
  * In initialization mode: derivatives of the first outputs with respect to parameters and inputs.
  * Central differences at d and d/2 with Richardson extrapolation, so that the error is of fourth
- * order in d. The first d is 1 % of the scale of the first known; d is halved until two estimates
- * agree, so that a contact or a limit beside the operating point has no effect. Where the slopes on
- * both sides differ however small d is, the derivative is the slope of the side to which the seed
- * points. */
+ * order in d. At the first d no known moves by more than 1 % of its scale; d is halved until two
+ * estimates agree, so that a contact or a limit beside the operating point has no effect. Where
+ * the slopes on both sides differ however small d is, the derivative is the slope of the side to
+ * which the seed points. */
 static double next_step(const Instance *instance)
 {
     if (fmu_model.macro_step) return fmu_model.macro_step(instance->model);
@@ -86,8 +87,9 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
 }
 
 enum { MOST_HALVINGS = 16 };
-/* relative to the largest slope of the row: largest difference between two estimates that agree;
- * below: least difference between the slopes of both sides that counts as a kink */
+/* agreement: largest difference between two estimates that agree; clear_bend: least difference
+ * between the slopes of both sides that counts as a kink; both relative to the largest slope of the
+ * row of the unknown */
 static const double agreement = 1e-6;
 static const double clear_bend = 1e-3;
 
@@ -115,8 +117,8 @@ static double largest_slope(Scalar s, const void *plus, const void *minus, doubl
     return largest;
 }
 
-/* computes the slopes of all unknowns at a distance; magnitude: of the largest known; false: an
- * evaluation is rejected */
+/* computes the slopes of all unknowns at a distance; magnitude: largest absolute value of a known,
+ * for the rounding error; false: an evaluation is rejected */
 static bool measure_slopes(const Instance *instance, const Direction *d, double distance,
                            double magnitude, void *work, Derivative found[])
 {
@@ -160,7 +162,7 @@ static void settle(Derivative *f, int halvings)
         f->best = f->estimate;
     }
     f->settled = change <= larger(agreement * f->slope.largest, f->slope.rounding) && !has_kink(f);
-    if (f->settled) f->best = before; /* estimate of the longer distance: less rounding */
+    if (f->settled) f->best = before; /* the longer distance has less rounding */
 }
 
 RARE static void report_one_side(const Instance *instance, const Direction *d, size_t i)
@@ -208,15 +210,16 @@ static bool find_derivatives(const Instance *instance, const Direction *d, doubl
     return true;
 }
 
-/* scale on which a variable is moved for differences: one unit, more for a position in N; for a
- * parameter its value */
+/* scale on which a variable is moved for differences: for a parameter its value; for an input, and
+ * a parameter of 0, one unit, or 1e-6 of the value if this is more, as for a position in N */
 static double scale_of(Scalar s, double value)
 {
     if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);
     return larger(1, 1e-6 * fabs(value));
 }
 
-/* first distance: the first known moves by 1 % of its scale; 0 for a zero seed */
+/* first distance along the seed: the largest at which no known moves by more than 1 % of its scale;
+ * 0 for a zero seed */
 static double difference_distance(const Instance *instance, const Direction *d)
 {
     double distance = INFINITY;

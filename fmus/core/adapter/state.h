@@ -19,7 +19,7 @@ void write_snapshot(const void *state, void *bytes);
 const char *read_snapshot(const Instance *instance, const void *bytes, size_t size, void **state);
 
 typedef struct {
-    const char *function; /* of FMI, for messages */
+    const char *function; /* name of the FMI function, for messages */
     const unsigned *unknown, *known;
     size_t unknowns, knowns;
     const double *seed;

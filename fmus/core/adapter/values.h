@@ -6,7 +6,7 @@
 #include "life.h"
 
 typedef struct {
-    const char *set, *get; /* functions of FMI, for messages */
+    const char *set, *get; /* names of the functions of FMI, for messages */
     bool rows;             /* a value reference names a whole row, not one element */
 } Access;
 
@@ -95,8 +95,8 @@ static inline bool acceptable(const Instance *instance, const Access *a, const u
     return true;
 }
 
-/* sets values while stepping, when only inputs can be set, if the call is stored and the values
- * satisfy their rules: then no further check is needed. False: nothing was set */
+/* sets the values of a stored call without further checks if they satisfy their rules; only while
+ * stepping, when stored calls set inputs only. False: nothing was set */
 static inline bool set_known(Instance *instance, const unsigned vr[], size_t count,
                              const double value[], size_t values)
 {

@@ -165,7 +165,7 @@ SOURCE = """/* {name}_api.c - the functions of {name}.h over the unedited model.
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "{name}.h"
 
-#if defined __GNUC__ && !defined __clang__ /* mistaken for some constant counts (gcc 12) */
+#if defined __GNUC__ && !defined __clang__ /* gcc 12 warns wrongly for some constant counts */
 #pragma GCC diagnostic ignored "-Waggressive-loop-optimizations"
 #endif
 
@@ -262,8 +262,8 @@ static const double rows_{number}[][WIDTH] = {{
 
 VECTORS = """/* {name}_vectors.h - reference vectors of the FMU.
  *
- * A row holds the begin of a step [s], the inputs, and the outputs at its end. The first row holds
- * the first outputs. */
+ * A row holds the time at which a step begins [s], the inputs of the step, and the outputs at its
+ * end. The first row holds the outputs after initialization. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 enum {{ WIDTH = {width} }};
 
@@ -294,7 +294,8 @@ static {name}_Input u;
 static {name}_State x;
 static {name}_Output y;
 
-/* 1: accepted, and the outputs have the bits of the row; NAN: not an output of the FMU */
+/* 1: all values are accepted, and the outputs have the bits of the row. A NAN in the row, where the
+ * run of the FMU has no output, is not compared. */
 static int equals(const double row[])
 {{
     const double *expected = row + 1 + sizeof u / sizeof *row;

@@ -8,7 +8,7 @@
 
 #include <stdlib.h>
 
-#ifndef EXPERIMENT /* defined for a whole system */
+#ifndef EXPERIMENT /* fuse.py defines it for a whole system */
 #define EXPERIMENT "startTime=\"0\" stopTime=\"100\" stepSize=\"0.1\""
 #endif
 
@@ -208,8 +208,8 @@ static const char *variability(const Variable *v)
  * stay unconnected, or the names of a mode */
 static bool is_annotated(const Variable *v) { return v->kind == OPTIONAL_ROW || v->names; }
 
-/* prints the annotations of a row, one element each; begin: its start tag up to the name of this
- * project */
+/* prints the annotations of a row, one XML element each; begin: name of the element and of the
+ * attribute that gets the name of this project; end: name of the element */
 static void print_annotations(const Variable *v, const char *begin, const char *end)
 {
     if (!is_annotated(v)) return;

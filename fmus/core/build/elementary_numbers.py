@@ -90,8 +90,8 @@ def cut(x: mp.mpf, lowest: int) -> mp.mpf:
 
 
 def parts(x: mp.mpf, *lowest: int) -> list[float]:
-    """Return doubles whose sum is x: one multiple of 2^n for each n in `lowest`, and the double
-    nearest to the rest.
+    """Return doubles whose sum is x except for the rounding of the last one: a multiple of 2^n for
+    each n in `lowest`, and the double nearest to the rest.
     """
     found = []
     for bits in lowest:
@@ -108,8 +108,8 @@ def constant(name: str, x: float, text: str) -> str:
 
 def array(name: str, rows: list[list[float]], text: str) -> str:
     """Return the C definition of a constant array of doubles, written in hexadecimal and therefore
-    exact. rows: each with one number, or with the columns of a two-dimensional array; text: comment
-    above the definition.
+    exact. rows: lists of one number for a vector, of one number per column for a two-dimensional
+    array; text: comment above the definition.
     """
     columns = len(rows[0])
     size = f"[{len(rows)}]" + (f"[{columns}]" if columns > 1 else "")
