@@ -3,16 +3,16 @@
 
 Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND] [--adapter FOLDER]
 
-SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "sources": [C
-files of the unpacked archive, the file of the model first], "values": {element: start value},
-"driven": {input element: [part, output element, factor, offset]}, "late": whether its outputs are
-published later than they are computed}, ...], "plan": [[verb, part, every, phase], ...]}. A part is
-a component of the system and is identified by its index. The plan is the schedule of a macro step:
-every action (verb "set" for inputs, "step", or "get" for late outputs) of a part is performed in
-macro step k if k % every == phase. Optional: "version" and "date" of the FMU; "provenance", which
-is written into its folder extra/; "scalars", true for an FMU without arrays. The program writes
-system.c, the model interface of the whole system (described in fused.h), and packs it as
-build_fmu.py packs a model.
+SYSTEM.json: {"name", "text", "start" [s], "stop" [s], "step" (macro step [s]), "parts": [{"name",
+"fmu" (path), "sources": [C files of the unpacked archive, the file of the model first], "values":
+{element: start value}, "driven": {connected input element: [part, output element, factor, offset]},
+"late": whether other parts read its outputs later than its step computes them}, ...], "plan":
+[[verb, part, every, phase], ...]}. A part is a component of the system; "driven" and "plan" contain
+its index. The plan is the schedule of a macro step: the action of a part (verb "set": set its
+inputs; "step"; "get": publish its late outputs) is performed in macro step k if k % every == phase.
+Optional: "version" and "date" of the FMU; "provenance", which is written into its folder extra/;
+"scalars", true for an FMU without arrays. The program writes system.c, the model interface of the
+whole system (described in fused.h), and packs it as build_fmu.py packs a model.
 """
 
 import argparse
@@ -71,8 +71,8 @@ def output_of(command: list[Any], fmu: str) -> str:
 # ---- sources ----
 def gather(parts: list[dict[str, Any]], folder: Path) -> list[str]:
     """Copy the sources of all FMUs into one folder, and return the C symbol of the model of each
-    part (entry of `parts` in SYSTEM.json). Raises NotFusibleError if sources are missing or files
-    with one name differ.
+    part (entry of `parts` in SYSTEM.json). Raises NotFusibleError if sources are missing or if two
+    files of the same name differ.
     """
     symbols: dict[str, str] = {}
     for part in parts:
@@ -180,8 +180,8 @@ class Build:
 
     def _models(self, fmus: dict[str, str], objects: list[Path]) -> dict[str, Model]:
         """Return the memory layouts of the models by their C symbols; fmus: name of the FMU by
-        symbol; objects: compiled models. If the program that prints all layouts fails, each model
-        is tried alone, and the first one that fails determines the message.
+        symbol; objects: compiled models. If the program that prints all layouts fails, one program
+        per model is built, so that the NotFusibleError names the first FMU that fails.
         """
         try:
             return self._described(list(fmus), objects, self.name)
@@ -199,7 +199,10 @@ class Build:
             models = read_layout(output_of([tool], fmu))
             return {symbol: models[symbol] for symbol in symbols}
         except (ValueError, TypeError, NameError, LookupError, ArithmeticError) as error:
-            raise NotFusibleError(f"{fmu}: its sources do not print a layout alone") from error
+            raise NotFusibleError(
+                f"{fmu}: the memory layout of its model cannot be read; the sources of the FMU "
+                "must print nothing themselves"
+            ) from error
 
     def _laid_out(self, symbols: list[str], models: dict[str, Model]) -> Whole:
         parts = [
@@ -210,8 +213,8 @@ class Build:
         return lay_out(parts, self.spec["step"], sorted(i for i, every in steps if every > 1))
 
     def _structure(self) -> list[Any]:
-        """Return the connections and the schedule as data for JSON. Systems with the same variables
-        may differ in these, so system.c contains a hash of them.
+        """Return the connections and the schedule as data for JSON. system.c contains their hash,
+        because systems with the same variables but other connections need different GUIDs.
         """
         parts = self.spec["parts"]
         wires = [[part["name"], sorted(part["driven"].items()), part["late"]] for part in parts]
@@ -251,7 +254,8 @@ def build(
     """Write the FMU of a system for FMI `fmi` ("2" or "3"); raise NotFusibleError if its sources
     cannot be compiled into one FMU.
 
-    adapter: folder with the compiled files of the adapter (None: compile them).
+    spec: content of SYSTEM.json; compiler: command; adapter: folder with the compiled C files that
+    implement the FMI functions (None: compile them).
     """
     with tempfile.TemporaryDirectory() as folder:
         Build(spec, Path(folder), compiler, fmi, adapter).run(output)
@@ -270,7 +274,7 @@ def main() -> None:
     parser.add_argument(
         "--cc", type=shlex.split, default=["cc"], help="compiler with its arguments"
     )
-    parser.add_argument("--adapter", type=Path, help="folder with the compiled adapter")
+    parser.add_argument("--adapter", type=Path, help="folder with the compiled FMI functions")
     a = parser.parse_args()
     try:
         build(json.loads(a.system.read_text(encoding="utf-8")), a.output, a.cc, a.fmi, a.adapter)

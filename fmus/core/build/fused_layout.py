@@ -21,8 +21,8 @@ MACRO_STEP_TEXT = "macro step: every communication step is a whole multiple"
 UNSETTLED = "initial values did not settle (an algebraic loop)"
 CLOCK = 3
 """Number of doubles that describe the progress of the system: start time, number of finished macro
-steps, and a flag that is 1 if the initial values did not settle. The times of slow parts (see
-lay_out()) follow in memory.
+steps, and a flag that is 1 if the initial values did not settle. In memory they are followed by the
+times of slow parts, see lay_out().
 """
 
 
@@ -30,9 +30,9 @@ lay_out()) follow in memory.
 class Row:
     """Variable in the table of a model (struct Variable).
 
-    first: index of its first double in the model; size: number of doubles; columns: of a matrix,
-    else 1; rule, kind: indices of RULES and KINDS; names: of the values 0, 1, ... of a mode,
-    separated by `|`.
+    first: index of its first double in the model; size: number of doubles; columns: number of
+    columns of a matrix, 1 for other variables; rule, kind: indices of RULES and KINDS; names: names
+    of the values 0, 1, ... of a mode, separated by `|`.
     """
 
     causality: int
@@ -87,8 +87,8 @@ class Part:
     """Component in the memory of the system.
 
     values: start values by element; driven: source of each connected input element, [index of part,
-    output element, factor, offset]; late: whether its outputs are published later than they are
-    computed; head: place of its first parameter, which inputs follow; tail: place of its first
+    output element, factor, offset]; late: whether other parts read its outputs later than its step
+    computes them; head: place of its first parameter, which inputs follow; tail: place of its first
     state, which outputs follow; published: place at which other components read each output
     element.
     """
@@ -129,8 +129,9 @@ class Whole:
     """Memory of the whole system, and the variables of its FMU.
 
     rows: variables of the FMU; checked: connected inputs whose values must be in a range; front:
-    start values of the macro step, then of the parameters and inputs of all parts; times: place of
-    the time that each slow part has reached, by index of the part; size: number of doubles.
+    values at the start of the memory: macro step [s], then start values of the parameters and
+    inputs of all parts; times: place of the time that each slow part has reached, by index of the
+    part; size: number of doubles.
     """
 
     parts: list[Part]
@@ -142,8 +143,9 @@ class Whole:
 
 
 def lay_out(parts: list[Part], step: float, slow: Iterable[int]) -> Whole:
-    """Return the memory of a system of these parts: macro step, parameters and inputs, then clock,
-    times of slow parts, and for each part the buffer of late outputs, states and outputs.
+    """Return the memory of a system of these parts. In this order it contains: the macro step,
+    parameters and inputs of all parts, CLOCK doubles of progress, times of slow parts, and for each
+    part the buffer of late outputs, states and outputs.
 
     step: macro step [s]; slow: indices of the slow parts, which do not step at every macro step.
     """
@@ -213,8 +215,8 @@ def _list_rows(whole: Whole) -> None:
 
 
 def _named(part: Part, row: Row, first: int, causality: int | None = None) -> Row:
-    """Return a variable of a part as a variable PART.NAME of the system, at the place `first`;
-    causality: of the new variable (None: unchanged).
+    """Return a variable of a part as a variable PART.NAME of the system; first: place of its first
+    double; causality: of the new variable (None: unchanged).
     """
     own = row.causality if causality is None else causality
     name = f"{part.name}.{row.name}"

@@ -12,13 +12,13 @@ from fused_layout import CAUSALITY, INPUT, KINDS, OUTPUT, RULES, Part, Row, Whol
 
 
 def number(value: float) -> str:
-    """Return a C literal that gives the same double on every platform."""
+    """Return a value as a C literal that gives the same double on every platform."""
     return float(value).hex()
 
 
 def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
-    """Yield copies (from, to, count) of several consecutive doubles, which replace the copies
-    `pairs` (from, to) of single doubles.
+    """Yield copies (place to copy from, place to copy to, count) that have the effect of the copies
+    `pairs` (from, to) of single doubles: neighbouring doubles are copied together.
     """
     last: list[int] = []
     for start, to in sorted(pairs, key=lambda pair: pair[1]):
@@ -80,8 +80,8 @@ def system_c(spec: dict[str, Any], whole: Whole, digest: str) -> str:
     lines = [
         f"/* system.c - {_comment(spec['text'])}",
         " *",
-        f" * {len(whole.parts)} models in one, rows under the names of the components. In a macro",
-        " * step they are called in the order of the schedule of the system:",
+        f" * {len(whole.parts)} components in one model; names of variables begin with the name of",
+        " * the component. A macro step calls the components in the order of the schedule:",
         *(f" *     {part.name}: {part.model.symbol}" for part in whole.parts),
         " *",
         " * Written by fuse.py; fused.h explains it. */",

@@ -80,8 +80,9 @@ void {model}_model_step(const void *p, const void *u, void *x, void *y, double t
 TYPES = re.compile(
     r"^(?:typedef (?:struct|enum)|enum) \{[^{}]*\}(?: (?:Phase|Progress|Snapshot))?;", re.M
 )
-"""Regular expression for the type definitions of the memory of a run. Only these are copied from
-the files TYPES_IN, because not every compiler accepts the functions in these files as C++.
+"""Regular expression for the definitions of the C types in which the memory of a run is described.
+The library contains only these parts of the files TYPES_IN, because not every compiler accepts the
+functions in the files as C++.
 """
 TYPES_IN = ("interface.h", "instance.h", "state.c")
 STEP = "void {}_model_step(const void *, const void *, void *, void *, double, double);"
@@ -95,7 +96,7 @@ def units(sources: Path) -> dict[str, str]:
     part = re.DOTALL | re.MULTILINE
     step = re.search(r"^static void step_system.*?^\}", system, part)
     tables = re.search(r"^enum \{ PARTS.*?(?=^static const (?:Copy|Part) )", system, part)
-    assert step and tables  # as fused_source.py writes them
+    assert step and tables  # fused_source.py writes both into every system.c
     models = re.findall(r"^extern Step (\w+)_model_step;", system, part)
     rows = "#define CHECKED_ROWS\n" if " checked[]" in tables[0] else ""
     steps = "\n".join(map(STEP.format, models))
@@ -112,7 +113,7 @@ def build(sources: Path, output: Path, compiler: list[str], width: int, folder: 
     """Write the library with `width` lanes; raise CalledProcessError if the compiler fails.
 
     sources: folder with the C files of the FMU; folder: an empty folder for intermediate files;
-    compiler: command.
+    compiler: words of the command that calls a C++ compiler.
     """
     shutil.copytree(sources, folder / "scalar")
     headers = [parsed(file.read_text(encoding="utf-8")) for file in sources.glob("*.h")]
@@ -137,8 +138,8 @@ def build(sources: Path, output: Path, compiler: list[str], width: int, folder: 
 
 
 def is_clang(compiler: list[str]) -> bool:
-    """Return whether a compiler is clang. With clang the C++ library is left out (-nostdlib++): the
-    lanes do not use it, and zig would have to compile it first.
+    """Return whether a compiler is clang, with which the lanes are linked without the C++ library
+    (-nostdlib++): they do not use it, and zig, which contains clang, would compile it first.
     """
     command = [*compiler, "--version"]
     return b"clang" in subprocess.run(command, check=True, capture_output=True).stdout

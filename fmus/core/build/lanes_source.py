@@ -25,12 +25,12 @@ BEFORE = {*",;:", "return", "else", *ASSIGNMENTS}
 WRITING = {*ASSIGNMENTS, "++", "--"}
 """Operators of C that change a variable."""
 WITHOUT_EFFECT = {"sizeof", "return", "copysign", "fabs", "isfinite", "isnan", "signbit", "sqrt"}
-"""Words of C before a parenthesis, and functions of its library, that do not write."""
+"""Words before a parenthesis that change no variable: keywords of C, functions of its library."""
 
 OPERAND_ENDS = {"&&", "||", "?", ":", ",", ";"}
 """Tokens that end the right operand of `&&` and `||`."""
 MADE = "made"
-"""Name of a new struct in a call that replaces an initializer with designators."""
+"""Name of the struct to which the code that replaces a designated initializer assigns."""
 CONDITION = {"&&", "||", "<", ">", "<=", ">=", "==", "!="}
 """Operators whose value is a condition."""
 
@@ -46,8 +46,10 @@ bracket, item, ...].
 
 
 class Effects(NamedTuple):
-    """Names of functions and macros that write nothing but their own variables (without), and of
-    macros that may write (macros).
+    """Names of functions and macros by effect.
+
+    without: functions and macros that write nothing but their own variables; macros: macros that
+    may write.
     """
 
     without: set[str]
@@ -136,8 +138,9 @@ def early_returns(body: Items, kind: str, effects: Effects) -> Items:
 
 
 def short_circuits(items: Items, effects: Effects) -> Items:
-    """Return items in which a right operand of `&&` or `||` that may write is converted to bool, so
-    that it is computed only if it is needed in all lanes.
+    """Return items in which a right operand of `&&` or `||` that may write is converted to bool:
+    C++ then computes the operand only if the left operand, which must be the same in all lanes,
+    does not decide the result.
     """
     found: Items = []
     left = [x if isinstance(x, str) else [x[0], *short_circuits(x[1:], effects)] for x in items]
@@ -261,8 +264,8 @@ def is_name(item: Any) -> bool:
 
 
 def definitions(items: Items) -> Iterator[tuple[int, int]]:
-    """Yield two indices for each function in a parsed C file: of the first item of its head, and of
-    its body.
+    """Yield two indices for each function in a parsed C file: the index of the first item of its
+    head, and the index of its body.
     """
     begin = 0
     for i, item in enumerate(items):
@@ -299,9 +302,9 @@ def in_lanes(text: str, headers: Sequence[Items] = ()) -> str:
 def function(head: Items, body: Items, effects: Effects) -> Items:
     """Return the rewritten body of a function; head: the items in front of the body.
 
-    The body of check() becomes empty, because lanes check no parameters. Early returns are
-    rewritten, and functions with searches (see searches()) run separately for each lane, only if
-    the function returns a value and does not write.
+    The body of check() becomes empty, because lanes check no parameters. In a function that writes
+    nothing and returns neither int nor bool, early returns are rewritten, and the whole body is run
+    separately for lanes that differ in a condition if it contains searches (see searches()).
     """
     head = [x for x in head if x not in ("static", "inline")]
     begin = max((k + 1 for k, x in enumerate(head[:-1]) if isinstance(x, list)), default=0)
@@ -353,7 +356,7 @@ def searches(items: Items) -> bool:
 
 
 def tokens(text: str) -> list[str]:
-    """Return the tokens of a C text without spaces."""
+    """Return the tokens of a C text, without the tokens that are white space."""
     return [x for x in TOKEN.findall(text) if not x.isspace()]
 
 
@@ -374,7 +377,7 @@ def effects_of(files: Sequence[Items]) -> Effects:
         if match:
             macros[match[1]] = [*macros.get(match[1], []), *tokens(match[2])]
     found = Effects({name for name, _ in functions} - writing | WITHOUT_EFFECT, set(macros))
-    for _ in macros:  # a macro can name a macro
+    for _ in macros:  # repeated, because a macro is harmless only if the macros it names are
         harmless = {name for name in found.macros if not may_write(macros[name], found)}
         if not harmless:
             break
@@ -386,9 +389,9 @@ def effects_of(files: Sequence[Items]) -> Effects:
 class Types(NamedTuple):
     """Names of types.
 
-    holders: types that are or contain a pointer through which one can write, or an array type,
-    because an argument of this type is a pointer; functions: types of functions that write through
-    no argument.
+    holders: types that are or contain a pointer through which one can write, and array types
+    (because C passes an argument of an array type as a pointer); functions: types of functions that
+    write through no argument.
     """
 
     holders: set[str]
@@ -396,10 +399,10 @@ class Types(NamedTuple):
 
 
 def holding(files: Sequence[Items]) -> Types:
-    """Return the Types that parsed C files define."""
+    """Return the Types of parsed C files: names of the types that the files define."""
     defined = [each for items in files for each in type_definitions(items)]
     found = Types(set(), {name for name, _, function in defined if function})
-    for _ in defined:  # a type can contain a type
+    for _ in defined:  # repeated, because a type holds a pointer if a type of its members does
         more = {n for n, parts, f in defined if any(holds(x, found, arrays=f) for x in parts)}
         if more <= found.holders:
             break
@@ -409,9 +412,9 @@ def holding(files: Sequence[Items]) -> Types:
 
 
 def type_definitions(items: Items) -> Iterator[tuple[str, list[Items], bool]]:
-    """Yield name and parts of each type that a parsed C file defines, and whether the type is that
-    of a function. Parts are the members of a struct or union, the arguments of a function, or the
-    declaration itself.
+    """Yield (name, parts, whether it is a type of functions) for each type that a parsed C file
+    defines. Parts are the members of a struct or union, the arguments of a function, or for other
+    types the declaration itself.
     """
     begin = 0
     for i, item in enumerate(items):

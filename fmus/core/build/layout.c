@@ -1,11 +1,11 @@
 /* layout.c - host tool: prints the memory layout and interface of the models that it is linked
  * with, for fuse.py.
  *
- * parts.inc lists them as MODEL(symbol). There is one line per model: symbol, number of doubles of
- * the model and of its workspace, first double of inputs, states, outputs; then one line with the
- * start values of its parameters and inputs, and one line per row: causality, first double, size,
- * columns, rule, kind, unit, name, text,
- * names of a mode. Columns are separated by tabs. */
+ * parts.inc lists the models as MODEL(symbol). A model gives one line with its symbol, number of
+ * doubles of its memory and of its workspace, index of the first double of inputs, states, outputs;
+ * then one line with the start values of its parameters and inputs, and one line per variable:
+ * causality, index of the first double, size, columns, rule, kind, unit, name, text, names of the
+ * values of a mode. Columns are separated by tabs. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 

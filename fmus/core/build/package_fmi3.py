@@ -44,7 +44,9 @@ and a single signal (member signal).
 """
 
 ICONS = {"icon": (), "output": ((4, 4), (28, 16), (4, 28)), "input": ((4, 4), (28, 16), (4, 28))}
-"""Corners [px] of the triangle in each image of terminalsAndIcons/; (): the image of the block."""
+"""Corners [px] of the triangle in each image of terminalsAndIcons/; (): the image shows the whole
+block and has no triangle.
+"""
 
 
 def build_description(identifier: str, sources: Iterable[str]) -> str:
@@ -93,8 +95,8 @@ def terminals(rows: Iterable[dict[str, str]]) -> str:
 
 
 def _place(variable: str) -> tuple[str, str, str]:
-    """Return kind and name of the terminal to which a variable belongs, and the name of its member
-    there.
+    """Return kind and name of the terminal to which a variable belongs, and the name of the
+    terminal's member for this variable.
     """
     prefix, point, name = variable.rpartition(".")
     if (found := BODY.fullmatch(name)) and _is_motion(found):

@@ -64,7 +64,7 @@ def limits(row: dict[str, str]) -> str:
 
 
 def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
-    """Return the headers in `folders` that the sources include, directly or through each other."""
+    """Return the headers in `folders` that the sources include, directly or through headers."""
     found: dict[str, Path] = {}
     waiting = list(sources)
     while waiting:
@@ -131,7 +131,7 @@ def timing(rows: list[dict[str, str]]) -> str:
     if "max_step" in named:
         return (
             "Continuous: it integrates with fixed steps of at most max_step on the grid"
-            " k max_step; inputs are held over a communication step."
+            " k max_step, k = 0, 1, ...; inputs are held over a communication step."
         )
     return "It computes once in every communication step, with the inputs held over the step."
 
@@ -142,7 +142,7 @@ def start_values(name: str) -> str:
     """
     place, other = START_VALUES[name]
     system, _, component = place.partition(".")
-    but = f" Other values there: {', '.join(other)}." if other else ""
+    but = f" Parameters with other values there: {', '.join(other)}." if other else ""
     return (
         f"<p>Start values: of system {system}, component {component}.{but} Components of other"
         " missions need values of their own.</p>"

@@ -43,7 +43,7 @@ static void print_outputs(const void *model, double t)
 }
 
 /* runs the model and prints rows if `print` is set; false: a result violates a rule. Step k is
- * from k h to k h + h, as for a master that counts its steps. */
+ * from k h to k h + h, as with a master that counts its steps instead of adding up the time. */
 static bool run(void *model, bool print)
 {
     if (print) print_outputs(model, 0);

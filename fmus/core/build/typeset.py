@@ -131,7 +131,7 @@ class Reader:
         return _fractions(nodes), self.at
 
     def _opens(self, bar: str, before: list[Node]) -> bool:
-        """Return whether the character `bar` is a `|` that begins a norm instead of ending one."""
+        """Return whether the next character, `bar`, begins a norm: `|` can begin or end one."""
         if bar != "|":
             return False
         last = before[-1].kind if before else "operator"
@@ -177,7 +177,7 @@ class Reader:
             if rest.startswith(sign):
                 self.at += len(sign)
                 return Node("operator", self._mark(sign, shown, before))
-        raise NotationError(f"{self.line.strip()!r}: {rest[0]!r} is not in the notation")
+        raise NotationError(f"{self.line.strip()!r}: typeset.py does not know {rest[0]!r}")
 
     def _mark(self, sign: str, shown: str, before: list[Node]) -> str:
         following = self.line[self.at : self.at + 2]
@@ -227,7 +227,7 @@ class Reader:
 
     def _upright(self, name: str) -> Node:
         """Read the rest of a word or long name and return its node. A subscript of several
-        characters stays in the line, as `rho_max`.
+        characters is not lowered: the node shows `rate_max` as it is written.
         """
         shown, rest = f"<mi>{name}</mi>", self.line[self.at :]
         subscript = re.match(r"(?:_[A-Za-z0-9]+)+", rest)

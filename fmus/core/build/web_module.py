@@ -25,8 +25,8 @@ FMI = "fmi2"
 
 
 def compile_module(sources: list[Path], output: Path, compiler: list[str]) -> None:
-    """Write the module compiled from C files of one folder; raise CalledProcessError if the
-    compiler fails.
+    """Write the module compiled from C files of one folder; compiler: words of its command. Raises
+    CalledProcessError if the compiler fails.
     """
     names = [path.name for path in sources if not path.name.startswith(FMI)]
     made = [*names, str(PAGE), "-I.", "-o", str(output.resolve()), "-lm"]

@@ -344,7 +344,7 @@ def test_the_first_error_of_the_compiler_states_why_a_system_cannot_be_fused(
             r".*undefined reference to `nothing'"
         ),
         crash: r"layout ended with status -6",
-        shout: r"its sources do not print a layout alone",
+        shout: r"the memory layout of its model cannot be read; .* must print nothing themselves",
     }
     for text, reason in wrong.items():
         bad = with_sources(models["wave"], tmp_path, text, deep="int one;\nint two = soon;\n")
