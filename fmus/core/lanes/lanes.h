@@ -1,10 +1,11 @@
-/* lanes.h - several runs in the lanes of a vector: the C of a model compiled as C++ with a vector in
- * the place of every double.
+/* lanes.h - several runs in the lanes of a vector: the C of a model compiled as C++ with a vector
+ * in the place of every double.
  *
- * build/lanes.py includes this header before a model. Every operation on a vector is the operation of
- * C on each of its doubles, so that a lane has the bits of its run alone. A comparison gives a Mask.
- * Where the program must know one answer, as in `if`, all lanes must agree; otherwise the step of the
- * component is left, and made anew for the lanes of each answer (in_lanes). */
+ * build/lanes.py includes this header before a model. Every operation on a vector is the operation
+ * of C on each of its doubles, so that a lane has the same bits as its run alone. A comparison
+ * gives a Mask. Where the program must know one answer, as in `if`, all lanes must agree. If they
+ * do not, the step of the component splits: it is left, and repeated for the lanes of each answer,
+ * see step_in_lanes(). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LANES_H
 #define LANES_H
@@ -30,7 +31,8 @@
 #define OPAQUE noipa
 #endif
 
-/* functions of one double, which vector functions with tables and integers call for each lane */
+/* the original functions of one double; a vector function that needs tables or integers calls them
+ * once per lane */
 namespace scalar
 {
 #include "scalar/portable_math.h"
@@ -53,12 +55,12 @@ typedef int64_t Answers __attribute__((vector_size(8 * WIDTH))); /* per lane -1:
 
 /* ---- answers that differ ---- */
 struct Split {
-    jmp_buf place; /* in performed(), before the call of the function */
+    jmp_buf place; /* where split() returns to: in performed(), before the call of the function */
     int answer;    /* bits of the active lanes in which the answer is true */
     Split *outer;  /* Split of the function that called this function */
 };
 inline Split *present; /* Split of the function that is being performed */
-inline jmp_buf again;  /* runs.h: repeats macro steps if a component splits before it is saved */
+inline jmp_buf again;  /* place in runs.h that repeats macro steps, see step_in_lanes() */
 inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter */
 
 [[noreturn]] __attribute__((noinline, cold)) inline void split(int answer)
@@ -67,9 +69,9 @@ inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter *
     longjmp(present->place, 1);
 }
 
-/* performs a function; false: the function was left, because the active lanes differ in the
- * condition here->answer. Only performed() returns twice (by setjmp), and the compiler does not
- * optimize across it. */
+/* performs a function; false: the function was left, because the active lanes differ in a
+ * condition, whose answers are in here->answer. Then setjmp() has returned twice; OPAQUE prevents
+ * optimizations across performed(), which do not permit this. */
 __attribute__((OPAQUE)) inline bool performed(Split *here, void (*function)(void *), void *given)
 {
     here->outer = present;
@@ -383,8 +385,8 @@ inline Vector cosine_series(Vector hi, Vector lo)
     return w + ((1 - w - half) + (zz * sum - hi * lo));
 }
 
-/* sine and cosine by the operations of reduced() for all lanes; a lane with |x| above 1e6, near
- * a multiple of pi/2 or not finite is computed alone */
+/* sine and cosine by the operations of reduced() in portable_math.h for all lanes; a lane with |x|
+ * above 1e6, near a multiple of pi/2 or not finite is computed alone */
 inline SineCosine sine_and_cosine(Vector x)
 {
     const Vector size = fabs(x), rounded = x * TWO_OVER_PI + ROUNDER, n = rounded - ROUNDER;
@@ -580,8 +582,8 @@ template <class F, class... X> void perform_for(int some, const F &function, X *
     ((*x = blend(answers_of(some), *x, std::get<X>(before))), ...);
 }
 
-/* pointer to a single struct, not into an array; a model declares single_object() for its states
- * and outputs */
+/* pointer to a single struct, not into an array, so that the struct can be saved and blended: a
+ * model declares single_object() for its State and its Output */
 template <class T>
 concept Single = requires(T pointer) { single_object(pointer); };
 /* argument through which a function cannot write: a number, vectors, or a pointer to constant
@@ -610,8 +612,8 @@ template <class C, class F, class... T> INLINE void where(C c, const F &function
 }
 
 /* Performs a step of a component in all lanes. Saving states and outputs takes longer than many
- * steps: a component is saved only from its first split on, and the macro steps before that
- * split are repeated. */
+ * steps: a component is saved before its steps only after its first split. At the first split,
+ * runs.h repeats the macro steps since it has saved the memory of the system. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {
@@ -646,8 +648,8 @@ inline Mask all_finite(const Vector *x, size_t count)
     return valid.bits() == active ? valid : all_of(x, count);
 }
 
-/* Adds to not_finite the lanes in which a component is not finite; called after its step, the
- * only place where it changes, while its memory is in the cache. */
+/* Adds to not_finite the lanes in which a state or output of a component is not finite. Called
+ * after each step of the component: only steps change these values, and the cache has them then. */
 template <class X, class Y> void check_finite(const X *x, const Y *y)
 {
     const Mask valid = all_finite((const Vector *)x, sizeof *x / sizeof(Vector)) &&

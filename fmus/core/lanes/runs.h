@@ -1,8 +1,8 @@
 /* runs.h - macro steps of several runs of a fused system at once: checks, recorded rows.
  *
  * The memory of the system (fused.h) has a vector in the place of every double. Every macro step is
- * checked in every lane as the adapter checks it. A run whose result would be rejected is lost, and the
- * caller repeats it alone. */
+ * checked in every lane as fmi2DoStep of the FMU checks it. A run whose result would be rejected is
+ * lost: its lane is no longer computed, and the caller repeats the run alone. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RUNS_H
 #define RUNS_H
@@ -14,7 +14,7 @@
 using lanes::Mask;
 using lanes::Vector;
 
-/* output with a rule in addition to being finite */
+/* output whose value must be within low .. high, or 0 or 1 if `flag` is set */
 typedef struct {
     const Vector *x;
     double low, high;
@@ -39,7 +39,7 @@ typedef struct {
     const unsigned *reference;       /* value references of the recorded outputs */
     scalar::Snapshot *const *states; /* state of each run: loaded by begin(), stored by end() */
     double *const *tables;           /* table of the recorded rows of each run */
-    int64_t done, lost;              /* macro steps completed; bits of the lost runs */
+    int64_t done, lost;              /* macro steps completed; bits of the lost runs, see above */
     double now;                      /* s; time of all runs */
     Work *work;
 } Runs;

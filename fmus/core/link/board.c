@@ -116,7 +116,7 @@ static fmi2Status set_run(const Software *s, fmi2Component c, RunOf run, Reader 
     for (size_t i = 0; i < run.count && !in->truncated; i++)
         if (run.type == REAL_TYPE) values.real[i] = take_double(in);
         else values.integer[i] = (fmi2Integer)(int32_t)take_number(in, 4);
-    if (in->truncated) return fmi2OK; /* checked by the caller */
+    if (in->truncated) return fmi2OK; /* the caller rejects a truncated request */
     list_references(run);
     if (run.type == REAL_TYPE) return s->set_real(c, references, run.count, values.real);
     if (run.type == INTEGER_TYPE) return s->set_integer(c, references, run.count, values.integer);

@@ -26,7 +26,7 @@ typedef struct {
     fmi2SetBooleanTYPE *set_boolean;
     fmi2GetBooleanTYPE *get_boolean;
     fmi2DoStepTYPE *do_step;
-    fmi2GetFMUstateTYPE *get_state; /* from here on NULL if the FMU has no FMU states */
+    fmi2GetFMUstateTYPE *get_state; /* this and all following: NULL if the FMU has no FMU states */
     fmi2SetFMUstateTYPE *set_state;
     fmi2FreeFMUstateTYPE *free_state;
     fmi2SerializedFMUstateSizeTYPE *state_size;
@@ -49,7 +49,7 @@ typedef struct {
 } Slot;
 
 typedef struct {
-    const char *target; /* name of the processor: "cortex-m7" */
+    const char *target; /* name of the processor, for example "cortex-m7" */
     const Software *software;
     Slot *slot; /* one per FMU */
     size_t count;
@@ -57,8 +57,8 @@ typedef struct {
                    size_t most); /* returns at least one byte; 0: end of the stream */
     bool (*write)(void *port, const void *bytes, size_t count);
     void *port;
-    uint64_t (*counter)(void);       /* instructions; NULL: not counted */
-    void (*paint_stack)(void);       /* NULL: not measured */
+    uint64_t (*counter)(void);       /* number of instructions so far; NULL: not counted */
+    void (*paint_stack)(void);       /* begins to measure the stack; NULL: not measured */
     uint32_t (*measure_stack)(void); /* bytes used since paint_stack() */
 } Board;
 

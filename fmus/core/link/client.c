@@ -142,9 +142,9 @@ static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
     return read_answer(c, f, status);
 }
 
-/* waits for the answer to the last request until the time `until`. Bytes that arrived before are
- * read even after that time; of later bytes at most one frame is read, so that a board that
- * sends without end is late as well. */
+/* waits for the answer to the last request until the time `until`. After that time, bytes that have
+ * already arrived are still read, but no more than the longest frame has: TOO_LATE is returned even
+ * if the board sends without end. */
 Outcome wait_until(Client *c, double until, unsigned *status)
 {
     size_t size, got, late_bytes = 0;
@@ -232,7 +232,7 @@ static bool find_component(Client *c)
     for (size_t i = first; i < d.components || i == first; i++) {
         c->slot = (uint8_t)i;
         c->sequence =
-            (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28); /* different from earlier sessions */
+            (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28); /* not a number of earlier sessions */
         if (read_description(c, &d) > 1) return false;
         if (strcmp(d.guid, c->config.guid) == 0) return true;
         if (c->config.slot >= 0) break;

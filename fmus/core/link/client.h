@@ -22,7 +22,7 @@ typedef struct {
     uint32_t limit, variables; /* largest payload of the board; scalar variables of the component */
     bool saves;                /* 1: the component can save its state */
     Reader data;               /* data of the last answer; valid until the next request */
-    char message[MESSAGE_SIZE]; /* of the component, or the reason for a missing answer */
+    char message[MESSAGE_SIZE]; /* message of the component, or why there is no answer */
 } Client;
 
 /* connects to the board and finds the component; false: `message` contains the reason */

@@ -21,7 +21,8 @@ typedef struct {
     const char *host, *port;   /* tcp */
     const char *path;          /* unix: path of the socket; serial: path of the device */
     const char *group; /* emulator: name of the group of links that share it; "": not shared */
-    const char *argument[MOST_ARGUMENTS + 1]; /* of the emulator; @: folder of the resources */
+    /* command line of the emulator, in which @ means the folder of the resources */
+    const char *argument[MOST_ARGUMENTS + 1];
     size_t arguments;
     long slot, baud, retries; /* slot: index of the component on the board, -1: found by guid */
     double timeout;           /* s; longest time to wait for an answer */

@@ -76,7 +76,8 @@ static uint64_t read_counter(void) /* timer ticks of 40 ns, converted to instruc
 }
 #endif
 
-/* ---- stack: size of the part whose pattern has been overwritten */
+/* ---- stack: paint_stack() fills it with a pattern; measure_stack() returns the number of bytes
+ * from the upper end to the lowest byte that no longer has the pattern */
 extern unsigned char __stack[]; /* upper end of the stack, from picolibc's linker script */
 enum { PATTERN = 0xa5, MARGIN = 256, STACK_SIZE = 0x40000 };
 

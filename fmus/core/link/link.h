@@ -46,7 +46,7 @@ void invalidate(Link *l,
                 bool pending); /* declares all values invalid; pending: also drops unsent values */
 bool any_entry(const Link *l, EntryFilter *filter);
 void put_list(Link *l, Writer *w, EntryFilter *filter, bool with_values);
-bool take_values(Link *l, EntryFilter *filter); /* values of an answer, in the order of the list */
+bool take_values(Link *l, EntryFilter *filter); /* stores the values of an answer */
 
 /* ---- link_requests.c */
 fmi2Status failure(const Link *l, const char *function, const char *text); /* logs the text */

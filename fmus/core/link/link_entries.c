@@ -1,5 +1,5 @@
 /* link_entries.c - values of a component that are known in the simulation, and their lists in
- * requests: runs of neighbouring references. */
+ * requests. A list consists of runs: groups of neighbouring value references. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
@@ -76,7 +76,7 @@ void put_list(Link *l, Writer *w, EntryFilter *filter, bool with_values)
 }
 
 /* stores the values of an answer for the entries that the filter selects, in the order of the
- * request; false: too few values */
+ * request; false: too few or too many values */
 bool take_values(Link *l, EntryFilter *filter)
 {
     Reader *r = &l->client.data;

@@ -123,8 +123,8 @@ static void become_emulator(char *const command[], int log)
     _exit(127);
 }
 
-/* returns when every link has left or the program has ended. When the emulator ends, its pipe is
- * removed, so that no link waits for it. */
+/* returns when every link has left or the program that contains the links has ended. If the
+ * emulator ends before, its pipe is removed, so that no link waits for it. */
 static void wait_for_links(int life, int alive, const Paths *p)
 {
     struct pollfd watched[] = {{life, POLLIN, 0}, {alive, POLLIN, 0}};

@@ -13,8 +13,8 @@
 #include <stdint.h>
 #include <string.h>
 
-#ifndef PAYLOAD_LIMIT       /* bytes, a multiple of 8; smaller on a small board: */
-#define PAYLOAD_LIMIT 65536 /* -DPAYLOAD_LIMIT=8192 */
+#ifndef PAYLOAD_LIMIT       /* bytes, a multiple of 8 */
+#define PAYLOAD_LIMIT 65536 /* for a small board compile with -DPAYLOAD_LIMIT=8192 */
 #endif
 
 enum {
@@ -155,7 +155,7 @@ static inline const char *take_text(Reader *r, char *buffer, size_t size)
     return buffer;
 }
 
-/* ---- references in runs of neighbours: type, count, first */
+/* ---- runs: groups of neighbouring value references, given by type, number and first reference */
 typedef struct {
     ValueType type;
     uint16_t count;

@@ -6,10 +6,10 @@
  * Quotients and roots: the library computes them bit by bit, in 400 and 700 instructions; these
  * functions need 110 and 120. The products of the library are correct and fast.
  *
- * A head is the upper word of a number without its fraction: sign and exponent e. With a
- * significand m in units of the last place the number is m 2^(e - 1075); the leading one of m, at
- * bit 52, is added to the exponent field of head - ONE, and without it (e = 1) the number is
- * subnormal. */
+ * A head is the upper word of a number without its fraction: sign and exponent e. The significand m
+ * is a whole number: the number is m 2^(e - 1075). Its bits are the sum of m and head - ONE (as the
+ * upper word): the leading one of m, at bit 52, increases the exponent field from e - 1 to e. If m
+ * has no leading one, e is 1 and the number is subnormal. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stdbool.h>
 #include <stdint.h>
@@ -148,7 +148,7 @@ static inline uint32_t reciprocal(uint32_t d)
  * of n bit 52 */
 static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
 {
-    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2; /* 2 less, for the lower bits of n */
+    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2; /* never too large, though n is truncated */
     uint32_t first = upper_product((uint32_t)(m >> 22), r) >> 4;
     m = (m << 26) - n * first;
     uint32_t second = upper_product((uint32_t)(m >> 22), r) >> 3;
