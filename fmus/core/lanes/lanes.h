@@ -155,8 +155,8 @@ struct Vector {
     {
         return Numbers{((void)I, x)...};
     }
-    /* conversion to a whole number, a mode or a condition: one value for all active lanes, which
-     * splits if the lanes differ */
+    /* conversion to a whole number, a mode or a condition: one value for all active lanes; the
+     * step splits if the lanes differ */
     template <Number T> explicit operator T() const
     {
         if constexpr (std::is_same_v<T, bool>) return Mask(v != 0);

@@ -42,7 +42,7 @@ typedef struct {
 
 typedef struct {
     fmi2Component instance;
-    uint32_t first, last; /* range of sequence numbers in this session */
+    uint32_t first, last; /* first and latest sequence number of this session */
     bool described;
     uint32_t memory; /* bytes that the instance has allocated */
     Cost cost;

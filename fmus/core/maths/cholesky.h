@@ -38,11 +38,11 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
     }
 }
 
-/* solution x of A x = b by elimination without square roots: the upper triangle of A is in the
- * first n < 8 columns of a, b in column n; both are overwritten. So that compilers process two
- * numbers at a time, the loop over row i begins at column 0, or at HALF if i >= HALF: it also
- * computes elements left of the diagonal, which may have any value and are not used. Returns 0
- * if A is not positive definite. */
+/* solution x of A x = b by elimination without square roots. The upper triangle of A is in the
+ * first n < 8 columns of a, b is in column n; both are overwritten. The loop over row i begins at
+ * column 0, or at HALF if i >= HALF, because compilers then process two numbers at a time. It
+ * thus changes elements left of the diagonal, too, which may have any value and are not used.
+ * Returns 0 if A is not positive definite. */
 enum { UPPER = 8, HALF = UPPER / 2 };
 static inline int solve_upper(double a[][UPPER], int n, double *x)
 {

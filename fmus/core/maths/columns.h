@@ -1,7 +1,7 @@
-/* columns.h - eight vectors, matrices or symmetric matrices, each component an array.
+/* columns.h - eight vectors, matrices or symmetric matrices, stored as one array per component.
  *
- * In a loop over all eight, compilers process two elements at once, with the same bits as one after
- * the other. */
+ * Compilers then process two of the eight at once in a loop over all, with the same bits as one
+ * after the other. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef COLUMNS_H
 #define COLUMNS_H

@@ -1,9 +1,10 @@
 /* covariance.h - covariance of a Kalman filter: propagation, and update by a measured vector of
  * three elements.
  *
- * P is n x n, row major, n <= MOST_STATES, symmetric. There is no allocation; only 3x3 matrices are
- * inverted. Zeros are skipped: rows of the transition matrix of constant states, zero elements of
- * other rows, states without influence on a measurement. Equations: docs/models.md F.3. */
+ * P is n x n, row major, n <= MOST_STATES, symmetric; the transition matrix is I + F. There is no
+ * allocation; only 3x3 matrices are inverted. Products with zeros are skipped: rows of F for
+ * constant states, other zero elements of F, blocks of H for states that a measurement does not
+ * contain. Equations: docs/models.md F.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef COVARIANCE_H
 #define COVARIANCE_H
@@ -12,9 +13,9 @@
 
 #include <string.h>
 
-enum { MOST_STATES = 23, MOST_BLOCKS = 3, AT_ONCE = 4 /* AT_ONCE: columns */ };
+enum { MOST_STATES = 23, MOST_BLOCKS = 3, AT_ONCE = 4 /* columns computed at once */ };
 
-/* sets the 3x3 block at (row, column) of a matrix M with n columns; below: adds to the block */
+/* sets the 3x3 block at (row, column) of a matrix M with n columns; add_block() adds to it */
 static inline void put_block(double *M, size_t n, size_t row, size_t column, mat3 block)
 {
     for (size_t i = 0; i < 3; i++) {
@@ -74,9 +75,9 @@ static inline void transition_times(const double *F, size_t moving, const double
 }
 
 /* P <- (I + F) P (I + F)^T, computed as (I + F) ((I + F) P)^T of a symmetric P; the caller makes
- * P symmetric after adding noise. Only the first `moving` rows of F are not zero; of the other
- * states, which are constant, only the covariance with the first ones changes, which (I + F) P
- * already contains. */
+ * P symmetric after adding noise. Only the first `moving` rows of F are not zero: the other states
+ * are constant. Their covariance with the moving states is taken from (I + F) P, and their own
+ * covariance does not change. */
 static inline void propagate_covariance(double *P, const double *F, size_t moving, size_t n)
 {
     double half[MOST_STATES * MOST_STATES], transposed[MOST_STATES * MOST_STATES];

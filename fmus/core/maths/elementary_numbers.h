@@ -272,7 +272,7 @@ static const double expm1_terms[9] = {
     0x1.71de3914c652fp-19,
     0x1.27fc39a266729p-22,
     0x1.ae86cf977fd7ep-26};
-#define LEAST_Z UINT64_C(0x3fe5f00000000000) /* bits of the least z */
+#define LEAST_Z UINT64_C(0x3fe5f00000000000) /* bits of the least z in logarithm() */
 #define LN_2_1 0x1.62e42fefa3800p-1 /* ln 2, first 42 bits */
 #define LN_2_2 0x1.ef35793c76730p-45 /* ln 2, the rest: LN_2_1 + LN_2_2 = ln 2 */
 /* columns: 1/c in 20 bits, then two numbers whose sum is ln c */

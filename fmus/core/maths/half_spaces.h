@@ -1,10 +1,10 @@
 /* half_spaces.h - the point nearest to a given one in the intersection of half spaces n.u >= c.
  *
  * Half spaces are added one after the other. If the new one excludes the point, the nearest point
- * lies on its plane, there by the same argument on a line with one of the half spaces before, and
- * on a line between two bounds (Seidel's incremental method in three dimensions, in a fixed order).
- * The work is bounded: at most n planes, n^2/2 lines and n^3/6 points for n half spaces. Equations:
- * docs/models.md M.5. */
+ * lies on its plane. If one of the half spaces before excludes the nearest point of the plane, the
+ * point lies on the line in which both planes meet; on this line the half spaces give two bounds
+ * (Seidel's incremental method in three dimensions, in a fixed order). The work is bounded: at most
+ * n planes, n^2/2 lines and n^3/6 points for n half spaces. Equations: docs/models.md M.5. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef HALF_SPACES_H
 #define HALF_SPACES_H
@@ -12,12 +12,12 @@
 #include "vec3.h"
 
 enum { MOST_ROWS = 26, ALL_SATISFIED = -1 };
-#define END_OF_LINE 1e30 /* where a line ends, in both directions */
+#define END_OF_LINE 1e30 /* limit of the parameter of a line that no half space bounds */
 
 typedef struct {
     vec3 n; /* unit normal */
     double c, rule, failed;
-} Row; /* half space n.u >= c; rule: number of its safety rule; failed: 1 after it was relaxed */
+} Row; /* half space n.u >= c; rule: number of its safety rule; failed: 1 once c was relaxed */
 typedef struct {
     Row row[MOST_ROWS];
     int count;

@@ -5,10 +5,10 @@
  *   box |(C_k u_k)_i| <= most_i,  cone |p - (p.a) a| <= t (p.a) + o,  slab low <= n.p <= high or
  *   ball |p - n| <= high,  speed |v - v_c| <= v_max,  end p = p_end, v = v_end by weights
  *
- * p_k, v_k: position and velocity at the end of node k. Time is counted in horizons T, so that
- * positions are p/T^2, velocities v/T, and nothing but the number of nodes is left in the matrices.
- * The step of the accelerations is a Riccati recursion with the same gains for the three axes; the
- * sets have closed projections. Equations (4) to (19): docs/models.md N. */
+ * p_k, v_k: position and velocity at the end of node k. Time is counted in horizons T: positions
+ * are p/T^2, velocities v/T, and the matrices depend on nothing but the number of nodes. The step
+ * of the accelerations is a Riccati recursion with the same gains for the three axes; the
+ * projections onto the constraints have closed forms. Equations (4) to (19): docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_PROBLEM_H
 #define OPTIMAL_PROBLEM_H
@@ -28,17 +28,17 @@ typedef struct {
     vec3 a;            /* axis of the cone */
     double tangent, o; /* tangent of the half angle of the cone; its radius at the apex */
     vec3 n;            /* normal of the slab, or centre of the ball */
-    double low, high;  /* of the slab; high: also radius of the ball */
+    double low, high;  /* bounds of the slab; high: also radius of the ball */
     double has_ball;   /* 1: ball, 0: slab */
     vec3 place;        /* place of the goal */
-    vec3 v_centre;     /* centre of the speed limit */
+    vec3 v_centre;     /* v_c: velocity relative to which v_max limits the speed */
     double v_max;
     vec3 p_free, v_free; /* motion without force, at the end of the node */
-} Node;                  /* data of one node, in units of a solve: p/T^2, v/T */
+} Node;                  /* data of one node; positions p/T^2, velocities v/T */
 
 typedef struct {
     Node node[NODES];
-    vec3 p_end, v_end; /* in units of a solve */
+    vec3 p_end, v_end; /* p/T^2, v/T */
     vec3 most;         /* largest acceleration per servicer axis */
     double threshold;  /* kappa us */
     double has_cone, has_speed_limit;
@@ -141,8 +141,8 @@ static inline vec3 relaxed(vec3 q, Split s)
 }
 static inline void replace_split(Split *s, vec3 x, vec3 z) { *s = (Split){z, sub(x, z)}; }
 
-/* (9): gradient by which the position constraints of node k act on the accelerations; below: by
- * the speed constraint */
+/* (9): gradient by which the position constraints of node k act on the accelerations;
+ * velocity_pull(): gradient by which the speed constraint acts */
 static inline vec3 position_pull(const Problem *b, const Iterates *it, int k)
 {
     vec3 p = b->node[k].p_free;
@@ -217,7 +217,8 @@ static inline void project_v(const Problem *b, int k, vec3 v, Split *s)
     replace_split(s, x, onto_ball(b->node[k].v_centre, b->node[k].v_max, x));
 }
 
-/* (15) forwards and (12): does one iteration. q: working memory; f: its progress, or NULL */
+/* does one iteration: (14) backwards, then (15) and (12) forwards. q: working memory, one element
+ * per node; f: set to the progress of the iteration, or NULL */
 static inline void iterate(const Problem *b, const Gains *g, int nodes, Iterates *it, vec3 q[],
                            Progress *f)
 {
@@ -238,7 +239,7 @@ static inline void iterate(const Problem *b, const Gains *g, int nodes, Iterates
     }
 }
 
-/* sets the iterates without an earlier path: the path without force */
+/* sets the iterates to the path without force, for a problem without an earlier path */
 static inline void start_cold(const Problem *b, int nodes, Iterates *it)
 {
     vec3 none = vec(0, 0, 0);

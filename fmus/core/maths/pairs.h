@@ -1,8 +1,8 @@
-/* pairs.h - pairs of vectors, quaternions or matrices, each component an array: quantities of two
- * bodies.
+/* pairs.h - pairs of vectors, quaternions or matrices for two bodies, stored as one array per
+ * component.
  *
- * In a loop over both, compilers process both at once, with the same bits as one after the
- * other. */
+ * Compilers then process both bodies at once in a loop over the pair, with the same bits as one
+ * after the other. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PAIRS_H
 #define PAIRS_H

@@ -70,7 +70,7 @@ static inline double cosine(double x)
 }
 
 typedef struct { double s, c; } SineCosine;
-static inline SineCosine sine_and_cosine(double x) /* the same bits as the two functions */
+static inline SineCosine sine_and_cosine(double x) /* the same bits as sine(), cosine() */
 {
     if (fabs(x) < 0x1p-27) return (SineCosine){x, 1};
     Angle r = reduced(x);
@@ -133,7 +133,7 @@ static inline double arc_tangent(double y, double x)
  * table, |r| <= ln 2/256 (Tang 1989) */
 typedef struct {
     double a, tail;
-    int n; /* modulo 2^12, as the exponent of a double counts */
+    int n; /* modulo 2^12: raised() adds it to the sign and exponent of a double, 12 bits */
 } Power;
 
 static inline Power power_of_e(double x)
@@ -165,7 +165,7 @@ static inline double exponential(double x)
     return a + a * p.tail;
 }
 
-static inline double exponential_less_1(double x) /* exp(x) - 1, exact also near 0 */
+static inline double exponential_less_1(double x) /* exp(x) - 1, accurate also near 0 */
 {
     if (fabs(x) < 0.125) {
         if (fabs(x) < 0x1p-54) return x;
@@ -188,7 +188,7 @@ static inline double logarithm_at_edge(double x)
 }
 
 #define SMALLEST_NORMAL (UINT64_C(1) << 52)     /* bits of 2^-1022 */
-#define ALL_NORMAL      (UINT64_C(0x7FE) << 52) /* from there to infinity */
+#define ALL_NORMAL      (UINT64_C(0x7FE) << 52) /* bits of infinity minus SMALLEST_NORMAL */
 
 /* ln x: x = 2^n z, ln z = ln c + ln(1 + r), with 1/c in 20 bits from a table: r = z/c - 1 is
  * exact in two parts (after Tang 1990) */

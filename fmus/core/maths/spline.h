@@ -14,7 +14,7 @@ enum { SPLINE_MAX = 120 }; /* most intervals */
 
 static inline void spline_curvature(int n, double dt, const vec3 *y, vec3 *m)
 {
-    double upper[SPLINE_MAX + 1] = {0}; /* of the matrix after elimination */
+    double upper[SPLINE_MAX + 1] = {0}; /* upper diagonal of the matrix after elimination */
     for (int k = 0; k <= n; k++) {
         vec3 left = k > 0 ? sub(y[k - 1], y[k]) : vec(0, 0, 0);
         vec3 right = k < n ? sub(y[k + 1], y[k]) : vec(0, 0, 0);

@@ -49,7 +49,7 @@ static inline sym3 sym_inverted(sym3 m) /* by cofactors; m regular */
                   k * xz, k * (m.xy * m.xz - m.xx * m.yz)};
 }
 
-/* elements of a matrix that is symmetric up to rounding errors; below: the matrix of a sym3 */
+/* elements of a matrix that is symmetric up to rounding errors; mat_of() is the inverse */
 static inline sym3 sym_of(mat3 m)
 {
     return (sym3){m.row[0].x,

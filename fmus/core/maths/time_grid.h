@@ -3,8 +3,8 @@
  *
  * Plants integrate on the grid k * max_step: a communication point off the grid shortens the
  * neighbouring internal steps. Flight software samples at the instants k * sample_period. A time
- * close to a grid point counts as the grid point, because masters accumulate t += h: within 1e-9 of
- * its number, but within at most a thousandth of a grid step, and within at least two rounding
+ * close to grid point k counts as the grid point, because masters accumulate t += h. The tolerance
+ * is 1e-9 (1 + k) grid steps, but at most a thousandth of a grid step, and at least two rounding
  * errors of the time. Grid steps are counted in doubles, which is exact up to 2^53 steps; beyond,
  * the rounding error of the time is a grid step or more. */
 /* SPDX-License-Identifier: BSD-2-Clause */

@@ -4,12 +4,13 @@
  *   u = [v; w; dq]        velocity of S, angular velocity of the base, joint rates
  *   H = sum_k Jw_k^T I_k Jw_k + m_k Jv_k^T Jv_k, joint_inertia on its diagonal
  *
- * All quantities refer to S, the centre of mass of the base: a joint at unit rate moves the
- * outboard links with the twist [o x a; a], momenta and loads are wrenches at S, and an element of
- * H is the product of a twist and a wrench. H is therefore computed in one inward pass over
- * composite bodies. The block of the base is inverted by mass and inertia about C. Every link frame
- * is parallel to the base at joint angle zero. Sums along the arm run from link to link, all other
- * loops over all links at once. Equations: docs/models.md K.1. */
+ * All quantities refer to S, the centre of mass of the base: a joint at o with the axis a and unit
+ * rate moves the outboard links with the twist [o x a; a], momenta and loads are wrenches at S, and
+ * an element of H is the product of a twist and a wrench. H is therefore computed in one inward
+ * pass over composite bodies. The block of the base is inverted by mass and inertia about C, the
+ * centre of mass of base and arm. E: tip of the arm. Every link frame is parallel to the base at
+ * joint angle zero. Sums along the arm run from link to link, all other loops over all links at
+ * once. Equations: docs/models.md K.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_H
 #define ARM_H
@@ -49,7 +50,7 @@ typedef struct {
 typedef struct {
     Wrench base;
     double joint[COLUMNS];
-} Forces; /* Q or b; or momenta */
+} Forces; /* generalised forces Q or b, or momenta H u */
 
 static inline double power(Twist t, Wrench load) { return dot(t.v, load.F) + dot(t.w, load.M); }
 static inline Wrench plus_wrench(Wrench a, double k, Wrench b) /* a + k b */

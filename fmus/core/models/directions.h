@@ -6,7 +6,7 @@
 #include "attitude.h"
 #include "fmu.h"
 
-#define UNIT_TOLERANCE 1e-9 /* accepts typed and rotated vectors with rounding errors */
+#define UNIT_TOLERANCE 1e-9 /* permits the rounding errors of vectors typed in or rotated */
 
 static inline int is_unit_length(double length) { return fabs(length - 1) <= UNIT_TOLERANCE; }
 

@@ -47,7 +47,7 @@ static inline void check_up_axis(Problems *problems, double up)
         reject(problems, "up_axis", up, "must be 1, 2 or 3");
 }
 
-/* components in cyclic order with "up" as the second one (y); below: the inverse */
+/* components in cyclic order with "up" as the second one (y); with_up_in_place() is the inverse */
 static inline vec3 with_up_as_y(vec3 a, double up)
 {
     return up == UP_IS_X ? vec(a.z, a.x, a.y) : up == UP_IS_Z ? vec(a.y, a.z, a.x) : a;

@@ -51,8 +51,8 @@ static inline HillFrame hill_frame(double mu, vec3 r, vec3 v)
                        vec(0, 0, -2 * dot(r, v) / rr * rate)};
 }
 
-/* derivative of the vector x as seen in the frame, from its derivative as seen in N; below: the
- * inverse; all in H components */
+/* derivative of the vector x as seen in the frame, from its derivative as seen in N; rate_in_N()
+ * is the inverse; all in H components */
 static inline vec3 rate_in_frame(const HillFrame *f, vec3 x, vec3 dx_N)
 {
     return sub(dx_N, cross(f->w_H, x));

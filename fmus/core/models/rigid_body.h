@@ -19,8 +19,8 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
 #define SYMMETRIC 1e-9
 
 /* true if m is symmetric within a tolerance relative to its largest diagonal element, as
- * rounding errors make a rotated matrix unsymmetric. The matrix is used as given; its
- * unsymmetric part affects the motion as little. */
+ * rounding errors make a rotated matrix unsymmetric. The matrix is used as given: the relative
+ * effect of its unsymmetric part on the motion is as small as the tolerance. */
 static inline int is_symmetric(mat3 m)
 {
     double largest = larger(fabs(m.row[0].x), larger(fabs(m.row[1].y), fabs(m.row[2].z)));

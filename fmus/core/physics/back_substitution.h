@@ -4,7 +4,8 @@
  *
  *     q_k'' = g_k - P_k.A - L_k.alpha,     P_k = p_k/M_k,  L_k = l_k/M_k
  *
- * so that no equation divides by a mass that may vanish. All vectors are in S axes. */
+ * P_k and L_k of a slosh mass do not depend on its mass M_k: no equation divides by a mass that may
+ * vanish. All vectors are in S axes. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef BACK_SUBSTITUTION_H
 #define BACK_SUBSTITUTION_H
@@ -110,8 +111,9 @@ typedef struct {
     double g[PARTS]; /* accelerations q_k'' of the parts if A = alpha = 0 */
 } BiasTerms;
 
-/* A part exerts the force b + g p = md (g t + 2 q' w x t - q'^2 e) on the vehicle, and its moment.
- * For a panel, as r = r_H + d e and I_i is diagonal in the axes e, a, t,
+/* A part exerts the force b + g p = md (g t + 2 q' w x t - q'^2 e) on the vehicle, and its moment;
+ * md: factor in p = md t, mu d for a panel with the mass mu whose centre of mass is d from the
+ * hinge. For a panel, as r = r_H + d e and I_i is diagonal in the axes e, a, t,
  *   (I1 - I3 - mu d^2)(w.e)(w.t) - mu d t.(w x (w x r_H))
  *     = (I1 - I3)(w.e)(w.t) - mu d t.(w x (w x r)),
  *   I_i (w x a) + a x (I_i w) + I2 w x a = (I1 + I2 - I3)(w.t) e - (I2 + I3 - I1)(w.e) t */
@@ -144,7 +146,7 @@ static inline void set_bias_terms(BiasTerms *sum, const Placement *at, vec3 w, c
 /* (12): omega_top, an upper bound of the natural frequencies, from the compliance of each
  * coordinate in the free undeformed vehicle:
  *   M_k (X^-1)_kk = 1 + p_k.A + l_k.alpha
- * under the load P_k, L_k on the hub */
+ * with A, alpha under the load P_k, L_k on the hub; X: mass matrix of hub and coordinates */
 static inline double highest_mode(const Vehicle *v)
 {
     const double rest[PARTS] = {0};

@@ -1,8 +1,9 @@
 /* docking_events.h - phases of the docking mechanism: latch window, capture, release, break.
  *
- * The phase changes at samples, at most once per call. Between soft and hard capture the latch
- * retracts the probe. A jump of the stored energy at a change of phase is added to the work of the
- * drive if it is positive, else to the dissipated energy. Equations: docs/models.md I.4 */
+ * The phase changes only at communication points, at most once at each. Between soft and hard
+ * capture the latch retracts the probe. A jump of the stored energy at a change of phase is added
+ * to the work of the drive if it is positive, else to the dissipated energy. Equations:
+ * docs/models.md I.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DOCKING_EVENTS_H
 #define DOCKING_EVENTS_H
@@ -13,8 +14,8 @@
 typedef struct {
     PhaseEntry entry; /* present phase, its start time, pose at that time */
     double in_window, t_window,
-        window_force; /* window_force: 1 in the latch window; t of entry, peak force since */
-    double F_inner;   /* largest normal force at the instants inside the last step */
+        window_force; /* 1 in the latch window; time of entry; largest normal force since then */
+    double F_inner;   /* largest normal force at the internal steps of the last step */
     double load_force, load_moment; /* sizes of the mean force and couple of the last step */
     double dissipated, drive;
 } MechanismState;

@@ -45,7 +45,7 @@ typedef struct {
 } PortLoad;
 
 /* ---- contact ---- */
-/* fifth-order step S(x) = 10 x^3 - 15 x^4 + 6 x^5; S is 0 below and 1 above 0..1 */
+/* fifth-order step S(x) = 10 x^3 - 15 x^4 + 6 x^5; S is 0 for x < 0 and 1 for x > 1 */
 static inline double smooth(double x)
 {
     double s = clamp(x, 0, 1);

@@ -72,8 +72,8 @@ static inline Vehicle vehicle(const FlexibleParameters *p)
     return vehicle_of(p->base.mass_0, p->base.J_S, &p->panel, &p->slosh);
 }
 
-/* (12): number n of substeps in an internal step, the smallest with (max_step/n)
- * omega_top <= 0.3 */
+/* (12) of docs/models.md L: number n of substeps in an internal step, the smallest with
+ * (max_step/n) omega_top <= 0.3 */
 static inline double substeps(const FlexibleParameters *p, const Vehicle *v)
 {
     return larger(1, ceiling_of(p->base.max_step * highest_mode(v) / 0.3 * (1 - 1e-12)));
