@@ -303,8 +303,8 @@ def function(head: Items, body: Items, effects: Effects) -> Items:
     """Return the rewritten body of a function; head: the items in front of the body.
 
     The body of check() becomes empty, because lanes check no parameters. In a function that writes
-    nothing and returns neither int nor bool, early returns are rewritten, and the whole body is run
-    separately for lanes that differ in a condition if it contains searches (see searches()).
+    nothing and returns a value of another type than int and bool, early returns are rewritten, and
+    a body with searches (see searches()) is run separately for lanes that differ in a condition.
     """
     head = [x for x in head if x not in ("static", "inline")]
     begin = max((k + 1 for k, x in enumerate(head[:-1]) if isinstance(x, list)), default=0)
