@@ -3,7 +3,8 @@
  *
  *   (21) rho += v s + f s^2/2,  v += f s,  f = F/m + d_hat + tide      over each second s
  *
- * F: force of the mode: the plan, its last nodes, braking, or none. Equations: docs/models.md N. */
+ * s: one second, F: force of the mode: of the plan, of the last feasible plan, of braking, or none.
+ * Equations: docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_FORECAST_H
 #define OPTIMAL_FORECAST_H
@@ -13,8 +14,8 @@
 #include "optimal_motion.h"
 #include "time_grid.h"
 
-enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples per second; limit of a first plan [s] */
-#define LONGEST_DURATION 1200.0 /* s: gives nodes of 20 s, in which the tumble takes four steps */
+enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples a second; most seconds a first plan takes */
+#define LONGEST_DURATION 1200.0 /* s, of a goal: its nodes are 20 s, four steps of the tumble */
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
 enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
@@ -46,11 +47,11 @@ typedef struct {
     vec3 u[NODES];
 } Plan; /* u: accelerations [m/s2] */
 typedef struct {
-    vec3 d_hat, rho, v, F_sum; /* estimate; state at the last second, sum of the forces since */
-    double known;              /* 1: rho, v and F_sum of a last second exist */
+    vec3 d_hat, rho, v, F_sum; /* estimate; state at the start of this second, forces since: sum */
+    double known;              /* 1: rho, v and F_sum are set */
 } Disturbance;
 typedef struct {
-    vec3 rho; /* place where braking began, axes of T or H */
+    vec3 rho; /* place where braking began, axes of T if in_target, else H */
     double in_target;
 } Hold;
 typedef struct {
@@ -58,7 +59,7 @@ typedef struct {
     double goal, L_goal, t_goal, sample, seconds, has_iterates, bad, has_plan, mode;
     Problem problem;
     Iterates it;
-    Grid grid; /* time grid of the solve in work */
+    Grid grid; /* time grid of the solve that the iterations improve */
     Progress progress;
     double range; /* at the start of the solve [m] */
     Plan plan;
@@ -66,8 +67,8 @@ typedef struct {
     Disturbance d;
 } OptimalState;
 
-/* range at the arrival at a goal and time until the arrival: from the input if it is > 0, else
- * from the parameter */
+/* range at the end of a goal and time from the begin of the goal to its arrival: the input if it
+ * is > 0, else the parameter; the range is at least keep_out (goals 1 and 2) */
 static inline double range_of(const OptimalParameters *p, const OptimalInput *u, int goal)
 {
     double L = u->L_goal > 0 ? u->L_goal : p->L_end[goal - 1];
@@ -84,7 +85,7 @@ static inline double second_of(const OptimalParameters *p) { return SAMPLES * p-
 typedef struct {
     vec3 rho, v;
     Tumble tumble;
-    double t, after; /* t: time; after: seconds since the inputs */
+    double t, after; /* t: time; after: seconds since the sample of the inputs */
 } Carried;
 
 static inline Carried carried_now(const OptimalInput *u, double t)
@@ -125,7 +126,7 @@ static inline vec3 braking(const OptimalParameters *p, const OptimalState *x, co
     return sub(turned, sum3(known, error, scale(p->P_b, sub(s->v, cross(w, place)))));
 }
 
-/* acceleration by the force of the present mode, N axes, before the limits */
+/* acceleration by the force of the present mode, N axes, not yet limited to F_max */
 static inline vec3 acceleration(const OptimalParameters *p, const OptimalState *x,
                                 const OrbitNow *o, const Carried *s)
 {

@@ -1,5 +1,5 @@
-/* optimal_motion.h - what the plan of a path predicts: orbit and tide near the target, tumble of
- * the target, and the start of a solve from the path of the one before.
+/* optimal_motion.h - motion that a solve of optimal_controller predicts: orbit and tide near the
+ * target, tumble of the target; and the start of a solve from the result of the previous solve.
  *
  * Equations (1), (2), (23): docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -15,7 +15,7 @@
 typedef struct {
     double k;           /* mu/r^3 [1/s2] */
     vec3 e_r, e_t, e_n; /* axes of the Hill frame at the instant, N components */
-    double rate;        /* of the Hill frame [rad/s] */
+    double rate;        /* rate of the Hill frame [rad/s] */
 } OrbitNow;
 
 static inline OrbitNow orbit_now(double mu, vec3 r, vec3 v)
@@ -33,7 +33,7 @@ static inline mat3 hill_axes(const OrbitNow *o, double after)
                 sub(scale(a.c, o->e_t), scale(a.s, o->e_r)), o->e_n);
 }
 
-/* (2): differential gravity at the relative position x [m/s2] */
+/* (2): differential gravity at the relative position x, `after` seconds later [m/s2] */
 static inline vec3 tide(const OrbitNow *o, double after, vec3 x)
 {
     if (o->k == 0) return vec(0, 0, 0);
@@ -67,8 +67,8 @@ static inline void tumble_on(const Inertia *i, double h, Tumble *x)
     x->q = canonical(x->q);
 }
 
-/* propagates the free rotation of the target over a node of dt seconds, in at most four steps no
- * longer than `longest` as far as four suffice */
+/* propagates the free rotation of the target over a node of dt seconds, in the least number of
+ * steps that are no longer than `longest`, but in at most four */
 static inline void tumble_over_node(const Inertia *i, double dt, double longest, Tumble *x)
 {
     double ratio = dt / longest;
@@ -80,8 +80,8 @@ static inline void tumble_over_node(const Inertia *i, double dt, double longest,
 /* ---- start from the last solve, (23) ---- */
 typedef struct { double t, dt; } Grid; /* start [s] and length of a node [s] */
 
-/* place of node k of a new grid on an old grid, for linear interpolation in time; `at`: place of
- * a value within its node, 1/2 for accelerations, 1 for states at the end of the node */
+/* place of node k of a new grid on an old grid, for linear interpolation in time; `at`: instant to
+ * which a value belongs, as a fraction of its node: 1/2 for accelerations, 1 for states */
 typedef struct {
     int left;
     double part;
@@ -120,7 +120,7 @@ static inline void move_splits(Split split[], Grid old, Grid new, double at, dou
 }
 
 /* moves the iterates from the old grid to the new one and scales them to the units of the new
- * solve; the path is converted to metres */
+ * solve (docs/models.md N.1); the path it->p is converted to metres instead */
 static inline void start_from_last(Iterates *it, Grid old, Grid new)
 {
     double ratio = old.dt / new.dt, horizon = old.dt *NODES;
@@ -133,8 +133,8 @@ static inline void start_from_last(Iterates *it, Grid old, Grid new)
 
 /* ---- first path of a goal ---- */
 
-/* point at the fraction `part` between a and b: on a straight line or, with is_arc, along the
- * arc between both directions with a range that changes linearly */
+/* point at the fraction `part` of the way from a to b: on a straight line or, with is_arc, on an
+ * arc about the target, on which direction and range change at constant rates */
 static inline vec3 first_way(vec3 a, vec3 b, int is_arc, double part)
 {
     double alpha = angle(a, b);

@@ -1,7 +1,8 @@
 /* optimal_setup.h - set-up of a solve of optimal_controller: horizon, axes, free motion and
  * constraints of every node from the inputs of one sample.
  *
- * Constraints that the state breaks are opened for `relax_time`. Equations: docs/models.md N.2. */
+ * A constraint that the present state violates is widened so far that the state satisfies it; the
+ * widening decreases to 0 within `relax_time`. Equations: docs/models.md N.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_SETUP_H
 #define OPTIMAL_SETUP_H
@@ -11,7 +12,7 @@
 typedef struct {
     int goal;
     double L;                               /* range at the end */
-    double t_arrival, range, along, across; /* of the state at plan time: |rho|, l_0, r_0 */
+    double t_arrival, range, along, across; /* last three: |rho|, l_0, r_0 at the plan's start */
     Grid grid;
     Carried from;
     OrbitNow orbit;
@@ -27,7 +28,7 @@ static inline int arrived(const Task *task, int k, double lead)
     return reached(task->grid.t + end_of_node(task, k), task->t_arrival - lead);
 }
 
-/* 2.2: servicer axes C_k at the start of every node and grasp axes a at its end; returns the
+/* sets the servicer axes C at the start of every node and the grasp axis a at its end; returns the
  * tumble at the end of the horizon */
 static inline Tumble set_axes(const OptimalParameters *p, const OptimalInput *u, const Task *task,
                               Problem *b)
@@ -44,7 +45,7 @@ static inline Tumble set_axes(const OptimalParameters *p, const OptimalInput *u,
     return at;
 }
 
-/* 2.1: sets the position of the goal at the end of every node */
+/* sets the position of the goal at the end of every node */
 static inline void set_places(const OptimalParameters *p, const Task *task, Problem *b)
 {
     double T = task->grid.dt * NODES, L = task->L / (T * T);
@@ -68,8 +69,8 @@ static inline void set_end(const Task *task, Tumble last, Problem *b)
         scale(task->grid.dt * NODES, cross(task->goal == TO_POINT ? orbiting : turning, b->p_end));
 }
 
-/* (4): motion without force at the end of every node, in units of the solve; way: last path at
- * these times [m] */
+/* (4): sets position and velocity without force at the end of every node, in units of p/T^2 and
+ * v/T; way: path of the previous solve at these times [m] */
 static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[], Problem *b)
 {
     double T = task->grid.dt * NODES, h = 1.0 / NODES;
@@ -86,7 +87,8 @@ static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[
     }
 }
 
-/* goal 3: sets cone and slab of node k, widened by (7) */
+/* goal 3: sets the constraints cone and slab of node k, widened by (7); fade: share of the widening
+ * that is left at this node */
 static inline void set_corridor(const OptimalParameters *p, const Task *task, int k, double fade,
                                 Node *node)
 {
@@ -103,8 +105,8 @@ static inline void set_corridor(const OptimalParameters *p, const Task *task, in
     node->has_ball = 0;
 }
 
-/* goals 1 and 2: sets the keep-out half space of node k before the arrival, widened by (7), and
- * the ball around the goal after the arrival */
+/* goals 1 and 2: sets the constraint of node k: before the arrival the keep-out half space, widened
+ * by (7), from the arrival on the ball of arrive_radius around the goal */
 static inline void set_keep_out(const OptimalParameters *p, const Task *task, int k, double fade,
                                 vec3 way, Node *node)
 {

@@ -31,7 +31,7 @@ typedef struct {
 } Estimate;
 typedef struct {
     Estimate hat;
-    double started, index; /* of the last sample */
+    double started, index; /* index: number of the last sample */
     quat q;                /* q_SN at that sample */
     Track fix;
 } State;

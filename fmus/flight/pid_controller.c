@@ -6,9 +6,10 @@
  *   attitude, per body axis      M = -(Kp e + Ki I + Kd w),   e: vector part of q_SD, w: rate error
  *   anti-windup                  dI/dt = e + (u - sat(u))/(Ki T_aw)
  *
- * Sampled: explicit Euler, I is updated after its use. T_aw counts as at least the period: with a
- * shorter T_aw the back-calculation of one sample would go beyond the limit and diverge. The factor
- * 1/(Ki T_aw) is the usual gain of back-calculation. Equations: docs/models.md C.5 */
+ * The sampled integral I is computed by explicit Euler steps, after the present I has been used in
+ * the command. A T_aw below the sample period has the effect of T_aw = period: with a shorter one
+ * the back-calculation of one sample would go beyond the limit and diverge. The factor 1/(Ki T_aw)
+ * is the usual gain of back-calculation. Equations: docs/models.md C.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
@@ -89,7 +90,8 @@ static double back_calculation(double excess, double T_aw, double Ki, double per
     return Ki > 0 && T_aw > 0 ? smaller(period / T_aw, 1) / Ki * excess : 0;
 }
 
-/* I += T e + T (u - sat u)/(Ki T_aw), bounded as inputs are, so that it always stays finite */
+/* I += T e + T (u - sat u)/(Ki T_aw), with the period T; limited to +-1e30 as inputs are, so that I
+ * always stays finite */
 /* C.5-1 */
 static vec3 integrated(const Gains3 *k, vec3 integral, vec3 e, vec3 excess, double period)
 {

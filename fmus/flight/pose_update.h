@@ -1,4 +1,5 @@
-/* pose_update.h - a pose as residuals of the relative motion, and the estimate that it starts.
+/* pose_update.h - residuals of position and attitude of a measured pose, for relative_filter, and
+ * the estimate at the acquisition, which is set from one pose.
  *
  *   h   = C_KN (C_TN^T d - rho - C_SN^T p_KS_S),   H_1 = [-C_KN, 0, -C_KN C_TN^T d~, 0, 0,
  *                                                         C_KN C_TN^T, 0]

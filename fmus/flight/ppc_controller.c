@@ -1,7 +1,7 @@
 /* ppc_controller.c - low-complexity prescribed performance control of line of sight and attitude,
  * without a model.
  *
- * The generalised state of each channel i (range, elevation, azimuth; three of attitude) is held
+ * The generalised state z of each channel i (range, elevation, azimuth; three of attitude) is held
  * inside a shrinking funnel:
  *   z = x1 + lambda x2,   L alpha < z < U alpha,
  *           alpha(t) = (alpha_0 - alpha_inf) exp(-beta (t - t_0)) + alpha_inf
@@ -17,17 +17,18 @@
  * all three channels
  *
  * Without saturation, in continuous time, with 0 < lambda beta < 1 and kappa(t_0) < 1, no channel
- * ever leaves its funnel and kappa stays below 1. For sampled or saturated control, theta is
- * limited to 1e-3 (U - L) inside its bounds and kappa to 0.98: the law stays finite for every input
- * and brings the state back, and `violation` is set. The sample period T should satisfy lambda g k
- * eta T < 1 (law 0: 16 k eta/((U - L) alpha)^2 for k eta), g = 1, 1/rho, 1/(rho cos eps). A start
- * outside the funnel, or with kappa(t_0) >= 1, is rejected in the first step: start_margin must be
- * > 0. Source: Yin, Luo, Wei & Yuan 2017, equations (8) to (20); docs/models.md C.4. */
+ * ever leaves its funnel and kappa stays below 1. Sampled or saturated control can violate both.
+ * The law therefore limits theta to 1e-3 (U - L) inside its bounds and kappa to 0.98: it is finite
+ * for every input and brings the state back, and `violation` is set. The sample period T should
+ * satisfy lambda g k eta T < 1, with g = 1 for range, 1/rho for elevation, 1/(rho cos eps) for
+ * azimuth (law 0: with 16 k eta/((U - L) alpha)^2 in place of k eta). A start outside the funnel,
+ * or with kappa(t_0) >= 1, is rejected in the first step: start_margin must be > 0. Source: Yin,
+ * Luo, Wei & Yuan 2017, equations (8) to (20); docs/models.md C.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
 #define INSIDE        1e-3 /* theta stays this fraction of the width from each bound */
-#define LARGEST_KAPPA 0.98 /* limit below 1 for kappa, which makes the law finite */
+#define LARGEST_KAPPA 0.98 /* limit of kappa in the law, below 1 so that u is finite */
 
 typedef struct { double k, eta, lambda, alpha_0, alpha_inf, beta, delta; } Channel;
 
@@ -41,7 +42,7 @@ typedef struct {
     double begun, t_0;
     vec3 rising;
     double margin;
-} Funnel; /* rising: per channel, z(t_0) >= 0 */
+} Funnel; /* rising: per channel, 1 if z(t_0) >= 0; selects (L, U) */
 typedef struct { Funnel position, attitude; } State;
 typedef struct {
     vec3 z, theta, s, alpha;
@@ -177,10 +178,10 @@ static void check(const Parameters *p, Problems *problems)
 /* ---- one channel ---- */
 typedef struct {
     double theta, s, alpha, gain, margin, unkept_s;
-} Mapped; /* u = -gain s/(1 - kappa); margin > 0 inside */
+} Mapped; /* u = -gain s/(1 - kappa); margin: > 0 inside the funnel; unkept_s: s without limit */
 
-/* s of (15); theta is limited to the inside of the funnel, and a violation is visible only in
- * the margin */
+/* s of (15); 0 for a theta outside the funnel. map() uses a theta inside: only its margin shows a
+ * violation. */
 static double mapped(double theta, double L, double U)
 {
     return theta > L && theta < U ? logarithm((theta - L) / (U - theta)) : 0;
@@ -203,8 +204,7 @@ static Mapped map(const Channel *c, double law, double rising, double z, double 
                     gain,  smaller(theta - L, U - theta), mapped(theta, L, U)};
 }
 
-/* ---- three channels: control u and telemetry; the start decides between both forms of the funnel
- * ---- */
+/* ---- three channels: control u and telemetry; the sign of z at the start selects (L, U) ---- */
 /* C.4-3 */
 static void begin(Funnel *x, vec3 z, double t)
 {
@@ -223,7 +223,7 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
            d = map(c[2], law, x->rising.z, z.z, age);
     double kappa = c[0]->eta * a.s * a.s + c[1]->eta * b.s * b.s + c[2]->eta * d.s * d.s;
     double inside = smaller(a.margin, smaller(b.margin, d.margin));
-    if (first) { /* (18) is checked with theta before the limitation of theta */
+    if (first) { /* start_margin, by (18), uses theta without its limits */
         vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s),
              eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
         x->margin = smaller(1 - dot(s, times(eta, s)), inside);
@@ -251,7 +251,7 @@ static void control_position(const Parameters *p, const TrackingError *e, Funnel
     command_force(&p->tracking, e, barrier(channels, p->law, x, z, t, &y->position), &y->common);
 }
 
-/* (20), with the transpose that makes the gain T J^-1 T^T of the loop positive definite */
+/* (20) with T^T in place of T: this makes the gain T J^-1 T^T of the loop positive definite */
 static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel *x, double t,
                             Telemetry *y)
 {
@@ -283,8 +283,8 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     control_attitude(p, &e, &x->attitude, t, y);
 }
 
-/* While the initial values of a system are computed, inputs may have any value: the start is
- * checked in the first step only. */
+/* While the initial values of a system are computed, inputs may have any value: start_margin is 1
+ * here, and the start is checked in the first step. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0};

@@ -14,10 +14,10 @@
  *          v_close > 0:  s = clip(k_r (range - zeta1), -v_close/2, v_close)
  *
  * A sample with active = 0 resets the state and permits no thrust.
- * The controller needs (v_T + drho_ref - v_S) . X only. |v_T| is relative to the frame of the law:
- * N in deep space, else one that moves with a point on a circular orbit. rho_ref is the hold point
- * on the line of sight, not the integral of drho_ref, and the rate is a command, not the derivative
- * of q_DN.
+ * The controller needs only (v_T + drho_ref - v_S) . X from drho_ref. |v_T| is relative to the
+ * frame of the law: N in deep space, else a frame that moves with a point on a circular orbit.
+ * rho_ref is the hold point on the line of sight, not the integral of drho_ref, and omega is a
+ * command, not the rate of the attitude q_DN.
  * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.8; law 1 and att 1: B.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
@@ -148,8 +148,9 @@ static vec3 direction(vec3 a, vec3 otherwise) /* unit vector of a; `otherwise` i
 
 /* ---- attitude ---- */
 
-/* B.4.1: quaternion from S to the required axes, which are the rows of A, in N axes; g: angle
- * from X to d, b: from the XY plane to the plane of X and d */
+/* B.4.1: quaternion from S to the required axes, which are the rows of A, in N axes. q = sin g, with
+ * the angle g from x of N to d; cb, sb: cosine and sine of the angle b from the xy plane of N to the
+ * plane of x and d. */
 static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
@@ -158,8 +159,8 @@ static quat two_turns(quat q_SN, vec3 d)
 }
 
 /* B.4.2: rotation that turns X to b = d in S axes: [c, 0, -b3/(2c), b2/(2c)],
- * c = sqrt((1 + b1)/2); for b = -X half a turn about Y. For b1 near -1, where 1 + b1 cancels:
- * sine k of half the angle, c = s/(2k), s = |(b2, b3)|. */
+ * c = sqrt((1 + b1)/2); for b = -X half a turn about Y. 1 + b1 loses digits for b1 near -1: for
+ * b1 < 0, c = s/(2k) with the sine k of half the angle and s = |(b2, b3)|. */
 /* B.4-1 */
 static quat shortest_arc(quat q_SN, vec3 d)
 {
@@ -191,8 +192,8 @@ static void publish_pointing(const Parameters *p, quat q_SN, vec3 d, Output *y)
 
 /* ---- velocity ---- */
 
-/* B.4.4: required speed by range; the state `far` changes at range zeta1, with hysteresis after
- * the first sample */
+/* B.4.4: required speed by range; the state `far` changes at range zeta1, after the first sample
+ * with the hysteresis zhys */
 /* B.4-3 */
 static double scalar_speed(const Parameters *p, State *x, double range, double v_T)
 {
@@ -203,7 +204,7 @@ static double scalar_speed(const Parameters *p, State *x, double range, double v
     return range <= p->zeta2 || p->text_speed ? v_T : 0.5 * v_T;
 }
 
-/* B.4.5: true if engines burn; evaluated before the command of this sample */
+/* B.4.5: true if engines burn: by the last command of the controller, or by the thruster force */
 /* B.4-5 */
 static int is_burning(const Parameters *p, const Input *u)
 {
@@ -211,8 +212,8 @@ static int is_burning(const Parameters *p, const Input *u)
            -u->F_S.x > 0.01 * p->brake_thrust;
 }
 
-/* B.4.5: changes the mode, by tests in this order within one sample; returns the required
- * direction of X */
+/* B.4.5: changes the mode and returns the required direction of X. The tests follow one another, so
+ * that the mode can change several times in one sample. */
 /* B.4-4 */
 static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sight, vec3 e_v,
                          vec3 X, double t)

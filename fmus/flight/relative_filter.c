@@ -3,8 +3,8 @@
  *
  *   r_GK_K = C_KN (C_TN^T d - rho) - C_KS p_KS_S + noise,    q_TK = (q_SN q_KS)* q_TN rot(noise)
  *
- * A pose belongs to the sample of its time stamp. The anchor is the estimate at the last pose, or
- * at the oldest stored sample if that is later; the head is the estimate at the present sample. A
+ * A pose belongs to the sample of its time stamp. Two estimates are stored: the anchor at the last
+ * pose, or at the oldest stored sample if that is later; and the head at the present sample. A
  * pose moves the anchor to its sample. If the pose is used, the head is propagated again from the
  * anchor, over at most 16 stored samples of the servicer. So delayed poses in the order of their
  * stamps are filtered exactly. Equations: docs/models.md F.6. */
@@ -36,7 +36,7 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, index, anchor_index, late; /* numbers of the last sample and of the anchor's */
+    double started, index, anchor_index, late; /* index: last sample; late: poses not used */
     Track pose;
     Servicer ring[HISTORY];
 } State;
@@ -195,7 +195,7 @@ static void start_estimate(const Parameters *p, const Input *u, Estimate *x)
     add_diagonal(x->P, THETA_AT, W_AT, p->sigma_0.att * p->sigma_0.att);
 }
 
-/* ---- delay: ring, anchor, head ---- */
+/* ---- late poses: ring buffer of samples, anchor, head ---- */
 static Servicer *sample_of(State *x, double index) { return &x->ring[place_of(index)]; }
 
 /* F.6-6 */
@@ -263,9 +263,9 @@ static Servicer coasted(Servicer s, double T)
     return s;
 }
 
-/* moves the anchor from the oldest stored sample to the next one, before the newest sample
- * overwrites the oldest in the ring buffer; one sample at a time, in case rounding of the
- * master's time has skipped a sample */
+/* propagates the head to sample k. Before a new sample overwrites the oldest in the ring buffer, an
+ * anchor at the oldest moves to the next one. A sample skipped because the master rounds time is
+ * stored as the sample before it, moved on by its velocity. */
 /* F.6-5 */
 static void advance(const Parameters *p, const Input *u, State *x, double k)
 {

@@ -6,6 +6,7 @@
  *   q' = q [0, w]/2,   B w' = -w x B w + 3 mu/r^3 e x B e,    B = J/J11, e: direction of the
  *                                                             target from the planet, T axes
  *
+ * r_j, v_j: servicer at sample j, kappa: ratios of inertia, d: p_GT_T, a: unmodelled acceleration.
  * Errors are truth minus estimate, in the order rho, v, theta, w, kappa, d, a; the attitude error
  * theta is defined by q_TN = q_hat rot(theta). A part with neither start covariance nor noise is
  * not estimated: its rows of P stay 0. Equations: docs/models.md F.6. */
@@ -78,7 +79,7 @@ typedef struct {
     vec3 rho, v;
     quat q;
     vec3 w;
-} Moving; /* integrated states; they are also the first members of Estimate */
+} Moving; /* members of Estimate that are integrated */
 typedef struct {
     const MotionModel *model;
     const Servicer *S;

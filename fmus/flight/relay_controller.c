@@ -11,8 +11,8 @@
  * before; s = +-sigma:
  *   P6 P8 / P5 P7   +-sigma_wx    P4 / P2   +-sigma_wy      P1 / P3   +-sigma_wz  (xi2 on, xi1 off)
  *   main P'5 / brakes P'1..P'4   +-sigma_v   (rho2 on, rho1 off)
- * Order of the throttles: P1..P8, P'1..P'4, P'5. The remaining inputs belong to every controller
- * and are not used.
+ * Order of the throttles: P1..P8, P'1..P'4, P'5. The other inputs are those that every
+ * controller has; this law does not use them.
  * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.5, B.8. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
@@ -35,7 +35,7 @@ typedef struct {
 } Input;
 typedef struct {
     double started, e[4], on[ENGINES];
-} State; /* e: quantities at the last sample, for their differences; on: 1 per relay that is on */
+} State; /* e: differentiated quantities at the last sample; on: 1 per relay that is on */
 typedef struct {
     double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v;
 } Output;
@@ -136,7 +136,7 @@ static void switch_translation(const Parameters *p, const Input *u, State *x, Ou
     x->e[SPEED] = now;
 }
 
-/* between its thresholds a relay stays as it is */
+/* new state of a relay: 1 on, 0 off; between its thresholds it stays as `before` */
 /* B.5-1 */
 static double relay(double s, double s_on, double s_off, int off_at_threshold, double before)
 {

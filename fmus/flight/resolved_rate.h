@@ -6,10 +6,11 @@
  *   lambda = damping_max (1 - m/manipulability_min) where m < manipulability_min, else 0
  *   m = sqrt(det J J^T), 0 with fewer than six columns
  *
- * A joint must satisfy K_limit (min - q) <= dq <= K_limit (max - q). Joints that violate it are
- * fixed at their bound, all of a pass at once, and the others are solved again without them. Then
- * all rates are scaled by one factor so that none exceeds its limit. Equations: docs/models.md
- * K.3. */
+ * y: required twist of the end effector, without the part that the base contributes; `ready`: joint
+ * angles of the posture. A joint must satisfy K_limit (min - q) <= dq <= K_limit (max - q). All
+ * joints that violate it in one pass are fixed at their bounds, and the next pass solves for the
+ * other joints. Then all rates are scaled by one factor so that none exceeds its limit. Equations:
+ * docs/models.md K.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RESOLVED_RATE_H
 #define RESOLVED_RATE_H
@@ -68,7 +69,7 @@ static inline void set_jacobian(Jacobian *restrict J, const Tree *restrict t,
 }
 
 /* ---- one pass: the joints that are not fixed ---- */
-/* J J^T (6 x 6), of which only the upper triangle is set, and the twist y in column 6 */
+/* J J^T (6 x 6), of which only the upper triangle is set; column 6: the right-hand side, twist y */
 typedef struct { double at[6][UPPER]; } Gram;
 
 static inline Gram gram_of(const Jacobian *J, const JointRates *r, Twist y)
@@ -129,7 +130,7 @@ static inline void solve_pass(const RateLaw *law, const Jacobian *J, const doubl
         if (!r->limited[i]) r->dq[i] += dot_twist(motion_at(J, i), load);
 }
 
-/* fixes the joints whose rates violate a limit of the angle at their bound; returns their number */
+/* fixes each joint whose rate violates its bounds at the nearer bound; returns how many it fixed */
 /* K.3-5 */
 static inline int fix_joints(const RateLaw *law, const double q[], int joints, JointRates *r)
 {
@@ -154,14 +155,15 @@ static inline void scale_rates(const RateLaw *law, int joints, JointRates *r)
     for (int i = 0; i < joints; i++) r->dq[i] *= r->rate_scale;
 }
 
-/* xd: required motion of E relative to the motion of S, base axes; w: rate of the base */
+/* xd: required motion of E relative to the motion of S, base axes; w: rate of the base; q, dq:
+ * present joint angles and rates */
 /* K.3-4 */
 static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, const double q[],
                                      const double dq[], Twist xd)
 {
     int joints = (int)t->joints;
     Jacobian J;
-    Twist base = {vec(0, 0, 0), w}; /* base motion while joints rest, same momentum */
+    Twist base = {vec(0, 0, 0), w}; /* motion of the base if the joints rested, same momentum */
     Reaction reaction = {.v = {{0}, {0}, {0}}};
     double z[ARM_JOINTS];
     if (law->base_floats && joints > 0) set_reaction(&reaction, t);
