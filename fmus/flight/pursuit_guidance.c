@@ -148,9 +148,9 @@ static vec3 direction(vec3 a, vec3 otherwise) /* unit vector of a; `otherwise` i
 
 /* ---- attitude ---- */
 
-/* B.4.1: quaternion from S to the required axes, which are the rows of A, in N axes. q = sin g, with
- * the angle g from x of N to d; cb, sb: cosine and sine of the angle b from the xy plane of N to the
- * plane of x and d. */
+/* B.4.1: quaternion from S to the required axes, which are the rows of A, in N axes. q = sin g,
+ * with the angle g from x of N to d; cb, sb: cosine and sine of the angle b from the xy plane of N
+ * to the plane of x and d. */
 static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;

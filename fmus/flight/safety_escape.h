@@ -12,11 +12,12 @@
  *           w_j = max(2 (|v| + e_v), 1.25 |c_j+1 - c_j|/D)
  *   margin = min_j (dist(chord c_j c_j+1, 0) - k max(h_j, h_j+1) - s_j) - R_k
  *
- * or, where this is less, of the burn: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| - R_k. Its
- * path lies in the triangle rho, r, r + v T_b/2. h_j is the largest displacement towards the target
- * by an error of the set, s_j the largest distance of a path from its chord, k = sqrt(2/(1 + n_j .
- * n_j+1)) covers the directions between n_j and n_j+1. Equations of Clohessy and Wiltshire, n =
- * sqrt(mu/a^3): no proof on an orbit with e > 0.01. docs/models.md G.10, G.11 */
+ * or the margin of the burn where this is less: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| -
+ * R_k; the path of the burn lies in the triangle rho, r, r + v T_b/2. R_k: escape_radius. h_j is
+ * the largest displacement towards the target by errors within the bounds e_r, e_v, k_p, k_n; s_j
+ * the largest distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the
+ * directions between n_j and n_j+1. Equations of Clohessy and Wiltshire, n = sqrt(mu/a^3): no proof
+ * on an orbit with e > 0.01. docs/models.md G.10, G.11 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_ESCAPE_H
 #define SAFETY_ESCAPE_H
@@ -31,8 +32,9 @@ typedef struct {
     vec3 axis_H; /* outward axis of the corridor if the servicer is inside, else 0 */
 } Known;         /* the last valid state whose range is not 0 */
 
-/* outward axis of the corridor in H axes if the servicer is inside the corridor and near, else
- * 0; near: a drift of the last valid state may lead within axis_radius */
+/* outward axis of the corridor in H axes if the servicer is inside the corridor and within 2
+ * axis_radius, else 0. An abort uses the axis only within axis_radius; until then the last valid
+ * state may have drifted there from outside. */
 static inline vec3 axis_in_hill(const SafetyParameters *p, const SafetyInput *u,
                                 const RelativeState *x)
 {
@@ -64,7 +66,7 @@ static inline vec3 relative_increment(const SafetyParameters *p, const RelativeS
 /* ---- rule escape ---- */
 #define PARTS       2      /* parts of escape_time: its first sixth in 30 steps, the rest in 50 */
 #define LEAST_RANGE 1e-150 /* m: added to a range before a division by it */
-#define CURVED      1.25   /* bound of speed on an arc / speed along its chord */
+#define CURVED      1.25   /* largest ratio of the speed on an arc to that along its chord */
 
 static const int steps_of[PARTS] = {30, 50};
 
@@ -83,8 +85,8 @@ typedef struct {
     double range, square, h;
 } PathPoint;
 
-/* mean motion sqrt(mu/a^3) of the target, from its energy; `rate`, the rate of H, if its orbit
- * is no ellipse */
+/* mean motion sqrt(mu/a^3) of the target, from its energy; if its orbit is no ellipse, `rate`: the
+ * rate of H */
 static inline double mean_motion(double mu, const Body *T, double rate)
 {
     double R = norm(T->r), inverse = mu > 0 ? 2 / R - dot(T->v, T->v) / mu : 0;
@@ -110,8 +112,8 @@ static inline EscapePath escape_path(const SafetyParameters *p, const RelativeSt
 
 static inline double sum_of_sizes(vec3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
 
-/* (4) to (6): point of the path at time tau, and the largest displacement h towards the target
- * by an error of the set */
+/* (4) to (6): point c of the path at time tau, and h: largest displacement towards the target by
+ * errors within e_r, e_v, k_p, k_n, e_model; nt: sine and cosine of n tau */
 static inline PathPoint path_point(const SafetyParameters *p, const EscapePath *e, double tau,
                                    SineCosine nt)
 {
@@ -131,8 +133,8 @@ static inline PathPoint first_point(const SafetyParameters *p, const EscapePath 
                        p->e_r * sum_of_sizes(e->r) / (range + LEAST_RANGE)};
 }
 
-/* lower bound of the range during the burn: least component along rho in the triangle of its
- * path, minus the position error */
+/* lower bound of the range during the burn: least component along rho in the triangle that contains
+ * the path of the burn, minus the position error */
 static inline double least_of_burn(const SafetyParameters *p, const EscapePath *e)
 {
     double square = dot(e->rho, e->rho), along = dot(e->rho, e->r);
@@ -140,8 +142,8 @@ static inline double least_of_burn(const SafetyParameters *p, const EscapePath *
     return (least - p->e_r * sum_of_sizes(e->rho)) / (sqrt(square) + LEAST_RANGE);
 }
 
-/* constants of all steps of length D: sagitta (7) of a path not faster than e->speed, square of
- * the longest chord of such a path, sine and cosine of n D */
+/* constants of all steps of length D: sagitta (7) and longest chord, squared, of a path that is
+ * nowhere faster than e->speed; sine and cosine of n D */
 typedef struct {
     double D, sagitta, longest_2;
     SineCosine turn;
@@ -160,8 +162,8 @@ static inline double fast_sagitta(const EscapePath *e, double D, double length_2
     return D * D / 8 * (2 * e->n * CURVED * sqrt(length_2) / D + e->bend);
 }
 
-/* (8) without R_k: replaces the bound `least` if the path between the points a and b comes
- * nearer to the target than this bound; tau: time at a */
+/* (8) without R_k: lower bound of the range on the path from point a to point b, which becomes
+ * `least` if it is less; tau: time at a */
 static inline void compare_path(const EscapePath *e, const Stride *s, const PathPoint *a,
                                 const PathPoint *b, double tau, EscapeBound *least)
 {
@@ -173,7 +175,7 @@ static inline void compare_path(const EscapePath *e, const Stride *s, const Path
         distance =
             toward < length_2 ? sqrt(fabs(a->square - toward * toward / length_2)) : b->range;
     double ahead = distance - arc - least->margin;
-    if (along > 0 && ahead >= 1.5 * h) return; /* k < 1.5 for angles below 90 deg */
+    if (along > 0 && ahead >= 1.5 * h) return; /* not less: k < 1.5 below 90 deg */
     double ranges = a->range * b->range, cosine_2 = ranges > 0 ? 1 + along / ranges : 1;
     double between = sqrt(2 / larger(cosine_2, 1e-6));
     if (ahead >= between * h) return;

@@ -11,7 +11,7 @@
 #include "safety_ports.h"
 
 #define RESTING 1e9  /* margin of a rule that is off or does not apply */
-#define TINY    1e-9 /* m, m/s: least divisor of a margin */
+#define TINY    1e-9 /* m, m/s: least typical size, by which a margin is divided */
 
 /* ---- relative states and arcs ---- */
 static inline TwoOrbits two_orbits(const SafetyInput *u)
@@ -50,7 +50,8 @@ typedef struct {
     Arc arc[2]; /* arcs in Hill axes and in target axes */
 } Interval;
 
-/* true if some rule needs the arc in these axes; other arcs are not computed */
+/* true if a rule is evaluated on the arc in these axes; an arc that no rule needs is not computed
+ * */
 static inline int is_needed(const SafetyParameters *p, double axes)
 {
     return (p->keep_out_shape != NO_ZONE && p->keep_out_axes == axes) ||
@@ -74,7 +75,7 @@ static inline const Arc *arc_in(const Interval *i, double axes)
     return &i->arc[axes == TARGET_AXES];
 }
 
-/* geometry of one rule in this interval; own: arc in servicer axes, set for the plume only */
+/* geometry of one rule in this interval; own: arc in servicer axes, which only the plume uses */
 typedef struct {
     union {
         Zone zone;
@@ -110,8 +111,8 @@ static inline const Arc *corridor(const Interval *i, Setting *s)
     return p->use_corridor && i->from->approaching ? arc_in(i, p->corridor_axes) : NULL;
 }
 
-/* slope k of the speed limit; near a tumbling target the speed as seen in H contains |w_T|
- * |rho|, hence the sum */
+/* slope k of the speed limit; with speed_tumble the tumble rate is added, because near a tumbling
+ * target the speed as seen in H contains |w_T| |rho| */
 static inline double speed_slope_at(const SafetyParameters *p, const SafetyInput *u)
 {
     double tumble = smaller(norm(u->T.omega), p->tumble_max);
@@ -158,8 +159,9 @@ static inline double plume_size(const SafetyParameters *p, double range)
     return p->plume_range;
 }
 
-/* functions of each rule. PASSIVE has no arc, because its drift is predicted. NAVIGATION, which
- * counts time, and ESCAPE, which is a prediction, are not in the table. */
+/* functions of each rule. PASSIVE has no in_force, because it is evaluated on a predicted drift,
+ * not on the arc between two samples. NAVIGATION, which counts time, and ESCAPE, which is a
+ * prediction, are not in the table. */
 static const struct {
     InForce *in_force;
     MarginValue *value;
@@ -221,8 +223,8 @@ static inline TwoOrbits orbits_at(const Course *c, double s)
                        interpolated(c->from.S, c->to.S, c->h, s)};
 }
 
-/* instant from which on the drift is unsafe, between a prediction that is safe and one that is
- * not, by bisection */
+/* instant from which on the drift is unsafe, found by bisection between the last prediction and the
+ * present one, which is unsafe; time of the last prediction if that was unsafe already */
 static inline double passive_violation(const SafetyParameters *p, const Course *c)
 {
     double safe = 0, unsafe = 1;
@@ -235,9 +237,9 @@ static inline double passive_violation(const SafetyParameters *p, const Course *
     return c->t + c->h * unsafe;
 }
 
-/* margin of the drift at the end of c, and instant of its violation. entry: time until the drift
- * enters the zone. known: 1 if an earlier violation is stored; then the instant of this one is
- * not computed. */
+/* margin of the drift that begins at the end of c, and instant at which the rule was first
+ * violated; *entry: time until the drift enters the zone. With known = 1, for a rule whose first
+ * violation is stored already, no instant is computed. */
 static inline Finding passive_finding(const SafetyParameters *p, const Course *c, int known,
                                       double *entry)
 {

@@ -1,23 +1,26 @@
 /* safety_filter.c - the least change of a commanded force that satisfies keep-out sphere,
  * corridor, speed limit, drift, plume and force box, for any controller.
  *
- * Every rule is a row n.u >= c on the force u that is held for one sample period: with it the gap
- * to the edge stays open during the hold, and at its end the braking distance still fits.
+ * Every rule gives rows n.u >= c for the force u, which is held for one sample period. With a force
+ * that satisfies a row, the servicer does not reach the edge of the rule during the hold, and at
+ * its end the braking distance fits into the remaining gap.
  *
  *   min |u - F_cmd_S|   subject to   n_i.u >= c_i for all rows i
  *
  * filter 3: the nearest force. Rank of the rules: box, keep-out, speed, corridor, plume, drift.
- * Where no force satisfies all, the first row that the rows before exclude is relaxed to the most
- * that these leave. The drift gets rows only where the result would drift into the sphere, at most
- * four times.
- * filter 1: F_cmd_S as long as all rows hold and the servicer can stop after it, evaluated along
- * the line to the target; else the servicer brakes, until F_cmd_S has been safe for dwell.
+ * Where no force satisfies all rows, the first row that the rows of higher rank exclude is relaxed,
+ * as little as these permit. Rows for the drift are added only where the force found would let the
+ * servicer drift into the sphere, at most four times.
+ * filter 1: F_cmd_S while it satisfies all rows and the servicer can stop after it, evaluated along
+ * the line to the target; else the servicer brakes, until F_cmd_S has been safe for the time
+ * `dwell`.
  * filter 2: the same, evaluated along the whole way to the stop.
- * filter 0: F_cmd_S. The barriers are computed.
+ * filter 0: F_cmd_S unchanged; only the barriers are computed.
  *
- * A force that violates no row leaves as it came, to the last bit. Without a valid state F_cmd_S
- * passes at every call, and barriers retain their values. Rows: filter_rows.h, filter_drift.h.
- * Nearest point: half_spaces.h. Equations, reasons, sources: docs/models.md M. */
+ * A force that violates no row passes unchanged, to the last bit. Without a valid state F_cmd_S
+ * passes at every call, between samples too, and barriers (gaps that remain after braking) retain
+ * their values. Rows: filter_rows.h, filter_drift.h. Nearest point: half_spaces.h. Equations,
+ * reasons, sources: docs/models.md M. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "filter_drift.h"
 #include "earth.h"
@@ -30,7 +33,7 @@ typedef FilterParameters Parameters;
 typedef FilterInput Input;
 
 typedef struct {
-    double slope;          /* of the faces of the corridor: tan(half angle) cos(pi/8) */
+    double slope;          /* of the corridor's faces, a pyramid: tan(half angle) cos(pi/8) */
     double backup, passed; /* simplex: 1 while braking; time for which the command has been safe */
     double least[BARRIERS];
 } State;
@@ -113,8 +116,8 @@ static void relax(const Parameters *p, Rows *rows, int i)
     r->failed = 1;
 }
 
-/* a command longer than this many times |F_max| is shortened: otherwise rounding errors exceed
- * the rows */
+/* a command of more than this many times |F_max| is shortened to it: rounding errors of the nearest
+ * force would otherwise violate rows */
 #define FAR_COMMAND 1e5
 /* M.5-4 */
 static vec3 shortened(const Parameters *p, vec3 F)
@@ -124,8 +127,8 @@ static vec3 shortened(const Parameters *p, vec3 F)
     return largest > most ? scale(most / largest, F) : F;
 }
 
-/* 3.6: nearest force that satisfies all rows; where none exists, rows are relaxed by rank.
- * `relaxed`: if it is 0, it becomes the rule of the first row that is relaxed */
+/* nearest force that satisfies all rows; where none exists, rows are relaxed by rank. *relaxed
+ * becomes the rule of the first row that is relaxed, unless a rule is stored there already. */
 /* M.5-2 */
 static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, double *relaxed)
 {
@@ -139,8 +142,8 @@ static vec3 nearest_by_rank(const Parameters *p, const Input *u, Rows *rows, dou
     return F;
 }
 
-/* largest number of searches with added rows of the drift, if the force found drifts into the
- * sphere */
+/* most times that rows of the drift are added and the force is searched again, because the force
+ * found lets the servicer drift into the sphere */
 enum { DRIFT_ROUNDS = 4 };
 static vec3 with_drift(const Parameters *p, const Input *u, const DriftFan *f, vec3 F, Rows *rows,
                        double *relaxed)
@@ -189,8 +192,8 @@ static vec3 boxed(const Parameters *p, vec3 F)
                clamp(F.z, -most.z, most.z));
 }
 
-/* (22): state after one hold of a force, in the frame in which the servicer stops, with a bound
- * e of its position error */
+/* (22): state after one hold of a force, relative to the frame in which the servicer would stop: T
+ * with a corridor, else N; e: bound of the position error */
 typedef struct {
     vec3 x, v;
     double e, brakes; /* brakes: half the time to the stop */
@@ -256,8 +259,8 @@ static double first_broken(const Parameters *p, const Rows *rows, vec3 F)
     return NO_RULE;
 }
 
-/* true if the servicer brakes: from the first command that fails, until commands have passed for
- * dwell */
+/* true if the servicer brakes: from the first command that fails a test until all commands have
+ * passed the tests for the time `dwell` */
 /* M.7-1 */
 static int stays_in_backup(const Parameters *p, State *x, int passes, double P)
 {
@@ -337,8 +340,8 @@ static State initial_state(const Parameters *p)
 }
 
 /* While the initial values of a system are computed, inputs may have any value: this call stores
- * nothing in the state. With sample_period 0 the hold has no length yet, and F_cmd_S passes
- * unchanged. */
+ * nothing in the state. With sample_period 0 a hold lasts one step, whose length is not known here:
+ * F_cmd_S passes unchanged. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = initial_state(p);

@@ -7,7 +7,7 @@
  *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
- *                 that disagrees with an independent range is invalid (range_alone: only such)
+ *                 that disagrees with an independent range is invalid (range_alone: no other)
  *   7 escape      after an abort ordered now the drift stays outside escape_radius for escape_time,
  *                 for all states and burns within the bounds e_r, e_v, k_p, k_n
  *
@@ -15,21 +15,22 @@
  * the cubic arc through both states, and the inputs approaching, F_cmd_S and omega_TN_T (rule 3) of
  * the first sample hold until the second. Published margins are the least since the last sample,
  * never above the true least of the arc and below it by no more than 1e-7; a rule that is off or
- * does not apply has margin 1e9. Rule 4 is evaluated at samples, passive_period apart or more (with
- * passive_opens not while approaching); if it fails, the instant is found by bisection of the arc.
- * Rule 7 is evaluated at samples until the abort, and violated below escape_reserve, while the
- * escape is still certain. The first violation of each rule is stored with its time; `abort` is
- * latched.
+ * does not apply has margin 1e9. Rule 4 is evaluated at samples that are passive_period or more
+ * apart, with passive_opens not while approaching; if it fails, the instant of the violation is
+ * found by bisection of the arc. Rule 7 is evaluated at samples until the abort. It is violated as
+ * soon as its margin is below escape_reserve, while the escape is still certain. The first
+ * violation of each rule is stored with its time; `abort` is latched.
  *
- * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the
- * abort it is abort_force along a velocity increment, until that is spent. The increment is
- * abort_dv_H or, if that is zero, makes the velocity as seen in H abort_speed away from the target
- * (abort_relative; from a last valid state that has drifted until now). With abort_relative = 0 it
- * adds abort_speed along the corridor, with the axes at the last valid state. While there is no
- * valid state, and before t_armed (filters settle), rules 1 to 5 and 7 are not evaluated, margins
- * retain their values, and the next valid state begins a new arc. At zero range the zone is
- * violated, and the margins of corridor and plume are zero. The adapter rejects inputs that are not
- * finite. Equations: docs/models.md G. */
+ * F_safe_S is F_cmd_S at every call, between samples too; after the abort, with act = 1, it is the
+ * abort manoeuvre: abort_force along a velocity increment, until the increment is spent. The
+ * increment is abort_dv_H if that is not zero. Else, with abort_relative = 1, it changes the
+ * velocity as seen in H to abort_speed away from the target; the last valid state, propagated
+ * without thrust until now, gives the velocity before. With abort_relative = 0 it is abort_speed
+ * along the corridor, with the axes at the last valid state. While there is no valid state, and
+ * before t_armed (filters settle), rules 1 to 5 and 7 are not evaluated, margins retain their
+ * values, and the next valid state begins a new arc. At zero range the zone is violated, and the
+ * margins of corridor and plume are zero. The adapter rejects inputs that are not finite.
+ * Equations: docs/models.md G. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
 #include "safety_escape.h"
@@ -41,14 +42,14 @@ typedef SafetyInput Input;
 typedef struct {
     double begun, seen, t, t_valid; /* t: of the last sample, t_valid: of the last valid state */
     Input last;                     /* last valid inputs; seen: 1 if they are of the last sample */
-    double foreseen, t_foreseen;    /* 1: a prediction of the drift exists; its time */
-    TwoOrbits from;                 /* state at the last prediction */
+    double foreseen, t_foreseen;    /* 1: the drift has been predicted; time of the prediction */
+    TwoOrbits from;                 /* state from which it was predicted */
     double margin[RULES], least[RULES], t_first[RULES];
     double abort;
     vec3 dv_N;
     RangeCheck range;
     Known known;
-    double looked_ahead, t_escape; /* 1: `escape` was evaluated; time of that */
+    double looked_ahead, t_escape; /* 1: rule escape was evaluated; time of this */
 } State;
 typedef struct {
     double margin[RULES], least_margin[RULES], nearest, passive_entry, passive_age;
@@ -196,8 +197,8 @@ static int has_valid_states(const Parameters *p, const Input *u, State *x, doubl
     return u->relative_valid && !x->range.distrusted;
 }
 
-/* true if the relative state counts as lost; with range_alone, a state that its source declares
- * invalid does not count as lost */
+/* evaluates rule navigation: time left until the relative state counts as lost. With range_alone, a
+ * state that its source declares invalid does not count as lost. */
 /* G.5-2 */
 static void evaluate_navigation(const Parameters *p, const Input *u, State *x, int is_valid,
                                 double t)
@@ -215,8 +216,8 @@ static int is_relative(const Parameters *p)
     return p->abort_relative && norm(p->abort_dv_H) == 0;
 }
 
-/* u: inputs at the last valid state; without such a state the increment is 0 and the servicer
- * drifts */
+/* increment of an abort that does not depend on the velocity; u: inputs at the last valid state.
+ * Before the first valid state the increment is 0, and the servicer drifts. */
 static vec3 fixed_increment_N(const Parameters *p, const Input *u)
 {
     if (!u->relative_valid) return vec(0, 0, 0);
@@ -243,8 +244,8 @@ static vec3 increment_in_hill(const Parameters *p, const Input *u, const Known *
     return mul(known->state.C_HN, fixed_increment_N(p, u));
 }
 
-/* escape radius in force; 0: rule escape does not apply, as within axis_radius while
- * approaching, where contact is intended */
+/* escape radius in force; 0: rule escape does not apply, for example within axis_radius while
+ * approaching, because contact is intended there */
 /* G.11-3 */
 static double radius_in_force(const Parameters *p, const Input *u, const State *x)
 {

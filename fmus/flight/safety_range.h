@@ -7,11 +7,12 @@
  *   D' = R',   D <- D + min(1, (t_m - t_m-1)/range_tau) drift,    |drift| limited to most
  *   most = range_at_zero + range_slope range_meas
  *
- * t_m: time of the measurement. The first range sets D; single outliers hardly change it. If the
- * velocity has an error b along the line of sight, off grows with b t if the position is integrated
- * from the velocity, and drift tends to b range_tau if it is not. The estimate is distrusted when
- * every range of the last range_patience has off or drift above most, until a range agrees. Without
- * a new range it remains distrusted or not. docs/models.md G.8 */
+ * t_m: time of the measurement. The first range sets D; single outliers hardly change it. An error
+ * b of the velocity along the line of sight shows either way: where the estimated position is
+ * integrated from the velocity, off grows with b t; where it is not, drift tends to b range_tau.
+ * The estimate is distrusted when every range of the last range_patience has off or drift, before
+ * its limit, above most, until a range agrees. Without a new range nothing changes. docs/models.md
+ * G.8 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RANGE_H
 #define SAFETY_RANGE_H
@@ -20,7 +21,8 @@
 
 #define NOT_YET (-1) /* time of an event that has not happened */
 
-/* start values of the range check: ten times the start values of the noise of range_sensor */
+/* start values of the parameters of the range check. The allowed disagreement is ten times the
+ * noise that range_sensor has by its start values. */
 #define RANGE_CHECK .range_at_zero = 1, .range_slope = 0.01, .range_patience = 5, .range_tau = 10
 
 typedef struct {

@@ -6,12 +6,12 @@
  *   corridor  max(a sin alpha - d cos alpha, a - L)         L = 0: no end
  *   speed     v_0 + k |p| - |v|
  *   plume     max(d cos beta - a sin beta, |p| - R)
- * p: position of the servicer from the target (corridor: from the apex); a: component along the
- * axis of the cone, d: distance from the axis. The axis of the plume is the direction of the force:
- * the exhaust leaves against it, and the target is at -p. A margin is positive where the rule is
- * satisfied, zero on the edge, and changes by at most 1 m per metre of displacement: it is never
- * more than the distance to the edge (and equal to it for sphere and cone, and opposite a face of
- * the box at its smallest half axis).
+ * d_i: half axes of the zone. p: position of the servicer from the target (corridor: from the
+ * apex); a: component along the axis of the cone, d: distance from the axis. The axis of the plume
+ * is the direction of the force: the exhaust leaves against it, and the target is at -p. A margin
+ * is positive where the rule is satisfied, zero on the edge, and changes by at most 1 m per metre
+ * of displacement: it is never more than the distance to the edge. It equals this distance for
+ * sphere and cone, and for the box opposite the two faces that belong to its smallest half axis.
  *
  * Bounds on a part of an arc: a norm is bounded by the Bernstein coefficients of its square,
  * another convex margin lies above its tangent plane at the middle, a concave one has its least
@@ -74,7 +74,7 @@ static inline double zone_bound(const void *rule, const Arc *part)
     return smallest(z->half) * (least_norm(e) - 1);
 }
 
-/* ---- approach corridor: a cone, whose margin is concave, open beyond its length ---- */
+/* ---- approach corridor: a cone, whose margin is concave; no limit beyond its length ---- */
 typedef struct {
     vec3 apex, axis;
     double half_angle, length;
@@ -111,8 +111,8 @@ static inline double speed_value(const void *rule, vec3 p, vec3 v)
     return l->at_zero + l->slope * norm(p) - norm(v);
 }
 
-/* lower bound of the margin v_0 + k |p| - |v| on a part of an arc. |p| is the concave root of
- * p^2 and lies above the chord of the root: |p| >= (p^2 + lo hi)/(lo + hi) for lo <= |p| <= hi.
+/* lower bound of the margin v_0 + k |p| - |v| on a part of an arc. |p| is the square root of p^2,
+ * which is concave and lies above its chord: |p| >= (p^2 + lo hi)/(lo + hi) for lo <= |p| <= hi.
  * |v| is convex along the arc and lies below the line between |v| at both ends. With both
  * replacements the margin is a polynomial, which is nowhere below its smallest Bernstein
  * coefficient. */
@@ -129,7 +129,7 @@ static inline double speed_bound(const void *rule, const Arc *part)
     return l->at_zero + least;
 }
 
-/* ---- plume: the outside of a cone of finite length, convex in both parts ---- */
+/* ---- plume: the outside of a cone of finite length; both parts of the margin are convex ---- */
 typedef struct {
     vec3 force; /* unit vector of the force */
     double half_angle, range;

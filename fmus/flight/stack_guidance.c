@@ -98,8 +98,9 @@ static vec3 momentum(const Parameters *p, vec3 w, vec3 wheel_speed)
 }
 
 /* ---- profile ---- */
-/* duration for one axis. The torque 1.875 J w_0/T peaks in the middle and the gyroscopic torque
- * at the start: the sum of both peaks bounds the torque. */
+/* duration for one axis; `spin`, `gyroscopic`, A: its elements of J w_0, of w_0 x (J w_0 + A_w
+ * Omega) and of the diagonal of A_w. The torque 1.875 J w_0/T peaks in the middle and the
+ * gyroscopic torque at the start: the sum of both peaks bounds the torque. */
 static double duration_of_axis(const Parameters *p, double spin, double gyroscopic, double A)
 {
     double lim = p->torque_share * p->wheel_accel_max * A;
@@ -152,7 +153,7 @@ static void guide(const Parameters *p, const Input *u, const State *s, Output *y
     y->momentum_S = momentum(p, u->S.omega, u->wheel_speed);
 }
 
-/* also for a sample that is not active; stores no state */
+/* also for a sample with active = 0: publishes the profile that would begin now, stores none */
 /* I.6-5 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {

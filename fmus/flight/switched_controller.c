@@ -4,9 +4,9 @@
  *   F_H = K_rho e + K_drho de,   e = C_HN (rho - rho_ref),   de its derivative as seen in H
  *   phase 1 (far)  ->  2  ->  3 (near)  ->  4 (passive: no thrust) from t_abort on
  *
- * A phase ends when the distance along the approach axis, axis_H . rho_H, is no more than its
- * switch_distance (0: it does not end), at most one phase per sample, and never begins again. The
- * gains include their sign: a stable feedback has negative gains. Attitude: M = -K_att q_vec -
+ * Phase 1 or 2 ends when the distance along the approach axis, axis_H . rho_H, is no more than its
+ * switch_distance (0: the phase does not end). At most one phase ends per sample, and none begins
+ * again. The gains include their sign: a stable feedback has negative gains. Attitude: M = -K_att q_vec -
  * P_att w about the reference. Per axis the force is limited to F_max of the servicer, the torque
  * to M_max.
  *
@@ -118,7 +118,7 @@ static double next_phase(const Parameters *p, double phase, double distance, dou
     return end > 0 && distance <= end ? phase + 1 : phase;
 }
 
-/* number of the last phase that switching distances can reach */
+/* number of the last phase with thrust: the first one that has no switch_distance */
 static double last_phase(const Parameters *p)
 {
     return p->switch_distance[0] == 0 ? FAR : p->switch_distance[1] == 0 ? FAR + 1 : NEAR;
@@ -176,8 +176,8 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     y->approaching = x->phase == last_phase(p);
 }
 
-/* While the initial values of a system are computed, inputs may have any value: the first phase
- * begins with the first step. */
+/* While the initial values of a system are computed, inputs may have any value: a change of phase
+ * that they cause is not stored, and the first step begins in phase 1. */
 /* H.1-5 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {

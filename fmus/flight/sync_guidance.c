@@ -4,15 +4,15 @@
  *   rho* = L(t) C_HT p_T,     L = rho_M - (rho_M - rho_0) exp(-beta t)
  *   D:  i = -C_HT p_T,   u = i x z_H,   k = u/|u|,   j = k x i
  *
- * with all derivatives, published as seen in N. With range_input L and its derivatives are inputs;
- * with frame = 1 D is the carried frame of carried_frame.h. A sample with active = 0 resets the
- * state: the next active sample is a first sample. Where the grasp axis is within guard_angle of
- * the orbit normal, k is held in H as at the last sample outside, made perpendicular to i, and
- * jumps when the axis leaves the guard. With roll_rate_max and roll_accel_max D is continuous
- * instead and turns about i within these limits (limited_roll.h). The software knows the model of
- * the target (inertia, gravity gradient, Keplerian orbit rate), but its disturbances only with
- * know_M_dist. Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md
- * A.4. */
+ * rho* and the attitude of D are published with two derivatives as seen in N. With range_input L
+ * and its derivatives are inputs; with frame = 1 D is the carried frame of carried_frame.h. A
+ * sample with active = 0 resets the state: the next active sample is a first sample. While the
+ * grasp axis is within guard_angle of the orbit normal, k is the k of the last sample outside this
+ * guard, constant in H and made perpendicular to i; when the axis leaves the guard, k jumps. With
+ * roll_rate_max and roll_accel_max D does not jump and turns about i within these limits
+ * (limited_roll.h). The software knows the model of the target (inertia, gravity gradient,
+ * Keplerian orbit rate), but its disturbances only with know_M_dist. Source: Zhu & Yang 2009,
+ * equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "carried_frame.h"
@@ -148,8 +148,8 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "spin_input", p->spin_input, "needs frame = 1");
 }
 
-/* inertia of the target divided by J11: this scale has no effect on free motion and gravity
- * gradient */
+/* inertia of the target as the software knows it: J_T or, with use_inertia_hat, the inertia divided
+ * by J11, a scale without effect on free motion and gravity gradient */
 static mat3 known_inertia(const Parameters *p, const Input *u)
 {
     const double *k = u->inertia_hat;
@@ -157,7 +157,7 @@ static mat3 known_inertia(const Parameters *p, const Input *u)
     return rows(vec(1, k[2], k[3]), vec(k[2], k[0], k[4]), vec(k[3], k[4], k[1]));
 }
 
-/* A.4.3: dw_T of the target as far as the software knows it, T axes */
+/* A.4.3: dw_T, angular acceleration of the target by the model of the software, T axes */
 static vec3 acceleration_of_target(const Parameters *p, const Input *u, mat3 C_TN, vec3 torque)
 {
     const Body *T = &u->T;
@@ -182,7 +182,7 @@ static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H
                     tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
-/* (10): L(t) and its derivatives, or their inputs with range_input */
+/* (10): L(t) and its derivatives; with range_input the inputs L_ref, dL_ref, ddL_ref */
 /* A.4-5 */
 static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {

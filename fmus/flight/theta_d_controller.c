@@ -41,7 +41,7 @@ typedef struct {
 } Expansion;
 typedef struct {
     Expansion position, attitude;
-    double rested; /* 1: the law was not active at the last sample */
+    double rested; /* 1: the last sample had active = 0 */
 } State;
 typedef struct { TrackingOutput common; } Output;
 MODEL_STRUCT;
@@ -114,7 +114,7 @@ static void check(const Parameters *p, Problems *problems)
     check_part(problems, "k_att", p->k_att);
 }
 
-/* ---- both systems are chains: dx1/dt = link x2, dx2/dt = input; blocks of three ---- */
+/* ---- position and attitude, each a chain of 3-vectors: dx1/dt = link x2, dx2/dt = input ---- */
 typedef struct { vec3 x1, x2; } Chain;
 
 static void set_block(mat6 *m, int row, int column, mat3 b)
@@ -179,8 +179,8 @@ static void expand_position(const Parameters *p, Expansion *x)
 
 static double sin_over(double x) { return fabs(x) < STRAIGHT ? 1 : sine(x) / x; }
 
-/* rows 4 to 6 of A: kinematics along the actual motion minus kinematics along the reference,
- * A x = f(x) - f(0) */
+/* rows 4 to 6 of A, with A x = f(x) - f(0): kinematic accelerations of the actual motion minus
+ * those of the reference */
 static mat6 kinematic_matrix(const TrackingError *e)
 {
     vec3 d = e->now.q.d, dr = e->ref.q.d;

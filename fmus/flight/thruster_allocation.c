@@ -4,22 +4,22 @@
  *           a_i = W [P R; (L - D_cm) x P R]
  *
  * The second term chooses among the many x that give the same wrench. With it the solution is
- * unique and continuous in the command, and thrusters never work against each other (both could be
- * reduced). The weight |a_i| makes it independent of the strength of a thruster. With eps = 1e-10
- * the wrench is wrong by about eps/sigma^2 < 1e-6 of its length, sigma the smallest singular value
- * of the columns a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS), at most 100
- * exchanges.
+ * unique and continuous in the command, and no thrusters work against each other, because less
+ * thrust of both would give the same wrench. The weight |a_i| makes the choice independent of the
+ * strength of a thruster. With eps = 1e-10 the wrench is wrong by about eps/sigma^2 < 1e-6 of its
+ * length; sigma: smallest singular value of the columns a_i/|a_i|. Active-set solver after Stark &
+ * Parker 1995 (BVLS), at most 100 exchanges.
  *
- * A command that is not attainable is scaled to s w with the largest attainable s. The attainable
- * wrenches are convex and contain 0, so the residual r = s w - A x of a wrench outside gives a
- * plane that separates it: s = r.(A x) / r.w is never too small, and the sequence ends on the facet
- * through which w leaves the attainable wrenches.
+ * A command that is not attainable is scaled to s w with the largest attainable s, from s = 1 on.
+ * The attainable wrenches are a convex set that contains 0. If s w is outside, the residual r = s w
+ * - A x is normal to a plane that separates s w from the set, and s becomes r.(A x) / r.w, which is
+ * never too small. The sequence ends on the facet through which w leaves the set.
  *
  * Pulses: once per period the on-time of each thruster is x_i times the period plus the remainder
  * of the period before, in whole samples; an on-time below min_on_time is added to the next period.
- * So the on-time lags the demand by less than min_on_time or one sample at any time. Thrusters that
- * are known to have failed are not used from lost_from on. Own design; the wrench of a thruster as
- * in docs/models.md B.6. */
+ * So at any time the on-time lags the demand by less than min_on_time or, if this is more, one
+ * sample. Thrusters that are known to have failed are not used from lost_from on. Own design; the
+ * wrench of a thruster as in docs/models.md B.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
@@ -100,7 +100,7 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "min_on_time", p->min_on_time, "must not be above pulse_period");
 }
 
-/* ---- columns: six weighted wrench components, then one row of damping per thruster ---- */
+/* ---- columns of A: six weighted wrench components, then one damping row per thruster ---- */
 typedef struct { double v[LENGTH]; } Column;
 typedef struct {
     Column a[THRUSTERS]; /* a[i]: row 6 + i is the only damping row that is not 0 */
@@ -165,9 +165,9 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* decomposition Q R of the columns of the free thrusters; who: numbers of these thrusters, n:
- * number of columns that are up to date. Column k of Q has one damping row for each of its first
- * k + 1 thrusters and is 0 below row 6 + k. */
+/* decomposition Q R of the columns of the free thrusters; who: number of the thruster of each
+ * column, n: number of columns that are valid. In Q the free thruster k has the damping row 6 + k,
+ * so that column k is 0 below this row. */
 typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
@@ -303,7 +303,7 @@ static void plan_pulse(double demand, double period, double shortest, double *on
 {
     double due = demand * period + *carry;
     *on =
-        smaller(floor_of(due + 1e-5), period); /* rounds up within the accuracy of the allocation */
+        smaller(floor_of(due + 1e-5), period); /* 1e-5 samples: error of the allocation */
     if (*on < shortest) *on = 0;
     *carry = larger(0, due - *on);
 }

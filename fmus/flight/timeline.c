@@ -1,9 +1,9 @@
 /* timeline.c - commands of ground and faults over time: go, retreat, resume and validity by a table
  * of times.
  *
- * At a call at t the row of the largest i with times[i] reached applies. Before times[1] all go are
- * 1 and no other command is given. Columns of a row: go_1, go_2, go_3, retreat, resume,
- * relative_valid. */
+ * The last row whose times[i] is reached is in force. Before times[1] the three go and
+ * relative_valid are 1, retreat and resume are 0. Columns of a row: go_1, go_2, go_3, retreat,
+ * resume, relative_valid. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 #include "time_grid.h"

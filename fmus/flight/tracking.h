@@ -1,14 +1,14 @@
 /* tracking.h - shared by the controllers in line-of-sight (LOS) coordinates: ports, errors,
  * limits, command.
  *
- * Position: x1 = (range, elevation, azimuth) minus its reference, x2 = dx1/dt. The law
- *   gives a generalised control u, and a_L = Sigma u, Sigma = diag(-1,-1,1), is the acceleration
- *   of the servicer in axes L: then every channel of
- *   dx2/dt = f + g u + d has a positive gain g = (1, 1/rho, 1/(rho cos eps)).
+ * Position: x1 = (range, elevation, azimuth) minus its reference, x2 = dx1/dt. The law gives a
+ * generalised control u, and a_L = Sigma u with Sigma = diag(-1,-1,1) is the acceleration of the
+ * servicer in axes L. With this Sigma every channel of dx2/dt = f + g u + d has a positive gain g =
+ * (1, 1/rho, 1/(rho cos eps)).
  * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, w = omega_SN_S - C_SD
- * omega_DN_D. Limits per LOS axis and per body axis apply here, the limits of the actuators after
- * them.
- * Equations: docs/models.md C.1, C.4. */
+ * omega_DN_D.
+ * The limits a_max per LOS axis and M_max per body axis apply here, before the limits of the
+ * actuators. Equations: docs/models.md C.1, C.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRACKING_H
 #define TRACKING_H
@@ -31,8 +31,8 @@ typedef struct {
         INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"), \
         REFERENCE_ROWS(INPUT_ROW, u, ref), OPTIONAL_SWITCH(active, ACTIVE_TEXT)
 
-/* start values: 300 m from the target, at rest on the reference, far from the poles of the LOS
- * angles for any choice of "up" */
+/* start values: 300 m from the target, at rest on the reference, and far from the poles of the LOS
+ * angles for every up_axis */
 #define TRACKING_START                                                                        \
     {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},                   \
      .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}, \
