@@ -45,7 +45,7 @@ static const Model start = {
         GAIN_ROW(member, Ki, i_unit, "integral gain" per), \
         GAIN_ROW(member, Kd, d_unit, "rate gain" per),     \
         GAIN_ROW(member, T_aw, "s",                        \
-                 "time in which the integral gives way to a limit; 0 = no anti-windup")
+                 "time constant with which a limit reduces the integral; 0 = no anti-windup")
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),

@@ -94,14 +94,14 @@ static const Model start = {
 #define CHANNEL_ROW(member, constant, unit, text)                                                \
     ROW_AS(PARAMETER_ROW, p, #member "." #constant, member.constant, 1, unit, #member ": " text, \
            POSITIVE_VALUE)
-#define CHANNEL_ROWS(member, unit, gain_unit)                                            \
-    CHANNEL_ROW(member, k, gain_unit,                                                    \
-                "gain; angles in rad; law 0: times the square of the unit of alpha_0"),  \
-        CHANNEL_ROW(member, eta, "1", "weight of the mapped state"),                     \
-        CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"), \
-        CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                        \
-        CHANNEL_ROW(member, alpha_inf, unit, "bound in the end"),                        \
-        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),               \
+#define CHANNEL_ROWS(member, unit, gain_unit)                                              \
+    CHANNEL_ROW(member, k, gain_unit,                                                      \
+                "gain, for angles in rad; law 0: in this unit times (unit of alpha_0)^2"), \
+        CHANNEL_ROW(member, eta, "1", "weight of the mapped state"),                       \
+        CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"),   \
+        CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                          \
+        CHANNEL_ROW(member, alpha_inf, unit, "bound in the end"),                          \
+        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                 \
         CHANNEL_ROW(member, delta, "1", "overshoot allowed, as part of the bound, in (0, 1]")
 
 #define TELEMETRY_ROWS(member, suffix, whose)                                                      \
@@ -124,9 +124,9 @@ static const Variable variables[] = {
              "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
     SWITCH(position, "1: control of the position; 0: no force, its channels are not evaluated"),
     PARAMETER(law, "1",
-              "gain law of the position: 0 = R Q s, 1 = R^-1 Q s, 2 = R Q s with gain scaled by "
-              "the bound"),
-    PARAMETER(law_att, "1", "gain law of the attitude; 1 has no proof there"),
+              "gain law of the position, r = ds/dz: 0 = gain times r, 1 = gain times 1/r, 2 = gain "
+              "times r, scaled by the square of the bound"),
+    PARAMETER(law_att, "1", "gain law of the attitude, as law; 1 has no proof there"),
     CHANNEL_ROWS(range, "m", "1/s2"),
     CHANNEL_ROWS(elevation, "rad", "m/s2"),
     CHANNEL_ROWS(azimuth, "rad", "m/s2"),

@@ -14,7 +14,7 @@
  *
  * or the margin of the burn where this is less: min(|rho|, r . rho/|rho|) - e_r |rho|_1/|rho| -
  * R_k; the path of the burn lies in the triangle rho, r, r + v T_b/2. R_k: escape_radius. h_j is
- * the largest displacement towards the target by errors within the bounds e_r, e_v, k_p, k_n; s_j
+ * the largest displacement towards the target by errors within e_r, e_v, k_p, k_n, e_model; s_j
  * the largest distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the
  * directions between n_j and n_j+1. Equations of Clohessy and Wiltshire, n = sqrt(mu/a^3): no proof
  * on an orbit with e > 0.01. docs/models.md G.10, G.11 */

@@ -6,8 +6,8 @@
  *
  * Phase 1 or 2 ends when the distance along the approach axis, axis_H . rho_H, is no more than its
  * switch_distance (0: the phase does not end). At most one phase ends per sample, and none begins
- * again. The gains include their sign: a stable feedback has negative gains. Attitude: M = -K_att q_vec -
- * P_att w about the reference. Per axis the force is limited to F_max of the servicer, the torque
+ * again. The gains include their sign: a stable feedback has negative gains. Attitude: M = -K_att
+ * q_vec - P_att w about the reference. Per servicer axis the force is limited to F_max, the torque
  * to M_max.
  *
  * Sampled: force and torque are held in servicer axes. Source of the phases: the rendezvous

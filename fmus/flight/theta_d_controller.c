@@ -179,8 +179,8 @@ static void expand_position(const Parameters *p, Expansion *x)
 
 static double sin_over(double x) { return fabs(x) < STRAIGHT ? 1 : sine(x) / x; }
 
-/* rows 4 to 6 of A, with A x = f(x) - f(0): kinematic accelerations of the actual motion minus
- * those of the reference */
+/* rows 4 to 6 of A, with A x = f(x) - f(0): kinematics of the actual motion minus kinematics of the
+ * reference */
 static mat6 kinematic_matrix(const TrackingError *e)
 {
     vec3 d = e->now.q.d, dr = e->ref.q.d;

@@ -302,8 +302,7 @@ static void publish_wrench(const Parameters *p, const Input *u, Output *y)
 static void plan_pulse(double demand, double period, double shortest, double *on, double *carry)
 {
     double due = demand * period + *carry;
-    *on =
-        smaller(floor_of(due + 1e-5), period); /* 1e-5 samples: error of the allocation */
+    *on = smaller(floor_of(due + 1e-5), period); /* 1e-5 samples: error of the allocation */
     if (*on < shortest) *on = 0;
     *carry = larger(0, due - *on);
 }

@@ -5,8 +5,8 @@
  * generalised control u, and a_L = Sigma u with Sigma = diag(-1,-1,1) is the acceleration of the
  * servicer in axes L. With this Sigma every channel of dx2/dt = f + g u + d has a positive gain g =
  * (1, 1/rho, 1/(rho cos eps)).
- * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, w = omega_SN_S - C_SD
- * omega_DN_D.
+ * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, and the rate error w =
+ * omega_SN_S - C_SD omega_DN_D.
  * The limits a_max per LOS axis and M_max per body axis apply here, before the limits of the
  * actuators. Equations: docs/models.md C.1, C.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */

@@ -10,10 +10,11 @@
  *   h = C_DN H_N - (J_A omega + h_m),   H_N = H_N(t_k) + integral(C_ND tau) from node t_k,
  *   dh = (h(t+T) - h(t))/T,
  *
- * the integral by two-point Gauss quadrature on a sixteenth of the grid, so that a controller with
- * the same model meets h to 1e-6 of saturation. Outside the window the reference is the flight
- * attitude and h is held. If no history satisfies the limits, the reference is the flight attitude,
- * with a status and an alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
+ * the integral by two-point Gauss quadrature with 16 steps per node interval, so that a controller
+ * with the same model follows h within 1e-6 of the saturation momentum. Outside the window the
+ * reference is the flight attitude and h is constant.
+ * If no history satisfies the limits, the reference is the flight attitude, with a status and an
+ * alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
@@ -29,7 +30,7 @@ typedef struct {
 typedef struct { double none; } Input;
 typedef struct {
     History history;
-    vec3 H_N[MAX_NODES + 1], h_end; /* total momentum at the nodes; h_cmg after the window */
+    vec3 H_N[MAX_NODES + 1], h_end; /* total momentum at the nodes; h after the window */
 } State;
 typedef struct {
     AttitudeReference ref;
@@ -43,7 +44,7 @@ static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
           .swing = SWING_START,
           .window = 5400,
-          .nodes = 24, /* few nodes plan in milliseconds; systems set 90 */
+          .nodes = 24, /* so few that planning takes milliseconds; systems set 90 */
           .H_sat = 1500,
           .momentum_share = 0.9,
           .rotation_max = 7 * PI / 36,
@@ -175,8 +176,8 @@ static vec3 predicted_momentum(const Parameters *p, const State *x, double t)
     return momentum_D(p, x, H_N, t);
 }
 
-/* sets H_N at the nodes and the gyro momentum after the window; returns the largest gyro
- * momentum on the grid */
+/* sets H_N at the nodes and the gyro momentum after the window; returns the largest gyro momentum
+ * at the quarters of the node intervals */
 static double set_node_momenta(const Parameters *p, State *x)
 {
     const History *y = &x->history;

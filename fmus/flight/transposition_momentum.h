@@ -1,11 +1,12 @@
 /* transposition_momentum.h - momentum of the gyros along an attitude history, and its derivatives
- * by the nodes. By the balance about N, trapezoidal rule on a quarter of the grid:
+ * by the nodes. From the balance of momentum in N, by the trapezoidal rule with four steps per node
+ * interval:
  *
  *   H_N(t) = H_N(0) + integral(C_NS tau),   h_cmg = C_SN H_N - (J_A omega_0 + h_m)
  *
- * J = dh/deps by the chain rule: central differences of dh/deps, dh/deps' and d(C_NS tau)/deps at
- * one instant, times the linear map from the nodes to spline and slope. Source: docs/models.md
- * E.4. */
+ * J: derivative of h by the eps of the nodes, by the chain rule: central differences give the
+ * derivatives of h by eps and eps' and of C_NS tau by eps at one instant; these are multiplied by
+ * the linear maps from the nodes to eps and eps' of the spline. Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_MOMENTUM_H
 #define TRANSPOSITION_MOMENTUM_H
@@ -154,7 +155,7 @@ static inline double weight_of(const Task *task, vec3 h, double largest) /* (|h|
     return weight;
 }
 
-/* normal += row^T row for one row of J, lower triangle; step += row h */
+/* for one row of J: normal += weight row^T row, lower triangle only; step += weight row h */
 static inline void add_row(Workspace *w, int unknowns, const double *row, double weight, double h)
 {
     for (int i = 0; i < unknowns; i++) {

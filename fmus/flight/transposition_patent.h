@@ -54,7 +54,7 @@ static inline mat3 patent_rate_by(const Task *task, const Configuration *c, doub
     return columns_of(up, down, difference);
 }
 
-/* dh_{k+1} = (1 - dt [omega]x) dh_k + dt dh'/de_i de_i */
+/* dh_{k+1} = (1 - dt [omega]x) dh_k + dt sum_i dh'/de_i de_i, i: the three nodes of a step */
 static inline void patent_jacobian(const Task *task, const History *y, Workspace *w)
 {
     vec3 e[3];
@@ -68,7 +68,7 @@ static inline void patent_jacobian(const Task *task, const History *y, Workspace
         mat3 turn = minus(diagonal(1, 1, 1), scaled(y->dt, spin));
         for (int j = 0; j < unknown_nodes; j++) w->sum[j] = matmul(turn, w->sum[j]);
         for (int i = 0; i < 3; i++) {
-            int j = k + i - 2; /* node k + i - 1 has the unknown of index j */
+            int j = k + i - 2; /* index of the unknown at node k + i - 1 */
             if (j < 0 || j >= unknown_nodes) continue;
             mat3 by = patent_rate_by(task, c, y->dt, i, e, w->h[FINE * k]);
             w->sum[j] = plus(w->sum[j], scaled(y->dt, by));

@@ -1,8 +1,9 @@
 /* transposition_plan.h - attitude history of an assembly along which the momentum of its gyros
  * stays below a limit.
  *
- * Unknown: eps at the nodes 1 .. N-2 of an equidistant grid; eps_0 = eps_{N-1} = eps_N = 0. Until
- * max |h| is below the limit, on a quarter of that grid:
+ * Unknown: eps at the nodes 1 .. N-2 of an equidistant grid; eps_0 = eps_{N-1} = eps_N = 0. The
+ * iteration ends when max |h| is below the limit, for the spline also at the quarters of the
+ * intervals:
  *
  *   eps <- eps - alpha (J^T W J + lambda S)^-1 J^T W h,   J = dh/deps,
  *   S = D2^T D2 (x) 1_3/dt^4,   D2: second difference
@@ -35,7 +36,8 @@ static inline double largest_momentum(const Task *task, const History *y, const 
     return largest;
 }
 
-/* adds strength D2^T D2, a band matrix: diagonal 5 or 6, then -4, then 1 */
+/* adds strength times D2^T D2, a band matrix with 6 on the diagonal (5 at the first and the last
+ * node), -4 and 1 beside it */
 static inline void add_smoothing(Workspace *w, int nodes, double strength)
 {
     for (int j = 0; j < nodes; j++)

@@ -5,8 +5,8 @@
  *   M = -k A_w (Omega - ref), each axis at most `most`
  *
  * M is a torque of thrusters. The wheels produce the opposite torque, A_w dOmega = M, so that no
- * torque acts on the body: (Omega - ref) decreases with exp(-k t), and no faster than with
- * `most`. */
+ * torque acts on the body: (Omega - ref) decreases with exp(-k t), or more slowly where an axis is
+ * limited to `most`. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef UNLOADING_H
 #define UNLOADING_H
@@ -25,7 +25,7 @@ static inline void check_unloading(const Unloading *p, Problems *problems)
     if (p->off > p->on) reject(problems, "unload_off", p->off, "must not be above unload_on");
 }
 
-/* true if the wheels are to be unloaded now; before: result of the sample before */
+/* 1 if the wheels are to be unloaded now, else 0; before: result of the previous sample */
 static inline double unloading_is_on(const Unloading *p, vec3 wheel_speed, double before)
 {
     double full = largest_size(sub(wheel_speed, p->ref)) / p->speed_max;

@@ -10,12 +10,12 @@
  *
  * S is the base body, r_SN_N its centre of mass: sensors, thrusters and wheels are fixed to it. C
  * is the centre of mass of base and arm, c = r_CS_S, x_k = c_k - c, a = C_SN r_C/|r_C|. f: gravity
- * with J2, a_dist and the unphysical option of `servicer`, at C. f accelerates all bodies alike and
- * excites no joint; the gravity gradient does. A locked joint is removed from the system of
- * equations; a joint that moves when it is locked stops at once, and its momentum is transferred to
- * base and free joints. Before t_att the base does not turn, while the joints move. With joints = 0
- * the model equals `servicer`. Equations: docs/models.md K.1, K.2. Classical Runge-Kutta on the
- * grid k * max_step. */
+ * with J2 at C, a_dist and, with an unphysical option as in `servicer`, (C_SN^T w) x v_C. f
+ * accelerates all bodies alike and excites no joint; the gravity gradient does. A locked joint is
+ * removed from the system of equations; a joint that moves when it is locked stops at once, and its
+ * momentum is transferred to base and free joints. Before t_att the base does not turn, while the
+ * joints move. With joints = 0 the model equals `servicer`. Equations: docs/models.md K.1, K.2.
+ * Classical Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_dynamics.h"
 #include "arm_rows.h"
@@ -42,7 +42,7 @@ typedef struct {
     Tree tree;
     Composite base;
     mat3 C_SN;
-    Speeds u; /* v = 0: motion relative to S */
+    Speeds u; /* motion relative to S, so that u.v = 0 */
     Wrench momentum;
     vec3 c;   /* centre of mass of base and arm, from S, base axes */
     PosVel C; /* motion of the centre of mass, N axes */
@@ -50,7 +50,7 @@ typedef struct {
 } Vehicle;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* of the motion `now`; the next step starts from it */
+    Vehicle vehicle; /* evaluated for the motion `now`; the next step starts with it */
 } State;
 typedef struct {
     BaseOutput base;
@@ -112,7 +112,7 @@ typedef struct {
     const Chain *arm;
     const Vehicle *begin;
     const Tree *rigid; /* the arm as part of the base if all joints are locked, else NULL */
-    Composite base;    /* mass set to 0: the base body has its mass at S */
+    Composite base;    /* with mass 0: set_vehicle() adds the present mass, at S */
     Wrench tip;        /* load on the end effector, axes of the last link */
     DegreesOfFreedom moving;
     vec3 wheel_accel, wheel_torque; /* A_w dOmega */
@@ -159,7 +159,8 @@ static void place_links_of_arm(Tree *t, Links *k, const Chain *arm, const Motion
     set_link_inertias(k, arm);
 }
 
-/* sets `now` for the motion x; now->tree and k must already contain the positions of the links */
+/* sets `now` for the motion x; now->tree and the links k must already contain the positions of the
+ * links; turns: 0 before t_att, when the base does not turn */
 static void set_vehicle(Vehicle *now, const Links *k, const Parameters *p, const Composite *base,
                         int turns, const Motion *x)
 {
@@ -290,7 +291,7 @@ static void publish_tip(const Parameters *p, const State *x, Output *y)
 }
 
 /* sets the outputs of angular momentum and energy about C: h = L_S - c x p, T = u.H u/2 - m
- * v_c^2/2 */
+ * v_c^2/2, from the momenta p, L_S about S and the velocity v_c = p/m of C relative to S */
 static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
 {
     int joints = (int)now->tree.joints;
@@ -349,7 +350,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     publish(&c, x, y, t);
 }
 
-/* if all joints are locked, makes the arm a part of the base for this step */
+/* makes the arm a part of the base for this step, in which all joints are locked */
 static void merge_arm_with_base(Context *c, Tree *rigid)
 {
     const Tree *arm = &c->begin->tree;

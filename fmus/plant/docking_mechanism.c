@@ -8,15 +8,16 @@
  *   I = integral F_N,  A_S = integral d_S x F_N + M_N,  A_T = -integral d_T x F_N + M_N
  *   F = I/h,   M_S = A_S/h - g/2,   M_T = A_T/h - g/2,   g = (A_S + A_T)/h + m x F
  *
- * The force of a spring of frequency omega that is held constant over a step multiplies the energy
- * by 1 + theta^2/2, theta = omega h. The mechanism therefore integrates both bodies over the step
- * under its own load only (gravity, thrust and wheels move them by less than 1e-6 m), and its
- * outputs are the mean wrench, with a factor of 1 - theta^4/24. Force and reaction act at one
- * point, the tip. g shifts the mean forces to one line of action, so that the total momentum is
- * conserved. Phases change at samples: once per call, at its start, before the step. This is the
- * only plant for which two steps of h differ from one of 2 h. latency = 1: outputs are for the step
- * after the next communication point, for masters that transfer them one step late (Jacobi).
- * Equations: docs/models.md I. Sources: Hunt & Crossley 1975 (contact). */
+ * If the force of a spring of frequency omega were held at its value from the start of a step of
+ * length h, the energy would grow by a factor of 1 + theta^2/2, theta = omega h. The mechanism
+ * therefore integrates both bodies over the step under its own load only (gravity, thrust and
+ * wheels move them by less than 1e-6 m), and its outputs are the mean wrench of the step, with
+ * which the factor is 1 - theta^4/24. Force and reaction act at one point, the tip. g shifts the
+ * mean forces to one line of action, so that the total momentum is conserved. A phase can change
+ * only once per call, at its start, before the step. This is the only plant for which two steps of
+ * h differ from one of 2 h. latency = 1: outputs are for the step after the next communication
+ * point, for masters that transfer them one step late (Jacobi). Equations: docs/models.md I.
+ * Sources: Hunt & Crossley 1975 (contact). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "docking_events.h"
@@ -150,7 +151,7 @@ static TwoBodies relative_motion(const Input *u)
 typedef struct {
     TwoBodies body;
     vec3 I, couple; /* integrals over the step of F_N and of the couple M_N */
-    vec3_pair A;    /* integrals over the step of the torque on S and on T */
+    vec3_pair A;    /* integrals over the step of the torques on S and on T, N axes */
     double dissipated, drive;
 } Motion;
 typedef struct {
@@ -205,8 +206,8 @@ static void record_contact(const Context *c, State *x, const TwoBodies *b, doubl
     if (load.too_deep) x->missed = 1;
 }
 
-/* mean wrench of the step, with force and reaction on one line of action; `mean` is the mean of
- * r_S - r_T under a constant F */
+/* mean wrench of the step from b to `end`, with force and reaction on one line of action; `mean`:
+ * mean of r_S - r_T over the step under a constant F */
 static Wrench balanced_wrench(const TwoMasses *m, const TwoBodies *b, const Motion *end, double h)
 {
     Wrench w = {.F = scale(1 / h, end->I)};
@@ -320,7 +321,7 @@ static int is_far(const Parameters *p, const State *x, const PortState *s, doubl
     return idle && (norm(s->e) > 1 + path || outside > 0.1 + path);
 }
 
-/* length of a step: h, or a whole number of internal steps if h equals that within the
+/* length of a step: h, or the whole number of internal steps from which h differs only within the
  * tolerance, because masters accumulate rounding errors in time */
 static double exact_step(double h, double max_step)
 {

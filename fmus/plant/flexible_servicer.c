@@ -6,12 +6,13 @@
  *   dv/dt = f + C_SN^T A,   domega/dt = alpha,   q_k'' = g_k - (p_k.A + l_k.alpha)/M_k
  *
  * Up to four panels, each hinged to the hub with spring and damper, and up to four masses that
- * slosh along a line; moving_parts.h defines M, p, l, g of a coordinate. S is the point of the hub
- * where the centre of mass C of the undeformed vehicle lies: a force through S turns a deformed
- * vehicle. f: gravity and disturbance at C, the same for all parts; the gravity gradient acts on
- * every part. Before t_att the attitude of the hub is held, while the coordinates move. Without
- * panels and slosh the model equals `servicer`. Classical Runge-Kutta on the grid k * max_step/n, n
- * of (12) of docs/models.md L. */
+ * slosh along a line. Each of these parts k has a coordinate q_k. m, s, I: mass, first moment and
+ * inertia about S; (5), (6) of docs/models.md L.2 give N_F, N_M and the M, p, l, g of each
+ * coordinate. S is the point of the hub where the centre of mass C of the undeformed vehicle lies:
+ * a force through S turns a deformed vehicle. f: gravity and disturbance at C, the same for all
+ * parts; the gravity gradient acts on every part. Before t_att the attitude of the hub is held,
+ * while the coordinates move. Without panels and slosh the model equals `servicer`. Classical
+ * Runge-Kutta on the grid k * max_step/n, n of (12) of docs/models.md L. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "flexible_rules.h"
 #include "rk4.h"
@@ -25,7 +26,7 @@ typedef struct {
 } Motion;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* constants of hub and parts; like `substeps` from parameters only */
+    Vehicle vehicle; /* constants of hub and parts; depend on parameters only, as `substeps` */
     double substeps; /* n of (12) */
 } State;
 typedef struct {

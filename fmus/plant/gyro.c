@@ -4,8 +4,9 @@
  *   b+  = b + sigma_u sqrt(P) z_3..5
  *   m   = (I + M) phi + P (b + b+)/2 + sqrt(sigma_v^2 P + sigma_u^2 P^3/12) z_0..2
  *
- * With a quantum, the rounding residue is added to the next increment. The first sample records the
- * attitude only. Source: Farrenkopf 1978; equations: docs/models.md F.2. */
+ * P: period, b: bias, M: misalignment, z: standard normal draws of the sample. With a quantum, the
+ * rounding residue is added to the next increment. The first sample only records the attitude and
+ * gives no increment. Source: Farrenkopf 1978; equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 #include "small_rotation.h"

@@ -2,7 +2,8 @@
  *
  *   r_fix = r + sigma_fix_r z_0..2,   v_fix = v + sigma_fix_v z_3..5
  *
- * There is no fix during an outage or a drop-out (u_6 < p_drop). Equations: docs/models.md F.2. */
+ * z: standard normal draws. There is no fix during an outage or a drop-out (u_6 < p_drop, with the
+ * uniform draw u_6). Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 

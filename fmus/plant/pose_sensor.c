@@ -4,10 +4,10 @@
  *   r = C_KN ((r_T - r_S) + C_TN^T p_GT_T) - C_KS p_KS_S,     q = (q_SN q_KS)* q_TN
  *   r_GK_K = r + sigma_r(|r|) (o) z_0..2,                     q_TK = q rot(sigma_t(|r|) z_3..5)
  *
- * G is the origin of the model of the target that the camera tracks. Outliers, flips (half a turn
- * about flip_axis, for a target with this symmetry) and a fault (drift of the position, rotation of
- * the attitude) are added; pose_valid does not show them. A sample is published after `latency`,
- * from a ring buffer of the last 8. Equations: docs/models.md F.2. */
+ * z: standard normal draws. G is the origin of the model of the target that the camera tracks.
+ * Outliers, flips (half a turn about flip_axis, for a target with this symmetry) and a fault (drift
+ * of the position, rotation of the attitude) are added; pose_valid does not show them. A sample is
+ * published after `latency`, from a ring buffer of the last 8. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "pose_noise.h"
