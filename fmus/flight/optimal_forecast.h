@@ -15,7 +15,7 @@
 #include "time_grid.h"
 
 enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples a second; most seconds a first plan takes */
-#define LONGEST_DURATION 1200.0 /* s, of a goal: its nodes are 20 s, four steps of the tumble */
+#define LONGEST_DURATION 1200.0 /* s: nodes of 20 s, which four steps of 5 s (tumble_step) cover */
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
 enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
@@ -47,7 +47,7 @@ typedef struct {
     vec3 u[NODES];
 } Plan; /* u: accelerations [m/s2] */
 typedef struct {
-    vec3 d_hat, rho, v, F_sum; /* estimate; state at the start of this second, forces since: sum */
+    vec3 d_hat, rho, v, F_sum; /* estimate; state at the start of this second, sum of F since */
     double known;              /* 1: rho, v and F_sum are set */
 } Disturbance;
 typedef struct {

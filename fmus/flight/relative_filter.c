@@ -36,7 +36,7 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, index, anchor_index, late; /* index: last sample; late: poses not used */
+    double started, index, anchor_index, late; /* index: of the last sample; late: poses not used */
     Track pose;
     Servicer ring[HISTORY];
 } State;

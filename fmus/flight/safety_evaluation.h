@@ -50,8 +50,7 @@ typedef struct {
     Arc arc[2]; /* arcs in Hill axes and in target axes */
 } Interval;
 
-/* true if a rule is evaluated on the arc in these axes; an arc that no rule needs is not computed
- * */
+/* true if a rule is evaluated on the arc in these axes; arcs that no rule needs are not computed */
 static inline int is_needed(const SafetyParameters *p, double axes)
 {
     return (p->keep_out_shape != NO_ZONE && p->keep_out_axes == axes) ||

@@ -49,7 +49,7 @@ typedef struct {
     vec3 dv_N;
     RangeCheck range;
     Known known;
-    double looked_ahead, t_escape; /* 1: rule escape was evaluated; time of this */
+    double looked_ahead, t_escape; /* 1: rule escape was evaluated; time of the evaluation */
 } State;
 typedef struct {
     double margin[RULES], least_margin[RULES], nearest, passive_entry, passive_age;

@@ -12,9 +12,9 @@
  *
  * the integral by two-point Gauss quadrature with 16 steps per node interval, so that a controller
  * with the same model follows h within 1e-6 of the saturation momentum. Outside the window the
- * reference is the flight attitude and h is constant.
- * If no history satisfies the limits, the reference is the flight attitude, with a status and an
- * alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
+ * reference is the flight attitude and h is constant. If no history satisfies the limits, the
+ * reference is the flight attitude, with a status and an alarm. Source: patent CN106020225A,
+ * corrected (docs/models.md E). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"

@@ -8,16 +8,16 @@
  *   I = integral F_N,  A_S = integral d_S x F_N + M_N,  A_T = -integral d_T x F_N + M_N
  *   F = I/h,   M_S = A_S/h - g/2,   M_T = A_T/h - g/2,   g = (A_S + A_T)/h + m x F
  *
- * If the force of a spring of frequency omega were held at its value from the start of a step of
- * length h, the energy would grow by a factor of 1 + theta^2/2, theta = omega h. The mechanism
- * therefore integrates both bodies over the step under its own load only (gravity, thrust and
- * wheels move them by less than 1e-6 m), and its outputs are the mean wrench of the step, with
- * which the factor is 1 - theta^4/24. Force and reaction act at one point, the tip. g shifts the
- * mean forces to one line of action, so that the total momentum is conserved. A phase can change
- * only once per call, at its start, before the step. This is the only plant for which two steps of
- * h differ from one of 2 h. latency = 1: outputs are for the step after the next communication
- * point, for masters that transfer them one step late (Jacobi). Equations: docs/models.md I.
- * Sources: Hunt & Crossley 1975 (contact). */
+ * The force of a spring of frequency omega, held over a step at its value from the start of the
+ * step, would multiply the energy by 1 + theta^2/2, theta = omega h. The mechanism therefore
+ * integrates both bodies over the step under its own load only (gravity, thrust and wheels move
+ * them by less than 1e-6 m), and its outputs are the mean wrench of the step: the factor is then 1
+ * - theta^4/24. Force and reaction act at one point, the tip. g shifts the mean forces to one line
+ * of action, so that the total momentum is conserved. The phase can change once per call, at its
+ * start, before the step. This is the only plant for which two steps of h differ from one of 2 h.
+ * latency = 1: outputs are for the step after the next communication point, for masters that
+ * transfer them one step late (Jacobi). Equations: docs/models.md I. Sources: Hunt & Crossley 1975
+ * (contact). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "docking_events.h"
