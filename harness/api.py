@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Public functions that need several packages, and the methods plot, save and report of Result."""
+"""Public functions that need several packages of the harness, and the methods plot, save and report
+of Result.
+"""
 
 from __future__ import annotations
 
@@ -96,17 +98,18 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     progress: Callable[[int], None] | None = None,
     executor: str = "c",
 ) -> Comparison:
-    """Run every combination of the given values in parallel, and compute the metrics of all runs.
+    """Run every combination of the given values in parallel; return a Comparison with the results
+    and metrics of all runs.
 
     folder: for the results and the table comparison.csv; params: parameter sets or files; swap:
     FMUs by component; latency: macro steps by component; vary: values by `component.parameter`;
-    algorithm: names; set, map, on, step, stop, require, open: as for run(), the same for all;
+    algorithm: names; set, map, on, step, stop, require, open: as for run(), the same in all runs;
     every: record every N-th macro step (default: at most 20 000 rows); patience: limit for one call
     into a third-party FMU [s]; progress: called with the number of completed runs; executor: `c`,
     `python` or `fused`, as for run().
 
-    Raises UsageError, the exceptions of run() before its first step, and ResultsError. A run that
-    fails later ends early and is listed in Comparison.failures; the other runs continue.
+    Raises UsageError, the exceptions that run() raises before the first step, and ResultsError. A
+    run that fails later ends early and is listed in Comparison.failures; the other runs continue.
     """
     from harness.studies import compare as comparison
     from harness.studies.variants import combinations
@@ -135,21 +138,23 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
     open: components that the agent replaces (default: chosen by the mission); observe: variables
     that the agent reads (default: the inputs of these components); act: outputs of these components
     that the agent sets (default: the connected outputs); bounds: limits of these outputs by name, x
-    for -x to x, or (least, largest) (default: the limits of the actuators in the parameter set for
-    comparisons); every: macro steps per action (default: as the replaced components step); scale:
-    divisors of the observations by name; if it is given, actions are scaled to -1 to 1.
+    for -x to x, or (least, largest) (default: the limits of the actuators in the parameter set that
+    the system defines for comparisons); every: macro steps per action (default: defined by the
+    mission, else the period of the replaced components); scale: divisors of the observations by
+    name; if it is given, actions are scaled to -1 to 1.
 
     The reward of a step is the value of the expression `reward` at the end of the step, minus the
-    increase of the expression `cost` (default for approaches: delta-v [m/s]), minus the violations
-    of requirements times `weights` (a number, or numbers by name; default 1). An episode ends if an
-    FMU fails, a requirement is violated or a condition of the mission holds. ends: names of the
-    requirements and conditions that end an episode, instead of all requirements; shield: safety
-    component of the system, such as `monitor`, whose abort ends the episode, or `filter`, which
-    changes the force that the agent commands.
+    increase of the expression `cost` (default: defined by the mission, such as delta-v [m/s] for an
+    approach), minus the violations of requirements times `weights` (a number, or numbers by name;
+    default 1). An episode ends if an FMU fails, a requirement is violated or a condition of the
+    mission holds. ends: requirements and conditions that end an episode, in place of all
+    requirements; shield: safety component of the system, such as `monitor`, whose abort ends the
+    episode, or `filter`, which changes the force that the agent commands.
 
     factors: campaign file; episode k starts with the factors of its run k; record: macro steps per
-    recorded row (default: 1); further arguments: changes as for run(). Third-party FMUs run in a
-    child process. Raises UsageError, and the errors of run() before its first step.
+    recorded row (default: `every`, one row per action); further arguments: changes as for run().
+    Third-party FMUs run in a child process. Raises UsageError, and the errors that run() raises
+    before the first step.
     """
     library("gymnasium", "learn")
     from harness.learning import apart
@@ -203,7 +208,7 @@ def write_page(
     folder = None if isinstance(source, Result) else Path(source)
     live = live or lesson is not None
     with catch_warnings():
-        simplefilter("ignore", RuntimeWarning)  # numpy warns of values that are not finite
+        simplefilter("ignore", RuntimeWarning)  # numpy warns of NaN and infinity, which are allowed
         if live or folder is None or not folder.is_dir():
             taught = None if lesson is None else live_page.read_lesson(Path(lesson))
             result = source if isinstance(source, Result) else read(source)

@@ -9,11 +9,13 @@
  *   wrench    F = sum P R,   M = sum (L - D_cm) x (P R),   mdot = sum P / (Isp g_0)
  *   impulse   integral of P: each call adds P T0
  *
- * The calls are at k T0 for any communication step: a call reads the inputs of the step that
- * contains it. Between calls the thrust is constant, so with a communication step above T0 the
- * published wrench is the wrench of the last call.
- * Source: Kozlova & Fomichev 2023; fall constant, moment, delay counter corrected, docs/models.md
- * B.8. */
+ * P: thrust of a thruster, P_nom: nominal thrust, L, R: position and direction, D_cm: centre of
+ * mass. k is T0/T2, or with exact_lag the second formula. A fault changes `delayed` in the lag.
+ * A call is the evaluation of the unit at a multiple of T0, for any communication step; a call
+ * reads the inputs of the step that contains it. Between calls the thrust is constant, so with a
+ * communication step above T0 the published wrench is the wrench of the last call.
+ * Source: Kozlova & Fomichev 2023, in which the fall constant, the moment and the delay counter
+ * are corrected (docs/models.md B.8). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
@@ -85,8 +87,8 @@ static void check(const Parameters *p, Problems *problems)
     }
 }
 
-/* B.6: updates the delayed command. The counter counts calls while command and delayed command
- * differ (with latch: always). */
+/* updates the delayed command (docs/models.md B.6). The counter counts calls while command and
+ * delayed command differ (with latch: always). */
 static void apply_delay(const Parameters *p, Engine *e)
 {
     int no_change = e->command == e->delayed && !p->latch,
@@ -111,7 +113,7 @@ static double lag_factor(const Parameters *p, double T2)
     return T2 >= p->T0 ? p->T0 / T2 : 1;
 }
 
-/* call of thruster i at time t: updates delay, lag and impulse */
+/* evaluates thruster i at time t: updates delay, lag and impulse */
 static void call_thruster(const Parameters *p, Engine *e, int i, double throttle, double t)
 {
     double before = e->command;
@@ -150,7 +152,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     Sample s = first_sample(t, h, p->T0);
-    if (s.left <= 0) return; /* no call in this step: the outputs remain */
+    if (s.left <= 0) return; /* no call in this step: the outputs do not change */
     for (; s.left > 0; s = next_sample(s))
         for (int i = 0; i < THRUSTERS; i++) call_thruster(p, &x->engine[i], i, u->throttle[i], s.t);
     publish(p, x, y);

@@ -2,9 +2,10 @@
  *
  *   R = |r_SN - r_TN|,   range_meas = R + b + (sigma_range_0 + sigma_range_1 R) z_0
  *
- * The bias b = bias_0 + sigma_bias_0 z_0 is drawn once per run. There is no measurement outside
- * range_min to range_max, during an outage or a drop-out (u_6 < p_drop). A sample is published
- * after `latency`. Equations: docs/models.md F.2. */
+ * z: standard normal draws, u: uniform draws in (0, 1), new for each sample. The bias is b = bias_0
+ * + sigma_bias_0 z_0, whose z_0 is drawn once per run. There is no measurement outside range_min to
+ * range_max, during an outage or a drop-out (u_6 < p_drop). A sample is published after `latency`.
+ * Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 

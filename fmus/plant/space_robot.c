@@ -7,12 +7,14 @@
  *   Q_gg = sum_k Jw_k^T M_k + Jv_k^T f_k,   M_k = 3 g a x I_k a,
  *           f_k = g m_k (3 a (a.rho_k) - rho_k),   g = mu/r^3
  *
+ * omega_0: angular velocity of the base; dq: joint rates; Jw_k, Jv_k: derivatives of the angular
+ * velocity and the velocity of body k by u; alpha'_k, a'_k: its accelerations for du/dt = 0;
  * rho_k: centre of mass of body k from the centre of mass of the robot; a: unit vector from the
  * planet; all in base axes. Both joint axes are parallel to the z axis of the base, joint 1 lies on
  * its x axis. Locked joints do not move; the momentum of a joint that is locked while it moves is
  * transferred to the robot as one body. The centre of mass follows a Kepler orbit that the attitude
- * does not influence. Source: Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical
- * Runge-Kutta on the grid k * max_step. */
+ * does not influence. Source: Guo, Li, Fan, Meng 2014, with the corrections of docs/models.md D.6.
+ * Classical Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "orbit_rows.h"
 #include "portable_math.h"
@@ -32,7 +34,7 @@ typedef struct {
     double joint_torque[JOINTS], joint_lock;
 } Input;
 typedef struct {
-    vec3 r, v; /* of the centre of mass, N axes */
+    vec3 r, v; /* of the centre of mass of the robot, N axes */
     quat q;
     vec3 omega;
     double joint_angle[JOINTS], joint_rate[JOINTS], nu, pitch;
@@ -236,7 +238,7 @@ static mat3 dcm_of_euler(const double angles[3])
     return matmul(Ry, matmul(Rz, Rx));
 }
 
-#define UPRIGHT 1e-9 /* least divisor cos(theta) */
+#define UPRIGHT 1e-9 /* smallest cos(theta) by which the rates are divided */
 
 /* angles of a rotation matrix C_b,or: theta = asin(-C10), vartheta = atan2(C12, C11),
  * psi = atan2(C20, C00); and their rates. w: angular velocity relative to the orbital frame,
@@ -260,7 +262,7 @@ static vec3 rate_of_euler(const double angles[3], const double rates[3]) /* T_Y 
                y.s * z.c * rates[0] + y.c * rates[2]);
 }
 
-/* the angle with the full turns added that bring it nearest to the earlier angle */
+/* returns the angle plus the number of full turns that brings it nearest to the earlier angle */
 static double unwrapped(double earlier, double angle)
 {
     return angle + 2 * PI * nearest_whole((earlier - angle) / (2 * PI));

@@ -2,9 +2,11 @@
  *
  *   q_AN = q_SN q_AS rot(sigma_A (o) z_0..2)
  *
- * There is no measurement while the servicer turns faster than rate_max, with the Sun within
- * sun_cone of the boresight (+X of A), during an outage or a drop-out (u_3 < p_drop). The exposure
- * takes no time. Equations: docs/models.md F.2. */
+ * A: axes of the star tracker; z: standard normal draws, (o): product element by element. There is
+ * no measurement while the servicer turns faster than rate_max, with the Sun within sun_cone of the
+ * boresight (+X of A), during an outage or a drop-out (u_3 < p_drop, u_3: uniform draw in (0, 1)).
+ * The measured attitude is the attitude at one instant: the exposure takes no time. Equations:
+ * docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "sensor.h"

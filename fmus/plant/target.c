@@ -5,8 +5,9 @@
  *   dsigma/dt = 1/4 G(sigma) omega
  *   J_T domega/dt = -omega x (J_T omega) + M_gg + M_dist + M_T,    M_gg = 3 mu/r^3 rb x (J_T rb)
  *
- * Source: Zhu & Yang 2009, equations (2) and (4), with J2. Classical Runge-Kutta on the grid k *
- * max_step; after each internal step sigma is replaced by its shadow where |sigma| > 1. */
+ * rb: unit vector from the planet, body axes. Source: Zhu & Yang 2009, equations (2) and (4), with
+ * J2. Classical Runge-Kutta on the grid k * max_step; after each internal step sigma (modified
+ * Rodrigues parameters) is replaced by its shadow set where |sigma| > 1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "disturbance.h"
 #include "orbit_rows.h"

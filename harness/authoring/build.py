@@ -110,7 +110,7 @@ def _build_python(source: Path, folder: Path) -> Path:
     _run([*helper, "-f", str(source.resolve()), "-d", str(folder)], source)
     found = list(folder.glob("*.fmu"))
     if len(found) != 1:
-        raise FmuError(f"{source}: it has no class derived from Fmi2Slave")
+        raise FmuError(f"{source}: it has no class derived from Fmi2Slave of PythonFMU")
     _complete(found[0])
     return found[0]
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Export of components as C functions without FMI: sources, tables of parameters, and reference
-vectors (inputs and outputs of a run, with which the user compares the functions).
-core/build/c_api.py writes the files.
+vectors (inputs and outputs of a run, with which the user compares the functions). The program
+fmus/core/build/c_api.py writes the files.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ from harness.system.interface import unpacked_sources
 from harness.system.model import DEFAULT_SET, System
 
 STEPS = 100
-"""Largest number of component steps in the reference vectors, after the first outputs."""
+"""Largest number of steps of a component in its reference vectors. One row, with the outputs of the
+initialization, precedes the steps.
+"""
 
 
 def write_components(
@@ -53,8 +55,9 @@ def write_components(
 def write_system(
     system: str | Path | System, folder: Path, compiler: str = "cc", **changes: Unpack[Changes]
 ) -> list[str]:
-    """Write the C interface of the flight software of a system with all changes, and return the
-    names of its FMUs. Raises the exceptions of run() before its first step.
+    """Write the C interface of the flight software in a system to which the changes are applied,
+    and return the names of its FMUs. changes: as for run(). Raises the exceptions that run() raises
+    before the first step.
     """
     with load(system) as loaded:
         changed = apply(loaded, **changes)
@@ -133,8 +136,8 @@ def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, A
 
 
 class _Reader:
-    """Reader of all inputs and outputs of an instance; time: end of the last step of the instance
-    that was recorded [s].
+    """Reader of all inputs and outputs of an instance; time: end of the last recorded step of the
+    instance [s].
     """
 
     def __init__(self, instance: Instance) -> None:
@@ -152,8 +155,9 @@ class _Reader:
 
 
 def _write(parts: Sequence[_Part], folder: Path, compiler: str, *options: str) -> list[str]:
-    """Write the C interface of all parts into a folder by core/build/c_api.py, and return the names
-    of its components; raise FmuError. Parts with the same FMU become one component.
+    """Write the C interface of all parts into a folder by the program c_api.py, and return the
+    names of its components; raise FmuError. Parts with the same FMU are written as one component,
+    which has the tables and reference vectors of all of them.
     """
     found: dict[Path, dict[str, Any]] = {}
     core, command = compiler_command(compiler)

@@ -47,7 +47,7 @@ def export(  # noqa: PLR0913 - one argument per option
     changes: as for run().
 
     A run of the .ssp has the same bits as a run of the system with these changes. Equal changes
-    give equal bytes of the file. Raises the exceptions of run() before its first step, or
+    give equal bytes of the file. Raises the exceptions that run() raises before the first step, or
     ResultsError.
     """
     with load(system) as found:
@@ -71,7 +71,7 @@ def export(  # noqa: PLR0913 - one argument per option
                 _write_fmu(changed, graph, file, fmi or 2, scalars)
             else:
                 write_ssp(changed, file, ssp, hints=hints)
-        except ValueError as error:  # from lxml, for control characters, which XML cannot contain
+        except ValueError as error:  # of lxml: XML cannot contain a control character
             raise ResultsError(f"{file}: cannot be written ({error})") from error
     return file
 

@@ -3,9 +3,9 @@
 
 A new controller is a copy of the example of the project if it replaces a controller that commands
 force and torque. A new sensor or plant is a copy of the example of its kind, with a system that
-adds it to another one. In any other place a new component has all ports of the component that it
-replaces; its outputs have the start values of the inputs that they drive until the user writes its
-law. A new mission extends a system and has its own figure, metric and claim.
+extends another system by the new component. In all other cases a new component has all ports of the
+component that it replaces; until the user writes its law, its outputs have the start values of the
+inputs that they drive. A new mission extends a system and has its own figure, metric and claim.
 """
 
 from __future__ import annotations
@@ -78,10 +78,11 @@ def new_component(
 ) -> Created:
     """Create `folder`/NAME with a controller, a sensor or a plant.
 
-    kind: one of KINDS; language: "c" or "python"; place: SYSTEM.component that it replaces. Without
-    a place, a controller replaces the component of the first example, and a sensor or plant is
-    added to a system in the new folder. Existing files are never overwritten. Raises UsageError,
-    and the errors of show() for the place.
+    kind: "controller", "sensor" or "plant"; language: "c" or "python"; place: SYSTEM.component that
+    it replaces. Without a place, a controller replaces the same component as the first example
+    controller, and a sensor or plant is added to a system in the new folder. Existing files are
+    never overwritten. Raises UsageError, and the errors of harness.studies.show.show() for the
+    place.
     """
     target = _new_folder(kind, name, folder, paths.fmus())
     examples = [e for e in everything().examples if e.kind == kind]
@@ -147,10 +148,11 @@ def _ports(place: str) -> list[Signal]:
     ports = [s for s in show(place).rows if isinstance(s, Signal) and s.wires]
     if odd := [s.name for s in ports if s.type != "Real" or not re.fullmatch(NAME, s.name)]:
         raise UsageError(
-            f"--for {place}: {', '.join(odd)}: all ports must be of type Real and have plain names"
+            f"--for {place}: {', '.join(odd)}: a new component supports only ports of type Real "
+            "with names of letters, digits, _ and points, such as x or a.x[1]"
         )
     if not any(s.causality == "output" for s in ports):
-        raise UsageError(f"--for {place}: no input is connected to its outputs")
+        raise UsageError(f"--for {place}: none of its outputs is connected; choose another place")
     system, _ = _split(place)
     return [_with_start(s, system) if s.causality == "output" else s for s in ports]
 
@@ -166,8 +168,8 @@ def _with_start(port: Signal, system: str) -> Signal:
 
 
 def _fits(example: Example, ports: Sequence[Signal]) -> bool:
-    """Return whether the ports of a component include all inputs of an example, and its connected
-    outputs are all among the outputs of the example.
+    """Return whether an example fits the connected ports of a component: they include all inputs of
+    the example, and the example has all outputs among them.
     """
     inputs = {s.name for s in ports if s.causality == "input"}
     return inputs >= example.inputs and {s.name for s in ports} - inputs <= example.outputs
@@ -189,8 +191,8 @@ def _example(name: str, ending: str, example: Example) -> str:
 def new_mission(name: str, base: str | None = None) -> Path:
     """Create the folder NAME, a mission that extends a system, and return its folder.
 
-    base: name of the system (None: the system of the first example of the available missions).
-    Existing files are never overwritten. Raises UsageError, and the errors of load() for the base.
+    base: name of the system (None: the system that the first of the examples uses).
+    Existing files are never overwritten. Raises UsageError, and the errors of loading this system.
     """
     target = _new_folder("mission", name, ".", {**paths.systems(), **places()})
     chosen = base or next((e.place.partition(".")[0] for e in everything().examples), "")

@@ -2,8 +2,9 @@
 """Learned policy as flight software: a neural network with the ports of a component, written as C99
 with its weights as constants.
 
-A policy is an .npz file of Policy.save(), or an .onnx file of another tool that describes its ports
-in the metadata entry `ports` in the same form. `harness build` builds an FMU from either.
+A policy is an .npz file of Policy.save(), or an .onnx file of another tool. The metadata entry
+`ports` of an .onnx file describes its ports by the same JSON text as the array `ports` of an .npz
+file. `harness build` builds an FMU from either.
 """
 
 from __future__ import annotations
