@@ -110,8 +110,8 @@ class InterruptionError(RunError):
 
 
 class RejectedValueError(RunError):
-    """Rejection of parameter values by an FMU; `rejections`: the violated rules, as read by
-    harness.master.messages.
+    """Rejection of parameter values by an FMU; `rejections`: one harness.master.messages.Rejection
+    (name, value, violated rule) per value.
     """
 
     def __init__(self, component: str, time: float, rejections: tuple[Any, ...]) -> None:
@@ -183,10 +183,10 @@ _LIMITS: dict[Any, tuple[str, str, str, int]] = {
     **dict.fromkeys(("new thread", "map segment", "allocate memory"), _MEMORY),
     **dict.fromkeys((errno.EMFILE, errno.ENFILE), _FILES),
 }
-"""Limits of the machine by which an error is recognised: an errno, a class of exceptions, or a part
-of the message. Values: the exhausted resource, the name of its limit in the Python module
-`resource`, the shell command that prints the limit, and the unit of that command in units of
-`resource`.
+"""Exhausted resources of the machine, by a sign in an error: an errno, a class of exceptions, or a
+part of the message. Values: the resource, the name of its limit in the Python module `resource`,
+the shell command that prints the limit, and the number by which a limit of `resource` is divided to
+give the number that this command prints.
 """
 
 

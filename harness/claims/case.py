@@ -64,8 +64,8 @@ def _deviations(result: Result, case: Case) -> list[str] | None:
 @lru_cache(maxsize=64)
 def _settings(case: Case, path: Path, _modified: int) -> tuple[Provenance, Result]:
     """Return the provenance and the parameters that a run of a case would have, without running it.
-    path: file of its system; _modified: time of its last change, so that a changed file is read
-    again.
+    path: file of its system; _modified: time of the last change of this file, only a key of the
+    lru_cache: after a change the file is read again.
     """
     with load(path) as system:
         simulation = Simulation(system, params=case.params, swap=dict(case.swap))
@@ -100,7 +100,7 @@ def _component_differences(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iter
         elif own.fmu != slot.fmu:
             yield f"{slot.component} {own.fmu} instead of {slot.fmu}"
         elif own != slot:
-            yield f"{slot.component} every {own.every}, {own.latency} macro steps late"
+            yield f"{slot.component} with period {own.every}, latency {own.latency} macro steps"
 
 
 def _parameter_differences(result: Result, wanted: Result, free: Sequence[str]) -> Iterator[str]:

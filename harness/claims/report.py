@@ -45,7 +45,8 @@ class Line(NamedTuple):
 
 def lines(result: Result, width: int = WIDTH) -> Iterator[Line]:
     """Yield the report, each line at most `width` characters wide: settings of the run, notes,
-    requirements, claims. Raises ResultsError if no paper belongs to a result without requirements.
+    requirements, claims, safety rules. Raises ResultsError if no paper belongs to a result without
+    requirements.
     """
     for text, verdict, start in _paragraphs(result):
         wrapped = textwrap.wrap(
@@ -83,7 +84,8 @@ def _without_claims(result: Result) -> str:
 
 def outcomes(result: Result) -> list[Outcome]:
     """Return the outcomes of all claims that apply to a result. Claims with the verdict "not
-    reproduced" are left out if the result deviates from the cases of the paper.
+    reproduced" are left out if the result deviates from the cases of the paper, because such a run
+    does not contradict the paper.
     """
     return [
         Outcome(Kind.CLAIM, claim.name, found.verdict, f"{claim.name}: {_outcome(found)}")
@@ -98,8 +100,8 @@ def _outcome(found: Judgement) -> str:
 
 
 class PaperJudgements(NamedTuple):
-    """Paper with the judgements of its claims, and the deviations of the run from the cases of the
-    paper.
+    """Paper with its claims, each with its judgement (measured value and verdict), and the
+    deviations of the run from the cases of the paper.
     """
 
     paper: Paper
@@ -108,7 +110,7 @@ class PaperJudgements(NamedTuple):
 
 
 def judgements(result: Result) -> list[PaperJudgements]:
-    """Return each paper to which a result belongs, with the judgements of its claims."""
+    """Return each paper to which a result belongs, with the verdicts on its claims."""
     return [
         PaperJudgements(
             paper,
@@ -153,7 +155,7 @@ def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
     yield Line(Kind.CLAIM.word(found.verdict) + mark, verdict, CELL.format("verdict"))
 
 
-HEADING = "Safety: smallest margin of every rule in force, between samples too"
+HEADING = "Safety: smallest margin of every rule in force, also between samples of the monitor"
 
 
 def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:

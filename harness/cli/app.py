@@ -160,7 +160,7 @@ def _unexpected(error: Exception | SystemExit) -> int:
     error of the operating system, a mistake in a mission of the user, or a bug of the harness.
     """
     if line := exhausted(error):
-        warnings.simplefilter("ignore")  # libraries repeat the same message at exit
+        warnings.simplefilter("ignore")  # libraries would print the same error again at exit
         sys.unraisablehook = lambda _: None
         threading.excepthook = lambda _: None
         return _complain(line, 1)

@@ -106,7 +106,7 @@ def show_command(
     if diff is not None and (changed or "params" in changes or not (first and comma and second)):
         raise UsageError(
             f"--diff {diff}: expected SET1,SET2, without --changed and --params; "
-            "`default` names the values of the system"
+            "the set `default` has the values of the system itself"
         )
     if diff is None:
         both: tuple[Any, Any] = {}, changes
@@ -246,7 +246,7 @@ def plot_command(
 @command("report")
 def report_command(  # noqa: PLR0913, PLR0917 - options
     file: Annotated[
-        Path, argument("FILE", "Results of a run; with -o also a folder of compare or a .zarr")
+        Path, argument("FILE", "Results of a run; with -o also folder of a comparison, or .zarr")
     ],
     output: Annotated[Path | None, output("Write an HTML page with plots and a replay")] = None,
     live: Annotated[

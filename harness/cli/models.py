@@ -69,7 +69,7 @@ def build_command(  # noqa: PLR0913, PLR0917 - one argument per option
         list[Path],
         argument(
             "NAME_OR_FILE...",
-            "Folder NAME, a .c or .py file, or a policy .npz or .onnx; FMU... DIR with --c-api",
+            "Folder NAME, a .c or .py file, or a policy .npz or .onnx; with --c-api: FMU... DIR",
         ),
     ],
     output: Annotated[Path | None, output("FMU to write (default: beside the file)")] = None,

@@ -111,7 +111,7 @@ CHANGES: dict[str, Any] = {
     "set": Annotated[Texts, option("C.NAME=VALUE", "Set one parameter")],
     "swap": Annotated[Texts, option("C=FMU", "Use another FMU (name or path) for component C")],
     "map": Annotated[
-        Texts, option("THEIRS=OURS", "Connect port THEIRS of a swapped FMU as our port OURS")
+        Texts, option("THEIRS=OURS", "Use port THEIRS of a swapped FMU as port OURS of the system")
     ],
     "on": Annotated[
         Texts, option("C=PLACE", "Run component C on a processor: cortex-m7, tcp://..")

@@ -57,7 +57,8 @@ class Requested:
         Texts, option("C=FILE", "Start a body from a CCSDS OEM or two-line elements")
     ] = None
     epoch: Annotated[
-        str | None, option("DATE", "Set the UTC of t = 0: for --start, the Sun, the result")
+        str | None,
+        option("DATE", "Set the UTC of t = 0 (for --start, direction of the Sun, date of results)"),
     ] = None
 
     def run(self, system: str | None, changes: dict[str, Any]) -> Any:
@@ -126,7 +127,7 @@ def run_command(  # noqa: PLR0913 - one argument per option or group of them
     Without -o the results are in results/SYSTEM.nc. With --like RESULT the exit status is 1 if the
     bits differ from that result.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has no work for further threads
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has no work for threads of OpenBLAS
     from harness.files.cache import with_second_try
     from harness.results.files import ResultFile
     from harness.studies.rerun import agreement

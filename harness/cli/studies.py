@@ -175,14 +175,14 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     """Show the least impulse for a run, or for each phase of a mission.
 
     The least impulse is the optimum of a convex problem with the constraints of the mission. The
-    optimal force is verified by an open-loop simulation: of the system with its requirements, or
-    of each phase with the plants of both bodies.
+    optimal force is verified by an open-loop simulation: for a run, of the system with its
+    requirements; for phases, of each phase with the plants of both bodies.
     """
     from harness.results.files import save
     from harness.studies.show import bound
 
     if store and (cost != "sum" or without):
-        raise UsageError("--store: is valid only with all constraints and --cost sum")
+        raise UsageError("--store: needs --cost sum and all constraints, so no --without")
     found = bound(system, cost=cost, grid=grid, without=without or (), **changes)
     for line in found.lines():
         typer.echo(line)
@@ -209,7 +209,7 @@ class Campaign:
         ),
     ] = None
     strict: Annotated[
-        bool, option("--strict", "Exit with 1 unless [expected] (default: success of all) holds")
+        bool, option("--strict", "Exit with 1 unless [expected] holds (default: all runs succeed)")
     ] = False
     figures: Annotated[
         bool, option("--figures/--no-figures", "Draw figures, as `harness plot OUT.zarr` does")
@@ -237,7 +237,7 @@ class Campaign:
                     progress=show,
                     notify=lambda text: None if how.quiet else typer.echo(text, err=True),
                 )
-            except RequirementError as error:  # the dataset is complete
+            except RequirementError as error:  # the dataset is complete: raised below
                 found, problem = error.partial, error
         drawn = ""
         if self.figures:
@@ -313,7 +313,7 @@ def _analyse(kind: str, definition: Path, how: How) -> bool:
 def sensitivity_command(definition: StudyArgument, how: How) -> None:
     """Find out which factors matter.
 
-    The method is Morris or Sobol.
+    The method is Morris or Sobol, as the campaign file defines.
     """
     _analyse("sensitivity", _file(definition), how)
 

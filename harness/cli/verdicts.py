@@ -58,8 +58,8 @@ def insist(
     exit status 1.
 
     results: results by label of the run; required: requirements given by --require, which always
-    count; strict: all requirements and safety rules count; claims: claims of papers count too
-    (without `strict` only claims that have no verdict).
+    count; strict: all requirements and safety rules count; claims: claims of papers count too (all
+    with `strict`, otherwise only claims that are not exercised or not judged).
     """
     lines = [
         f"{label}: {line}" if label else line

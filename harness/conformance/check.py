@@ -145,7 +145,7 @@ def _interfaces(d: Description) -> Iterator[str]:
     """
     for name in d.identifiers:
         if not name or set(name) & set("/\\:\0") or name in (".", ".."):
-            yield f"modelIdentifier '{name}' is not the name of a library"
+            yield f"modelIdentifier '{name}' is not the name of a library (without a path)"
     for kind in twice(e.tag for e in d.root if "modelIdentifier" in e.attrib):
         yield f"element {kind} is given twice"
 

@@ -90,7 +90,9 @@ class Declared:
 
     @property
     def access(self) -> str:
-        """Return the type in the names of the FMI functions that read and set the variable."""
+        """Return the name of the type in the FMI functions that get and set the variable, such as
+        Float64 for fmi3GetFloat64.
+        """
         if self.type == "Enumeration":
             return "Int64" if self.fmi == 3 else "Integer"
         return self.written
@@ -238,7 +240,7 @@ class Description:
 
     def aliases(self) -> list[list[Declared]]:
         """Return groups of variables with equal value references. In FMI 2.0 each type has its own
-        value references, so that the types are equal too.
+        value references, so the variables of a group have the same type there.
         """
         found: dict[tuple[str, int], list[Declared]] = {}
         for v in self.variables:
@@ -249,7 +251,7 @@ class Description:
     # ---- arrays
 
     def shape(self, v: Declared) -> tuple[int, ...] | None:
-        """Return the sizes of an array, () for a scalar, None if one of them is unknown."""
+        """Return the size of each dimension, () for a scalar, None if one size is unknown."""
         sizes = tuple(map(self._size, v.element.iterfind("Dimension")))
         return None if None in sizes else sizes  # type: ignore[return-value]
 
@@ -292,7 +294,7 @@ class Description:
             yield from ((kind, e, int(e.get(name))) for e in self.every(path))
 
     def listed(self, name: str) -> list[Declared]:
-        """Return the variables in a list of the model structure, without missing ones."""
+        """Return the existing variables in a list of the model structure."""
         found = (self.numbered(number) for kind, _, number in self.entries() if kind == name)
         return [v for v in found if v is not None]
 

@@ -37,7 +37,7 @@ TOP = (
     "terminalsAndIcons",
 )
 TOP_2 = (*TOP, "model.png", "licenses")
-"""Permitted entries at the top of the archive, in FMI 3.0 and in FMI 2.0."""
+"""Permitted entries at the top of the archive: TOP in FMI 3.0, TOP_2 in FMI 2.0."""
 
 
 def deviations(d: Description) -> Iterator[str]:
@@ -52,7 +52,8 @@ def deviations(d: Description) -> Iterator[str]:
 
 def _identity(d: Description) -> Iterator[str]:
     """Check that model identifiers are C identifiers, that modelName and guid are not empty, that
-    at most one variable is independent, and that sibling elements have unique names.
+    at most one variable is independent, and that sibling elements differ in the attributes of
+    UNIQUE.
     """
     for name in d.identifiers:
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
@@ -118,7 +119,10 @@ def _dependencies(d: Description) -> Iterator[str]:
             yield f"{place}: expected {len(numbers)} dependency kinds, got {len(kinds)}"
         others = set(kinds) - {"dependent", "constant"}
         if kind == "InitialUnknowns" and others:
-            yield f"{place}: dependenciesKind {', '.join(sorted(others))} is valid only in steps"
+            yield (
+                f"{place}: dependenciesKind {', '.join(sorted(others))} is not permitted for an "
+                "initial unknown; use dependent or constant"
+            )
         v = d.numbered(number)
         if kind == "InitialUnknown" and v and v.type == "Clock":
             yield f"{place}: {v.name} is a clock, which has no initial value"
@@ -135,7 +139,7 @@ def _structure(d: Description) -> Iterator[str]:
     expected |= {v for v in d.variables if v.causality == "calculatedParameter"}
     for v in d.listed(derivatives):
         if v.derivative is None:
-            yield f"ModelStructure/{derivatives}: {v} names no state (attribute derivative)"
+            yield f"ModelStructure/{derivatives}: the attribute derivative of {v} is missing"
             continue
         expected |= {each for each in (v, d.numbered(v.derivative)) if each and _calculated(each)}
     yield from _difference(unknowns, expected, set(d.listed(unknowns)))

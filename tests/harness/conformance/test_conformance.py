@@ -201,9 +201,9 @@ ODD = {
     "a kind for steps": Fault(
         '<InitialUnknowns><Unknown index="2" dependencies="1"',
         '<InitialUnknowns><Unknown index="2" dependencies="1" dependenciesKind="fixed"',
-        "dependenciesKind fixed is valid only in steps",
+        "dependenciesKind fixed is not permitted for an initial unknown",
     ),
-    "a derivative of nothing": Fault(' derivative="7"', "", "names no state"),
+    "a derivative of nothing": Fault(' derivative="7"', "", "the attribute derivative of "),
     "a missing initial unknown": Fault('<Unknown index="9"/>', "", "must list c"),
     "an initial unknown too many": Fault('<Unknown index="9"/>', '<Unknown index="9"/>'
                                          '<Unknown index="1"/>', "must not list u"),

@@ -287,7 +287,7 @@ def about(*cases):
             {"swap": {"controller": "pid_controller"}},
             ["controller pid_controller instead of adaptive_controller"],
         ),
-        ({"latency": {"controller": 1}}, ["controller every 1, 1 macro steps late"]),
+        ({"latency": {"controller": 1}}, ["controller with period 1, latency 1 macro steps"]),
     ],
 )
 def test_differences_from_a_case_are_named(changes, words):
