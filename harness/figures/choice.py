@@ -47,8 +47,8 @@ def compared(
     results: Mapping[str, Result],
 ) -> tuple[list[tuple[Figure | Overlay, dict[str, Result]]], list[str]]:
     """Return two lists. First: the figures that compare several runs, each with the results that
-    have its variables; its title names the runs that are left out. Figures in which nothing changes
-    are omitted.
+    have its variables; its title names the runs that are left out. Figures that are constant or
+    empty in all these runs are omitted.
 
     Second: texts `FIGURE (RUN)` for the figures for which only one run has the variables. results:
     by label of the run.
@@ -85,9 +85,9 @@ def general(result: Result) -> Iterator[Figure]:
 def figure_of(result: Result, names: Sequence[str]) -> Figure:
     """Return one figure with one panel for each variable.
 
-    names: each is a variable, one element of a variable, or the beginning of names up to a point,
-    such as a component, which selects all variables with this beginning. Raises UsageError with
-    close matches for an unknown name.
+    names: each is a variable, one element of a variable, or the beginning NAME of variables
+    `NAME.*`, such as a component, which selects all these variables. Raises UsageError with close
+    matches for an unknown name.
     """
     found = list(dict.fromkeys(v for name in names for v in _expanded(result, name)))
     about = result.description(found[0]) if len(found) == 1 else ""

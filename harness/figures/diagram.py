@@ -27,7 +27,8 @@ CHARACTER, LINE = 7.3, 15
 PAD, GAP, MARGIN = 7, 18, 20
 """Distances between text and edge of a field, between fields, and around the diagram [px]."""
 LEAST = 60
-"""Number of characters that fit into a line of the title at least, even if the diagram is narrower.
+"""Smallest number of characters for which a line of the title has space, even if the fields of the
+diagram are narrower.
 """
 FORMATS = ("svg", "pdf", "png")
 INK, PAPER, GREY = "#34506b", "#eef3f8", "#5a6b7c"

@@ -185,8 +185,8 @@ def _panels(
 
 
 def _prepare(axes: Any, panel: Panel, result: Result) -> None:
-    """Set the y scale of a panel (logarithmic, or the names of the values of a mode), and draw its
-    level line.
+    """Set the y scale of a panel, and draw its level line. The scale is logarithmic, or has the
+    names of the values as ticks if the panel shows a mode (a variable whose values have names).
     """
     if panel.log:
         axes.set_yscale("log")
@@ -199,8 +199,8 @@ def _prepare(axes: Any, panel: Panel, result: Result) -> None:
 
 
 def _modes(panel: Panel, result: Result) -> tuple[str, ...]:
-    """Return the names of the values 0, 1, .. if a panel shows one variable that is a mode, else
-    ().
+    """Return the names of the values 0, 1, .. if a panel shows only one variable, whose values have
+    names (a mode), else ().
     """
     held = list(panel.held(result))
     source = held[0].source if len(held) == 1 else None
@@ -226,7 +226,8 @@ def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve, seconds: 
     for k, (values, name) in enumerate(curve.lines(history)):
         (line,) = axes.plot(time, values, *given, label=name or None)
         if isinstance(curve.source, str) and curve.convert is None and time is before:
-            line.source = curve.source, None if history.ndim == 1 else k  # to redraw in a live page
+            # a live page draws the line again from this variable and element (None: a scalar)
+            line.source = curve.source, None if history.ndim == 1 else k
 
 
 # ---- several runs

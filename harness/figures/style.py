@@ -41,8 +41,8 @@ class Style:
     """Appearance of figures for the screen or a paper.
 
     sheets: style sheets of matplotlib; a later sheet overrides an earlier one; printed: whether
-    figures are for a paper: with the widths of its columns and without titles, because the captions
-    of the paper state them.
+    figures are for a paper; they then have the widths of its columns and no titles, because the
+    captions of the paper state them.
     """
 
     sheets: tuple[str, ...] = ("screen.mplstyle",)

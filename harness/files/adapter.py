@@ -20,7 +20,8 @@ def options(compiler: Sequence[str], fmi: int) -> list[str]:
     of compiling it again; fmi: 2 or 3. The adapter is compiled first if the cache has none.
 
     Returns [] if the cache is off, the compiler or the C sources are missing, the adapter does not
-    compile, or the compiler has arguments that do not begin with -m and so may name files.
+    compile, or the compiler has arguments that do not begin with -m: these may name files, whose
+    changes the cache would not notice.
     """
     core, program = paths.core(), shutil.which(compiler[0])
     may_name_files = any(not argument.startswith("-m") for argument in compiler[1:])

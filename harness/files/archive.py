@@ -128,7 +128,8 @@ def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zip
         with zipfile.ZipFile(path if content is None else io.BytesIO(content)) as archive:
             yield archive
     except _DAMAGE as error:
-        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):  # such as ENOSPC
+        # an error of the system such as ENOSPC (disk full): the archive itself is not damaged
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):
             raise ArchiveError(f"{path}: cannot be {done} ({error.strerror})") from None
         raise ArchiveError(
             f"{path}: cannot be {done}, the file is damaged or not a zip archive ({error})"
@@ -251,8 +252,8 @@ def serialized(root: XmlElement, pretty: bool = False) -> bytes:
 
 
 def _reject_hidden(data: bytes) -> None:
-    """Raise UnsafeXmlError for bytes that must not reach the parser: no XML, a document type, or an
-    encoding that could hide one.
+    """Raise UnsafeXmlError for bytes that must not reach the parser: text that is not XML, a
+    document type, or an encoding that could hide a document type.
     """
     text = data.replace(b"\0", b"")
     for mark in _BOMS:

@@ -74,7 +74,8 @@ def leave_out(path: Path, reason: str) -> None:
 def _usable(configured: str | None, caches: str | None) -> Path | None:
     """Return the cache folder, created if missing; log a warning and return None if it is unsafe.
 
-    configured: value of HARNESS_CACHE; caches: value of XDG_CACHE_HOME, which applies without it.
+    configured: value of HARNESS_CACHE; caches: value of XDG_CACHE_HOME, used without
+    HARNESS_CACHE.
     """
     path = Path(configured or Path(caches or "~/.cache") / "servicing-fmus")
     try:
@@ -269,7 +270,7 @@ def _entry(place: Path, make: Callable[[Path], None]) -> Path:
     if not checksums.is_whole(place):
         with checksums.beside(place, make) as new, (place.parent / "exchange").open("ab") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
-            if not checksums.is_whole(place):  # else another process has made it by now
+            if not checksums.is_whole(place):  # else another process has just made this entry
                 checksums.exchange(place, new)
     os.utime(place)
     _used[place] = _time_made(place)

@@ -89,7 +89,7 @@ def core() -> Path | None:
 
 
 def examples() -> Path | None:
-    """Return the folder of the example controllers, or None if it is not installed."""
+    """Return the folder of the examples (sources of components), or None if it is not installed."""
     return _first(PACKAGE / "data" / "examples", PACKAGE.parent / "examples")
 
 

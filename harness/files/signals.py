@@ -36,7 +36,7 @@ def held() -> Iterator[None]:
     try:
         yield
     except BaseException:
-        _pending.clear()  # the exception ends the program already
+        _pending.clear()  # discard them: the exception already ends the program
         raise
     finally:
         _depth = 0

@@ -4,7 +4,7 @@
 The input is a system, with the components that an agent replaces. The outputs are observations,
 rewards and the ends of episodes. Rewards and ends are defined by the same expressions and
 requirements as in other runs, so an agent is trained on the criteria by which runs are evaluated.
-The package may import the studies, because an episode can start like a run of a campaign.
+The package imports harness.studies, because an episode can start like a run of a campaign.
 
 The import of this package registers a Gymnasium id for every system of the available missions, such
 as `servicing/SyncApproach-v0` for `sync_approach`, with actions between -1 and 1.

@@ -94,7 +94,7 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         super().reset(seed=seed)
         if not self._child.process.is_alive():
             self._begin()
-            if seed is None and self._run is not None:  # unknown to the new process
+            if seed is None and self._run is not None:  # the last run is unknown to the new process
                 options = {"run": self._run + self._order[1].get("stride", 1), **(options or {})}
         self._observation, info = self._call("reset", seed=seed, options=options)
         self._run = info.get("run")

@@ -90,13 +90,13 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         """Create the simulation, initialise it and save its state, to which reset() returns.
 
         usual: defaults of the mission; every, record: macro steps per action and per recorded row
-        (0: default).
+        (0: default, for `record` the value of `every`).
         """
         given: Any = {**changes, "open": usual.open}
         self._changes: Changes = joined(self._plan.fixed, given) if self._plan else given
         self.every = every or usual.every or max(found.component(n).every for n in usual.open)
         if self.every % (record or self.every):
-            raise UsageError(f"record {record}: must divide every, {self.every} macro steps")
+            raise UsageError(f"record {record}: must divide every = {self.every} macro steps")
         self._system = apply(found, **self._changes)
         self.simulation = self._life.enter_context(
             Simulation(found, every=record or self.every, **self._changes)
@@ -113,8 +113,9 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
     ) -> tuple[Array, dict[str, Any]]:
         """Begin an episode; return the first observation and further data.
 
-        If the environment has a campaign (`factors`), the episode starts as its run k: k is
-        options["run"], otherwise the seed, otherwise `stride` runs after the last episode's run.
+        If the environment has a campaign (`factors`), the episode starts like run k of this
+        campaign: k is options["run"], or else the seed, or else k of the last episode plus
+        `stride`, modulo the number of runs.
         """
         super().reset(seed=seed)
         plan, given = self._plan, (options or {}).get("run", seed)
@@ -141,7 +142,7 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         self._constants = self._given()
 
     def _given(self) -> list[float]:
-        """Return the parameter values of this episode that the scoring needs."""
+        """Return the values in the scoring that depend only on the parameters of this episode."""
         return self.scoring.values.constants(x for _, x in constants(self.simulation.graph))
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -39,9 +39,9 @@ class Scoring:
         """Compile the program.
 
         result: has the variables of the system; requirements: texts by name; worth: expression of
-        the reward, expression of the cost, weights of the requirements; ends: requirements and
-        conditions that end an episode as chosen by the user (None: all requirements), and further
-        conditions; intervention: variable of the shield ("": none). Raises UsageError.
+        the reward, expression of the cost, weights of the requirements; ends: what ends an episode,
+        as two lists: requirements and conditions chosen by the user (None: all requirements), and
+        further conditions; intervention: variable of the shield ("": none). Raises UsageError.
         """
         self._result, self._program = result, Program()
         add, zero = self._program.add, self._program.number(0)
@@ -82,8 +82,8 @@ class Scoring:
         return Requirement(tree, partial(unit_in, self._result), self._program).margin
 
     def _violation(self, margin: int, weight: float) -> int:
-        """Add min(margin, 0) times a weight to the program, with the margin at least -FAR; return
-        its number in the program. margin: number of the margin in the program.
+        """Add min(margin, 0) times a weight to the program, where a margin below -FAR counts as
+        -FAR; return the number of this value in the program. margin: number of the margin there.
         """
         add, number = self._program.add, self._program.number
         below = add("fmin", add("fmax", margin, number(-FAR)), number(0))

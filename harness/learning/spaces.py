@@ -36,8 +36,8 @@ table that has a bound applies.
 
 
 class Signal(NamedTuple):
-    """Scalar that an agent observes or sets: its name, unit, wire in the graph of the system, and
-    bounds.
+    """Scalar that an agent observes or sets: its name, its unit, the input or output in the graph
+    of the system (`wire`), and its bounds.
     """
 
     name: str
@@ -100,8 +100,9 @@ def _acted(simulation: Simulation, names: Sequence[str], limits: Limits) -> list
 
 
 def actuator_limits(system: System) -> dict[str, Bound]:
-    """Return the parameters `component.name_max` of a system and their elements, which are the
-    limits of its actuators, with the parameter set for comparisons.
+    """Return the limits of the actuators of a system: the values of all parameters
+    `component.name_max`, or of their elements, that are above 0 and below FAR, by name. The system
+    has the parameter set that it defines for comparisons.
 
     The same limits are also returned under `name_max`, for outputs that reach an actuator through
     other components.
@@ -119,9 +120,12 @@ def _signal(name: str, wire: Wire) -> Signal:
 
 
 def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> Signal:
-    """Return an output that the agent sets, with its bounds: the intersection of the limits that
-    the FMUs declare and of the first entry in `limits` for this output or for the parameter `X_max`
-    of the component that reads it as `X_cmd`. Raises UsageError if it is unbounded.
+    """Return an output that the agent sets, with its bounds; raise UsageError if it has none.
+
+    The bounds are the intersection of the limits that the FMUs declare for the output and for the
+    input that reads it, and of the first entry in `limits` for this output. An entry has the name
+    of the output, or the name of the input with the ending `_max` in place of `_cmd` or `_safe`,
+    with or without its component.
 
     reader: component that reads the output ("": none), and its input.
     """
@@ -181,15 +185,15 @@ class Spaces:
         self.variables = list(dict.fromkeys(base(s.name) for s in acted))
 
     def seen(self, buses: Array) -> Array:
-        """Return the observations (..., n) for the values of all signals (..., slots) of
-        simulations.
+        """Return the observations (..., n) of n variables for the values of all signals (...,
+        slots) of simulations.
         """
         found: Array = buses[..., self._slots] * self._factors + self._offsets
         return found
 
     def commands(self, actions: Any) -> Array:
-        """Return the values (..., n) of outputs, in the units of the outputs, for actions (...,
-        n).
+        """Return the values (..., n) of the n outputs that the agent sets, in the units of the
+        outputs, for actions (..., n).
         """
         given = np.asarray(actions, dtype=np.float64)
         if self.scaled:
@@ -207,8 +211,9 @@ class Spaces:
     def of_policy(self, simulation: Simulation, values: Array, period: float) -> Ports:
         """Return the inputs and outputs of a policy that replaces the open component.
 
-        values: of all slots at the start; period: time between two actions [s]. Raises UsageError
-        if there are several open components, or if a name is not a valid name in C.
+        values: values of all signals at the start (slots,); period: time between two actions [s].
+        Raises UsageError if there are several open components, or if a name is not a valid name in
+        C.
         """
         opened, nodes = simulation.system.without, simulation.graph.nodes
         if len(opened) > 1:
@@ -237,7 +242,7 @@ def _ports(names: Sequence[str]) -> list[tuple[str, str, int]]:
         name, _, unit = text.rpartition(" ")
         variable = base(name).partition(".")[2]
         if not variable.isidentifier() or found.get(variable, (name,))[0] not in (name, variable):
-            raise UsageError(f"{name}: a policy is C code, in which this is no unique, valid name")
+            raise UsageError(f"{name}: must be a unique, valid name in C, the language of a policy")
         count = found.get(variable, ("", "", 0))[2] + 1
         found[variable] = variable, unit.strip("[]"), count
     return list(found.values())

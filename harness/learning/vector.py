@@ -107,8 +107,9 @@ class Environments(VectorEnv[Array, Array, Array]):
     def _infos(
         self, infos: dict[str, Any], single: Iterable[tuple[int, dict[str, Any]]]
     ) -> dict[str, Any]:
-        """Return further data of all environments, extended by the data of single environments, in
-        the form of Gymnasium: arrays with an element per environment.
+        """Return further data of all environments (`infos`), extended by the data of single
+        environments, in the form of Gymnasium: arrays with an element per environment. single:
+        pairs of the index of an environment and its data.
         """
         for i, info in single:
             infos = self._add_info(infos, info, i)

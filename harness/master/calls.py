@@ -109,7 +109,7 @@ class Calls:
         self.state = "FMUstate" if self.fmi == 2 else "FMUState"
         new = f"{self.prefix}Instantiate{'' if self.fmi == 2 else 'CoSimulation'}"
         messages.note_call(name, new)
-        with contextlib.chdir(library.parent):  # it may load further libraries from there
+        with contextlib.chdir(library.parent):  # the library may load others from its own folder
             self.library = Library(str(library))
         for function in NEEDED:
             self.function(function)
@@ -240,7 +240,7 @@ def cost(calls: Calls) -> Cost:
     """
     statistics = getattr(calls.library, "slnk_statistics", None)
     if statistics is None:
-        raise FmuError(f"{calls.name}: runs in the simulation; only --on counts its steps")
+        raise FmuError(f"{calls.name}: its cost is counted only on a processor; choose one by --on")
     statistics.restype = ctypes.c_bool
     found = _Statistics()
     if not statistics(calls.handle, ctypes.byref(found)):

@@ -118,7 +118,8 @@ class Child:
     def __exit__(self, *_: object) -> None:
         self.kill()
         self._code = self.process.exitcode
-        self.process.close()  # an error that refers to it may exist for longer
+        # not left to the garbage collector: an error may refer to this Child for longer
+        self.process.close()
         self._messages.close()
         self._terminal.close()
 
@@ -128,7 +129,7 @@ class Child:
         """
         until, over = time.monotonic() + seconds, False
         while time.monotonic() < until and not over:
-            ended = not self.process.is_alive()  # no further output will follow then
+            ended = not self.process.is_alive()  # if so, no further output will follow
             sources = self._open if ended else [*self._open, self.process.sentinel]
             ready = wait(sources, 0 if ended else LOOK_SECONDS)
             if self._terminal in ready:
@@ -162,14 +163,17 @@ class Child:
         """End the child, and the processes that it has started in its session, at once."""
         pid = self.process.pid
         if pid is not None and self.process.is_alive():
-            with suppress(AttributeError, OSError):  # Windows; a process that has just begun
+            # AttributeError: on Windows; OSError: the child has just begun and has no session yet
+            with suppress(AttributeError, OSError):
                 os.killpg(pid, signal.SIGKILL)
             self.process.kill()
         self.process.join()
 
     @property
     def place(self) -> tuple[str, str]:
-        """Return instance and function of the last FMI call that the child noted."""
+        """Return the names of the instance and the FMI function of the last call that the child
+        noted by note_call(), ("", "") if none.
+        """
         return noted_call(self._note)
 
     def last_words(self) -> str:
@@ -181,7 +185,7 @@ class Child:
         """Return in words how the process ended, with the last line of its terminal output."""
         code = self.process.exitcode if self._code is None else self._code
         if code is None:
-            text = "has lost contact with its process"
+            text = "lost the connection to its process"
         elif code >= 0:
             text = f"ended the process by exit({code})"
         else:
@@ -205,7 +209,7 @@ def _open_files() -> set[int]:
     folder = Path("/proc/self/fd")
     if not FORK or not folder.is_dir():
         return set()
-    listed = list(folder.iterdir())  # one entry, of this listing itself, is closed now
+    listed = list(folder.iterdir())  # also has the descriptor of the listing, closed by now
     return {int(file.name) for file in listed if file.is_symlink()}
 
 

@@ -40,9 +40,9 @@ class Loop(NamedTuple):
     """Input of an executor.
 
     plan: actions of a macro step, in order; bus: values of all signals; recorder: table of recorded
-    rows; clock: times of the macro steps; pause: number of actions at the beginning of the plan
-    that are performed together with the previous macro step, so that the run pauses where an open
-    component would read its inputs (0: no open component).
+    rows; clock: times of the macro steps; pause: index in the plan at which the run pauses, where
+    an open component would read its inputs; the actions before this index are performed at the end
+    of the previous macro step (0: no open component).
     """
 
     plan: Sequence[Action[Instance]]
@@ -56,7 +56,8 @@ class PythonExecutor:
     """Reference implementation of the loop over macro steps.
 
     calls: name of the instance and FMI function of every action of a macro step; the recorder
-    stores the index of the present action in this list.
+    stores the index of the present action in this list, which identifies the FMI call if a process
+    crashes.
     """
 
     def __init__(self, loop: Loop) -> None:
@@ -145,7 +146,7 @@ class CExecutor:
     """Executor in C, which calls the FMI functions of the loaded FMUs by their addresses."""
 
     def __init__(self, loop: Loop) -> None:
-        self.loop = loop  # the C structs point to its arrays
+        self.loop = loop  # retained, since the C structs point to its arrays
         self._execute = library().execute
         self._origin = list(_origins(loop.plan))
         self.calls = _marked(action for action, _ in self._origin)

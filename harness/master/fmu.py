@@ -248,7 +248,7 @@ class Instance:
 
     def propagate(self, verb: Verb, bus: NDArray[np.float64], time: float) -> None:
         """Perform SET or GET in initialization mode. GET accepts outputs that are not finite yet.
-        SET skips all inputs of a type while one of their values is not finite.
+        SET skips all inputs of one FMI type while the value of one of them is not finite.
         """
         messages.note_call(self.name, verb.call(self.node.interface.fmi))
         for transfer in self.transfers[verb]:
@@ -259,7 +259,7 @@ class Instance:
 
     def check_outputs(self, time: float) -> None:
         """Raise RunError if an output that was read last is not a finite number, or is a whole
-        number that the bus cannot carry.
+        number that a double on the bus cannot represent.
         """
         for transfer in self.transfers[Verb.GET]:
             self.raise_if_failed(Verb.GET, OK, time, transfer)
@@ -268,8 +268,8 @@ class Instance:
         self, verb: Verb, status: int, time: float, transfer: Transfer | None = None
     ) -> None:
         """Raise RunError if an FMI call has failed, if a step has requested termination, or if an
-        output of this transfer is not a finite number or is a whole number that the bus cannot
-        carry.
+        output of this transfer is not a finite number or is a whole number that a double on the
+        bus cannot represent.
         """
         if status in REASONS:
             raise RunError(self.name, time, REASONS[status])
