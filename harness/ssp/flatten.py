@@ -2,9 +2,10 @@
 """Flattening of nested systems into components with unique names and direct connections.
 
 Each connected input of a component is followed back through the connectors of systems, scalar by
-scalar, to the output that drives it or to an unconnected connector. A parameter for a connector on
-the way sets the input. Every connection on the way is a hop, which may convert the value. The FMUs
-state the sizes of arrays.
+scalar, to the output that drives it or to an unconnected connector. The value of a parameter for a
+connector on this way is given to the input; of several parameters the last in the file applies.
+Every connection on the way is a hop, which may convert the value. The sizes of arrays are read from
+the FMUs.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from harness.system.values import Index, Name
 Hops = tuple[Hop, ...]
 
 MAX_CHAIN = 200
-"""Largest number of connectors of systems that a signal may pass."""
+"""Largest number of connectors of systems between an output and an input; a loop passes more."""
 
 
 class Flat:
-    """Components, connections and parameters of a tree of nested systems, after flattening. Every
-    part that cannot be flattened adds a line to the problems of the tree.
+    """Components, connections and parameters of a tree of nested systems, after flattening. For
+    every part that cannot be flattened, a line is added to `tree.problems`.
     """
 
     def __init__(self, tree: Tree) -> None:
@@ -53,11 +54,12 @@ class Flat:
     def _notes(self) -> Iterator[str]:
         for point in self._unused:
             connector = self.tree.declared(point)
-            if connector and connector.kind != "structuralParameter":  # structural: an array size
-                yield f"{point}: the connector is not connected, its value is ignored"
+            # a structural parameter is the size of an array, which is read from the FMU
+            if connector and connector.kind != "structuralParameter":
+                yield f"{point}: no component reads this connector, so its parameter is ignored"
         names = self.names.items()
         if other := [f"{'.'.join(place)} as {name}" for place, name in names if place != (name,)]:
-            yield f"components with other names than in the file: {', '.join(other)}"
+            yield f"components renamed, since names must be unique identifiers: {', '.join(other)}"
 
     def declared(self) -> dict[Port, Unit]:
         """Return the units that the file declares for connectors of components."""
@@ -71,8 +73,8 @@ class Flat:
     # ---- signals
 
     def _drive(self, edge: Edge) -> None:
-        """Find the source of every scalar that a connection to a component carries, and record a
-        problem if there is no unique one.
+        """Connect every scalar of a component to which the connection `edge` leads with the output
+        that drives it, and record a problem if this is not possible.
         """
         target = edge.target.point
         scalars = self._scalars(target)
@@ -85,7 +87,8 @@ class Flat:
 
     def _follow(self, edge: Edge, shape: Index | None, index: Index, variable: Point) -> None:
         """Follow an input of a component back from its last connection `edge`, and connect it with
-        the output that drives it, if there is one; raise ValueError.
+        the output that drives it, if there is one. Raise ValueError if several connections lead to
+        one connector, arrays have other sizes or elements, or the way is longer than MAX_CHAIN.
 
         shape: shape of the array to which the scalar belongs, None if a connection has selected a
         single element; index: indices of the scalar in the array.
@@ -108,9 +111,9 @@ class Flat:
             if not before:
                 return
             if len(before) > 1:
-                raise ValueError(f"{source} is driven {len(before)} times")
+                raise ValueError(f"{source} is driven {len(before)} times, expected once")
             edge = before[0]
-        raise ValueError(f"passes more than {MAX_CHAIN} connectors of systems")
+        raise ValueError(f"passes more than {MAX_CHAIN} connectors of systems, perhaps in a loop")
 
     def _connect(
         self, source: Point, shape: Index | None, index: Index, variable: Point, hops: Hops
@@ -124,7 +127,7 @@ class Flat:
 
     def _scalars(self, point: Point) -> dict[Index, str]:
         """Return the scalar variables of a connector of a component by their indices, counted from
-        1. The last key is the shape of the array, () for a scalar.
+        1; a scalar has the indices (). The last key, with the largest indices, is the shape.
         """
         if point not in self._known:
             fmu = self.tree.components[point.place].fmu if self.tree.has_arrays else None
@@ -137,16 +140,16 @@ class Flat:
     # ---- parameters
 
     def _set(self, variable: Point, given: Given) -> None:
-        """Give a variable a value, unless a later parameter of the file has set it already."""
+        """Set a variable to `given`, unless its value is from a parameter later in the file."""
         if given.order >= self._orders.get(variable, 0):
             self._orders[variable] = given.order
             self.parameters[variable.place][variable.connector] = given.parameter
 
     def _take(self, point: Point, variable: Point, hops: Hops) -> None:
-        """Give a variable the parameter of the system connector `point`, if the file states a
-        parameter.
+        """Set a variable to the value that the file gives for the system connector `point`, if any.
 
-        The value is in the unit of the connector, and `hops` convert it on the way to the variable.
+        A value without a unit is in the unit of the connector; any other value is converted to this
+        unit. Then `hops` convert the value on the way to the variable.
         """
         if (given := self.tree.given.get(point)) is None:
             return
@@ -167,7 +170,9 @@ def _one(scalars: dict[Index, str], array: Point, index: Index) -> str:
     """Return the variable with these indices in an array; raise ValueError if there is none."""
     if index not in scalars:
         shape = size_text(next(reversed(scalars)))
-        raise ValueError(f"there is no element {Name(array.connector, index)}, it is {shape}")
+        raise ValueError(
+            f"there is no element {Name(array.connector, index)}, the connector is {shape}"
+        )
     return scalars[index]
 
 

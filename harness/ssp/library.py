@@ -42,8 +42,9 @@ def load(system: str | Path | System) -> Iterator[System]:
 
 @contextmanager
 def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
-    """Yield the system of a file as far as it can be read, and the problems of its description;
-    raise ArchiveError or StructureError if nothing can be read.
+    """Yield the system of a file as far as it can be read, and a line per problem of its
+    description; raise ArchiveError or StructureError if nothing can be read, and StructureError for
+    any problem of a TOML file.
     """
     if path.suffix == ".toml":
         yield _built(path), ()
@@ -61,7 +62,8 @@ def name_of(path: Path) -> str:
 
 def _built(path: Path) -> System:
     """Return the system of a TOML file, after loading the mission of its folder."""
-    from harness.ssp import build  # imports msgspec, which reading an .ssp does not need
+    # imported only here, because build imports msgspec, which reading an .ssp does not need
+    from harness.ssp import build
 
     take_mission(path)
     return build.read(path, paths.fmus())
@@ -74,8 +76,8 @@ folders.
 
 
 def leave_python(system: str | Path) -> None:
-    """Disable the Python in the folder of a system that a results file names; raise UsageError if
-    the system does not exist.
+    """Prevent take_mission() from executing Python files in the folder of a system that only a
+    results file names; raise UsageError if the system does not exist.
     """
     _without_python.add(find_system(system).resolve().parent)
 

@@ -58,7 +58,9 @@ def parameter_set(root: XmlElement, further: UnitsByName | None = None) -> dict[
 
 
 def units_of(root: XmlElement, table: str) -> dict[str, Unit]:
-    """Return the units that a file defines, by name; table: path of the element with the units."""
+    """Return the units that a file defines, by name; table: XML path from the root to the element
+    that contains them, such as `ssv:Units`.
+    """
     units = {}
     for e in xml.every(root, f"{table}/ssc:Unit"):
         base = {n: float(e[0].get(n, "1" if n == "factor" else "0")) for n in BASE_UNITS}
@@ -89,9 +91,9 @@ BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 
 def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
-    """Return the conversion that a connection or mapping entry states: its linear transformation,
-    and whether units are converted, into `unit`; raise ValueError if factor or offset is not
-    finite.
+    """Return the conversion that a connection or mapping entry states: first into `unit` (None:
+    unit of the variable that receives the value), unless the file suppresses this, then the linear
+    transformation. Raise ValueError if factor or offset is not finite.
     """
     linear = xml.first(element, "ssc:LinearTransformation")
     change = Affine()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reader of .ssp files, which unpacks safely, validates by the schemas and makes no FMI call.
+"""Reader of .ssp files, which rejects unsafe archives, validates by the schemas and calls no FMU.
 
-XML prefixes may be of any name, only the namespaces count. Nested systems are flattened. A file
+XML prefixes may have any name, only the namespaces count. Nested systems are flattened. A file
 with content that cannot be run is rejected: model exchange, signal dictionaries, connections
 between parameters, tables that transform signals.
 """
@@ -77,7 +77,7 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
     with PrivateFolder() if cached is None else nullcontext(cached) as folder:
         if cached is None:
             unpack(path, folder)
-        try:  # a folder of the cache is named by its content: a second reading is not needed
+        try:  # a folder of the cache is named by its content, so one reading is enough
             system, problems, notes = _of_folder(folder) if cached is None else _known(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
@@ -108,8 +108,8 @@ def _known(folder: Path) -> Reading:
 
 
 class _Reader:
-    """Reader of SystemStructure.ssd: experiment and our own annotation here, the elements of the
-    system by Tree and Flat.
+    """Reader of SystemStructure.ssd. The class reads the experiment and the annotation of this
+    project; Tree and Flat read the elements of the system.
     """
 
     def __init__(self, folder: Path, root: XmlElement) -> None:
@@ -153,7 +153,7 @@ class _Reader:
                 e.get("name", ""): (self._number(e, "low"), self._number(e, "high"))
                 for e in self._own("Slider")
             },
-            mission=mission if mission.isidentifier() else "",  # ignores texts that are no names
+            mission=mission if mission.isidentifier() else "",  # other texts name no mission
             declared=flat.declared(),
         )
 
@@ -220,7 +220,7 @@ class _Reader:
         name = element.get("name", "")
         parameters = self._files(f"resources/sets/{name}", components)
         if not parameters:
-            fault = "is listed, but none of its files is in the archive"
+            fault = "is listed, but the archive has no valid file with its values"
             self.problems.append(f"parameter set {name}: {fault}")
         stop, step = self._number(element, "stop"), self._number(element, "step")
         return ParameterSet(name, element.get("description", ""), parameters, stop, step)

@@ -111,7 +111,7 @@ class _Writer:
         self._connections(top)
         annotations = child(top, "ssd:Annotations")
         if self.system.experiment.step:
-            self._fixed_step(annotations)  # OMSimulator reads the first annotation only
+            self._fixed_step(annotations)  # first: OMSimulator reads no other annotation
         self._run(annotations)
         used = list(chain.from_iterable(self.connected.values()))
         self._enumerations(root, used)
@@ -142,7 +142,7 @@ class _Writer:
 
     def _connectors(self, element: XmlElement, component: str) -> int:
         """Write the connected inputs along the left edge of a component and the outputs along its
-        right edge, from top to bottom; return the larger number of both.
+        right edge, from top to bottom; return the larger one of the two numbers.
 
         Positions are relative to the component: (0, 0) is its lower left corner, (1, 1) its upper
         right one. An array of FMI 3.0 has one connector for all elements.
@@ -198,7 +198,7 @@ class _Writer:
                 attributes(connection, **{f"{side}Element": port.component})
                 attributes(connection, **{f"{side}Connector": end.connector})
                 attributes(connection, **{f"{side}Indices": " ".join(map(str, end.indices))})
-            if each.hops:  # one transformation for all conversions, units included
+            if each.hops:  # one transformation that includes all hops and units
                 change = way(each, self.interfaces)
                 attributes(connection, suppressUnitConversion=True)
                 if change != IDENTITY:

@@ -130,7 +130,7 @@ def embedded(element: XmlElement, schema: str) -> XmlElement:
 
 def _valid(root: XmlElement, schema: str, name: str) -> XmlElement:
     """Return the root with SSP 2.0 names replaced by SSP 1.0 names and without empty optional
-    attributes. Raise StructureError, which begins with `name`, if the root is not valid.
+    attributes. Raise StructureError if the root is not valid; every line begins with `name`.
     """
     if is_version_2(root):
         simplify(root)
@@ -199,7 +199,7 @@ def as_version_1(root: XmlElement) -> XmlElement:
     copy.set("version", "1.0")
     etree.strip_elements(copy, *_NEW_PARTS)
     for element in copy.iter(*_VALUES):
-        element.set("value", "0")  # may be a list in 2.0; checked by parameter_set()
+        element.set("value", "0")  # 2.0 permits a list, which parameter_set() checks
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
     for element in copy.iter(tag("ssd:Component")):
@@ -234,7 +234,7 @@ def attributes(element: XmlElement, /, **values: Scalar | None) -> None:
         if value is not None and value != "":
             try:
                 element.set(name, literal(value))
-            except ValueError:  # lxml: a control character
+            except ValueError:  # lxml rejects control characters
                 fault = "contains a character that is not permitted in XML"
                 raise StructureError([f"{name} {value!r}: {fault}"]) from None
 

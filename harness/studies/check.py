@@ -160,7 +160,7 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
     yield from size_problems(system, interfaces)
     first, *others = chosen
     yield from graph_problems(first, interfaces)
-    for each in others:  # parameter sets differ in values only
+    for each in others:  # sets change values only, not the checked structure
         yield from value_problems(each, interfaces, each.components)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
     for error in (*rejected(chosen), *unreachable(system, boards)):
@@ -182,7 +182,7 @@ def log_decided(system: System) -> None:
     if experiment.step is None:
         return
     stop = experiment.start + period * experiment.step
-    with suppress(HarnessError):  # a run reports the same error
+    with suppress(HarnessError):  # a run reports the same error to the user
         with noted():
             short = replace(system, experiment=replace(experiment, stop=stop))
             run = simulate(short, patience=PATIENCE)

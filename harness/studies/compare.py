@@ -48,8 +48,8 @@ from harness.system.values import base
 ROWS = 20_000
 """Largest number of rows of a results file if the user gives no `every`."""
 TOGETHER = 4
-"""Number of runs per task with the executor `fused`, if there are at least as many runs for every
-worker.
+"""Number of runs per task with the executor `fused`, if this gives every worker at least one task;
+otherwise a task has one run.
 """
 TABLE = "comparison.csv"
 WIDTH = 120
@@ -274,15 +274,15 @@ def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence
         return variants, ""
     named = {str(v.changes["params"]) for v in variants if v.changes.get("params") is not None}
     if named:
-        usually = f"; the default is set {chosen.name}" if chosen.name not in named else ""
-        return variants, f"limits: values of --params {', '.join(sorted(named))}{usually}"
+        usually = f"; without --params: set {chosen.name}" if chosen.name not in named else ""
+        return variants, f"parameters: values of --params {', '.join(sorted(named))}{usually}"
     own: dict[str, list[str]] = {}
     for component, given in chosen.parameters.items():
         for name, parameter in given.items():
             if usual[component].get(name) != parameter:
                 own.setdefault(base(f"{component}.{name}"), []).append(str(parameter.value))
     values = ", ".join(f"{name} = {' '.join(numbers)}" for name, numbers in own.items())
-    text = f"limits: set {chosen.name}, {chosen.description}{f' ({values})' if values else ''}"
+    text = f"parameters: set {chosen.name}, {chosen.description}{f' ({values})' if values else ''}"
     text += "; --params default: the values of the system"
     return [replace(v, changes={**v.changes, "params": chosen.name}) for v in variants], text
 

@@ -217,7 +217,7 @@ class _Differences:
         again = dict(zip(self.names, self._run(self._restart(state), self.at, 0), strict=True))
         for name, value in state.items():
             if abs(again[name] - value) > 1e-9 * max(1.0, abs(again[name])):
-                raise self._no_model("the FMU restarted at its state has another state", name)
+                raise self._no_model("a restart of the FMU at its state changes this state", name)
         self.state = {name: value for name, value in state.items() if self._follows(name, state)}
         by_state = self._matrix(self.state, RELATIVE_STATE, True)
         by_input = self._matrix(self.inputs, RELATIVE_INPUT, False)

@@ -32,7 +32,8 @@ from harness.master.child import end_with_parent
 _log = logging.getLogger("harness")
 
 RETAINED = 32 << 20
-"""Largest memory block that malloc of a worker takes from its heap, the maximum of glibc [bytes].
+"""Largest memory block that malloc of a worker takes from its heap [bytes]. glibc permits no larger
+value.
 """
 ENVIRONMENT = {
     "MALLOC_ARENA_MAX": 1,
@@ -310,7 +311,7 @@ def _own_start() -> Iterator[None]:
         life.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])
         sys.modules["__main__"] = ModuleType("__main__")
         if os.name == "posix":
-            resource_tracker.ensure_running()  # its start would unblock SIGINT
+            resource_tracker.ensure_running()  # now, because its start unblocks SIGINT
             before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             life.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
         for name in ENVIRONMENT.keys() - os.environ.keys():

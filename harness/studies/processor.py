@@ -38,8 +38,8 @@ from harness.system.model import Origin, System
 from harness.system.swap import find_fmu
 
 PATIENCE = 600.0
-"""Limit for one answer of an emulator [s]. Guidance that plans a trajectory takes longest, on a
-busy machine.
+"""Limit for one answer of an emulator [s], long enough for guidance that plans a trajectory, which
+takes longest, on a busy machine.
 """
 
 
@@ -206,9 +206,9 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
 
 
 def _homes() -> dict[str, tuple[str, str]]:
-    """Return for every FMU, by name, the system and component in whose place it runs by default. A
-    component that has the FMU precedes one that lists it as an alternative; then the system with
-    the fewest components, then the first in the alphabet is chosen.
+    """Return for every FMU, by name, the system and component in whose place it runs by default: a
+    component that has the FMU, or else a component that lists the FMU as an alternative. Of several
+    systems, the one with the fewest components is chosen, then the first in the alphabet.
     """
     own: dict[str, tuple[str, str]] = {}
     others: dict[str, tuple[str, str]] = {}

@@ -41,7 +41,7 @@ class Rerun:
 
 
 def again(text: str, system: str | Path | None, changes: Changes) -> Rerun:
-    """Return the run that a results file, or the run N of a dataset `OUT.zarr#N`, records.
+    """Return the run that is recorded in a results file, or as run N of a dataset OUT.zarr.
 
     text: path of the results file, or `OUT.zarr#N`; system: name or present path of the system
     (None: the recorded path); changes: options of run(), applied after the recorded ones. A warning

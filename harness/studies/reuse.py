@@ -247,7 +247,7 @@ class ReusedSimulation:
         for place, changes in enumerate(part):
             with suppress(HarnessError):  # the run is then made alone and reports the error
                 changed = rest(self._changed(changes))
-                if begun or isolated.all_ours(changed):  # all runs have the same FMUs
+                if begun or isolated.all_ours(changed):  # one check: all runs have equal FMUs
                     begun[place] = self._begun(place, changed, every, needed)
         compiled = self._lanes() if begun else None
         complete = [] if compiled is None else compiled.advance([*begun.values()])

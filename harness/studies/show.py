@@ -287,7 +287,7 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
         planners = own.plans if own else ()
         if not planners:
             raise UsageError(f"{found.name}: its mission has no plan")
-        for planner in planners[:-1]:  # a system without a mission tries all planners
+        for planner in planners[:-1]:  # a system without a mission tries all missions' planners
             with suppress(UsageError):
                 return planner(found, **changes)
         return planners[-1](found, **changes)

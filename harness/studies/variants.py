@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Variants of a comparison: all combinations of the values of those options to which the user gives
-several values. Each such option is treated as a factor with listed values, as in a campaign.
+"""Variants of a comparison: all combinations of the values of options with several values. Each of
+these options is treated like a factor with listed values in a campaign.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
     if variable.type == "Enumeration" and isinstance(value, str):
         if value not in variable.items:
             names = f"{did_you_mean(value, variable.items)}, only {', '.join(variable.items)}"
-            raise ValueError(f"there is no item '{value}'{names}")
+            raise ValueError(f"the enumeration has no item '{value}'{names}")
         return variable.items[value]
     if parameter.hops or parameter.unit not in (None, variable.unit):
         ends = _start(parameter, interface), interface.unit(variable)

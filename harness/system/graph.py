@@ -30,7 +30,8 @@ _log = logging.getLogger("harness")
 
 class Slot(NamedTuple):
     """Place of one number on the bus. name: of the output, `component.variable[i]`; unit: "" if
-    undeclared; modes: names of the values 0, 1, .. if the output is a mode, else "".
+    undeclared; modes: names of the values 0, 1, .., separated by `|`, if the output is a mode
+    (its values have names), else "".
     """
 
     name: str
@@ -180,9 +181,10 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
     changed = [new for node, c in others if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     lost = any(node.component.parameters.keys() - c.parameters.keys() for node, c in others)
-    looked = system if lost else replace(system, strict=False)  # new values open no input
+    # open inputs are looked for only if a value was removed
+    looked = system if lost else replace(system, strict=False)
     if any(value_problems(looked, interfaces, changed)):
-        return build_graph(system)  # raises an error with every problem
+        return build_graph(system)  # raises an error with all problems of the system
     return replace(graph, nodes=tuple(_adapted(*pair) for pair in pairs))
 
 
@@ -296,7 +298,8 @@ def _node(
 def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
     for name, parameter in component.parameters.items():
         variable = interface.variables.get(name)
-        if variable is not None and variable.causality != STRUCTURAL:  # sizes of arrays are fixed
+        # a structural parameter is the size of an array, which cannot be set
+        if variable is not None and variable.causality != STRUCTURAL:
             yield Setting(variable, final(parameter, variable, interface))
 
 

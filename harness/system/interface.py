@@ -47,12 +47,12 @@ OPTIONAL = (
     "ModelVariables/ScalarVariable[Annotations/Tool/OptionalInput]/@name"
     "|ModelVariables/*[Annotations/Annotation/OptionalInput]/@name"
 )
-"""XPath to the names of inputs that a description declares as optional, in FMI 2.0 and FMI 3.0. A
+"""XPath to the names of inputs that a model description (FMI 2.0 or 3.0) declares as optional. A
 system may leave these inputs unconnected.
 """
 
 MODES = "Annotations/Tool/Modes|Annotations/Annotation/Modes"
-"""XPath from a variable to the element with the names of its values 0, 1, .. if it is a mode."""
+"""XPath from a variable whose values 0, 1, .. have names (a mode) to the element with the names."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,8 @@ class Interface:
     def _rows(self) -> dict[tuple[int, str], tuple[Variable, ...]]:
         found: dict[tuple[int, str], dict[int, Variable]] = {}
         for v in self.variables.values():
-            found.setdefault((v.reference, v.access), {}).setdefault(v.element, v)  # not an alias
+            # of variables that share a reference (aliases), only the first is an element
+            found.setdefault((v.reference, v.access), {}).setdefault(v.element, v)
         return {key: tuple(row[k] for k in sorted(row)) for key, row in found.items()}
 
     def named(self, causality: str) -> Mapping[str, Variable]:
@@ -259,7 +260,7 @@ def _clocked(description: Description, v: Declared) -> str:
 
 
 def _renamed(elements: list[Variable], name: str, alias: str) -> Iterator[Variable]:
-    """Yield the elements of a variable under the name of an alias, which can only be read."""
+    """Yield the elements of a variable under its alias, as local variables."""
     for each in elements:
         called = alias + each.name.removeprefix(name)
         yield replace(each, name=called, causality="local", settable=False, optional=False)

@@ -92,7 +92,7 @@ def given_names(
     their_families, our_families, names = families(theirs), families(ours), Names()
     for their, our in given:
         a = _members(their, theirs, their_families, "the FMU has no such port")
-        b = _members(our, ours, our_families, "there is no such signal here")
+        b = _members(our, ours, our_families, "the system has no such signal")
         if len(a) != len(b):
             raise ValueError(f"{their}={our}: {their} has {len(a)} elements, {our} has {len(b)}")
         if double := [name for name in a if name in names]:

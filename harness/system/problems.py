@@ -139,7 +139,7 @@ def _declared_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
         if interface is None or variable is None:
             continue
         if not _is_claimed(port, claimed, interface.unit(variable)):
-            yield f"{port}: the connector has the unit {claimed.name}, the FMU {variable.unit}"
+            yield f"{port}: the unit is {claimed.name} in the file, but {variable.unit} in the FMU"
 
 
 def _is_claimed(port: Port, claimed: Unit, own: Unit | None) -> bool:
@@ -159,7 +159,10 @@ def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:
         sources.setdefault(target, []).append(str(source))
     for target, drivers in sources.items():
         if len(drivers) > 1:
-            yield f"{target}: is driven {len(drivers)} times, by {' and '.join(drivers)}"
+            yield (
+                f"{target}: is driven {len(drivers)} times, by {' and '.join(drivers)}; "
+                "connect only one of them"
+            )
 
 
 def _open_inputs(system: System, interfaces: Interfaces) -> Iterator[str]:

@@ -2,9 +2,9 @@
 """Master algorithm as data: the actions on the instances of FMUs, and their order in every macro
 step.
 
-An instance with `every = N` makes a step that is N macro steps long, in macro steps k with k % N ==
-0. The outputs of an instance with `latency = L` are published L macro steps later than without
-latency, as a computer needs time for its results.
+An instance with `every = N` makes steps that are N macro steps long; a step begins in every macro
+step k with k % N == 0. The outputs of an instance with `latency = L` are published L macro steps
+later than without latency, as a computer needs time for its results.
 """
 
 from __future__ import annotations
@@ -186,5 +186,5 @@ def _not_a_multiple(start: float, stop: float, step: float, cycle: int) -> str:
     near = " and ".join(f"{start + n * cycle * step:.12g} s" for n in (below, below + 1) if n > 0)
     whole = f"the macro step {step:.12g} s"
     if cycle > 1:
-        whole = f"{cycle} macro steps of {step:.12g} s (the slowest components)"
+        whole = f"{cycle} macro steps of {step:.12g} s (common period of all components)"
     return f"the stop time {stop:.12g} s is not a multiple of {whole}; nearest: {near}"

@@ -36,7 +36,7 @@ def find_fmu(name: str | Path) -> Path:
         inside = Path(name) / f"{Path(name).resolve().name}.fmu"
         if paths.is_file(inside):
             return inside
-        raise UsageError(f"{name}: a folder without {inside.name}; harness build {name} makes it")
+        raise UsageError(f"{name}: contains no {inside.name}; build it: harness build {name}")
     raise UsageError(f"{name or '(nothing)'}: there is no such FMU{did_you_mean(str(name), known)}")
 
 
@@ -112,7 +112,7 @@ class _Exchange:
 
     def _say_styled(self, taken: Mapping[mapping.Family, mapping.Family]) -> None:
         shown = some([f"{a.elements[0]}.. for {b.elements[0]}.." for a, b in taken.items()])
-        note = "%s: %s writes indices in another style; ports connected by it: %s"
+        note = "%s: %s writes indices in another style than the system; connected as: %s"
         if taken:
             _log.warning(note, self.name, self.path.name, shown)
 

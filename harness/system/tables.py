@@ -159,7 +159,7 @@ def problems(given: Any, kind: Any, place: str = "") -> Iterator[str]:
 
     given: the value; kind: the type; place: name of the entry, "" for the whole file.
     """
-    if NoneType in get_args(kind):  # TOML has no None
+    if NoneType in get_args(kind):  # TOML has no None, so only the other type counts
         (kind,) = (each for each in get_args(kind) if each is not NoneType)
     table = get_origin(kind) is dict
     if not table and not _is_struct(kind):

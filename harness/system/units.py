@@ -75,7 +75,7 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
     """Return the conversion from a variable in unit `start` over all hops to a variable in unit
     `end`; raise ValueError if units are not compatible.
 
-    The last hop ends at the variable. Without hops only units are converted.
+    A hop without a unit converts into `end`. Without hops only units are converted.
     """
     if not hops and (start is None or end is None or start.name == end.name):
         return IDENTITY
@@ -91,7 +91,7 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
         return Affine(float(factor), float(offset))
     except OverflowError:
         names = " to ".join(unit.name for unit in (start, end) if unit is not None)
-        raise ValueError(f"the conversion {names} overflows") from None
+        raise ValueError(f"the factor or offset of the conversion {names} overflows") from None
 
 
 def _fraction(number: float) -> Fraction:
@@ -120,7 +120,7 @@ def _scale(name: str, base: Base) -> _Exact:
     factor, offset = base.get("factor", 1.0), base.get("offset", 0.0)
     if not (math.isfinite(factor) and math.isfinite(offset) and factor != 0):
         scale = f"the factor {factor:g} and the offset {offset:g}"
-        raise ValueError(f"{name} has {scale}, so it cannot be converted")
+        raise ValueError(f"{name} has {scale}; expected finite numbers and no factor of 0")
     return _fraction(factor), _fraction(offset)
 
 

@@ -285,11 +285,11 @@ def test_arrays_are_mapped_and_fill_the_schema_of_2_0(simulate, tmp_path, violat
         (pair('source.y sink.u endIndices="3"'), "source.y to sink.u: there is no element u[3]"),
         (
             pair('source.y sink.u endIndices="1 1"'),
-            "source.y to sink.u: there is no element u[1,1], it is an array of 2",
+            "source.y to sink.u: there is no element u[1,1], the connector is an array of 2",
         ),
         (
             pair('source.c sink.x endIndices="1"'),
-            "source.c to sink.x: there is no element x[1], it is a scalar",
+            "source.c to sink.x: there is no element x[1], the connector is a scalar",
         ),
         (
             pair("source.y sink.u", parameters=(("n", "UInt64", "5", ""),)),

@@ -84,7 +84,8 @@ class Driver:
             self.store.group.attrs.update({"kind": kind})
             self._life.enter_context(self.store.alone())
         pending = np.flatnonzero(self.store.array("status") == PENDING)
-        self._stored = int(pending[0]) if len(pending) else self.store.runs  # first runs there
+        # number of runs before the first pending one
+        self._stored = int(pending[0]) if len(pending) else self.store.runs
         self._numbers, self._margins = map(self.store.array, ("numbers", "margin"))
         self.unjudged = np.zeros(len(evaluator.names), dtype=int)
         self.nominal = self.evaluate(np.zeros((1, evaluator.d)))[0]
@@ -112,8 +113,8 @@ class Driver:
         return margins
 
     def _run(self, first: int, numbers: Array) -> Array:
-        """Perform new runs, at most as many as a block has, write all blocks that are now complete,
-        and return the margins (rows, requirements). first: number of the first run; numbers:
+        """Perform new runs, at most one block, write all blocks that are now complete, and return
+        the margins (rows, requirements). first: number of the first of these runs; numbers: their
         standard normal coordinates (rows, d).
         """
         values = [self.evaluator.values(z, first + k) for k, z in enumerate(numbers)]
@@ -144,8 +145,8 @@ class Driver:
         """Raise UsageError if a stored run has other coordinates than the requested row z (d,)."""
         if self._numbers[run].tobytes() != np.ascontiguousarray(z).tobytes():
             raise UsageError(
-                f"{self.path}: cannot resume: run {run} was generated with different package "
-                "versions"
+                f"{self.path}: cannot resume: the analysis now draws run {run} with other values, "
+                "as after a change of a package version; write another dataset"
             )
 
     def _first(self) -> str:
@@ -220,7 +221,8 @@ def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
         margin = driver.nominal[k]
         if np.isnan(margin):
             raise UsageError(
-                f"{name}: the nominal run does not exercise this requirement; name others in `of`"
+                f"{name}: the nominal run does not exercise this requirement; name other "
+                "requirements in `of`"
             )
         if margin < 0:
             driver.evaluator.notify(

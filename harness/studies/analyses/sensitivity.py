@@ -32,8 +32,8 @@ effects of the factors from the margins of a requirement in these runs (rows,).
 Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
 
 LEVELS, STEP = np.array([0.125, 0.375]), 0.5
-"""Method of Morris: the numbers between 0 and 1 from which a factor is drawn are moved by STEP, up
-from one of LEVELS or back down to it.
+"""Method of Morris: a factor is drawn from numbers from 0 to 1, each in LEVELS or LEVELS + STEP. A
+move of the factor adds STEP to each of these numbers or subtracts STEP from it.
 """
 RESAMPLED = 200
 """Number of resamples of a bootstrap."""
@@ -111,8 +111,8 @@ def _path(groups: Sequence[Group], d: int, rng: np.random.Generator) -> tuple[Ar
 
 
 def _resampled(effects: Array) -> tuple[Array, Array]:
-    """Return the limits (factors,) of the 95 % interval of the mean effects over all paths, by
-    bootstrap; effects: (paths, factors).
+    """Return the lower limits (factors,) and the upper limits (factors,) of the 95 % intervals of
+    the mean effects over all paths, by bootstrap; effects: (paths, factors).
     """
     rng = np.random.default_rng(len(effects))
     rows = rng.integers(len(effects), size=(RESAMPLED, len(effects)))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Completed analysis (study) with its estimate, the result of the analysis, which its dataset
-stores.
+"""Study: a completed analysis. Its dataset contains all runs, and also the estimate, which is the
+result of the analysis.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from harness.studies.campaign.worker import FAILED
 
 
 class Study(Campaign):
-    """Completed study: its dataset, and its estimate, the result of the analysis."""
+    """Completed study with its dataset, which contains the estimate: the result of the analysis."""
 
     @property
     def kind(self) -> str:
@@ -78,8 +78,8 @@ def of_unit(value: float | None, unit: str) -> str:
     if value is None or np.isnan(value):
         return "no margin"
     if np.isneginf(value):
-        return "-inf (failed run or no number)"
-    value = round(float(value), 300)  # -5e-324: failed exactly at the limit
+        return "-inf (the run failed, or a value is not a number)"
+    value = round(float(value), 300)  # -5e-324 (failed exactly at the limit) becomes -0
     if unit == "m" and abs(value) < 1:
         return f"{1e3 * value:+.4g} mm"
     if unit == "rad":
@@ -137,7 +137,10 @@ def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
         )
     else:
         p = 1 - 0.05 ** (1 / runs)
-        by_chance = f"; {runs} random runs without a failure prove p < {100 * p:.2g} % at 95 %"
+        by_chance = (
+            f"; {runs} random runs without a failure prove a failure probability below "
+            f"{100 * p:.2g} % at 95 %"
+        )
         yield (
             f"{name}: no failure in {runs} runs, worst margin "
             f"{of_unit(found['margin'], unit)}, nominal {nominal}: the search proves nothing"

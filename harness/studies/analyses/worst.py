@@ -29,8 +29,9 @@ LEAST_GENERATION = 12
 SEEDS = 10
 """Number of further seeds with which the worst run is repeated if the campaign has seeds."""
 CLOSE = 0.1
-"""Largest difference between the worst margin and the margin of its repetition with the macro step
-of the system that is not reported, as a share of the difference between worst and nominal margin.
+"""Tolerance for the repetition of a worst run with the macro step of the system. Its margin is
+reported if it differs from the worst margin by more than this share of the difference between worst
+and nominal margin.
 """
 
 
@@ -81,7 +82,7 @@ def search(
             engine.tell(list(z), _ranked(y))
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
-    if runs > len(margins):  # too few left for a generation: random runs about the worst so far
+    if runs > len(margins):  # too few runs for a generation: draw them about the worst
         spread = rng.standard_normal((runs - len(margins), d)) / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
@@ -183,9 +184,9 @@ def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
 
 
 def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
-    """Repeat the worst runs and the nominal run with the macro step of the system, write their
-    results beside `output`, and add to `found`, the estimates by requirement, the repeated margin
-    and whether it differs.
+    """Repeat the worst runs and the nominal run with the macro step of the system instead of the
+    `step` of the campaign, and write their results beside `output`. Add to `found`, the estimates
+    by requirement, the margin of the repetition and whether it differs from the worst margin.
     """
     evaluator, folder = driver.evaluator, _folder(output)
     folder.mkdir(parents=True, exist_ok=True)
@@ -219,7 +220,7 @@ def _folder(output: Path) -> Path:
 
 def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
     """Return the existing results files of the nominal run and of the worst run of each
-    requirement, by label; path: OUT.zarr of the search.
+    requirement, by label (`nominal`, `worst NAME`); path: OUT.zarr of the search.
     """
     files = {"nominal": "nominal"} | {f"worst {n}": _file(n) for n in requirements}
     found = {label: _folder(path) / f"{name}.nc" for label, name in files.items()}

@@ -37,9 +37,9 @@ from harness.studies.reuse import compiling
 _log = logging.getLogger("harness")
 
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 8, 200, 2_000_000
-"""Smallest number of blocks of a campaign, whose runs are written together; largest numbers of runs
-and of macro steps in a block. A block takes some seconds, which are lost if the campaign is
-interrupted.
+"""Smallest number of blocks into which a campaign is divided; largest numbers of runs and of macro
+steps in a block. The runs of a block are written together. A block takes some seconds, which are
+lost if the campaign is interrupted.
 """
 
 
@@ -227,7 +227,7 @@ def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Chang
         )
     plan = store.plan()
     for name in differing(plan.sources):
-        text = "%s: differs from the one used in run %s of %s"
+        text = "%s: has changed since run %s of %s"
         _log.warning(text, name, number, store.path.name)
     if system is not None and plan.system.read_bytes() != find_system(system).read_bytes():
         raise UsageError(

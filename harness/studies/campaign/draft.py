@@ -248,7 +248,7 @@ class _Draft:
 
         structures: system and outcome of its check, for each structure; found: metrics by name.
         """
-        # structures with equal variables and steps have the same metrics
+        # structures with equal variables and steps have the same metrics, so one of them is tried
         sizes = {(s.graph.slots, s.steps): (system, s) for system, s in structures}
         results = [_blank(*each, self.table.every) for each in sizes.values()]
         texts = self.table.texts
@@ -295,7 +295,8 @@ def _blank(system: System, found: Checked, every: int) -> Reading:
 def _table(slots: Sequence[Slot], parameters: Result, values: Any = None) -> Result:
     """Return a result with the names, units and descriptions of variables, before any run.
 
-    slots: variables of a system; values: (rows, slots); None: one row of arbitrary values.
+    slots: variables of a system; parameters: result with its parameters; values: (rows, slots);
+    None: one row of arbitrary values.
     """
     names, units, texts, modes = columns(slots)
     values = np.empty((1, len(slots))) if values is None else values

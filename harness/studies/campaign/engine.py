@@ -26,7 +26,7 @@ AHEAD = 3
 
 
 class Work(Protocol):
-    """Data that all runs share, which is sent to workers, with the function that performs runs."""
+    """Object that is sent to the workers: the data that all runs share, and how to perform runs."""
 
     @property
     def piece(self) -> int:

@@ -2,8 +2,8 @@
 """Factors: the parameters and options in which the runs of a campaign differ, and how their values
 are drawn from numbers between 0 and 1.
 
-A random factor applies the inverse of its distribution function to these numbers. They can come
-from a random, Latin hypercube or Sobol sampler.
+A random factor applies the inverse of its distribution function to these numbers, which come from
+a random, Latin hypercube or Sobol sampler.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Normal(Struct, frozen=True):
     within: Pair = NONE
 
     def draw(self) -> Draw:
-        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
+        """Return the distribution of the factor; raise ValueError if an entry breaks a rule."""
         _demand(
             (self.sigma is None) != (self.covariance is None),
             "either sigma or covariance, not both or none",
@@ -142,7 +142,7 @@ class LogNormal(Struct, frozen=True):
     sigma: Numbers
 
     def draw(self) -> Draw:
-        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
+        """Return the distribution of the factor; raise ValueError if an entry breaks a rule."""
         m, s = _vectors(self.median, self.sigma)
         _demand(s > 0, f"a positive sigma, not {self.sigma}")
         _demand(m > 0, f"a positive median, not {self.median}")
@@ -160,7 +160,7 @@ class Uniform(Struct, frozen=True):
     high: Numbers
 
     def draw(self) -> Draw:
-        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
+        """Return the distribution of the factor; raise ValueError if an entry breaks a rule."""
         a, b = _vectors(self.low, self.high)
         _demand(a < b, f"a low that is smaller than high, not {self.low} and {self.high}")
         return Draw(a.size, lambda u: _shaped(a + u * (b - a), self.low, self.high))
@@ -175,7 +175,7 @@ class Rotation(Struct, frozen=True):
     attitude: Vector = NONE
 
     def draw(self) -> Draw:
-        """Return the distribution of the factor; raise ValueError with the rule that it breaks."""
+        """Return the distribution of the factor; raise ValueError if an entry breaks a rule."""
         s = _vectors(self.sigma, [0.0] * 3)[0]
         _demand(s > 0, f"a positive sigma, not {self.sigma}")
         if self.attitude is None:
@@ -199,9 +199,7 @@ class Inertia(Struct, frozen=True):
     axes: Number = 0.0
 
     def draw(self) -> Draw:
-        """Return the distribution from which the factor is drawn. Raise ValueError, with the rule,
-        if an entry of the factor violates a rule.
-        """
+        """Return the distribution of the factor; raise ValueError if an entry breaks a rule."""
         j = np.array(self.principal)
         p = j.sum() / 2 - j
         fine = len(j) == 3 and (p > 0).all()

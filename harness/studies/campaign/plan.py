@@ -81,9 +81,10 @@ class Table(Struct, frozen=True):
 
     runs: number of draws; every: macro steps per row; patience: limit for one call into a
     third-party FMU [s]; seeds: parameters that get a different seed in each draw; worst: metric by
-    which the worst runs are listed; until: stopping rule in place of `runs`; expected: smallest and
-    largest expected mean of a metric over all runs; coordinates: number of standard normal
-    coordinates per run of an analysis; sensitivity: table of the analysis.
+    which the worst runs are listed, or table of the analysis `worst`; sensitivity: table of the
+    analysis `sensitivity`; until: stopping rule in place of `runs`; expected: smallest and largest
+    expected mean of a metric over all runs; coordinates: number of standard normal coordinates per
+    run, which an analysis sets.
     """
 
     system: Text
@@ -261,9 +262,9 @@ class Plan:
         return {n: run_seed(self.table.seed, draw, k) for k, n in enumerate(self.table.seeds)}
 
     def structures(self) -> list[int]:
-        """Return the numbers of runs that together have every combination of values of those listed
-        factors that are options, such as swaps, not parameters. All of them belong to the first
-        draw.
+        """Return the numbers of runs that together have every combination of values of all listed
+        factors that are options, such as swaps. In these runs, listed parameters have their first
+        values; all runs belong to the first draw.
         """
         shape = [len(f.choices) for f in self.listed]
         ways = [range(len(f.choices)) if kind_of(f.name) else (0,) for f in self.listed]
@@ -275,7 +276,7 @@ class Plan:
         return {f.name: f.choices[int(k)] for f, k in zip(self.listed, places, strict=True)}
 
     def whole(self, name: str) -> bool:
-        """Return whether all values of a factor are whole numbers, as seeds are."""
+        """Return whether a factor is a seed, or lists only whole numbers."""
         choices = next((f.choices for f in self.factors if f.name == name), ())
         listed = bool(choices) and all(isinstance(choice, int) for choice in choices)
         return listed or name in self.table.seeds

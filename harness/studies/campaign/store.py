@@ -84,7 +84,7 @@ class Store:
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
-        self._seen: dict[str, Any] = {}  # open arrays: opening takes as long as writing
+        self._seen: dict[str, Any] = {}  # opened once: opening takes as long as writing
 
     # ---- create and open
 
@@ -128,7 +128,9 @@ class Store:
         except DAMAGES as error:
             raise ResultsError(f"{path}: is not the dataset of a campaign") from error
         if schema != SCHEMA:
-            raise ResultsError(f"{path}: has schema {schema}, this version reads {SCHEMA}")
+            raise ResultsError(
+                f"{path}: has schema {schema}, but this version of harness reads only {SCHEMA}"
+            )
         return store
 
     @classmethod
@@ -413,7 +415,7 @@ class Store:
                 label = f"{plain}_band"
                 if label not in self.group:
                     self._bands(self._array(name), plain)
-                    # a band is complete or absent
+                    # renamed only now, so that an interruption leaves no incomplete band
                     (self.path / (MAKING + label)).rename(self.path / label)
                 if name.startswith(SCRATCH):
                     gone = (self.path / name).rename(self.path / (MAKING + name))
@@ -430,9 +432,9 @@ class Store:
         about = {**source.attrs, "role": "band"}
         field = Field(f"{MAKING}{plain}_band", np.float64, shape, axes, about=about)
         band = self._lay_out(field, self.block)
-        step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # rows of about 32 MB
+        step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # 32 MB at a time
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # rows that no run has reached
+            warnings.simplefilter("ignore", RuntimeWarning)  # rows of NaN, which no run reached
             for first in range(0, rows, step):
                 part = np.asarray(source[:, first : first + step])
                 band[:, first : first + step] = np.nanpercentile(part, PERCENTILES, axis=0)

@@ -170,7 +170,10 @@ def left_out(metric: str, factors: Mapping[str, Array], column: Array) -> str:
     """Return a line that states how many factors ranked() leaves out for a metric, "" if none."""
     runs = int(np.isfinite(column).sum())
     count = len(factors) - len(ranked(factors, column, len(factors)))
-    within = f"correlate by at most {chance(len(factors), runs):.2f}, as by chance in {runs} runs"
+    within = (
+        f"correlate by at most {chance(len(factors), runs):.2f}, which chance alone may cause in "
+        f"{runs} runs"
+    )
     return f"{metric}: {count} of {len(factors)} factors {within}" if count else ""
 
 
@@ -188,7 +191,8 @@ def text(store: Store, shown: str) -> str:
     factors = {name: x for name, x in varying_factors(store).items() if name not in seeds}
     if metrics and factors:
         head = (
-            "rank correlation with factors (change from 5 to 95 % of the factor, relative to mean)"
+            "rank correlation with factors (change of the metric from 5 to 95 % of the factor, "
+            "relative to its mean)"
         )
         lines += ["", head, *_ranks(metrics, factors)]
     lines += _failures(store, shown)
@@ -200,7 +204,7 @@ class Share(NamedTuple):
     """Share of runs that succeeded or that met a requirement.
 
     met: number of runs that succeeded or met it; evaluated: number of runs with a verdict; missed,
-    unjudged: numbers of the runs that did not, and of the runs without a verdict.
+    unjudged: indices of the runs that did not, and of the runs without a verdict.
     """
 
     met: int

@@ -74,7 +74,7 @@ class Task:
     meaningful values, for names, units and descriptions of variables and parameters; requirements:
     texts by name; start, step: start time and macro step [s]; steps: macro steps of the longest
     run; needed: variables that metrics and requirements read (None: unknown); lanes: whether a
-    worker may make several runs at once, with the same bits.
+    worker may make several runs at once, which gives the same bits as single runs.
     """
 
     key: str
@@ -119,7 +119,7 @@ class Task:
         if lanes:
             notify(
                 f"every worker makes up to {width()} runs at once in lanes of vector registers, if "
-                "their library is compiled"
+                "the library of lanes is compiled"
             )
         return replace(self, lanes=lanes)
 

@@ -219,7 +219,7 @@ def test_a_compiler_may_have_arguments_and_an_fmu_another_file_name(twins, tmp_p
         (["build", "bad.c", "--cc", "cc '-DX"], "--cc cc '-DX: is not a command (No closing quot"),
         (
             ["run", "sync_approach", "--swap", "controller=empty"],
-            "empty: a folder without empty.fmu; harness build empty makes it",
+            "empty: contains no empty.fmu; build it: harness build empty",
         ),
     ],
 )

@@ -288,7 +288,7 @@ SSD = "SystemStructure.ssd"
         ),
         (
             lambda f: {SSD: re.sub(rb"(<ssd:Connection [^>]*/>)", rb"\1\1", f[SSD])},
-            "twice.u: is driven 2 times, by count.n and count.n",
+            "twice.u: is driven 2 times, by count.n and count.n; connect only one of them",
         ),
         (
             lambda f: {SSD: re.sub(rb"(?s)<ssd:Connections>.*</ssd:Connections>", b"", f[SSD])},

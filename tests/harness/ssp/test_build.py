@@ -339,7 +339,7 @@ def test_a_set_that_is_listed_has_its_files(entries, tmp_path):
     lost = {name: data for name, data in entries.items() if not name.startswith("resources/sets/")}
     assert 0 < len(lost) < len(entries)
     pack(tmp_path / "x.ssp", lost)
-    problem = "parameter set other: is listed, but none of its files is in the archive"
+    problem = "parameter set other: is listed, but the archive has no valid file with its values"
     with pytest.raises(StructureError, match=problem), ssp.opened(tmp_path / "x.ssp"):
         pass
 

@@ -224,5 +224,5 @@ def test_files_that_differ_in_a_repeated_run_are_named(begun, caplog):
     shutil.copy(begun / "before", begun / "light.toml")
     (begun / "gone").rename(begun / "parts/one.py")
     names = ("light.toml", "one.py")
-    text = "differs from the one used in run 1 of c.zarr"
+    text = "has changed since run 1 of c.zarr"
     assert caplog.messages == [f"{name}: {text}" for name in names]

@@ -281,7 +281,8 @@ def test_influences_that_may_be_chance_are_left_out_and_counted():
     assert [*summary.ranked(factors, x + 0.1 * rng.normal(size=200))] == ["gain"]
     line = summary.left_out("end", factors, x)
     size = f"{summary.chance(3, 200):.2f}"
-    assert line == f"end: 2 of 3 factors correlate by at most {size}, as by chance in 200 runs"
+    reason = f"correlate by at most {size}, which chance alone may cause in 200 runs"
+    assert line == f"end: 2 of 3 factors {reason}"
 
 
 def test_a_metric_is_shown_with_its_mean_deviation_ends_and_percentiles():

@@ -325,7 +325,7 @@ def test_a_comparison_takes_the_set_that_the_system_has_for_it(limited, tmp_path
     found = simulated(limited, tmp_path, ("set", "count.n_0=0,10"))
     assert [r.parameter("twice.k") for r in found.results.values()] == [0.5, 0.5]
     head = (
-        "limits: set small, a small gain (twice.k = 0.5); --params default: the values of "
+        "parameters: set small, a small gain (twice.k = 0.5); --params default: the values of "
         "the system"
     )
     assert found.text().splitlines()[0] == head
@@ -335,7 +335,7 @@ def test_a_comparison_takes_the_set_that_the_system_has_for_it(limited, tmp_path
 def test_unless_stated_otherwise(limited, tmp_path):
     found = simulated(limited, tmp_path, ("params", "default,hot"))
     assert found.results["default"].parameter("twice.k") == 2.0
-    head = "limits: values of --params default, hot; the default is set small"
+    head = "parameters: values of --params default, hot; without --params: set small"
     assert found.text().splitlines()[0] == head
 
 
@@ -354,7 +354,7 @@ def test_the_controllers_of_an_approach_are_compared_with_its_actuators(tmp_path
     peaks = found.metrics["peak force", "N"]
     assert 1.0 < peaks["pid_controller"] <= np.sqrt(6)
     text = found.text()
-    assert text.startswith("limits: set limited, actuators of such a servicer")
+    assert text.startswith("parameters: set limited, actuators of such a servicer")
     assert "propulsion.F_max = 2.0 1.0 1.0" in " ".join(text.split())
     assert max(map(len, text.splitlines())) <= 120
     metric = next(m for m in found.mission.metrics if m.name == "attitude settles")

@@ -48,7 +48,7 @@ def test_a_connection_that_cannot_be_is_rejected(make, wire, problem):
 
 def test_a_doubly_driven_input_names_both_drivers(make):
     system = make({"a": "counter", "b": "counter", "g": "gain"}, ["a.n > g.u", "b.n > g.u"])
-    assert problems(system) == ("g.u: is driven 2 times, by a.n and b.n",)
+    assert problems(system) == ("g.u: is driven 2 times, by a.n and b.n; connect only one of them",)
 
 
 def test_an_open_input_is_an_error_in_a_strict_system_only(make):

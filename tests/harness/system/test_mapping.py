@@ -158,7 +158,7 @@ def test_a_comparison_takes_each_name_for_the_fmus_that_have_it(chain, others, t
             ["speedo=v"],
             rf"--map speedo: {NO_PORT} \(close: speed_out\)",
         ),
-        (["speed_out=vv"], "--map vv: there is no such signal here"),
+        (["speed_out=vv"], "--map vv: the system has no such signal"),
         (
             ["speed_out=v[1]"],
             r"--map speed_out=v\[1\]: speed_out has 3 elements, v\[1\] has 1",

@@ -139,7 +139,7 @@ def test_a_slow_unit_steps_by_whole_periods_at_products_of_the_macro_step(make):
         (
             {"stop": 1.0, "step": 0.1},
             (4, 6),
-            r"12 macro steps of 0\.1 s \(the slowest components\); nearest: 1\.2 s",
+            r"12 macro steps of 0\.1 s \(common period of all components\); nearest: 1\.2 s",
         ),
         ({"stop": 0.0, "step": 0.1}, (1,), "must lie after the start time"),
         ({"stop": None, "step": 0.1}, (1,), "give one with --stop"),
