@@ -2,8 +2,10 @@
  *
  *   (19) A_hat dOmega = G^T(epsilon) K epsilon/4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)
  *
- * epsilon: MRP of S relative to D, dw = omega - wd, wd = C_SD omega_d, wdd = C_SD alpha_d, all in
- * servicer axes. Source: Zhu & Yang 2009; docs/models.md A.5.2. */
+ * epsilon: MRP of S relative to D, dw = omega - wd, wd = C_SD omega_d, wdd = C_SD alpha_d, with
+ * rate omega_d and acceleration alpha_d of D; Omega: wheel speeds, dOmega: commanded wheel
+ * acceleration; J_hat, A_hat: estimated inertias of body and wheels; K, P: gains; all in servicer
+ * axes. Source: Zhu & Yang 2009; docs/models.md A.5.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ADAPTIVE_ATTITUDE_H
 #define ADAPTIVE_ATTITUDE_H
@@ -11,7 +13,7 @@
 #include "reference_rows.h"
 
 typedef struct { double v[6]; } Symmetric; /* elements S11 S12 S13 S22 S23 S33 */
-typedef struct { Symmetric J, A; } Eta;    /* J: inertia of the body, A: of the wheels */
+typedef struct { Symmetric J, A; } Eta;    /* inertia of the body, of the wheels */
 
 static inline mat3 full_matrix(Symmetric s)
 {

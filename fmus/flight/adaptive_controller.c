@@ -9,11 +9,14 @@
  *   deta_hat/dt  = Gamma W^T dw,   W = -[ X(wd,wd) + Y(wdd),  X(wd,Omega) + Y(dOmega) ]
  *   eta = [J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33],   Y(b) s = S b,   X(a,b) s = a x (S b)
  *
- * Without wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded
- * torque. Sampled: the command uses the estimates before their explicit Euler update; the published
- * estimates are the updated ones.
- * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4,
- * A.5, A.7. */
+ * f_rel: relative acceleration of free motion; rho*, drho*, ddrho*: reference; m_hat, J_hat, A_hat:
+ * estimates of mass and inertias of body and wheels; Omega, dOmega: wheel speeds and commanded
+ * wheel acceleration; omega_d, alpha_d: rate and acceleration of D; K, P, Gamma: gains, separate
+ * for translation and attitude; s: elements of a symmetric matrix S in the order of eta. Without
+ * wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded torque.
+ * Sampled: the command uses the estimates before their explicit Euler update; the published
+ * estimates are the updated ones. Source: Zhu & Yang 2009, equations (8) to (21); corrections and
+ * options: docs/models.md A.4.4, A.5, A.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "adaptive_attitude.h"
 #include "body_rows.h"
@@ -192,8 +195,8 @@ static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gai
     for (int i = 0; i < 6; i++) estimate->v[i] += period * p->Gamma_scale * gain->v[i] * Wt_dw.v[i];
 }
 
-/* true if a wheel is at its limit: the wheel then does not follow its command, and the attitude
- * error carries no information about the inertias */
+/* true if a wheel is at least wheel_rest fast, near its limit of speed: it may then not follow its
+ * command, and the attitude error carries no information about the inertias */
 /* A.5-4 */
 static int is_at_limit(const Parameters *p, vec3 wheel_speed)
 {
@@ -252,7 +255,7 @@ static void project(const Parameters *p, State *x)
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t,
                     double period)
 {
-    State unchanged = *x; /* before t_att only the errors of the attitude law are published */
+    State unchanged = *x; /* before t_att this copy is adapted in place of x */
     control_translation(p, u, x, y, period);
     control_attitude(p, u, reached(t, p->t_att) ? x : &unchanged, y, period);
     if (!reached(t, p->t_att)) y->wheel_accel_cmd = y->M_cmd_S = vec(0, 0, 0);

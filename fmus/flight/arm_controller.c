@@ -1,25 +1,28 @@
 /* arm_controller.c - computed torque for an arm on a free base, between the controller of the base
- * and its actuators: feed-forward of the arm's reaction, balanced about C, and joint
+ * and its actuators: feed-forward that compensates the reaction of the arm on the base, and joint
  * brakes after the capture.
  *
- *   v = ddq_ref + 2 zeta o (dq_ref - dq) + o^2 (q_ref - q),   o = omega_joint, in REST omega_rest
+ *   v = ddq_ref + 2 zeta o (dq_ref - dq) + o^2 (q_ref - q),   o = omega_joint or omega_rest (REST)
  *   [F_r; M_r] = H_0m ddq_ref + b_0(w, dq) - b_0(w, 0)              reaction of the arm at S
- *   F_ff = F_r,   M_ff = M_r + c x (F_cmd + F_ff - F_r)             where compensated, not in REST
- *   F_sum = F_cmd + F_ff,   wheel_accel_sum = wheel_accel_cmd - A_w^-1 M_ff  (or M_sum = M_cmd + M_ff)
+ *   F_ff = F_r,   M_ff = M_r + c x (F_cmd + F_ff - F_r)     0 in REST and without compensation
+ *   F_sum = F_cmd + F_ff,   M_sum = M_cmd,   wheel_accel_sum = wheel_accel_cmd - A_w^-1 M_ff
  *   Q_0 = [F_sum; M_sum - A_w wheel_accel_sum - w x A_w Omega],   du_0 = H_00^-1 (Q_0 - b_0 - H_0m v)
  *   tau = H_0m^T du_0 + H_mm v + b_m + damping dq_ref + friction dq_ref/sqrt(dq_ref^2 + r^2)
  *
- * Every joint error obeys e'' + 2 zeta o e' + o^2 e = 0 for any command of the base, and the
- * planned motion does not turn the base (forces act at S and turn a base with centre of mass C).
- * The feed-forward does not contain the feedback, so that a joint held by friction does not turn
- * the base. Sampled. Equations: docs/models.md K.4. */
+ * H_00, H_0m, H_mm and b_0, b_m: blocks of the mass matrix and of the loads by velocity, 0 for the
+ * base, m for the joints; w: rate of the base; c: position of C, the centre of mass of base and
+ * arm, from S; r: friction_rate. Without wheels M_sum = M_cmd + M_ff, wheel_accel_sum =
+ * wheel_accel_cmd. Every joint error obeys e'' + 2 zeta o e' + o^2 e = 0 for any command of the
+ * base, and the planned motion does not turn the base: the term with c balances the torque about C
+ * of forces that act at S. The feed-forward does not contain the feedback, so that a joint held by
+ * friction does not turn the base. Sampled. Equations: docs/models.md K.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_dynamics.h"
 #include "arm_rows.h"
 #include "mat3.h"
 #include "time_grid.h"
 
-enum { STOWED = 0, REST = 4 }; /* modes of arm_guidance */
+enum { STOWED = 0, REST = 4 }; /* modes of arm_guidance that close the brakes */
 
 typedef struct {
     Arm arm;

@@ -5,13 +5,17 @@
  *   h'_ff = -J_A (A_e omega_ref' - d_omega x A_e omega_ref) - J_A' omega_0 - h_m'
  *           - omega_0 x (J_A omega_0 + h_m + h) + tau_gg + tau_aero
  *
- * so that the error obeys theta'' + k1 theta' + k2/2 theta = 0. The command is constant over a
- * sample, while h'_ff changes: with use_plan_rate the feed-forward is the mean rate of the plan
- * over the coming sample, plus the difference of the model's rates at the measured and at the
- * reference state. Without errors the momentum then equals the planned one at every sample, without
- * a delay of half a sample. law = 0 is the law of the patent as printed: h' = k1 J_A (omega_0 -
- * omega_orb) + k2_printed (eps - eps_b). Sampled controller: one sample reads the inputs once and
- * holds the command. Source: patent CN106020225A, corrected (docs/models.md E.5). */
+ * so that the angle theta of the error obeys theta'' + k1 theta' + k2/2 theta = 0. h: momentum of
+ * the gyros; h' is the command. omega_0, omega_ref: rates of base and reference; A_e: rotation
+ * matrix of q_e; J_A, h_m: inertia of the assembly and momentum of the module relative to the base.
+ * The command is constant over a sample, while h'_ff changes: with use_plan_rate the feed-forward
+ * is the mean rate of the plan over the coming sample, plus the rate of the model at the measured
+ * state, minus its rate at the reference state. Without errors the momentum then equals the planned
+ * momentum at every sample, without a delay of half a sample. law = 0 is the law of the patent as
+ * printed: h' = k1 J_A (omega_0 - omega_orb) + k2_printed (eps - eps_b), with eps, eps_b: vector
+ * parts of attitude and reference, omega_orb: orbital rate. Sampled controller: one sample reads
+ * the inputs once and holds the command. Source: patent CN106020225A, corrected (docs/models.md
+ * E.5). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
@@ -95,8 +99,8 @@ static vec3 torque_at(const Parameters *p, const Configuration *c, quat q_So)
     return environment_torque(&p->assembly, c, dcm_of_quat(q_So));
 }
 
-/* mean rate of the planned gyro momentum over the sample, minus the momentum rate of the model
- * at the present reference state */
+/* term of the feed-forward with use_plan_rate: mean rate of the planned gyro momentum over the
+ * coming sample, minus the momentum rate of the model at the present reference state */
 /* E.5-2 */
 static vec3 mean_rate_correction(const Parameters *p, const Configuration *c, quat q_Do,
                                  const AttitudeReference *r)

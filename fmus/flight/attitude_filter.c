@@ -3,8 +3,10 @@
  *
  *   q = q_hat rot(theta),  error state (theta, b)
  *   propagation by an increment    phi = dtheta - T b,   q <- q quat_of_rotation_vector(phi)
- *   star tracker of sample m       q_m = q_AN q_AS* D,   D: rotation since m,   y = err(q* q_m)
+ *   star tracker of sample m       q_m = q_AN q_AS* D,   y = err(q* q_m)
  *
+ * T: sample period; b: bias of the gyro; D: rotation of the servicer from sample m to the present
+ * sample; y: residual, with err the small rotation vector of a quaternion.
  * The published rate is the mean of the last period. Source: Lefferts, Markley & Shuster 1982,
  * Farrenkopf 1978; equations: docs/models.md F.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -36,7 +38,8 @@ typedef struct {
 } Estimate;
 typedef struct {
     Estimate estimate;
-    double started, first, index, gyro_last; /* index: number of the last sample */
+    /* 1 after the first sample; numbers of the first and the last sample; last gyro_time */
+    double started, first, index, gyro_last;
     Track star;
     quat rotations[HISTORY]; /* per sample: rotation since the previous sample */
 } State;
@@ -97,7 +100,8 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- propagation ---- */
 
-/* F = Phi - I,  Phi = [C(quat_of_rotation_vector(phi)), -T (I - phi~/2 + phi~ phi~/6); 0, I] */
+/* sets the upper three rows of F = Phi - I, which are not 0, with the transition matrix
+ * Phi = [C(quat_of_rotation_vector(phi)), -T (I - phi~/2 + phi~ phi~/6); 0, I] of (theta, b) */
 static void transition(vec3 phi, double T, double *F)
 {
     mat3 C = dcm_of_quat(quat_of_rotation_vector(phi)), cross_phi = tilde(phi);
@@ -134,7 +138,8 @@ static quat propagate(const Parameters *p, vec3 dtheta, Estimate *estimate)
 
 /* ---- star tracker ---- */
 
-/* R = C^T diag(sigma_A^2) C + n T sigma_v^2 I,   C = C_AS C(D)^T */
+/* covariance of an attitude measured n = `delay` samples ago:
+ * R = C^T diag(sigma_A^2) C + n T sigma_v^2 I,   C = C_AS C(D)^T */
 static mat3 star_noise(const Parameters *p, quat D, double delay)
 {
     mat3 C = matmul_t(dcm_of_quat(canonical(p->q_AS)), dcm_of_quat(D));
@@ -143,7 +148,7 @@ static mat3 star_noise(const Parameters *p, quat D, double delay)
     return plus(R, identity(delay * p->sample_period * p->sigma_v * p->sigma_v));
 }
 
-/* rotation over the samples m+1 .. k */
+/* rotation from sample m to sample k: product of the rotations stored for samples m + 1 .. k */
 static quat rotation_since(const State *x, double m, double k)
 {
     quat D = {1, 0, 0, 0};

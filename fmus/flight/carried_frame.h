@@ -1,17 +1,18 @@
 /* carried_frame.h - frame D of a fly-around at constant range from any direction: an attitude that
  * is integrated from sample to sample.
  *
- * D rotates with H, from t_a on more and more with T, and is steered until n = -X_D equals the grasp
- * axis a:
+ * D rotates with H until t_a. From then on, its rotation changes to the rotation of T within T_s,
+ * and D is steered until n = -X_D, the direction from the target to the servicer, is the grasp axis
+ * a:
  *   W  = w_H + s (w_T - w_H) + steer + b
  *   dW = dw_H + s (dw_T - dw_H) + s' (w_T - w_H) + d(steer) + db
  *   s  = 10 x^3 - 15 x^4 + 6 x^5,   x = clip((t - t_a)/T_s, 0, 1)
  *   T_s = spin_time, or longer: 1.875 |w_T - w_H|/spin_accel at the start
  *   c  = n x a,   dc = (W x n) x a + n x (w_T x a)
  *   steer = k_steer c,             d(steer) = k_steer dc
- *   beyond w_steer: w_steer c/|c|, w_steer (dc - c (c.dc)/c.c)/|c|
- *   b:  its rate in D is k_integral C_DN c while x = 1 and the steering is within w_steer, else 0;
- *       |b| <= w_steer. b removes the lag behind a rate of T that is estimated with an error
+ *   if k_steer |c| > w_steer:  steer = w_steer c/|c|,  d(steer) = w_steer (dc - c (c.dc)/c.c)/|c|
+ *   b:  its rate in D is k_integral C_DN c while x = 1 and k_steer |c| <= w_steer, else 0;
+ *       |b| <= w_steer. b removes the lag of n behind a that an error of the estimate w_T causes
  * D begins at the position of the servicer, with X_D towards the target and the roll angle of S.
  * All vectors are in N axes, derivatives as seen in N. Equations: docs/models.md J.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -24,21 +25,21 @@
 
 typedef struct { double spin_time, k_steer, w_steer, k_integral, spin_accel; } Steering;
 typedef struct {
-    double carried, t; /* carried: 1 after the first sample; t: t_a */
+    double carried, t; /* 1 from the first active sample on; t_a */
     quat q_DN;
-    double turns, spin; /* turns: 1 from t_a on; spin: T_s */
+    double turns, spin; /* 1 from t_a on; T_s */
     vec3 b_D;
 } CarriedFrame;
 typedef struct { vec3 w, dw; } AngularMotion; /* angular velocity and its derivative, N axes */
 typedef struct {
     AngularMotion D;
-    vec3 db_D; /* rate of b, D axes */
+    vec3 db_D; /* rate of b as seen in D, D axes */
 } CarriedMotion;
 typedef struct { double L, d, dd; } Radius;
 
-/* attitude D of the first sample: the rows of C_DN are X, Z x X, Z with X towards the target,
- * and Z as near as possible to the Z axis of S, or to its Y axis if Z of S is almost parallel to
- * X */
+/* attitude D of the first sample: the rows of C_DN are X, Z x X, Z, with X towards the target and Z
+ * along the part of the Z axis of S that is normal to X; if these are almost parallel, the Y axis
+ * of S is used in its place */
 static inline quat carried_start(vec3 rho, mat3 C_SN)
 {
     vec3 X = neg(unit(rho)), z = C_SN.row[2];

@@ -5,7 +5,9 @@
  *   lam = lam_0 exp(-m),   E = [1 e3 e2; e3 1 e1; e2 e1 1],   e_j = 0.01 sin(pi t/2 + phi_j)
  *   dm/dd_i = m dA_i . (A A^T)^-1 A_i,   dA_i = -s_i cos d_i - t_i sin d_i
  *
- * phi = 0, pi/2, pi. A^+ omits singular values below 1e-3 of the largest. All rates are scaled by
+ * d: gimbal angles; A_i: column i of A, direction of the torque of gyro i at unit gimbal rate;
+ * s_i, t_i: its spin and torque axes at d_i = 0; h_w: momentum of one wheel; phi = 0, pi/2, pi.
+ * The pseudoinverse A^+ omits singular values below 1e-3 of the largest. All rates are scaled by
  * one factor if one exceeds the limit. Sampled: one sample reads the inputs once and holds the
  * rates.
  * Source: docs/models.md E.6. */
@@ -59,10 +61,9 @@ static void check(const Parameters *p, Problems *problems)
     (void)problems;
 }
 
-#define SINGULAR 1e-9 /* m below this counts as 0, with gradient 0 */
-#define SMALLEST_SHARE \
-    1e-3            /* part of the largest singular value below which A^+ omits a singular value */
-#define DITHER 0.01 /* amplitude of e_j */
+#define SINGULAR       1e-9 /* m below this counts as 0, with gradient 0 */
+#define SMALLEST_SHARE 1e-3 /* A^+ omits singular values of A below this share of the largest one */
+#define DITHER         0.01 /* amplitude of e_j */
 
 typedef struct { vec3 A[GYROS], dA[GYROS]; } Columns;
 

@@ -4,13 +4,17 @@
  *   F* = {0: 0, 1: F_1, 2: F_close, 3: F_sync, 4: 0, 5: F_retreat, 6: F_opt}
  *   M* = {0: 0, 1: M_1, 2: M_close, 3: M_sync, 4: M_unload}
  *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
- * With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional torque M_w:
+ * Laws: 0 none, 1 far approach, 2 closing, 3 synchronised approach, 4 stack, 5 retreat, 6
+ * fuel-optimal. With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional
+ * torque M_w:
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
- * M_w is switched on above unload_on and off below unload_off of wheel_speed_max. With `prepare` M_w
- * is always on and brings the wheels to wheel_bias instead of wheel_speed_ref; after `prepare` it is
- * off until a wheel exceeds unload_on again. In law 1 without far_wheels M_w is always on, because
- * this law commands no wheels. The throttles th of the relays command virtual engines, whose force
- * and torque the allocation distributes to the thrusters ((o): product of each element):
+ * M_w is switched on when a wheel differs from wheel_speed_ref by unload_on wheel_speed_max, and
+ * off when none differs by more than unload_off wheel_speed_max. With `prepare` M_w is always on
+ * and brings the wheels to wheel_bias instead of wheel_speed_ref; after `prepare` it is off until a
+ * wheel exceeds unload_on again. In law 1 without far_wheels M_w is on above unload_off already,
+ * because this law commands no wheels. The throttles th of the relays command virtual engines,
+ * whose force and torque the allocation distributes to the thrusters ((o): product of each
+ * element):
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
  * With far_wheels the wheels give the torque M_1: W_1 = -A_w^-1 M_1, and then M_1 = 0.
@@ -48,8 +52,8 @@ typedef struct {
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
-    double started, force, torque; /* selections at the last sample */
-    Command out, D; /* out: command of the last sample without the push; D: see above */
+    double started, force, torque; /* 1 after the first sample; last selections */
+    Command out, D;                /* last command without the push; D as above */
     double unloading;
 } State;
 typedef struct {
@@ -155,9 +159,10 @@ static int may_unload(const Parameters *p, int torque)
     return torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
 }
 
-/* true if the wheels are to be unloaded, by the thresholds of their speed; `prepare` leaves the
- * wheel speeds below both thresholds. In law 1 the wheels have no other task and are always
- * unloaded, unless they turn the body (far_wheels). */
+/* true if the wheels are to be unloaded, by the thresholds of their speed. While `prepare` is 1 the
+ * result is false: afterwards unloading begins at unload_on only, and the wheels retain their bias.
+ * In law 1 the wheels have no other task and are unloaded whenever they are above unload_off,
+ * unless they turn the body (far_wheels). */
 /* J.5-4 */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {

@@ -1,4 +1,4 @@
-/* drift.h - closest approach of target and servicer in the next seconds without thrust.
+/* drift.h - least margin of a safety rule while target and servicer drift without thrust.
  *
  *   dr/dt = v,   dv/dt = -mu r/r^3 (+ J2)   of target and servicer, classical Runge-Kutta
  * The relative path in Hill axes during an integration step is a cubic arc, on which the least
@@ -38,8 +38,8 @@ static inline void drift_derivative(const Drift *d, double t, const TwoOrbits *x
 
 RK4(integrate_drift, drift_derivative, Drift, TwoOrbits)
 
-/* least margin over the duration, and time until the margin first falls below zero, NEVER if it
- * does not */
+/* least margin of the rule over the duration, and time from the start of the drift at which the
+ * margin first falls below zero [s], NEVER if it does not */
 typedef struct { double margin, entry; } Encounter;
 
 static inline Encounter drift_encounter(const Drift *d, const Margin *m, TwoOrbits x)

@@ -1,11 +1,12 @@
 /* filter_drift.h - drift without thrust after one held force, by the equations of Clohessy and
- * Wiltshire, and the rows (half spaces of the force) with which it misses the keep-out sphere.
+ * Wiltshire, and rows (half spaces) of the forces after which it misses the keep-out sphere.
  *
  *   q_j = Phi_rr(j Delta) x_1 + Phi_rv(j Delta) v_1,   j = 0..K,   Delta = passive_time/K       (18)
- *   x_1, v_1: after the hold. A force u changes them by P^2/2 a and P a, a = C_HN C_SN^T u/m.
- * margin of chord j: distance from the centre less the larger sag at its ends, the sphere and
- *   passive_margin                                                                             (19)
- * Vectors are in Hill axes. docs/models.md M.4 */
+ * q_j: points of the drift relative to the target; x_1, v_1: position and velocity after the hold
+ * of P seconds, which a force u changes by P^2/2 a and P a, a = C_HN C_SN^T u/m; n: orbital rate.
+ * Chord j leads from q_j to q_(j+1); sag: distance of the curved drift from a chord. The margin of
+ * a chord is its distance from the target minus the larger sag at its ends, the radius of the
+ * sphere and passive_margin (19). Vectors are in Hill axes. docs/models.md M.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_DRIFT_H
 #define FILTER_DRIFT_H
@@ -41,12 +42,13 @@ static inline vec3 clohessy_wiltshire(const DriftFan *f, int j, vec3 x, vec3 v)
                lag * x.x + x.y + (2 * (c - 1) * v.x + sweep * v.y) / n, c * x.z + s * v.z / n);
 }
 
-/* Phi_rr^T d, Phi_rv^T d: the change of x_1 (of v_1) that moves q_j most along d */
+/* Phi_rr^T d: the direction in which a change of x_1 moves q_j most along d */
 static inline vec3 position_sensitivity(const DriftFan *f, int j, vec3 d)
 {
     double s = f->turned[j].s, c = f->turned[j].c;
     return vec((4 - 3 * c) * d.x + 6 * (s - f->n * f->t[j]) * d.y, d.y, c * d.z);
 }
+/* Phi_rv^T d: the direction in which a change of v_1 moves q_j most along d */
 static inline vec3 velocity_sensitivity(const DriftFan *f, int j, vec3 d)
 {
     double n = f->n, t = f->t[j], s = f->turned[j].s, c = f->turned[j].c;
@@ -115,8 +117,8 @@ static inline Worst worst_chord(const DriftFan *f, const vec3 q[])
     return w;
 }
 
-/* the chord with the least margin after a force u, of the drifts of the lightest and of the
- * heaviest servicer */
+/* the chord with the least margin after a force u, for the least and the largest possible mass of
+ * the servicer */
 static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, vec3 u)
 {
     vec3 q[MOST_POINTS + 1];
@@ -128,9 +130,10 @@ static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, ve
     return heavy.margin < light.margin ? heavy : light;
 }
 
-/* (20): adds rows that hold both ends of chord j beyond a plane, whose distance from the centre
- * is the radius of the sphere plus margin and sag. The normal of the plane points from the
- * centre to the nearest point of chord j in the drift without force. */
+/* (20): adds a row for each end of chord j except q_0: with such forces this point lies beyond a
+ * plane, whose distance from the target is the radius of the sphere plus passive_margin and sag.
+ * The normal of the plane points from the target to the nearest point of chord j in the drift
+ * without force. */
 static inline void add_drift_rows(const FilterParameters *p, const DriftFan *f, int j, Rows *rows)
 {
     Chord free = chord(f, f->free, j);

@@ -1,11 +1,12 @@
-/* filter_geometry.h - relative motion at a sample of the safety filter, and the braking distance of
- * one gap under a held force.
+/* filter_geometry.h - relative motion at a sample of the safety filter, and the acceleration that
+ * one gap needs for braking under a held force.
  *
  *   rho = r_S - r_T,   v = v_S - v_T,   g = gravity(r_S) - gravity(r_T)                        (1)
  *   W = C_TN^T omega_TN_T,   v_T = v - W x rho,   a_T = g - 2 W x v_T - W x (W x rho)          (2)
  *   the same as seen in the Hill frame of rate w_H = r_T x v_TN_N / |r_T|^2: v_H, a_H          (3)
  *   a_F = |F_max| / (m (1 - mass_error)),   e_p' = e_p + a_F T_r^2/2,   e_v' = e_v + a_F T_r   (4)
- * Vectors are in N axes. docs/models.md M.1, P.2 */
+ * m: mass, T_r: reaction, e_p, e_v: position_error, velocity_error. Vectors are in N axes.
+ * docs/models.md M.1 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_GEOMETRY_H
 #define FILTER_GEOMETRY_H
@@ -14,8 +15,9 @@
 #include "tracking.h"
 
 typedef struct {
-    double P, R, a_F, e_p, e_v, turn; /* turn: change of F/m in a hold, as S rotates [m/s2] */
-    vec3 rho, v, out, g;              /* out: unit vector from the target */
+    /* hold, range, a_F, e_p' and e_v' of (4); turn: change of F/m in a hold, as S rotates [m/s2] */
+    double P, R, a_F, e_p, e_v, turn;
+    vec3 rho, v, out, g; /* out: unit vector from the target to the servicer */
     vec3 W, v_T, a_T, w_H, v_H, a_H;
     mat3 C_SN, C_TN;
     int sphere, corridor, speed, drift; /* 1: the rule is in force */
@@ -69,7 +71,8 @@ static inline Geometry geometry(const FilterParameters *p, const FilterInput *u,
     return g;
 }
 
-/* ---- one gap d >= 0 with d' = w, held acceleration for one period, deceleration a_b ---- */
+/* ---- one gap: distance d from the edge of a rule, with d' = w, under an acceleration that is held
+ * for a period P; a_b: deceleration for braking; e_p, e_v: errors of d and w ---- */
 typedef struct { double d, w, a_b, e_p, e_v; } Gap;
 
 /* (6): gap that remains to the edge of the rule when the servicer has braked to rest */
@@ -88,8 +91,8 @@ static inline double least_acceleration(const Gap *x, double P, double recover_s
     return (half - sqrt(half * half + x->a_b * r) - x->w) / P;
 }
 
-/* (8): acceleration of (7), but at most a_b for a state that is outside by no more than its
- * errors */
+/* (8): acceleration of (7), but at most a_b while the barrier is negative by no more than the
+ * errors of the state may cause */
 static inline double needed_acceleration(const Gap *x, double P, double recover_speed)
 {
     double alpha = least_acceleration(x, P, recover_speed);

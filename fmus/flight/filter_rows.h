@@ -2,9 +2,10 @@
  * keep-out, speed, corridor, plume.
  *
  *   n.u >= m beta (1 + mass_error) if beta > 0, else m beta (1 - mass_error),
- *   beta = alpha + D - n.a   of a gap with its least acceleration alpha, known acceleration a and
- *                            bound D on the unknown one                                         (9)
- * docs/models.md M.3 */
+ *   beta = alpha + D - n.a                                                                      (9)
+ * n: unit vector away from the edge of the rule; beta: acceleration that the force must give along
+ * n; alpha: least acceleration of the gap; a: known acceleration; D: bound on the unknown
+ * acceleration; m: mass. docs/models.md M.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_ROWS_H
 #define FILTER_ROWS_H
@@ -61,8 +62,8 @@ static inline double speed_limit(const FilterParameters *p, double range)
     return smaller(p->speed_at_zero + p->speed_slope * range, p->speed_max);
 }
 
-/* (13): speed limit at the end of the hold, minus terms for velocity gained sideways in the hold
- * and for the unknown velocity */
+/* (12), (13): speed limit at the range at the end of the hold, minus terms for velocity gained
+ * sideways in the hold, for the error of the velocity and for unknown accelerations */
 static inline double limit_after_hold(const FilterParameters *p, const Geometry *g, double sideways)
 {
     double T = p->reaction + g->P, closing = smaller(0, dot(g->out, g->v));
@@ -71,9 +72,9 @@ static inline double limit_after_hold(const FilterParameters *p, const Geometry 
     return speed_limit(p, larger(range, 0)) - sideways * sideways / p->speed_at_zero - unknown;
 }
 
-/* (14): because of velocity errors, a servicer within its limit may seem to be 2 e_v' above it.
- * The deceleration for these 2 e_v' may use only one share of the force, which leaves shares for
- * two other rules. */
+/* (14): because of velocity errors, a servicer within its limit may seem to be 2 e_v' above it. The
+ * deceleration for these 2 e_v' may use only the smallest axis of F_max divided by sqrt(3), which
+ * leaves as much for two other rules. */
 static inline double speed_force(const FilterParameters *p, const Geometry *g, double beta)
 {
     double share = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z)) / sqrt(3.0);
@@ -95,7 +96,7 @@ static inline double add_speed(const FilterParameters *p, const Geometry *g, Row
     return speed_limit(p, g->R) - norm(g->v_H) - p->velocity_error;
 }
 
-/* ---- corridor: eight faces of a pyramid inscribed in the cone, and the end ---- */
+/* ---- corridor: eight faces of a pyramid inscribed in the cone, and the plane at its end ---- */
 typedef struct {
     vec3 n; /* unit vector into the corridor, N axes */
     double offset;
@@ -108,8 +109,8 @@ static inline vec3 least_axis(vec3 a)
     return y <= z ? vec(0, 1, 0) : vec(0, 0, 1);
 }
 
-/* (15): sets the faces of the corridor and returns their number; slope: tan(half angle)
- * cos(pi/8) */
+/* (15): sets the faces of the corridor and returns their number; slope: tangent of the angle
+ * between a face of the pyramid and its axis, tan(half angle) cos(pi/8) */
 static inline int corridor_faces(const FilterParameters *p, mat3 C_TN, double slope, Face face[])
 {
     vec3 axis = p->corridor_axis, e_1 = unit(cross(axis, least_axis(axis)));
@@ -164,14 +165,16 @@ static inline double add_corridor(const FilterParameters *p, const FilterInput *
     return least;
 }
 
-/* adds the row that limits a force away from the target, whose exhaust meets the target */
+/* adds the row that limits a force away from the target, whose exhaust meets the target; returns
+ * the barrier, which is negative within plume_range */
 static inline double add_plume(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
     if (g->R < p->plume_range) add_row(rows, PLUME, neg(mul(g->C_SN, g->out)), -p->plume_force);
     return g->R - p->plume_range;
 }
 
-/* rows of all rules except drift; sets `barrier` only for the rules in force */
+/* rows of all rules except drift; sets barrier[rule - 1] of the rules in force, and no other one;
+ * slope: as in corridor_faces() */
 static inline Rows all_rows(const FilterParameters *p, const FilterInput *u, const Geometry *g,
                             double slope, double barrier[])
 {

@@ -1,5 +1,5 @@
-/* hill_drift.h - relative state in Hill axes, its drift without thrust, and the direction outwards
- * of an abort.
+/* hill_drift.h - relative state in Hill axes, its drift without thrust, and the velocity with which
+ * an abort leaves the target.
  *
  * Equations of Clohessy and Wiltshire for a circular orbit, s = sin(n t), c = cos(n t):
  *
@@ -43,11 +43,12 @@ static inline vec3 drift_position(const Transition *f, vec3 r, vec3 v)
                f->yx * r.x + r.y - f->swing * v.x + f->vy * v.y, f->zz * r.z + f->vx * v.z);
 }
 
-/* Phi_rr^T a; below: Phi_rv^T a */
+/* Phi_rr^T a */
 static inline vec3 position_part(const Transition *f, vec3 a)
 {
     return vec(f->xx * a.x + f->yx * a.y, a.y, f->zz * a.z);
 }
+/* Phi_rv^T a */
 static inline vec3 velocity_part(const Transition *f, vec3 a)
 {
     return vec(f->vx * a.x - f->swing * a.y, f->swing * a.x + f->vy * a.y, f->vx * a.z);

@@ -2,8 +2,8 @@
  *
  *   tau_j = Kp_j (q_ref_j - q_j) - Kd_j dq_j,   |tau_j| <= torque_max_j
  *
- * With Kp = Kd = 0 the joints are free. From lock_from on they are locked, if use_lock is set, and
- * the torque is zero.
+ * With Kp = Kd = 0 the joints are free. If use_lock is set, the joints are locked and the torque is
+ * zero from lock_from on.
  * Sampled controller: one sample reads the inputs once and holds torque and lock. Source:
  * docs/models.md D.5. */
 /* SPDX-License-Identifier: BSD-2-Clause */

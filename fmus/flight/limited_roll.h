@@ -1,12 +1,13 @@
-/* limited_roll.h - a reference attitude whose axis i is given and which turns about it within
- * limits.
+/* limited_roll.h - a reference attitude D, whose axis i is given and which rolls about this axis
+ * within limits of rate and acceleration.
  *
  *   i, k, j = k x i: axes of D,   w = i x i' + r i,   |r| <= rate_max,   |dr/dt| <= acceleration_max
  *
- * D follows a rule (an attitude that may turn at any rate, or jump). As long as the rule satisfies
- * the limits, D is equal to the rule. If it violates the limits, or is held, D moves on its own: k
- * follows i on the shortest arc and rolls at the rate r, which is controlled towards the rate of
- * the rule plus a rate that removes the roll angle psi from D to the rule,
+ * w: angular velocity of D, r: its roll rate. D follows a rule: an attitude with the same axis i
+ * that may roll at any rate, or jump. As long as the rule satisfies the limits, D is equal to the
+ * rule. If the rule violates the limits, or the caller holds it, D moves on its own: k follows i on
+ * the shortest arc and rolls at the rate r, which is controlled towards r_d: the roll rate r* of
+ * the rule plus a rate v that removes the roll angle psi from D to the rule,
  *
  *   r_d = r* + v(psi),   v = psi/tau,  beyond |psi| = a tau^2:  +-sqrt(2 a (|psi| - a tau^2/2)),
  *
@@ -22,7 +23,7 @@
 
 #define ROLL_SAMPLES 10   /* tau */
 #define AGREED       1e-6 /* largest differences between D and the rule that count as equal */
-#define NEARLY_BACK  3.0  /* rad: beyond this roll angle D continues in its sense of rotation */
+#define NEARLY_BACK  3.0  /* rad: beyond this angle to the rule, D rolls on in the same sense */
 
 typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;
 typedef struct { double rate_max, acceleration_max; } RollLimits;
@@ -35,7 +36,7 @@ typedef struct {
     Roll D;
 } RollState;
 
-/* k rotated by the shortest rotation that takes its axis from a to b */
+/* k, normal to the unit vector a, rotated by the shortest rotation that takes a to b */
 static inline vec3 rotated_with_axis(vec3 k, vec3 a, vec3 b)
 {
     return sub(k, scale(dot(k, b) / (1 + dot(a, b)), add(a, b)));
@@ -87,8 +88,8 @@ static inline double roll_acceleration(RollLimits limits, Roll D, Roll rule, int
     return clamp((wanted - D.rate) / h, -limits.acceleration_max, limits.acceleration_max);
 }
 
-/* D at a sample: equal to the rule, or moving towards it within the limits; h: time to the next
- * sample */
+/* D at the sample at time t: equal to the rule, or moving towards it within the limits; held: 1
+ * while D stops its roll in place of following the rule; h: time to the next sample */
 static inline Roll limited_roll(RollLimits limits, RollState *x, Roll rule, int held, double t,
                                 double h)
 {

@@ -1,18 +1,19 @@
 /* los_guidance.c - hovering in front of a feature of a rotating target, camera axis on the target,
  * solar panels to the Sun.
  *
- *   rho_ref = rho_f R(q_TN) p_T                         R: target components to N components
+ *   rho_ref = rho_f R(q_TN) p_T                         R: rotation from T axes to N axes
  *   D:  X = r/|r|,   Y = chi x X / |chi x X|,   Z = X x Y,
  *           r = r_TN - r_SN: actual line of sight, chi: to the Sun
  *
  * with first and second derivatives as seen in N. The target turns torque-free, or under gravity
- * gradient if use_gravity_gradient. alpha_DN_D follows from the relative acceleration, for which the
- * guidance uses differential gravity minus the last command: the servicer does not know manoeuvres
- * of the target. Y and q_DN never change sign from sample to sample. Where the Sun is within
- * guard_angle of the line of sight, the Y of the last sample applies, made normal to X.
- * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range
- * of zero is rejected. A sample with active = 0 resets the state; its flags are 0.
- * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
+ * gradient if use_gravity_gradient. alpha_DN_D follows from the relative acceleration, for which
+ * the guidance uses differential gravity minus the last command: the servicer does not know
+ * manoeuvres of the target. Y and q_DN never change sign from sample to sample. Where the Sun is
+ * within guard_angle of the line of sight, the Y of the last sample applies, made normal to X.
+ * Flags: attitude_guard where this applies; los_guard where the elevation of the line of sight is
+ * above elevation_limit, so near its poles, or the range below range_limit. A range of zero is
+ * rejected. A sample with active = 0 resets the state; its flags are 0. Source: Yin, Luo, Wei &
+ * Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "directions.h"
@@ -35,9 +36,9 @@ typedef struct {
     double active;
 } Input;
 typedef struct {
-    vec3 y_N;
-    quat q_DN;
-} State; /* Y of the last sample outside the guard, q_DN of the last sample; 0: none yet */
+    vec3 y_N;  /* Y of the last sample outside the guard; 0: none yet */
+    quat q_DN; /* of the last sample; 0: none yet */
+} State;
 typedef struct {
     Reference ref;
     double range;
@@ -123,7 +124,8 @@ static Motion reference_position(const Parameters *p, const Body *T)
                     tmul(C_TN, add(cross(dw_T, n), cross(T->omega, dn)))};
 }
 
-/* r = r_T - r_S, its rate, and its acceleration as far as the servicer knows it */
+/* r = r_T - r_S, its rate, and its acceleration without manoeuvres of the target, which the
+ * servicer does not know */
 static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
 {
     vec3 rho = sub(u->S.r, u->T.r),
@@ -203,8 +205,8 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, vec3
     reference_attitude(p, r, x, y);
 }
 
-/* ignores the last command, which is 0 at the start: so the initial outputs form no algebraic
- * loop with the controller */
+/* takes 0 for the last command, as there is none before the start: if the initial outputs depended
+ * on this input, they would form an algebraic loop with the controller */
 /* C.3-6 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
@@ -215,7 +217,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     if (!u->active) y->attitude_guard = y->los_guard = 0;
 }
 
-/* active = 0: resets the state, then guides as in initialize, but with the last command */
+/* active = 0: resets the state and publishes the outputs of a first sample, with flags of 0 */
 /* C.3-7 */
 static void publish_inactive(const Parameters *p, const Input *u, State *x, Output *y)
 {

@@ -30,8 +30,8 @@ typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
             SWITCH_VALUE)
 
 typedef struct {
-    double last, stamp,
-        used; /* times of the last new and the last used measurement [s]; 1: any was used */
+    /* times of the last new and of the last used measurement [s]; 1 if a measurement was used */
+    double last, stamp, used;
     double nis, rejected, in_row, acquired;
 } Track;
 
@@ -76,8 +76,8 @@ static inline int is_valid(const GateParameters *p, const Track *track, double t
     return track->acquired > 0 && track->used > 0 && age(track, t) <= p->age_max;
 }
 
-/* index into a ring buffer of the last HISTORY samples for sample number `index`, a whole number
- * below 2^51: `index` modulo HISTORY, which is a power of 2 */
+/* place of the sample with the number `index` in a ring buffer of the last HISTORY samples: `index`
+ * modulo HISTORY, which is a power of 2; `index` must be a whole number below 2^51 */
 static inline int place_of(double index) { return last_bits(index + ROUNDER, HISTORY - 1); }
 
 #endif

@@ -2,8 +2,15 @@
  * positions at an instant.
  *
  * S is a point of the hub, where the centre of mass of the undeformed vehicle lies; all vectors are
- * in S axes. A coordinate is the angle of a panel about its hinge axis, or the displacement of a
- * mass along its line; it exists if the part has mass at the start. Equations: docs/models.md L. */
+ * in S axes. A coordinate q is the angle of a panel about its hinge axis, or the displacement of a
+ * mass along its line; it exists if the part has mass at the start.
+ *
+ * Panel: mu is its mass, e the unit vector from the hinge to its centre of mass, a the hinge axis,
+ * t = a x e; e_0, t_0: at angle 0. I1, I2, I3: moments of inertia about its centre of mass along
+ * e, a, t. Slosh mass: r_0 is its position at rest. M: generalised mass of a coordinate; p, l:
+ * linear momentum and angular momentum about S of the part per unit rate of its coordinate; w, z:
+ * frequency and damping ratio with a fixed hub. Numbers in parentheses: equations of
+ * docs/models.md L. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MOVING_PARTS_H
 #define MOVING_PARTS_H
@@ -11,9 +18,9 @@
 #include "mat3.h"
 #include "sym3.h"
 
-enum { PANELS = 4, SLOSHES = 4, PARTS = PANELS + SLOSHES }; /* coordinates: panels first */
+enum { PANELS = 4, SLOSHES = 4, PARTS = PANELS + SLOSHES }; /* coordinates: first of panels */
 
-/* parameters: each array has one entry or row per panel or slosh mass */
+/* parameters: each array has one entry per panel, or one per slosh mass */
 typedef struct {
     double mass[PANELS];
     vec3 hinge_S[PANELS], arm_S[PANELS], axis_S[PANELS], inertia[PANELS];
@@ -28,20 +35,21 @@ typedef struct {
 
 /* ---- constants that follow from the parameters; doubles only, because a State holds them ---- */
 typedef struct {
-    double k;                    /* index of its coordinate */
-    double mass;                 /* mass at the start */
-    vec3 origin, e_0, axis, t_0; /* panel: hinge, e_0, a, a x e_0; slosh mass: r_0, -, p, - */
-    double d;         /* r' = d q' t; panel: from hinge to centre of mass; slosh mass: 1 */
-    double I_h;       /* I2 + mu d^2 */
-    double P_size;    /* P = P_size t; panel: mu d/I_h; slosh mass: 1 */
-    vec3 L_fixed;     /* constant term of L; panel: I2 a/I_h; slosh mass: r_0 x p */
+    double k;    /* index of the coordinate of the part */
+    double mass; /* mass at the start */
+    /* panel: hinge, e_0, a, t_0; slosh mass: r_0, unused, unit vector of its line, unused */
+    vec3 origin, e_0, axis, t_0;
+    double d;         /* panel: distance of its centre of mass from the hinge; slosh mass: 1 */
+    double I_h;       /* inertia of a panel about its hinge axis, I2 + mu d^2 */
+    double P_size;    /* p/M = P_size t; panel: mu d/I_h; slosh mass: 1, with t its line */
+    vec3 L_fixed;     /* term of l/M that is constant; panel: I2 a/I_h; slosh mass: r_0 x axis */
     double asymmetry; /* (I1 - I3)/I_h */
     double gyroscopic_t, gyroscopic_e; /* I1 + I2 - I3, I1 - I2 - I3 */
     vec3 I_axis;                       /* I2 a */
-    double stiffness, damping;         /* per generalised mass: w^2, 2 z w */
-    double draw;                       /* share of the consumed propellant */
+    double stiffness, damping;         /* divided by M: w^2 and 2 z w */
+    double draw;                       /* consumed propellant that comes from a slosh mass, share */
 } Part;
-/* sums of p p^T/M, p l^T/M, l l^T/M of (7) */
+/* sums of p p^T/M, p l^T/M and l l^T/M over parts, as in (7) */
 typedef struct {
     sym3 pp, ll;
     mat3 pl;
@@ -50,15 +58,16 @@ typedef struct {
     double count; /* number of parts that exist */
     Part part[PARTS];
     double mass_0, mass; /* mass of the vehicle and of the hub, at the start */
-    vec3 first_moment;   /* h of the hub about S */
-    sym3 inertia;        /* I_h0 of the hub about S, wheels locked */
-    sym3 I_fixed;        /* terms of I of (4) that do not depend on the coordinates */
-    Coupling sloshes;    /* of the slosh masses at the start; does not depend on the coordinates */
+    vec3 first_moment;   /* h of (3): first moment of the hub about S */
+    sym3 inertia;        /* I_h0 of (3): inertia of the hub about S, wheels locked */
+    sym3 I_fixed;        /* terms of the inertia I about S that do not depend on the coordinates */
+    Coupling sloshes;    /* sums over the slosh masses at the start; no coordinate changes them */
     Coupling drawn;      /* decrease of `sloshes` per kilogram of propellant consumed */
     double draw;         /* D: share of the consumption that comes from the slosh masses */
 } Vehicle;
 
-static inline sym3 plate_inertia(vec3 moments, vec3 e, vec3 a, vec3 t) /* I1 ee + I2 aa + I3 tt */
+/* inertia of a panel about its centre of mass: I1 e e^T + I2 a a^T + I3 t t^T */
+static inline sym3 plate_inertia(vec3 moments, vec3 e, vec3 a, vec3 t)
 {
     return sym_add(dyad(moments.x, e), sym_add(dyad(moments.y, a), dyad(moments.z, t)));
 }
@@ -150,13 +159,14 @@ static inline Vehicle vehicle_of(double mass_0, mat3 J_S, const Panels *panels,
 typedef struct {
     const Part *part;
     int k;                   /* index of its coordinate q_k */
-    double q, rate, mass, M; /* q_k, q_k', present mass, generalised mass of (5) */
-    double md;               /* p = md t */
-    vec3 r, t, L; /* centre of mass from S; its direction of motion, r' = d q' t; l/M of (5) */
-    vec3 e;       /* axis e of a panel by (1) */
+    double q, rate, mass, M; /* q_k, q_k', present mass, M by (5) */
+    double md;               /* size of p: p = md t */
+    /* centre of mass from S; unit vector of its velocity in the hub, r' = d q' t; l/M by (5) */
+    vec3 r, t, L;
+    vec3 e; /* unit vector e of a panel by (1) */
 } PlacedPart;
 typedef struct {
-    double m, used, hub_mass; /* used: consumed propellant U */
+    double m, used, hub_mass; /* mass of the vehicle; consumed propellant U; mass of the hub */
     vec3 s, c, dc;            /* first moment; centre of mass; its velocity relative to the hub */
     int count;
     PlacedPart part[PARTS]; /* the parts that exist */
@@ -181,8 +191,8 @@ static inline void place_slosh(PlacedPart *x, const Part *b, double displacement
     x->L = b->L_fixed;
 }
 
-/* (4) except I, and (8): positions of the parts and centre of mass after the consumption of
- * `used` kilograms */
+/* sets positions of the parts, masses, first moment about S, centre of mass and its velocity, for
+ * coordinates q and rates dq after the consumption of `used` kilograms */
 static inline void place_parts(Placement *at, const Vehicle *v, double used, const double q[PARTS],
                                const double dq[PARTS])
 {

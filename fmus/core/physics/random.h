@@ -1,10 +1,11 @@
 /* random.h - random numbers as a pure function of (seed, stream, sample index n, draw j).
  *
  * The generator has no state, so that step sizes, order of calls, saved states and platforms do not
- * change a draw. One block of Philox4x32-10 (Salmon et al. 2011) under the key (seed, stream),
- * counter (n mod 2^32, n / 2^32, b, s), gives the uniform draws 2b and 2b + 1; s = 1 for draws made
- * once per run. Normal draws: z = PPND16(u), Wichura 1988, AS 241, from sums, products, quotients
- * and roots only, tails to 8.2 sigma. Equations: docs/models.md F.1. */
+ * change a draw. Block b = 0, 1, .. of Philox4x32-10 (Salmon et al. 2011) gives the uniform draws j
+ * = 2b and 2b + 1. The key is (seed, stream), the counter (n mod 2^32, n / 2^32, b, s), with s = 0
+ * for draws of a sample and s = 1 for draws made once per run. A normal draw is z = PPND16(u) of a
+ * uniform draw u (Wichura 1988, AS 241), computed with sums, products, quotients and roots only;
+ * |z| is at most 8.2. Equations: docs/models.md F.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RANDOM_H
 #define RANDOM_H
@@ -114,7 +115,7 @@ static inline double normal_quantile(double u)
 /* ---- draws ---- */
 typedef struct {
     uint32_t key[2], low, high, once;
-} Draws; /* addresses the draws of a sample (once = 0) or of the run (once = 1) */
+} Draws; /* key and counter of the draws of a sample (once = 0) or of the run (once = 1) */
 
 static inline double remainder_of(double x, double divisor) /* result in [0, divisor) */
 {
@@ -134,8 +135,8 @@ static inline Draws draws_of_run(const RandomStream *r)
     return (Draws){{(uint32_t)r->seed, (uint32_t)r->stream}, 0, 0, 1};
 }
 
-/* uniform number in (0, 1), symmetric about 1/2: 52 bits of two words plus half a unit in their
- * last place, which is exact */
+/* uniform number in (0, 1), symmetric about 1/2: the upper 26 bits of both words as a fraction of
+ * 52 bits, plus half a unit in its last place; the result is not rounded */
 static inline double uniform_of_words(uint32_t a, uint32_t b)
 {
     return ((a >> 6) * 67108864.0 + (b >> 6) + 0.5) / 4503599627370496.0;
@@ -148,11 +149,12 @@ static inline double uniform(const Draws *d, unsigned j)
 }
 static inline double normal(const Draws *d, unsigned j) { return normal_quantile(uniform(d, j)); }
 
-/* three standard normal draws, from draw j on; below: three uniform draws in (-1, 1) */
+/* draws j, j + 1 and j + 2 as standard normal numbers */
 static inline vec3 normals(const Draws *d, unsigned j)
 {
     return vec(normal(d, j), normal(d, j + 1), normal(d, j + 2));
 }
+/* draws j, j + 1 and j + 2 as uniform numbers in (-1, 1) */
 static inline vec3 symmetric_uniforms(const Draws *d, unsigned j)
 {
     return vec(2 * uniform(d, j) - 1, 2 * uniform(d, j + 1) - 1, 2 * uniform(d, j + 2) - 1);

@@ -28,8 +28,8 @@ enum { RING = 8 };
 
 #define LATENCY_ROW NONNEGATIVE(latency, "s", "from the measurement to the output, up to 7 periods")
 
-/* defines the ring buffer of late samples: Slot and State; filled: 1 if the slot contains a
- * sample */
+/* defines the ring buffer of late samples, the types Slot and State; filled: 1 if the slot contains
+ * a sample; index: number of this sample */
 #define LATE_STATE            \
     typedef struct {          \
         double filled, index; \
@@ -37,8 +37,8 @@ enum { RING = 8 };
     } Slot;                   \
     typedef struct { Slot ring[RING]; } State
 
-/* defines step(), in which measured(p, u, s) returns the sample s: at the end of a step to t,
- * the newest sample n with n P + latency < t is published */
+/* defines step(), which stores the result of measured(p, u, s) for every sample s and publishes, at
+ * the end t of the step, the newest sample n with n sample_period + latency < t */
 #define LATE_STEP(measured)                                                                        \
     static Slot *ring_slot(State *x, double n) { return &x->ring[(int)remainder_of(n, RING)]; }    \
     static void store_sample(const Parameters *p, const Input *u, State *x, Output *y, Sample s)   \

@@ -136,8 +136,8 @@ static inline void check_rigid_base(Problems *problems, const BaseParameters *p)
 }
 
 /* ---- motion ---- */
-/* force and torque of actuators and contact together, body axes; the torque is about the
- * reference point of M_S */
+/* force and torque of actuators and contact together, body axes; the torque is about the point to
+ * which the inputs M_S and M_contact_S refer */
 static inline vec3 force_S(const BaseInput *u) { return add(u->F_S, u->F_contact_S); }
 static inline vec3 torque_S(const BaseInput *u) { return add(u->M_S, u->M_contact_S); }
 
@@ -166,8 +166,8 @@ static inline vec3 free_fall_N(const BaseParameters *p, const vec3 *r, const vec
                disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, r, v, step_start, t));
 }
 
-/* additional acceleration with velocity_follows_attitude: omega x v, with which C_SN v stays
- * constant while the body turns; v: velocity of the centre of mass */
+/* additional acceleration omega x v with velocity_follows_attitude, N axes: it turns the velocity v
+ * of the centre of mass with the body, so that v in body axes stays constant */
 static inline vec3 velocity_turning_N(const BaseParameters *p, int released, const BaseState *x,
                                       vec3 v)
 {
@@ -198,7 +198,7 @@ static inline Interval interval(const BaseParameters *p, const BaseInput *u, con
                       reached(s->t, p->t_att)};
 }
 
-/* ---- one rigid body with centre of mass S: (15), (17) ---- */
+/* ---- one rigid body with centre of mass S: (15), (17) of docs/models.md A.3 ---- */
 static inline void attitude_rates(const Interval *c, double t, const BaseState *x, BaseState *dx)
 {
     const BaseParameters *p = c->p;

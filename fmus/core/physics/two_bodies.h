@@ -1,10 +1,11 @@
 /* two_bodies.h - motion of two rigid bodies under a force at a common point and a couple between
  * them, for the prediction of a mechanism over its step.
  *
- *   m_red drho'' = F_N,   J_S dw_S = C_SN (d_S x F_N + M_N) - w_S x J_S w_S
- *                         J_T dw_T = C_TN (-d_T x F_N - M_N) - w_T x J_T w_T,    dq = q [0, w]/2
+ *   m_red rho'' = F_N,   J_S dw_S = C_SN (d_S x F_N + M_N) - w_S x J_S w_S
+ *                        J_T dw_T = C_TN (-d_T x F_N - M_N) - w_T x J_T w_T,    dq = q [0, w]/2
  *
- * rho = r_S - r_T in N axes, rates in body axes. Equations: docs/models.md I.5 */
+ * rho = r_S - r_T in N axes, m_red = m_S m_T/(m_S + m_T), rates w in body axes; d_S, d_T: from the
+ * centres of mass to the common point. Equations: docs/models.md I.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TWO_BODIES_H
 #define TWO_BODIES_H
@@ -24,7 +25,8 @@ typedef struct {
     vec3_pair w;
 } TwoBodies;
 
-/* F: force on S, -F acts on T; M: moments on S and on T about their centres of mass; N axes */
+/* F: force on S, -F acts on T; M: moments on S and on T about their centres of mass, which contain
+ * d x F; N axes */
 typedef struct {
     vec3 F;
     vec3_pair M;

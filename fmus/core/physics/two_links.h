@@ -13,7 +13,8 @@
 enum { BODIES = 3, JOINTS = 2, SPEEDS = 5 };
 
 /* parameters of base, link 1 and link 2, one entry each: moments of inertia about the centre of
- * mass; distances inboard joint -> centre of mass -> outboard joint */
+ * mass; distance l from the inboard joint to the centre of mass, r from there to the outboard
+ * joint */
 typedef struct {
     double mass[BODIES], Ixx[BODIES], Iyy[BODIES], Izz[BODIES];
     double l[BODIES], r[BODIES];
@@ -22,11 +23,11 @@ typedef struct {
 typedef struct {
     double mass, sigma; /* sigma: rate relative to the base about z */
     mat3 inertia;
-    vec3 rho;       /* centre of mass, from the centre of mass of the robot */
+    vec3 rho;       /* centre of mass of the body, from the origin */
     vec3 D[JOINTS]; /* derivatives of rho with respect to the joint angles */
     vec3 c;         /* terms of the acceleration that are quadratic in the joint rates */
-    vec3 Jw[SPEEDS],
-        Jv[SPEEDS]; /* partial velocities: angular and linear velocity per generalised speed */
+    /* angular and linear velocity of the body per unit of each generalised speed */
+    vec3 Jw[SPEEDS], Jv[SPEEDS];
 } Part;
 typedef struct { Part part[BODIES]; } Robot;
 
@@ -39,8 +40,9 @@ static inline mat3 turned_inertia(const Links *p, int k, vec3 along)
     return rows(vec(xx, xy, 0), vec(xy, yy, 0), vec(0, 0, p->Izz[k]));
 }
 
-/* sets the position of a body at the end of two segments of lengths a and b, its derivatives,
- * and the quadratic terms of its acceleration; joint 1 turns both segments, joint 2 the second */
+/* adds two segments of lengths a and b to the position of a body, and sets the derivatives of this
+ * position by the joint angles and the terms of its acceleration that are quadratic in the joint
+ * rates; joint 1 turns both segments, joint 2 the second one */
 static inline void place_body(Part *part, double a, double b, vec3 along_1, vec3 along_2,
                               const double dq[JOINTS])
 {
@@ -75,7 +77,8 @@ static inline void refer_to_centre_of_mass(Robot *robot)
     }
 }
 
-/* Jw_k = [1, z (k >= 1), z (k = 2)],  Jv_k = [-rho_k~, D_k1, D_k2] */
+/* Jw_k = [1, z (k >= 1), z (k = 2)],  Jv_k = [-rho_k~, D_k1, D_k2]; 1: unit matrix, rho~: matrix of
+ * the vector product, D_kj: derivative of rho_k by the angle of joint j */
 static inline void partial_velocities(Part *b, int k)
 {
     vec3 z = vec(0, 0, 1), none = vec(0, 0, 0), axes[3] = {vec(1, 0, 0), vec(0, 1, 0), z};

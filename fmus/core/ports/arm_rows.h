@@ -66,7 +66,7 @@
         PARAMETER_AS("q_EA", arm.q_EA, "1",                                                        \
                      "attitude of the end effector relative to the last link, scalar first")
 
-/* ---- friction and torque limits of the joints, of the plant or as known to the software ---- */
+/* ---- friction and torque limits of the joints: the true ones, or as known to the software ---- */
 typedef struct {
     double damping[ARM_JOINTS], friction[ARM_JOINTS], friction_rate, torque_max[ARM_JOINTS];
 } Joints;
@@ -117,8 +117,8 @@ static inline void check_link(Problems *problems, const Arm *arm, int i)
     check_inertia(problems, element_of(text, "link_inertia", i), mat_of(link_inertia(arm, i)));
 }
 
-/* checks the rows of the arm; returns the number of joints, 0 if that number is rejected, so
- * that no row is checked */
+/* checks the number of joints and the rows of the arm; returns the number of joints, or 0 if it is
+ * rejected: then no row is checked */
 static inline int check_arm(Problems *problems, const Arm *arm)
 {
     double n = arm->joints;

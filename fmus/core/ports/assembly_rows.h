@@ -73,7 +73,7 @@ static inline void check_assembly(Problems *problems, const Assembly *a)
     }
 }
 
-/* ---- attitude reference of the assembly, guidance -> controller ---- */
+/* ---- attitude reference of the assembly: output of the guidance, input of the controller ---- */
 typedef struct {
     quat q;
     vec3 omega, alpha, h, dh;

@@ -10,7 +10,7 @@ typedef struct {
     vec3 rho, drho, ddrho;
     quat q;
     vec3 omega, alpha;
-} Reference; /* position and attitude relative to N; rates in D axes */
+} Reference; /* position relative to the target, N axes; attitude relative to N; rates in D axes */
 
 /* text of the optional input `active` of guidances and controllers */
 #define ACTIVE_TEXT \

@@ -1,8 +1,8 @@
 /* thrusters.h - up to 16 body-fixed thrusters: position, direction and nominal thrust.
  *
- * A thruster with nominal thrust 0 does not exist. Position and direction are in body axes from the
- * body origin O, torques are about the centre of mass:   F = P R,   M = (L - D_cm) x (P R)
- * docs/models.md B.6 */
+ * A thruster with nominal thrust 0 does not exist. Positions L are in body axes from the body
+ * origin, unit vectors R of the forces in body axes. A thruster with thrust P gives the force P R
+ * and the torque (L - D_cm) x (P R) about the centre of mass D_cm. docs/models.md B.6 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef THRUSTERS_H
 #define THRUSTERS_H

@@ -67,7 +67,8 @@ int set(const unsigned vr[], const double value[], size_t count)
     char name[NAME_SIZE];
     for (size_t i = 0; i < count; i++) {
         Scalar s = scalar_of(&fmu_model, vr[i]);
-        if (!s.row || s.row->causality == OUTPUT_ROW) return fail("no parameter or input");
+        if (!s.row || s.row->causality == OUTPUT_ROW)
+            return fail("a value reference belongs to no parameter and no input");
         const char *rule = violated_rule(rule_when_set(s), value[i]);
         if (rule) {
             snprintf(line, sizeof line, "%s: %s", element_name(name, s), rule);
@@ -84,8 +85,8 @@ static void write_row(const unsigned vr[], size_t width, double row[])
         row[i] = value_of(whole->model, scalar_of(&fmu_model, vr[i]));
 }
 
-/* initializes the system and writes the first row, the variables `vr`; `every`: macro steps
- * between two rows */
+/* initializes the system and writes the first row: the values of the `width` variables `vr`;
+ * `every`: macro steps between two rows. Returns 0 if the initialization fails */
 PAGE(begin)
 int begin(double start, double step, int steps, int every, const unsigned vr[], size_t width,
           double row[]);
@@ -100,8 +101,8 @@ int begin(double start, double step, int steps, int every, const unsigned vr[], 
     return 1;
 }
 
-/* does the macro steps first .. last - 1 and writes their rows of the variables `vr`; returns
- * the number of steps completed since the start */
+/* does the macro steps first .. last - 1 and writes their rows, the values of the `width` variables
+ * `vr`; returns the number of macro steps completed since the start, below `last` if one fails */
 PAGE(run)
 int run(int first, int last, const unsigned vr[], size_t width, double rows[]);
 int run(int first, int last, const unsigned vr[], size_t width, double rows[])
