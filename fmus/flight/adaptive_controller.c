@@ -15,8 +15,9 @@
  * for translation and attitude; s: elements of a symmetric matrix S in the order of eta. Without
  * wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded torque.
  * Sampled: the command uses the estimates before their explicit Euler update; the published
- * estimates are the updated ones. Source: Zhu & Yang 2009, equations (8) to (21); corrections and
- * options: docs/models.md A.4.4, A.5, A.7. */
+ * estimates are the updated ones.
+ * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4,
+ * A.5, A.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "adaptive_attitude.h"
 #include "body_rows.h"

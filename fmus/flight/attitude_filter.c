@@ -100,7 +100,7 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- propagation ---- */
 
-/* sets the upper three rows of F = Phi - I, which are not 0, with the transition matrix
+/* sets the upper three rows of F = Phi - I, as the other rows are 0, with the transition matrix
  * Phi = [C(quat_of_rotation_vector(phi)), -T (I - phi~/2 + phi~ phi~/6); 0, I] of (theta, b) */
 static void transition(vec3 phi, double T, double *F)
 {

@@ -1,9 +1,8 @@
 /* carried_frame.h - frame D of a fly-around at constant range from any direction: an attitude that
  * is integrated from sample to sample.
  *
- * D rotates with H until t_a. From then on, its rotation changes to the rotation of T within T_s,
- * and D is steered until n = -X_D, the direction from the target to the servicer, is the grasp axis
- * a:
+ * D rotates with H until t_a. Then its rotation changes to the rotation of T within T_s, and D is
+ * steered until n = -X_D, the direction from target to servicer, is the grasp axis a:
  *   W  = w_H + s (w_T - w_H) + steer + b
  *   dW = dw_H + s (dw_T - dw_H) + s' (w_T - w_H) + d(steer) + db
  *   s  = 10 x^3 - 15 x^4 + 6 x^5,   x = clip((t - t_a)/T_s, 0, 1)

@@ -61,9 +61,10 @@ static void check(const Parameters *p, Problems *problems)
     (void)problems;
 }
 
-#define SINGULAR       1e-9 /* m below this counts as 0, with gradient 0 */
-#define SMALLEST_SHARE 1e-3 /* A^+ omits singular values of A below this share of the largest one */
-#define DITHER         0.01 /* amplitude of e_j */
+#define SINGULAR 1e-9 /* m below this counts as 0, with gradient 0 */
+#define SMALLEST_SHARE \
+    1e-3 /* A^+ omits singular values that are below this share of the largest one of A */
+#define DITHER 0.01 /* amplitude of e_j */
 
 typedef struct { vec3 A[GYROS], dA[GYROS]; } Columns;
 

@@ -53,7 +53,7 @@ typedef struct {
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
     double started, force, torque; /* 1 after the first sample; last selections */
-    Command out, D;                /* last command without the push; D as above */
+    Command out, D;                /* last command without the push; fading difference D */
     double unloading;
 } State;
 typedef struct {

@@ -15,7 +15,7 @@
 #include "tracking.h"
 
 typedef struct {
-    /* hold, range, a_F, e_p' and e_v' of (4); turn: change of F/m in a hold, as S rotates [m/s2] */
+    /* sample period; range; a_F, e_p', e_v' of (4); change of F/m in a hold, as S rotates [m/s2] */
     double P, R, a_F, e_p, e_v, turn;
     vec3 rho, v, out, g; /* out: unit vector from the target to the servicer */
     vec3 W, v_T, a_T, w_H, v_H, a_H;

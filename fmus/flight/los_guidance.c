@@ -10,10 +10,10 @@
  * the guidance uses differential gravity minus the last command: the servicer does not know
  * manoeuvres of the target. Y and q_DN never change sign from sample to sample. Where the Sun is
  * within guard_angle of the line of sight, the Y of the last sample applies, made normal to X.
- * Flags: attitude_guard where this applies; los_guard where the elevation of the line of sight is
- * above elevation_limit, so near its poles, or the range below range_limit. A range of zero is
- * rejected. A sample with active = 0 resets the state; its flags are 0. Source: Yin, Luo, Wei &
- * Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
+ * Flags: attitude_guard, where this applies; los_guard, where the elevation of the line of sight is
+ * above elevation_limit, near the poles of its angles, or the range is below range_limit. A range
+ * of zero is rejected. A sample with active = 0 resets the state; its flags are 0. Source: Yin,
+ * Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "directions.h"

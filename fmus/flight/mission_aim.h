@@ -1,29 +1,30 @@
-/* mission_aim.h - aim of the closing beside the target: along a line tangent to a sphere, then over
- * to the hold.
+/* mission_aim.h - aim of the closing, with aim_radius > 0: first along a line that is tangent to a
+ * sphere about the target, then at the hold.
  *
  *   R_t: aim_radius,  R_0, d_0: range and direction from the target at the start
  *   phi(R) = acos(R_t/R),   theta = phi(R_0) - phi(R),   theta' = -R_t R'/(R sqrt(R^2 - R_t^2))
  *   V: the frame of the start, X along d_0, turned by theta about n = d_0 x (direction of the hold)
- * theta is the angle that a servicer on the tangent has moved about the target when its range is R.
- * The tangent passes on the side of the hold. From NEAR_HOLD before R_2 on, V turns to the hold in
- * a fifth-order step of time, at most 2 v_2 fast at R_2. docs/models.md J.12 */
+ * theta is the angle that a servicer on the tangent has moved about the target when its range is
+ * R. The tangent passes the target on the side of the hold. At the range R_2 + NEAR_HOLD, V
+ * begins to turn to the hold in a fifth-order step of time, with the peak rate 2 v_2/R_2.
+ * docs/models.md J.12 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_AIM_H
 #define MISSION_AIM_H
 
 #include "mission_profile.h"
 
-#define NEAR_HOLD      1.0  /* m: from R_2 + NEAR_HOLD on, the closing aims at the hold */
-#define SAME_DIRECTION 1e-3 /* rad: below this angle to the hold the orbit defines the side */
+#define NEAR_HOLD      1.0  /* m: within R_2 + NEAR_HOLD the closing aims at the hold */
+#define SAME_DIRECTION 1e-3 /* rad: if X of V is closer to the hold than this, n = Z_H */
 
 enum { AT_HOLD, ON_TANGENT, TURNING };
 
 typedef struct {
     double mode;
-    double phi;      /* ON_TANGENT: phi(R_0) */
-    double t, angle; /* TURNING: start time of the turn, and its angle */
+    double phi;      /* in mode ON_TANGENT: phi(R_0) */
+    double t, angle; /* in mode TURNING: start time of the turn, and its angle */
     mat3 C_VH;       /* frame V at the start of the mode */
-    vec3 axis_H;     /* axis of the turn */
+    vec3 axis_H;     /* axis about which V turns, n */
 } Aim;
 
 typedef struct {
@@ -44,14 +45,14 @@ static inline double tangent_angle(const MissionParameters *p, double R)
     return arc_tangent(sqrt(R * R - p->aim_radius * p->aim_radius), p->aim_radius);
 }
 
-/* rotation matrix of axes with X along a direction and Z along its normal */
+/* rotation matrix to axes with X along x and Z along `normal`, unit vectors at a right angle */
 static inline mat3 frame_about(vec3 x, vec3 normal) { return rows(x, cross(normal, x), normal); }
 
 /* unit normal of the plane through a direction d, the target and the hold */
 static inline vec3 normal_to_hold(const MissionParameters *p, vec3 d)
 {
     vec3 n = cross(d, hold_direction(p));
-    if (norm(n) < SAME_DIRECTION) n = vec(0, 0, 1); /* the hold lies in the plane of the orbit */
+    if (norm(n) < SAME_DIRECTION) n = vec(0, 0, 1); /* plane of the orbit: the hold lies in it */
     return unit(n);
 }
 

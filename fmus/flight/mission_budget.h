@@ -1,17 +1,19 @@
-/* mission_budget.h - what turning with a target needs, known at the second hold: force,
- * momentum, propellant; and whether it can be captured.
+/* mission_budget.h - force, momentum and propellant that turning with the target needs, as known at
+ * the second hold, and the verdict whether the target can be captured.
  *
  *   w = |w_T| as estimated,  a = budget F_axis/mass
  *   R_f     = clip(a/(w + w_steer)^2, R_around, R_2)                   range of the fly-around
  *   steer   = clip(sqrt(a/R) - w, 0, w_steer)                       steering that force leaves at R
  *   w_m     = (w_T.h_T)/(h_T.h_T) h_T,  h_T = J_T w_T:  mean rate, at rest while the target nutates
  *   beta    = (w_m.J_S w_m)/(2 w_m.w_m),   h = beta w_m, wheels at most bias_max wheel_speed_max
- *   momentum = |J_T w_T| + w (J_S + mass mass_T/(mass + mass_T) L_3^2)   of the pair at L_3
- *   dv      = w^2 (R_f pi/steer + L_3 T_3 + (R_f + L_3)/2 T_5)      against the rotation
+ *   momentum = |J_T w_T| + w (max J_S + mass mass_T/(mass + mass_T) L_3^2)   of the pair at L_3
+ *   dv      = w^2 (R_f pi/steer + L_3 T_3 + (R_f + L_3)/2 T_5)      for turning with the target
  *   wheels  = clip(A_w^-1 (h - J_S w_S), +-bias_max wheel_speed_max),  w_S: rate of the servicer
- * h is the momentum of body and wheels from the closing to the fly-around: parallel to w_m it stays
- * where it is in the body, and once the servicer turns with w the wheels have h - J_S w, as much as
- * before with the other sign. docs/models.md J.13 */
+ * max J_S: largest diagonal element; T_3: dwell of FINAL and HOLD_3 and duration of the mating;
+ * T_5: duration of the final approach. h is the momentum of body and wheels together from the
+ * closing to the fly-around. As h is parallel to w_m, it is constant in body axes while the
+ * servicer turns with w_m. The wheels have h before they turn and h - J_S w_m afterwards: along
+ * w_m, half of J_S w_m with either sign. docs/models.md J.13 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_BUDGET_H
 #define MISSION_BUDGET_H
@@ -22,9 +24,9 @@
 
 enum { CAN_CAPTURE, NO_FORCE, TOO_MUCH_MOMENTUM, NO_PROPELLANT, ONLY_BY_ARM };
 
-/* R: range R_f of the fly-around; steer: steering there; dv: velocity increment for turning with the
- * target until mating; verdict: CAN_CAPTURE, NO_FORCE, .. by these; bias: wheel speeds before the
- * fly-around */
+/* R: range R_f of the fly-around; steer: steering there; dv: velocity increment for turning with
+ * the target until mating; verdict: the first of NO_FORCE, .. ONLY_BY_ARM that applies, or
+ * CAN_CAPTURE; bias: wheel speeds before the fly-around */
 typedef struct {
     double R, steer, dv, verdict;
     vec3 bias;
@@ -49,7 +51,8 @@ static inline double range_around(const MissionParameters *p, double mass, doubl
     return clamp(allotted_acceleration(p, mass) / (W * W), p->R_around, p->R_2);
 }
 
-/* wheel speeds before the fly-around; w_S: mean rate of the target, servicer axes */
+/* wheel speeds before the fly-around, with the momentum h; w_S: mean rate w_m of the target, in
+ * servicer axes */
 static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
 {
     double square = dot(w_S, w_S), share = 1;

@@ -9,11 +9,13 @@
  *   5 outputs of the resulting phase
  *
  * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|: on and off the grasp
- * axis. Speeds are as seen in H (far, closing), in T (fly-around to mating). Inputs of ground are
+ * axis. Speeds in conditions of phases are as seen in H up to hold 2, as seen in T from the
+ * fly-around to mating; "too fast" is for the speed as seen in H. Inputs of ground are
  * levels: a level that is no longer set has no effect. Phases 8 to 10 are not left by a retreat.
  * With budget > 0 the estimated tumble rate decides at hold 2 whether the target can be captured,
- * and how: range and steering of the fly-around, wheel speeds before it (mission_budget.h). A
- * time-out of FINAL or HOLD_3 backs off to the range of the fly-around while attempts are left.
+ * and how: range and steering of the fly-around, wheel speeds before it (mission_budget.h). After a
+ * time-out of FINAL or HOLD_3 the servicer backs off to the range of the fly-around while attempts
+ * are left.
  * With by_arm the arm mates from L_3: the servicer stays there and does not push. Equations,
  * numbers: docs/models.md J. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -34,14 +36,14 @@ typedef struct {
     double t_valid;
     RelativeState valid; /* last valid state, at time t_valid */
     vec3 axis_H;         /* grasp axis at t_valid */
-    Timer good, touched, error, fast,
-        doomed; /* hold timers: condition of the phase, contact, ..., verdict against a capture */
+    /* timers: condition of the phase, contact, error, too fast, verdict against a capture */
+    Timer good, touched, error, fast, doomed;
     Profile profile;
     double spins;  /* 1: the servicer turns with the target */
     Budget budget; /* follows the estimate in phases 0 to 3, later as decided at hold 2 */
     Aim aim;
     vec3 dv_N;
-    double planned, clearance; /* 1: a retreat was planned; least range of its drift */
+    double planned, clearance; /* 1: a retreat was planned; least range of the drift after it */
 } State;
 typedef struct {
     double phase, t_phase, reason, attempt;
@@ -67,7 +69,7 @@ enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_O
 
 static const struct {
     int force, torque, next;
-    int near; /* 1: on the grasp axis; errors are monitored, limit of navigation loss is nav_near */
+    int near; /* 1: on the grasp axis: errors are monitored, nav_near applies in place of nav_far */
     int before;  /* 1: before capture, a retreat is possible */
     int profile; /* 1: a range profile begins with this phase */
     int arm;     /* command to the arm, if the arm mates */
@@ -281,22 +283,24 @@ static const Variable variables[] = {
                        "angular momentum of servicer and target about their common centre of mass, "
                        "without wheels"),
     OUTPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
-    OUTPUT(dv_left_N, "m/s", "increment of velocity left of the retreat, N axes"),
+    OUTPUT(dv_left_N, "m/s", "velocity increment of the retreat that remains, N axes"),
     OUTPUT(clearance, "m", "least range of the drift after the retreat, as planned; -1: none yet"),
-    MODE(verdict,
-         "whether the target can be captured, with budget; from the fly-around on as it was",
+    MODE(verdict, "yes or the reason against a capture, with budget; after hold 2 as decided there",
          "yes|force|momentum|propellant ahead|only by arm"),
     NONNEGATIVE_OUTPUT(dv_ahead, "m/s",
-                       "increment that fly-around, final approach and mating need against the "
-                       "rotation with the target, with budget"),
-    NONNEGATIVE_OUTPUT(steer_max, "rad/s", "steering of the fly-around that force leaves here"),
+                       "velocity increment for turning with the target in fly-around, final "
+                       "approach and mating, with budget"),
+    NONNEGATIVE_OUTPUT(steer_max, "rad/s",
+                       "largest steering of the fly-around that the force permits at this range"),
     FLAG(prepare, "1: the wheels are brought to wheel_bias, from the closing to the fly-around"),
-    FLAG(spin, "1: the servicer turns with the target, 0 in the fly-around: it still waits"),
-    OUTPUT(wheel_bias, "rad/s", "wheel speeds whose momentum turning with the target needs"),
+    FLAG(spin, "1: the servicer may turn with the target; 0: it still waits in the fly-around"),
+    OUTPUT(wheel_bias, "rad/s",
+           "wheel speeds to reach before turning with the target; 0 without prepare"),
     MODE(goal, "goal of the fuel-optimal law, 0 without use_optimal",
          "inactive|point on the line of holds|grasp axis at constant range|along the grasp axis"),
-    OUTPUT(L_goal, "m", "range at the end of that goal: of the first hold; 0: as the law has it"),
-    OUTPUT(T_goal, "s", "time to its arrival: of the far approach; 0: as the law has it"),
+    OUTPUT(L_goal, "m",
+           "range at the end of the goal, up to hold 1; 0: L_end of the fuel-optimal law"),
+    OUTPUT(T_goal, "s", "duration of the goal, up to hold 1; 0: duration of the fuel-optimal law"),
 };
 
 /* J.1-12 */
@@ -318,15 +322,15 @@ static int is_longer_ago(double since, double duration, double t)
     return !reached(since + duration, t);
 }
 
-/* rate of the target by which the speed limit is raised; 0 unless the servicer turns with the
- * target */
+/* tumble rate that is added to v_slope of the speed limit; 0 in phases in which the servicer does
+ * not move with the target */
 static double tumble_of_limit(const Parameters *p, const State *x, const Geometry *g)
 {
     return phases[phase_of(x)].force == SYNC_LAW ? smaller(g->tumble, p->tumble_max) : 0;
 }
 
-/* starts turning with the target: until then, the servicer rests in H, until it is at its range
- * and the grasp axis will pass by */
+/* sets `spins`: in the fly-around the servicer first rests in H. It begins to turn with the target
+ * when the range profile has ended and the grasp axis is about to pass */
 static void update_spin(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
 {
     double begun = x->t_phase + profile_duration(p, &x->profile);
@@ -335,8 +339,8 @@ static void update_spin(const Parameters *p, const Input *u, State *x, const Geo
         x->spins = x->spins || window_is_open(p, g->w_T, g->a, g->rho, t - begun);
 }
 
-/* step 2: updates the timers of an error near the target, of the speed before capture and of a
- * verdict against the capture */
+/* step 2: updates the timers of an error near the target, of too high a speed before capture and,
+ * in hold 2, of a verdict against the capture */
 static void update_timers(const Parameters *p, const Geometry *g, State *x, double t)
 {
     int near = phases[phase_of(x)].near, before = phases[phase_of(x)].before;
@@ -347,7 +351,7 @@ static void update_timers(const Parameters *p, const Geometry *g, State *x, doub
     x->doomed = hold_timer(x->doomed, x->phase == HOLD_2 && x->budget.verdict != CAN_CAPTURE, t);
 }
 
-/* until the second hold, all of the budget follows the estimate; afterwards only its wheel
+/* up to hold 2, computes the whole budget from the estimated state; afterwards only the wheel
  * speeds, until the servicer turns with the target */
 static void update_budget(const Parameters *p, const Input *u, State *x, const Geometry *g)
 {
@@ -473,8 +477,8 @@ static void publish_phase(const State *x, Output *y)
 }
 
 /* goal of the fuel-optimal law. In the fly-around it is the hold point until the servicer turns
- * with the target. A fly-around closer than the hold, and all phases after it, have no goal: the
- * space permits only a circular path. */
+ * with the target. If the range of the fly-around is below R_2, the fly-around and all phases after
+ * it have no goal, as only a circular path is possible there. */
 static int goal_of(const Parameters *p, const State *x)
 {
     int around = x->spins ? TO_AXIS : TO_POINT, wide = x->budget.R == p->R_2;
@@ -537,7 +541,7 @@ static void publish_budget(const Parameters *p, const Input *u, const State *x, 
     y->wheel_bias = prepares ? wheels_with(p, x->budget.bias, u->S.omega) : vec(0, 0, 0);
 }
 
-/* frame V of a closing that aims beside the target */
+/* frame V of a closing that aims along the tangent or turns to the hold (mission_aim.h) */
 static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, double t)
 {
     AimFrame V = {identity(1), vec(0, 0, 0)};
@@ -553,7 +557,7 @@ static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, doub
 }
 
 /* publishes frame V: the Hill frame rotated to the line of the hold points, C_VN = Rz(psi) C_HN,
- * or the frame of a closing that aims beside the target */
+ * or, with aim_radius, the frame of the closing */
 static void publish_virtual_target(const Parameters *p, State *x, const Geometry *g, Output *y,
                                    double t)
 {

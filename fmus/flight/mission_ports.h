@@ -1,5 +1,5 @@
-/* mission_ports.h - phases, parameters and inputs of the mission manager, and the relative state in
- * the frames of its conditions. */
+/* mission_ports.h - phases, parameters and inputs of the mission manager, and the relative state
+ * that its conditions refer to. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_PORTS_H
 #define MISSION_PORTS_H
@@ -64,8 +64,8 @@ typedef struct {
         POSITIVE(R_1, "m", "range of the first hold"),                                             \
         POSITIVE(R_2, "m", "range of the second hold and of the fly-around"),                      \
         POSITIVE(L_3, "m", "third hold, on the grasp axis"),                                       \
-        POSITIVE(L_end, "m", "mating ends here, behind the seat"),                                 \
-        NONNEGATIVE(tol_1, "m", "tolerance of R_1; twice as much once there"),                     \
+        POSITIVE(L_end, "m", "distance at the end of mating, behind the seat"),                    \
+        NONNEGATIVE(tol_1, "m", "tolerance of R_1; in the first hold twice as much"),              \
         POSITIVE(v_1, "m/s", "largest speed at R_1, as seen in H"),                                \
         NONNEGATIVE(tol_2, "m", "tolerance at R_2"),                                               \
         POSITIVE(v_2, "m/s", "largest speed at R_2: as seen in H, after the fly-around in T"),     \
@@ -76,7 +76,7 @@ typedef struct {
         NONNEGATIVE(rate_3, "rad/s", "largest relative rate at L_3"),                              \
         POSITIVE(v_final, "m/s", "peak speed of the final approach"),                              \
         POSITIVE(v_mate, "m/s", "speed of mating"),                                                \
-        NONNEGATIVE(ramp_mate, "s", "time to that speed"),                                         \
+        NONNEGATIVE(ramp_mate, "s", "time to reach v_mate"),                                       \
         POSITIVE(v_back, "m/s",                                                                    \
                  "peak speed of backing off, and of the change of range in the fly-around"),       \
         NONNEGATIVE(capture_time, "s", "an attempt has failed this long after its first contact"), \
@@ -85,29 +85,29 @@ typedef struct {
         POSITIVE(v_drift, "m/s", "speed of the retreat along the track"),                          \
         POSITIVE(F_retreat, "N", "force of the retreat"),                                          \
         NONNEGATIVE(R_safe, "m", "the retreat is over beyond this range"),                         \
-        NONNEGATIVE(drift_time, "s", "the drift after a retreat is looked at for so long"),        \
-        POSITIVE(drift_step, "s", "in such steps"),                                                \
-        NONNEGATIVE(dwell, "s", "the condition that ends a phase holds so long; phases 0 to 14"),  \
+        NONNEGATIVE(drift_time, "s", "time for which the drift after a retreat is predicted"),     \
+        POSITIVE(drift_step, "s", "step of the predicted drift"),                                  \
+        NONNEGATIVE(dwell, "s", "time that the condition of a phase must hold; phases 0 to 14"),   \
         NONNEGATIVE(time_out, "s", "longest duration of a phase; 0 = none; phases 0 to 14"),       \
         NONNEGATIVE(attempts, "1", "attempts to mate before the retreat"),                         \
         NONNEGATIVE(mass_dry, "kg", "mass of the servicer without propellant"),                    \
         NONNEGATIVE(reserve, "kg", "propellant below which the servicer retreats"),                \
         NONNEGATIVE(nav_far, "s", "longest time without a valid state, phases 0 to 4"),            \
-        NONNEGATIVE(nav_near, "s", "the same, phases 5, 6, 7, 11"),                                \
+        NONNEGATIVE(nav_near, "s", "longest time without a valid state, phases 5, 6, 7, 11"),      \
         NONNEGATIVE(d_abort, "m",                                                                  \
-                    "largest distance off the grasp axis when near: at L_3 (m), and its rise "     \
-                    "with the distance beyond (m/m)"),                                             \
-        NONNEGATIVE(angle_abort, "rad", "largest pointing error when near"),                       \
-        NONNEGATIVE(error_dwell, "s", "either of them for so long is too much"),                   \
-        NONNEGATIVE(v_0, "m/s", "speed limit at range 0: far, near"),                              \
+                    "largest distance off the grasp axis, phases 5, 6, 7, 11: at L_3 (m), and "    \
+                    "its rise with the distance beyond L_3 (m/m)"),                                \
+        NONNEGATIVE(angle_abort, "rad", "largest pointing error, phase 4 (end), 5, 6, 7, 11"),     \
+        NONNEGATIVE(error_dwell, "s", "time above d_abort or angle_abort until a retreat"),        \
+        NONNEGATIVE(v_0, "m/s", "speed limit at range 0: phases 0 to 4; phases 5, 6, 7, 11"),      \
         NONNEGATIVE(v_slope, "1/s",                                                                \
-                    "rise of the speed limit with the range: far, near; in phases 4, 5, 6, 7, 11 " \
+                    "rise of the speed limit with the range, as v_0; in phases 4, 5, 6, 7, 11 "    \
                     "the tumble rate is added"),                                                   \
-        NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that the speed limit allows for"),   \
-        NONNEGATIVE(speed_dwell, "s", "too fast for so long is too much"),                         \
+        NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that is added to v_slope"),          \
+        NONNEGATIVE(speed_dwell, "s", "time above the speed limit until a retreat"),               \
         SWITCH(by_arm, "1: mating is by the arm, which grasps from L_3; 0: by the probe"),         \
         NONNEGATIVE(momentum_max, "N.m.s",                                                         \
-                    "angular momentum of the pair above which it is not mated; 0 = no limit"),     \
+                    "largest angular momentum of both bodies for the mating; 0 = no limit"),       \
         NONNEGATIVE(budget, "1",                                                                   \
                     "share of force and of wheels that turning with the target may take; 0: "      \
                     "nothing is planned"),                                                         \
@@ -115,7 +115,7 @@ typedef struct {
         POSITIVE(R_around, "m", "least range of the fly-around, with budget"),                     \
         NONNEGATIVE(w_steer, "rad/s", "largest rate of the steering of the fly-around"),           \
         NONNEGATIVE(steer_least, "rad/s",                                                          \
-                    "a target for which force leaves less for steering is not captured"),          \
+                    "least steering that the force must permit for a capture"),                    \
         NONNEGATIVE(rate_2, "rad/s", "largest relative rate after the fly-around; 0: any"),        \
         NONNEGATIVE(rate_probe, "rad/s",                                                           \
                     "largest tumble rate at which the probe mates; 0 = no limit"),                 \
@@ -128,16 +128,16 @@ typedef struct {
         NONNEGATIVE(bias_tol, "1",                                                                 \
                     "the fly-around begins with the wheels this close to their bias, share of "    \
                     "wheel_speed_max"),                                                            \
-        NONNEGATIVE(mass_T, "kg", "mass of the target, for that momentum"),                        \
-        MATRIX(J_T, "kg.m2", "inertia of the target, for that momentum, target axes"),             \
-        MATRIX(J_S, "kg.m2", "inertia of the servicer, for that momentum, servicer axes"),         \
+        NONNEGATIVE(mass_T, "kg", "mass of the target as known to the software"),                  \
+        MATRIX(J_T, "kg.m2", "inertia of the target as known to the software, target axes"),       \
+        MATRIX(J_S, "kg.m2", "inertia of the servicer as known to the software, servicer axes"),   \
         NONNEGATIVE(await_axis, "rad",                                                             \
-                    "the servicer begins to turn with the target this close to the best passage "  \
-                    "of the grasp axis; 0: at once"),                                              \
-        POSITIVE(spin_time, "s", "from turning with H to turning with the target, as guidance"),   \
-        NONNEGATIVE(spin_accel, "rad/s2", "largest acceleration meanwhile; 0: always spin_time"),  \
+                    "the servicer begins to turn with the target when its angle from the grasp "   \
+                    "axis is above the least one by at most this; 0: at once"),                    \
+        POSITIVE(spin_time, "s", "time to turn with the target instead of H, as in guidance"),     \
+        NONNEGATIVE(spin_accel, "rad/s2", "largest acceleration, extends spin_time; 0: no limit"), \
         SWITCH(use_optimal, "1: the fuel-optimal law commands the force from far to hold 3"),      \
-        POSITIVE(far_time, "s", "time of its far approach, at most 1200 s"),                       \
+        POSITIVE(far_time, "s", "duration of the fuel-optimal far approach, at most 1200 s"),      \
         SWITCH(abort_relative,                                                                     \
                "1: the retreat leaves from the last valid state after its drift until now, and "   \
                "along the grasp axis near the target; 0: from the last valid state, outwards"),    \
@@ -200,8 +200,10 @@ static inline void check_mission(const MissionParameters *p, Problems *problems)
 typedef struct {
     HillFrame H;
     mat3 C_SN;
-    vec3 rho_H, drho_H;                          /* drho as seen in H */
-    double R, l, d, los, v_rel, pointing, w_rel; /* v_rel as seen in T */
+    vec3 rho_H, drho_H; /* drho as seen in H */
+    /* range; distances along and off the grasp axis a; angle from a to rho; speed as seen in T;
+     * angle from X_S to -a; relative rate */
+    double R, l, d, los, v_rel, pointing, w_rel;
     double
         momentum;  /* angular momentum of both bodies about their centre of mass, without wheels */
     double tumble; /* |w_T| */

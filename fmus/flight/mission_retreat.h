@@ -3,9 +3,10 @@
  *
  *   v = v_retreat rho/|rho| +- v_drift y_H
  *
- * with the sign whose drift has the larger least distance by the equations of Clohessy and
- * Wiltshire (hill_drift.h), n = |w_H|. With abort_relative the state is the last valid one after
- * its drift until now, and near the target the direction outwards is the grasp axis.
+ * The sign is chosen so that the least distance of the drift from the target is larger, by the
+ * equations of Clohessy and Wiltshire (hill_drift.h), n = |w_H|. With abort_relative the state is
+ * the last valid one after its drift until now, and near the target the direction outwards is the
+ * grasp axis.
  *
  * A purely outward velocity returns after an orbit. A component along the track causes a permanent
  * drift of 3 |v_y| per unit of time. */
@@ -19,8 +20,8 @@
 #define ROUNDED_DOWN 1e-12 /* relative rounding error of the number of steps */
 #define SPENT        1e-12 /* m/s: a smaller remaining increment counts as 0 */
 
-/* least distance of the drift at the times k drift_step, k = 1, 2, ...; the present distance if
- * drift_time contains no such time */
+/* least distance of the drift from the target at the times drift_step, 2 drift_step, .. up to
+ * drift_time, or the present distance if drift_time is shorter; v: velocity at the start */
 static inline double least_distance(const MissionParameters *p, const RelativeState *from, vec3 v)
 {
     double steps = floor_of(p->drift_time / p->drift_step * (1 + ROUNDED_DOWN)),
@@ -39,7 +40,8 @@ typedef struct {
     double clearance;
 } Escape;
 
-/* velocity of the retreat; axis_H: axis along which the servicer leaves near the target, 0: none */
+/* velocity increment of the retreat and least distance of the drift after it; axis_H: axis along
+ * which the servicer leaves near the target, 0: none */
 /* J.3-1 */
 static inline Escape plan_escape(const MissionParameters *p, const RelativeState *from, vec3 axis_H)
 {

@@ -1,11 +1,12 @@
-/* mission_window.h - when to begin to turn with the target: its grasp axis turns, and the fly-around
- * is short if the servicer joins where the axis will pass.
+/* mission_window.h - when to begin to turn with the target: its grasp axis turns, and the
+ * fly-around is short if the servicer joins where the axis will pass.
  *
- *   T_s    = max(spin_time, 1.875 w/spin_accel), w = |w_T|: the servicer comes to turn with the target
- *   a_s    = a turned by w T_s/2 about w_T:  the servicer lags by this angle after T_s
- *   off    = angle(a_s, rho),   least = |angle(w_T, rho) - angle(w_T, a)|:  over a turn of the target
+ *   T_s    = max(spin_time, 1.875 w/spin_accel), w = |w_T|: duration of the change to the rate w_T
+ *   a_s    = a turned by w T_s/2 about w_T, the angle by which the servicer lags during this change
+ *   off    = angle(a_s, rho)
+ *   least  = |angle(w_T, rho) - angle(w_T, a)|: least value of `off` in a turn of the target
  *   open:    off <= least + await_axis, or the servicer has waited for 2 pi/w
- * docs/models.md J.14 */
+ * a: grasp axis, rho: position of the servicer from the target. docs/models.md J.14 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_WINDOW_H
 #define MISSION_WINDOW_H
@@ -25,8 +26,8 @@ static inline vec3 turned_about(vec3 a, vec3 u, double by)
     return sum3(scale(s.c, a), scale(s.s, cross(u, a)), scale((1 - s.c) * dot(u, a), u));
 }
 
-/* true if turning with the target may begin; vectors in the same axes, since: waiting time so
- * far [s] */
+/* true if turning with the target may begin; axis: a; w_T, a and rho are in any axes, the same for
+ * all; since: time that the servicer has waited [s] */
 static inline int window_is_open(const MissionParameters *p, vec3 w_T, vec3 axis, vec3 rho,
                                  double since)
 {

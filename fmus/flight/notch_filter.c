@@ -3,13 +3,14 @@
  *   H(s) = (s^2 + 2 z w s + w^2)/(s^2 + 2 Z w s + w^2),   s = k (1 - 1/q)/(1 + 1/q),
  *   k = w/tan(w T/2)
  *
- * Two notches in series, the same on all axes, for torque and wheel acceleration, and two for the
- * force, which excites other modes: antisymmetric bending of the wings turns the hub, symmetric
- * bending shifts it. Bilinear (Tustin), prewarped so that a notch is at w exactly for any sample
- * period T. The gain is z/Z at w, 1 far from it, and exactly 1 for a constant command. A notch
- * causes a phase lag below w of about 2 Z u/(1 - u^2) rad at u = omega/w, so it belongs above the
- * bandwidth of the loop. Frequency 0: no notch. The filter starts at rest. Sampled: a step reads
- * the inputs once and holds the outputs. Equations: docs/models.md L.7. */
+ * w: frequency, z: depth, Z: width; T: sample period, 1/q: delay by one sample. Two notches in
+ * series, the same on all axes, for torque and wheel acceleration, and two for the force, which
+ * excites other modes: antisymmetric bending of the wings turns the hub, symmetric bending shifts
+ * it. Bilinear (Tustin), prewarped so that a notch is at w exactly for any sample period T. The
+ * gain is z/Z at w, 1 far from it, and exactly 1 for a constant command. A notch causes a phase lag
+ * of about 2 Z u/(1 - u^2) rad at a frequency u w below w, so w should be above the bandwidth of
+ * the loop. Frequency 0: no notch. The filter starts at rest. Sampled: a step reads the inputs once
+ * and holds the outputs. Equations: docs/models.md L.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "exact.h"
 #include "fmu.h"
@@ -74,7 +75,7 @@ static void check(const Parameters *p, Problems *problems)
     }
 }
 
-/* ---- one notch: coefficients divided by a_0; a_1 = b_1 ---- */
+/* ---- one notch: y = b0 u + b1 (u_1 - y_1) + b2 u_2 - a2 y_2, index: number of samples ago ---- */
 typedef struct { double b0, b1, b2, a2; } Notch;
 
 /* L.7-2 */

@@ -2,16 +2,20 @@
  * iterations, and attitude by the law of adaptive_controller with constant estimates.
  *
  * Once a second (ten samples) a path of 60 nodes to the goal is improved by `iterations` steps of
- * ADMM (optimal_problem.h), spread over nine samples, and becomes the plan in force if it is
- * feasible. The model of prediction is a double integrator in N axes with a known acceleration:
+ * ADMM (alternating direction method of multipliers, optimal_problem.h), spread over nine samples,
+ * and becomes the plan in force if it is feasible. The model of prediction is a double integrator
+ * in N axes with a known acceleration:
  *
  *   (1) rho'' = u + d,   d = d_hat + tide(way)      u = F/m, held over a node; way: the last path
  *   (3) d_hat += k_d (res - d_hat),   res = dv/dt - F/m - tide over the second before
  *
- * Goals: 1 a point on the line of holds, 2 the grasp axis at constant range, 3 along the grasp
- * axis; 0 inactive. Inputs may replace its range and duration. Arrival is fixed in time, afterwards
- * the horizon recedes (T_min).
- * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 first plan in work, without force.
+ * d_hat: estimated acceleration that is not modelled; tide: gravity at the servicer minus gravity
+ * at the target, to first order. Goals: 1 a point on the line of holds, 2 the grasp axis at
+ * constant range, 3 along the grasp axis; 0 inactive. The inputs L_goal and T_goal replace range
+ * and duration of the goal. The time of arrival is fixed; from T_min before it on, every plan ends
+ * T_min after its start.
+ * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 no plan yet: the first one is being
+ * computed, and the force is 0.
  * Equations, constants and figures: docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "directions.h"
@@ -87,15 +91,15 @@ static const Variable variables[] = {
     POSITIVE(keep_out, "m", "least range on the way (goals 1 and 2)"),
     POSITIVE(cone, "rad", "half angle of the cone of the plan before arrival (goal 3)"),
     POSITIVE(cone_hold, "rad", "half angle of the cone of the plan after arrival (goal 3)"),
-    NONNEGATIVE(hold_lead, "s", "cone_hold holds from this time before arrival on"),
-    NONNEGATIVE(slab, "m", "range along the axis may be below L_end and above it by (goal 3)"),
+    NONNEGATIVE(hold_lead, "s", "cone_hold applies from this time before arrival on"),
+    NONNEGATIVE(slab, "m", "tolerance of the range along the axis below and above L_end (goal 3)"),
     POSITIVE(T_min, "s", "shortest horizon of the plan"),
     SWITCH(speed_limit, "1: the speed as seen in the Hill frame is limited"),
-    NONNEGATIVE(v_0, "m/s", "limit of the speed at no range"),
-    NONNEGATIVE(v_slope, "1/s", "limit of the speed per range"),
-    POSITIVE(iterations, "1", "iterations of a second, a whole number, 9 to 60"),
+    NONNEGATIVE(v_0, "m/s", "limit of the speed at range 0"),
+    NONNEGATIVE(v_slope, "1/s", "rise of the limit of the speed with the range"),
+    POSITIVE(iterations, "1", "iterations in a second, a whole number, 9 to 60"),
     POSITIVE(iterations_first, "1",
-             "iterations of the first plan of a goal, a whole multiple of iterations, at most 20"),
+             "iterations of the first plan of a goal, a whole multiple (1 to 20) of iterations"),
     POSITIVE(kappa, "1", "weight of the impulse: step of the method, does not move the optimum"),
     NONNEGATIVE(k_d, "1", "gain of the estimate of the disturbance, per second"),
     POSITIVE(tol, "1", "a plan is feasible up to tol[1] (in m) + tol[2] times the range"),
@@ -103,7 +107,8 @@ static const Variable variables[] = {
     NONNEGATIVE(age_max, "s", "longest use of the last feasible plan"),
     NONNEGATIVE(K_b, "1/s2", "position gain of braking"),
     NONNEGATIVE(P_b, "1/s", "velocity gain of braking"),
-    POSITIVE(tumble_step, "s", "longest step of the prediction of the tumble, 4 at most a node"),
+    POSITIVE(tumble_step, "s",
+             "longest step of the prediction of the tumble, with at most four steps in a node"),
     ROW_AS(PARAMETER_ROW, p, "turn", turn, 1, "1",
            "1: the attitude is predicted to turn with the target, per goal", SWITCH_VALUE),
     NONNEGATIVE(omega_rest, "rad/s", "rate below which the attitude is predicted to stay"),
@@ -115,7 +120,8 @@ static const Variable variables[] = {
     NONNEGATIVE(K_att, "N.m", "attitude gain, per body axis"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
     PARAMETER(eta_hat_0, "kg.m2", "inertias: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
-    GRID_AS("sample_period", sample_period, "sample period of the software; a second has ten"),
+    GRID_AS("sample_period", sample_period,
+            "sample period of the software, a tenth of the time between plans"),
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
@@ -147,7 +153,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(residual_p, "m", "largest violation of a position constraint by the path"),
     NONNEGATIVE_OUTPUT(residual_u, "m/s2", "largest violation of the box by the accelerations"),
     NONNEGATIVE_OUTPUT(change_p, "m", "largest change of a position by the last iteration"),
-    NONNEGATIVE_OUTPUT(change_u, "m/s2", "largest change of an acceleration by it"),
+    NONNEGATIVE_OUTPUT(change_u, "m/s2", "largest change of an acceleration by the last iteration"),
     NONNEGATIVE_OUTPUT(miss, "m", "distance of the end of the path from its end point"),
     NONNEGATIVE_OUTPUT(count_box, "1", "nodes with a force at its limit"),
     NONNEGATIVE_OUTPUT(count_cone, "1", "nodes at the cone"),
@@ -176,7 +182,8 @@ static void check_goals(const Parameters *p, Problems *problems)
             reject(problems, "L_end", p->L_end[i], "must not be below keep_out");
     if (p->T_min < 20) reject(problems, "T_min", p->T_min, "must be >= 20");
     if (p->tumble_step < 5)
-        reject(problems, "tumble_step", p->tumble_step, "must be >= 5: four steps a node");
+        reject(problems, "tumble_step", p->tumble_step,
+               "must be >= 5: a node of 20 s has at most four steps");
     if (p->cone <= p->cone_hold) reject(problems, "cone", p->cone, "must be above cone_hold");
     if (p->cone >= 1.5) reject(problems, "cone", p->cone, "must be below 1.5");
 }
@@ -194,9 +201,9 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "iterations", p->iterations, "must be a whole number in 9..60");
     if (!is_whole(p->iterations_first / p->iterations, 1, MOST_SECONDS))
         reject(problems, "iterations_first", p->iterations_first,
-               "must be a whole multiple of iterations, at most 20");
+               "must be a whole multiple (1 to 20) of iterations");
     if (!is_whole(p->bad_max, 1, 1e6))
-        reject(problems, "bad_max", p->bad_max, "must be a whole number");
+        reject(problems, "bad_max", p->bad_max, "must be a whole number in 1..1e6");
     double A_det = determinant(full_matrix(p->eta_hat_0.A));
     if (p->use_wheels && A_det <= 0)
         reject(problems, "eta_hat_0", A_det,
@@ -306,7 +313,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
     int first = x->seconds == 0;
     learn_disturbance(p, u, &x->d, t);
     y->d_hat_N = x->d.d_hat;
-    if (x->seconds > 1) { /* the iterations of the first plan take several seconds */
+    if (x->seconds > 1) { /* the first plan takes several seconds */
         x->seconds -= 1;
         return;
     }
@@ -349,7 +356,7 @@ static void command_force(const Parameters *p, const Input *u, State *x, Output 
     x->d.F_sum = add(x->d.F_sum, tmul(C_SN, y->F_cmd_S));
 }
 
-/* (19) of A.5.2 with constant estimates */
+/* attitude law (19) of docs/models.md A.5.2, with constant estimates */
 static void command_attitude(const Parameters *p, const Input *u, Output *y, double t)
 {
     vec3 none = vec(0, 0, 0);
