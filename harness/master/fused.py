@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Whole system as one FMU, compiled from the C sources in its FMUs and run as a single instance; or
-as a WebAssembly module, which a live page runs with results that are bit-identical to a run here.
+"""Whole system compiled from the C sources in its FMUs: to one FMU, which runs as one instance, or
+to a WebAssembly module, which a live page runs with results that are bit-identical to a run here.
 
-core/build/fuse.py writes, compiles and packs the FMU. For runs that happens once per structure
-(components, connections, schedule), and all values are set before every run.
-core/build/web_module.py compiles the module.
+core/build/fuse.py writes, compiles and packs the FMU, core/build/web_module.py compiles the module.
+For runs, one FMU is compiled per structure of a system (components, connections, schedule); the
+values of its parameters and open inputs are set before every run.
 """
 
 from __future__ import annotations
@@ -110,8 +110,8 @@ class Whole:
         return structure(system, graph) == self._structure
 
     def node(self, recorded: Sequence[int] | None) -> Node:
-        """Return a node with this FMU, the only node in the graph of a run. recorded: indices of
-        the recorded slots of the graph of the system, in order (None: all slots).
+        """Return a graph node with this FMU; it is the only node of a run with this FMU. recorded:
+        indices of the outputs to record, in the order of the system's graph (None: all outputs).
         """
         component = Component("whole", self.interface.path)
         outputs = self.outputs
@@ -120,15 +120,15 @@ class Whole:
         return Node(component, self.interface, (), outputs, (), ())
 
     def values(self, system: System, graph: Graph) -> NDArray[np.float64]:
-        """Return the values of all settable variables of this FMU for a run of `system`, in the
-        order of the variables in the FMU.
+        """Return the values (variables,) of all settable variables of this FMU for a run of
+        `system`, in the order of the variables in the FMU.
         """
         values = self._starts.copy()
         values[self._places[MACRO_STEP]] = system.experiment.step or 0.0
         for node in graph.nodes:
             for variable, value in node.settings:
                 place = self._places.get(f"{node.component.name}.{variable.name}")
-                if place is not None:  # a connected input has no start value
+                if place is not None:  # None: a connected input, which cannot be set
                     values[place] = value
         return values
 
@@ -152,8 +152,8 @@ def prepare(system: System, graph: Graph) -> None:
 
 
 def structure(system: System, graph: Graph) -> tuple[Any, ...]:
-    """Return everything that determines the code of a fused system, to be compared with other
-    systems. Values of parameters do not determine it.
+    """Return everything that determines the code of a fused system: algorithm, signals, schedule
+    and connections. Systems with equal tuples differ only in values.
     """
     places = [(n.component.name, n.component.every, n.component.latency) for n in graph.nodes]
     inputs = [(id(node.interface), node.inputs) for node in graph.nodes]
@@ -162,7 +162,9 @@ def structure(system: System, graph: Graph) -> tuple[Any, ...]:
 
 @lru_cache(maxsize=8)
 def slots_of(slots: tuple[Slot, ...], names: frozenset[str]) -> tuple[int, ...]:
-    """Return the indices of the slots of the named variables (names without indices), in order."""
+    """Return in order the indices of the slots (elements, `component.variable[i]`) that belong to
+    the variables in `names` (whole variables, without `[i]`).
+    """
     return tuple(i for i, slot in enumerate(slots) if base(slot.name) in names)
 
 
@@ -189,7 +191,9 @@ class WholeInstance(Instance):
             raise self._failure(status, "setReal rejected", time)
 
     def everything(self) -> NDArray[np.float64]:
-        """Return the present values of all outputs of the system, including those not recorded."""
+        """Return the present values (outputs,) of all outputs of the system, in the order of its
+        graph, including outputs that are not recorded.
+        """
         bus = np.zeros(len(self.whole.outputs))
         self.raise_if_failed(Verb.GET, self._get.read(bus), 0.0)
         return bus
@@ -250,7 +254,10 @@ def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
     """
     found = ((n.component.name, n.interface.variables.values()) for n in graph.nodes)
     if others := sorted(n for n, known in found if any(v.type != "Real" for v in known)):
-        raise NotFusedError(f"{', '.join(others)}: not all variables are Real, as one FMU requires")
+        raise NotFusedError(
+            f"{', '.join(others)}: not all variables are Real, which is required to compile a "
+            "system to one FMU"
+        )
     experiment = system.experiment
     driver = {w.slot: (i, w.variable.name) for i, n in enumerate(graph.nodes) for w in n.outputs}
     place = {node.component.name: i for i, node in enumerate(graph.nodes)}
@@ -289,7 +296,7 @@ def _command(compiler: str) -> list[str]:
     """
     command = shlex.split(compiler)
     if paths.core() is None:
-        raise NotFusedError("the C sources of the project are missing")
+        raise NotFusedError("the C sources of the project are missing: reinstall servicing-fmus")
     if not command or shutil.which(command[0]) is None:
         raise NotFusedError(f"there is no C compiler ({compiler})")
     return command
@@ -311,7 +318,7 @@ def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
 
 def _core() -> Path:
     core = paths.core()
-    assert core is not None  # _command() has checked that
+    assert core is not None  # _command(), called before, raises an error without C sources
     return core
 
 

@@ -35,9 +35,9 @@ all later runs.
 """
 
 BEGUN, OVER = "begun", "over"
-"""Kinds of messages from the child. BEGUN: the initial row is recorded; content:
-Simulation.calls(). OVER: the last row is recorded, or the run has ended with an error; content: the
-error or None, and the duration of a macro step [s].
+"""Kinds of messages from the child. BEGUN: the initial row is recorded; content: the FMI calls of a
+macro step, from Simulation.calls(). OVER: the last row is recorded, or the run has ended with an
+error; content: the error or None, and the duration of a macro step [s].
 """
 
 
@@ -71,8 +71,8 @@ def all_ours(system: System) -> bool:
 def timed(
     system: System, every: int | None = 1, patience: float = math.inf, executor: str = "c"
 ) -> tuple[Result, float]:
-    """Return the result of a run in a child process, and the duration of a macro step in the
-    fastest stretch of the run [s].
+    """Return the result of a run in a child process, and the duration of a macro step [s],
+    averaged over the fastest part of the run.
 
     every: macro steps per recorded row; patience: largest duration of one FMI call [s], after which
     the child is killed.
@@ -140,7 +140,7 @@ class _Run:
         recorder = self.simulation.recorder
         memory = _Memory(block(recorder.table.nbytes), block(recorder.progress.nbytes))
         memory.share(self.simulation)
-        ready = self.simulation if child.FORK else None  # a forked child inherits the simulation
+        ready = self.simulation if child.FORK else None  # None: the child makes its own
         self._order = system, how, memory, ready
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
@@ -242,7 +242,7 @@ def _run(
     are freed, because freeing may crash.
     """
     if simulation is None:
-        with noted():  # the parent has logged the notes
+        with noted():  # without logging: the parent has already logged these notes
             simulation = Simulation(system, **how)
         memory.share(simulation)
     recorder, error = simulation.recorder, None

@@ -2,9 +2,9 @@
 """Several runs of one fused system at once: each run is a lane, an element of the vector registers.
 The results are bit-identical to single runs.
 
-core/build/lanes.py compiles the library from the FMU of the whole system. The FMUs of the single
-runs set, check and reject parameters and initial values, and make the first macro step. Then their
-states are copied into the lanes, and copied back at the end.
+core/build/lanes.py compiles a library for all lanes from the FMU of the whole system. Each run also
+has an instance of this FMU. The instance checks parameters and initial values and can reject them,
+and makes the first macro step. Then its state is copied into the lane, and copied back at the end.
 
     python -m harness.master.lanes WHOLE.fmu        # compile into the cache
 """
@@ -42,7 +42,9 @@ used.
 
 NAME = "lanes.so"
 CHUNK = 1000
-"""Number of macro steps in the first stretch, while the duration of a macro step is not known."""
+"""Number of macro steps before the first check for Ctrl-C. Later there are more steps between two
+checks, as long as they take little time.
+"""
 
 
 @lru_cache
@@ -177,9 +179,9 @@ class Lanes:
         return complete
 
     def _run(self, runs: _Runs, to: int) -> float:
-        """Perform macro steps until `to` are complete, and check for Ctrl-C after every stretch.
-        Return the processor time [s] per macro step of all lanes in the fastest stretch. Elapsed
-        time would include the time of other processes.
+        """Perform macro steps until `to` are complete, and check for Ctrl-C after every stretch of
+        steps. Return the processor time [s] that a macro step of all lanes took in the fastest
+        stretch. Elapsed time would include the time of other processes.
         """
         chunk, pace = CHUNK, math.inf
         while runs.done < to and runs.lost != (1 << runs.count) - 1:

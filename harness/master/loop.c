@@ -1,8 +1,8 @@
-/* loop.c - the schedule of schedule.py, executed in C over the functions of the loaded FMUs.
+/* loop.c - macro steps of a run: the calls of FMI functions that schedule.py lists, made in C.
  *
- * The same calls in the same order with the same buffers as the Python executor, so the results
- * agree bit for bit. Python lays out the calls (executors.py has the same structs); nothing here
- * allocates or knows Python. */
+ * This executor makes the same calls in the same order with the same buffers as the Python
+ * executor, so the results agree bit for bit. Python prepares the calls (executors.py has the same
+ * structs); the code here neither allocates memory nor uses Python. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stddef.h>
 #include <stdint.h>
@@ -27,7 +27,7 @@ enum {
     GET_REAL,
     GET_INTEGER,
     SET_AFFINE,
-    SET_FLOAT64, /* this and all later kinds: FMI 3.0 */
+    SET_FLOAT64, /* this and all following kinds are calls of FMI 3.0 */
     GET_FLOAT64,
     SET_OTHER,
     GET_OTHER,
@@ -46,15 +46,15 @@ typedef struct {
 typedef struct {
     int kind, every, phase;              /* due in macro step k if k % every == phase */
     int no_rollback;                     /* noSetFMUStatePriorToCurrentPoint of a step */
-    int type;                            /* of the values in FMI 3.0: index in `conversion` */
-    int finite;                          /* 1: all outputs are finite and are not checked here */
+    int type;                            /* FMI 3.0: index of the values' type in `conversion` */
+    int finite;                          /* 1: FMU of the project: its outputs are finite */
     size_t count, pieces, wires, values; /* lengths of reference, piece, slot (and at), value */
     void (*function)(void);              /* fmi2SetReal, fmi2DoStep, ... of the FMU's library */
     void *component;
     const unsigned *reference;
     const size_t *slot, *at;       /* index of each signal on the bus and in the buffer */
     const Piece *piece;            /* the same indices in consecutive pieces */
-    void *value;                   /* buffer in the type of the function */
+    void *value;                   /* buffer: values in the type that `function` takes */
     const double *factor, *offset; /* SET_AFFINE: input = factor * bus + offset */
 } Call;
 
@@ -64,7 +64,7 @@ typedef struct {
     long every, steps;
     double *bus;
     double *table; /* recorded rows: row r after r * every macro steps, the last row at the end */
-    volatile int64_t *progress; /* completed macro steps, index of the present call; shared */
+    volatile int64_t *progress; /* completed macro steps, index of present call; parent reads it */
 } Run;
 
 typedef struct {
@@ -196,7 +196,7 @@ static const Conversion conversion[] = {BOTH(Float64), BOTH(Float32), BOTH(Int8)
                                         BOTH(UInt32),  BOTH(UInt64),  BOTH(Boolean)};
 enum { INT64 = 5, UINT64 = 9 };
 
-/* 1 if element i of the buffer, a whole number, differs from its conversion to a double, x */
+/* Returns 1 if element i of the buffer, a whole number, differs from x, the number as a double. */
 static int is_wide(const Call *c, size_t i, double x)
 {
     if (!(x >= 9007199254740992.0 || x <= -9007199254740992.0)) return 0;
@@ -242,7 +242,7 @@ static int (*const perform[])(const Call *c, const Moment *now) = {
     [SET_FLOAT64] = set_float64, [GET_FLOAT64] = get_float64, [SET_OTHER] = set_other,
     [GET_OTHER] = get_other,     [STEP_3] = step_3,           [SET_AFFINE_3] = set_affine_3};
 
-static int due(const Call *c, long k) /* most calls are due in every macro step: no division */
+static int due(const Call *c, long k) /* every == 1 is the usual case and needs no division */
 {
     return c->every == 1 || k % c->every == c->phase;
 }
@@ -256,8 +256,8 @@ static void record(const Run *run, long done)
     run->progress[0] = done;
 }
 
-/* Calls i .. end - 1 of macro step k; stops at the first call whose status is neither fmi2OK nor
- * fmi2Warning. */
+/* Makes calls i .. end - 1 of macro step k; stops at the first call whose status is neither fmi2OK
+ * nor fmi2Warning. */
 static Stop part(const Call *calls, size_t i, size_t end, const Run *run, long k)
 {
     const Moment now = {run->bus, run->start + (double)k * run->step, run->step};
@@ -270,8 +270,9 @@ static Stop part(const Call *calls, size_t i, size_t end, const Run *run, long k
     return (Stop){k, end, fmi2OK};
 }
 
-/* Macro steps first .. last - 1. The run pauses before call `pause` of macro step `last`, where
- * the outputs of an open component are set; `ready`: it pauses there in macro step `first`. */
+/* Performs macro steps first .. last - 1, then the calls of macro step `last` before call `pause`.
+ * There the run pauses, so that the user can set the outputs of an open component. ready: 1 if the
+ * run already pauses before call `pause` of macro step `first`, 0 if this step has not begun. */
 EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first, long last,
                     size_t pause, int ready)
 {
@@ -303,7 +304,8 @@ EXPORT void execute_all(Stretch *stretches, size_t count)
         s->stop = execute(s->calls, s->count, s->run, s->first, s->last, s->pause, 1);
 }
 
-/* fmi2GetReal and fmi3GetFloat64 of an open component: its buffers hold what the user has set. */
+/* Replacements of fmi2GetReal and fmi3GetFloat64 for an open component: nothing is read, because
+ * the buffer already contains the values that the user has set. */
 EXPORT fmi2Status held_2(fmi2Component component, const fmi2ValueReference reference[],
                          size_t count, fmi2Real value[])
 {

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Log messages that FMUs send by the logger callback of FMI, and the note of the present FMI call.
 
-FMPy formats the variadic messages in a small C library that knows one Python function per process,
-so all instances share one log. The message of an FMU is fetched right after a failed call.
+FMPy formats the messages of FMI 2.0, which have variadic arguments, in a small C library. This
+library can call only one Python function per process, so the messages of all instances arrive at
+one function here, and the message about a failed call is fetched right after the call.
 
 An FMU of the project rejects parameters in such a message: `mass_0 = -5: must be > 0`. One message
 contains all rejections, in the format of fmus/core/adapter/fmu.h. The name may be a whole vector or
@@ -162,8 +163,8 @@ class Notes(logging.Handler):
 
 @contextmanager
 def noted() -> Iterator[dict[str, None]]:
-    """Collect the notes that the harness logs in the `with` block instead of logging them; yield
-    the collection, in which each line is once.
+    """Collect the notes that the harness logs in the `with` block instead of logging them; yield a
+    dictionary whose keys are their lines, each line once.
     """
     lines: dict[str, None] = {}
     before = _log.handlers, _log.propagate
@@ -197,7 +198,9 @@ _ALL = re.compile(rf"{_ONE}(?:; {_ONE})*", re.DOTALL)
 _EACH = re.compile(rf"{_ONE}(?:; (?=[^;=]+ = )|$)", re.DOTALL)
 _NAME = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
 _ARTICLE = re.compile(r"\ba (?=[a-z])")
-"""Regular expression of the article `a` before a word. Elsewhere the letter may be a parameter."""
+"""Regular expression of the article `a` before a word, which is removed from a rule, so that it is
+not mistaken for a parameter named `a`.
+"""
 
 
 class Rejection(NamedTuple):
@@ -221,20 +224,20 @@ class Rejection(NamedTuple):
 
 
 def _among(names: Iterable[str], text: str) -> list[str]:
-    """Return all `names` that equal `text`, that occur in it as words, or of which it is an
-    element.
+    """Return the parameters that a text is about: the one whose name equals `text`; if `text` is an
+    element of a vector, the vector; else all whose names occur in `text` as words.
     """
     if text in (known := list(names)):
         return [text]
     whole, words = base(text), _NAME.findall(text)
-    if whole != text:  # an element of a vector: not about its other elements
+    if whole != text:  # about an element, so not about the other elements of its vector
         return [name for name in known if name == whole]
     return [name for name in known if base(name) in words]
 
 
 def rejections(message: str, parameters: Collection[str]) -> tuple[Rejection, ...]:
-    """Return the rejections in an error message of an FMU; () if the message has another form or
-    names something other than these parameters.
+    """Return the rejections in an error message of an FMU; () if the message has another form, or
+    one of its rejections is about none of these parameters.
 
     parameters: names of scalar variables, or of whole vectors and matrices.
     """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Recorder of a run: rows with the values of the bus at t = 0, after every N-th macro step, and at
-the end.
+"""Recorder of a run: rows with the values of all signals (the bus) at t = 0, after every N-th macro
+step, and at the end.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def _references(holder: Any) -> int:
 
 
 ALONE = _references(SimpleNamespace(table=np.empty(0)))
-"""Value of sys.getrefcount() for a table to which only its recorder refers."""
+"""Value of sys.getrefcount() for the table of a recorder if no other object refers to the table."""
 
 
 def recorded(steps: int, every: int) -> NDArray[np.int64]:
@@ -68,8 +68,8 @@ class Recorder:
 
     @property
     def unseen(self) -> bool:
-        """Return whether the next run may overwrite the table: no object except this recorder, and
-        results that are temporary, refers to it.
+        """Return whether the next run may overwrite the table: no object except this recorder
+        refers to it, or the results that refer to it are temporary.
         """
         return self.temporary or _references(self) == ALONE
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Software board: an FMU on this machine that answers a link FMU by the protocol of boards.
 
-The firmware's code (fmus/core/link/board.c), built as a library, answers the requests with the
-FMU's binary for this machine. One link FMU is served at a time; the next one waits.
+The code with which firmware answers requests (fmus/core/link/board.c) is compiled to a library for
+this machine, and calls the FMU's binary for this machine. One link FMU is served at a time; the
+next one waits.
 """
 
 from __future__ import annotations
@@ -115,7 +116,7 @@ class Board:
         def read(_port: Any, to: int, most: int) -> int:
             try:
                 data = b"" if failures else receive(most)
-            except BaseException as error:  # exceptions cannot pass through C
+            except BaseException as error:  # raised below: it cannot pass through C
                 failures.append(error)
                 return 0
             ctypes.memmove(to, data, len(data))

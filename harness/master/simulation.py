@@ -125,11 +125,11 @@ class Simulation:
         self.recorder = Recorder(found.steps, width, chosen, getattr(self, "recorder", None))
         self.system, (self.graph, self.steps), self.recorded = system, found, recorded
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
-        if len(getattr(self, "bus", ())) != width:  # so that arrays of port() remain valid
+        if len(getattr(self, "bus", ())) != width:  # else reused: arrays of port() remain valid
             self.bus: NDArray[np.float64] = np.zeros(width)
         self.bus[:] = 0.0
         self.pace = math.inf
-        """Duration of a macro step in the fastest stretch so far [s]."""
+        """Duration of a macro step [s], averaged over the fastest part of the run so far."""
         self._initialised = False
 
     # ---- life
@@ -193,11 +193,11 @@ class Simulation:
     def begin(
         self, system: System, every: int | None = None, recorded: Collection[str] | None = None
     ) -> None:
-        """Prepare a run of this system instead of the present system, up to the state before
-        initialization.
+        """Prepare a run of `system`, which replaces the present system; the next step is
+        initialize().
 
-        FMUs of the project that are loaded are reset; all other FMUs are loaded. Raises the errors
-        of the constructor and of `with`.
+        FMUs of the project that are already loaded are reset; all other FMUs are loaded. Raises the
+        errors of the constructor and of the beginning of the `with` block.
         """
         if self._files is None:
             raise UsageError("a Simulation can run inside its `with` block only")
@@ -344,14 +344,14 @@ class Simulation:
             raise self._partial(error) from error.__cause__
 
     def forward(self, to: int) -> None:
-        """Perform macro steps until `to` are complete, without progress and checks for Ctrl-C,
-        for callers that make single steps; raise RunError without the recorded rows.
+        """Perform macro steps until `to` are complete, with less effort than advance(), for callers
+        that make single steps: Ctrl-C is not checked, and a RunError contains no recorded rows.
         """
         self._executor.run(self.step, to)
 
     def stretch(self, to: int) -> Stretch:
-        """Return the macro steps from the present one until `to` are complete, for Stretches of
-        harness.master.executors, which performs them.
+        """Return the macro steps from the present one until `to` are complete, not yet performed;
+        the class Stretches of harness.master.executors performs them.
         """
         assert isinstance(self._executor, CExecutor)
         return self._executor.stretch(self.step, to)
@@ -396,8 +396,8 @@ class Simulation:
         return error
 
     def calls(self) -> list[tuple[str, str]]:
-        """Return name of the instance and FMI function of every call of a macro step. The recorder
-        stores the index of the present call in this list.
+        """Return the calls of a macro step in order: name of the instance, and FMI function. The
+        recorder stores the present call as its index in this list.
         """
         return self._executor.calls
 
@@ -413,8 +413,8 @@ class Simulation:
         return self._steerable().view(name)
 
     def get(self, name: str) -> NDArray[np.float64]:
-        """Return the present value of an output or of a connected input; raise UsageError if there
-        is no such variable.
+        """Return the present value of an output or of a connected input, in the shape of the
+        variable; raise UsageError if there is no such variable.
         """
         return self._steerable().get(name)
 
@@ -452,7 +452,7 @@ class Simulation:
         return Snapshot(self.step, self.bus.copy(), states, tuple(map(bytes, self._held())))
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Return to a saved state; macro steps after it are performed and recorded again."""
+        """Return to a saved state; further macro steps overwrite the rows recorded after it."""
         for instance, state in zip(self.instances, snapshot.states, strict=True):
             instance.restore(state, self.time)
         self.bus[:] = snapshot.bus

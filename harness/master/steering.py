@@ -33,8 +33,8 @@ def steered(
     algorithm: str, instances: Sequence[Instance], names: Collection[str]
 ) -> tuple[list[Action[Instance]], int]:
     """Return the actions of a macro step in which the caller sets the outputs of the named (open)
-    components, and the number of actions before the instant at which the first open component would
-    read its inputs (0: no component is open).
+    components, and the index of the action before which the run pauses, because the first open
+    component would read its inputs there (0: no component is open).
     """
     plan = schedule(algorithm, [_held(i) if i.name in names else i for i in instances])
     opened = [action.instance.name in names for action in plan]
@@ -45,15 +45,15 @@ def steered(
 
 
 def _held(instance: Instance) -> Instance:
-    """Return a copy of an instance for an open component. The copy shares the buffers with the
-    instance, does not step, and has the values in the buffers as outputs.
+    """Return a copy of an instance for an open component. The copy uses the buffers of the
+    instance, does not step, and publishes the values in the buffers as its outputs.
     """
     other, function = copy(instance), f"held_{instance.node.interface.fmi}"
     outputs = [copy(transfer) for transfer in instance.transfers[Verb.GET]]
     for transfer in outputs:
         transfer.function = getattr(library(), function)
     other.transfers = {Verb.SET: [], Verb.STEP: [], Verb.GET: outputs}
-    other.ours = False  # the executors check the values that the user sets
+    other.ours = False  # so that the executors check the values that the user sets
     return other
 
 
@@ -87,7 +87,7 @@ class Ports:
             if elements[0] in transfer.names:
                 places = [int(transfer.at[transfer.names.index(e)]) for e in elements]
                 return _part(transfer.view, places, name, elements)
-        raise UsageError(f"{name}: is not a number, so it cannot be set")
+        raise UsageError(f"{name}: is not a number; only numbers can be read and set")
 
     def get(self, name: str) -> NDArray[np.float64]:
         """Return the present value of an output or of a connected input; raise UsageError if there
@@ -117,7 +117,9 @@ class Ports:
         wired = {w.variable.name for w in self._nodes[component].inputs}
         variables = self._interfaces[component].named("input")
         if not set(elements) <= variables.keys() - wired:
-            hint = f"open=[{component!r}]" if elements[0] not in variables else "its source output"
+            hint = (
+                f"open=[{component!r}]" if elements[0] not in variables else "the connected output"
+            )
             text = "is neither an output of an open component nor an unconnected input"
             raise UsageError(f"{name}: {text}; set {hint}")
         chosen = [variables[e] for e in elements]

@@ -96,8 +96,8 @@ class Transfer:
 
     def problem(self) -> tuple[str, str | None] | None:
         """Return an error message about the values that were read last, and the name of the
-        variable (None: in the message): a value is not finite, or is a whole number that a double
-        cannot represent. Return None if all values are valid.
+        variable (None: the message contains the name): a value is not finite, or is a whole number
+        that a double cannot represent. Return None if all values are valid.
         """
         values = zip(self.names, self.view[self.at], strict=True)
         if self.real and not np.isfinite(self.view).all():
@@ -105,7 +105,7 @@ class Transfer:
             return "output is not a finite number", first
         for name, value in values if self.access in WIDE else ():
             if abs(int(value)) > EXACT and int(float(value)) != int(value):
-                return f"{name} = {value}: is beyond 2^53, which the bus cannot carry", None
+                return f"{name} = {value}: is beyond 2^53 and not exact as a double", None
         return None
 
 
@@ -119,7 +119,8 @@ def transfers(
     """Yield the transfers of an FMU, one per FMI type of its wires. In FMI 2.0, values whose unit
     is converted have a transfer of their own.
 
-    verb: Set or Get; held: values by name of unconnected inputs that differ from the start values.
+    verb: Set or Get; held: by name, the values of unconnected inputs that differ from their start
+    values.
     """
 
     def row(variable: Variable) -> dict[str, Scalar]:
