@@ -140,11 +140,11 @@ class Judgement(NamedTuple):
 class Claim:
     """Claim of a paper.
 
-    name: for references; text: the statement of the paper; where: place of the statement in the
-    paper; needs, compute, unit: of the metric of the claim, as in BaseMetric; value: format string
-    for the numbers of the metric; reproduced, partly: bands of the first number, which determines
-    the verdict; interval: largest time between two recorded rows [s] with which the claim can be
-    evaluated.
+    name: short name of the claim; text: the statement of the paper; where: place of the statement
+    in the paper; needs, compute, unit: fields of the claim's metric, as in BaseMetric; value:
+    format string that shows the numbers of the metric; reproduced, partly: bands for the first of
+    these numbers, which determines the verdict; interval: largest time between two recorded rows
+    [s] with which the claim can be evaluated.
     """
 
     name: str
@@ -180,11 +180,15 @@ class Claim:
         if not len(result.time):
             raise NotJudgedError("nothing was recorded")
         if (interval := np.diff(result.time).max(initial=0.0)) > self.interval + ROUNDING:
-            raise NotJudgedError(f"recorded every {interval:g} s, {self.interval:g} s are needed")
+            raise NotJudgedError(
+                f"recorded every {interval:g} s, but needed every {self.interval:g} s"
+            )
         with np.errstate(all="ignore"):
             numbers = tuple(np.atleast_1d(number(result)).tolist())
         if not np.isfinite(numbers).all():
-            raise NotJudgedError("the result holds values that are not finite or never change")
+            raise NotJudgedError(
+                "its value is not finite: values of the result are not finite or do not change"
+            )
         return numbers
 
     def verdict(self, value: float) -> Verdict:
@@ -218,8 +222,8 @@ class Paper:
 
     The claims apply to every result that has all variables of `needs` and all `parameters` and for
     which `meant` returns True. cases: runs that the paper describes (none: the claims apply to
-    every run); differs: function that returns a text for each deviation of a result from all cases
-    in parameters that the cases leave free.
+    every run); differs: function that returns a text for each free parameter (Case.free) of a
+    result whose value is outside of what the paper describes.
     """
 
     title: str
@@ -239,15 +243,15 @@ class Paper:
 
 
 def scalar(result: Result, name: str) -> float:
-    """Return the value of a scalar parameter of the run, or of one element; raise NotJudgedError if
-    the result does not contain it.
+    """Return the value of a scalar parameter of the run, or of one element of a vector or matrix;
+    raise NotJudgedError if the result does not contain it.
     """
     return float(parameter(result, name))
 
 
 def parameter(result: Result, name: str) -> Array:
     """Return the value of a parameter of the run; raise NotJudgedError if the result does not
-    contain it, as a result from a .csv.
+    contain it, like a result that was read from a .csv without its NAME.csv.toml.
     """
     if not result.holds(parameters=(name,)):
         raise NotJudgedError(f"the result does not hold the parameter {name}")

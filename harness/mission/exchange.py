@@ -57,10 +57,10 @@ def start_values(
     """Return start values of components from files, for the system with `changes` (see
     harness.master.changes.Changes).
 
-    files: by component, may be empty; they override the `[start]` of the system; epoch: t = 0 in
-    UTC (default: from the system, else the first instant that all files cover). Raises UsageError
-    (no such component, no such file, an epoch outside the files), and HarnessError if a library is
-    missing.
+    files: file by component, in addition to the files in the `[start]` of the system, which they
+    override; epoch: t = 0 in UTC (default: from the system, else the first instant that all files
+    cover). Raises UsageError (no such component, no such file, an epoch outside the files), and
+    HarnessError if a library is missing.
     """
     own = mission(system.mission) if system.mission else None
     for each in _offered(own):

@@ -29,7 +29,7 @@ Colour = Any
 """Colour as matplotlib understands it: a name, or (red, green, blue, opacity)."""
 AXES = ("x", "y", "z")
 LARGEST = 1e300
-"""Largest absolute value that is drawn; the axis would overflow over larger values."""
+"""Largest absolute value that is drawn; larger values would cause an overflow in the axis."""
 
 
 def variables_of(text: str) -> tuple[str, ...]:
@@ -65,11 +65,11 @@ class Curve(Checked):
 
     source: a variable, an expression of variables and parameters, or a function of the result that
     needs the variables `needs`; convert: function of the time series that returns the values to
-    draw; labels: of the elements; style: of the line ("": the style that belongs to its colour);
-    anew: whether the colours of the lines begin with the first colour again, as for an earlier
-    curve; parameters: parameters of the run without which the curve is left out; jump: difference
-    between two rows above which the line is interrupted, as where Rodrigues parameters change to
-    their shadow set.
+    draw; labels: names of the elements; style: line style ("": the style that belongs to the
+    colour); anew: whether the first line has the first colour again, instead of the colour after
+    the last one used; parameters: parameters of the run without which the curve is left out; jump:
+    difference between two rows above which the line is interrupted, as where Rodrigues parameters
+    change to their shadow set.
     """
 
     source: Source
@@ -158,8 +158,8 @@ class Panel(Checked):
     least: bool = False
 
     def minima(self, result: Result) -> Iterator[tuple[float, float]]:
-        """Yield time [s] and smallest value of every curve of one element, if the panel labels
-        them.
+        """Yield time [s] and smallest value of every curve with a single line, if the panel labels
+        the smallest values (`least`).
         """
         for curve in self.held(result) if self.least else ():
             values = curve.history(result)[self.rows(result)]
@@ -234,10 +234,10 @@ class Figure(Checked):
 
 @dataclass(frozen=True)
 class Drawing(Checked):
-    """Figure that a function draws, other than curves over time. draw: function that fills an empty
-    matplotlib figure from the result; size: width and height [inch]; parameters: required
-    parameters of the run; shows: function that returns whether the figure of a result would show
-    anything (None: always).
+    """Figure that is drawn by a function and not defined as curves over time. draw: function that
+    fills an empty matplotlib figure from the result; size: width and height [inch]; parameters:
+    required parameters of the run; shows: function that returns whether the figure of a result
+    would show anything (None: always).
     """
 
     name: str

@@ -111,8 +111,8 @@ def places() -> dict[str, Place]:
 
 
 def systems_in(folder: Path) -> dict[str, Path]:
-    """Return the TOML file of every system of a mission by the name of the system: the name of the
-    folder for system.toml, FOLDER_FILE for any other file.
+    """Return the TOML file of every system of a mission by the name of the system. In a folder
+    `docking`, this name is `docking` for system.toml, `docking_far` for far.toml.
     """
     found = sorted(folder.glob("*.toml"))
     return {folder.name if p.name == SYSTEM else f"{folder.name}_{p.stem}": p for p in found}
@@ -175,8 +175,8 @@ def failure(error: BaseException) -> str:
 
 
 def _failure(folder: Path, error: BaseException) -> str:
-    """Return a line about an error in the Python of a mission: the last line of the mission that
-    was executed, and the error.
+    """Return a text of one line about an error in the Python of a mission: file and number of the
+    last executed line of the mission, and the error.
     """
     line, trace = getattr(error, "lineno", None), error.__traceback__
     file = Path(getattr(error, "filename", None) or folder / FILE)

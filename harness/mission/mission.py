@@ -48,15 +48,15 @@ class Limits:
 
 @dataclass(frozen=True)
 class Metric(BaseMetric):
-    """Metric in a column of a comparison, whose function takes the limits too.
+    """Metric in a column of a comparison. A function `compute` takes the result and the Limits of
+    the comparison; it returns the value, or an expression that gives the value.
 
-    beside: whether the metric is shown in a table of its own, not among the metrics of a page;
-    about: function that explains the limits of the metric, in the last line of the column's
-    heading; words: names of the values 0, 1, ..; apart: a comparison warns if values differ by more
-    than this factor; above: a comparison shows the metric, with a warning, only if a value exceeds
-    this number; meaning: a sentence for readers of a page. The function returns the value, or an
-    expression that gives the value. live: function of result and limits that returns the expression
-    for a live page, if the function of the metric returns no expression.
+    beside: whether the headline values of a run's page leave the metric out; about: function that
+    explains the limits of the metric, in the last line of the column's heading; words: names of the
+    values 0, 1, ..; apart: a comparison warns if values differ by more than this factor; above: a
+    comparison shows the metric, with a warning, only if a value exceeds this number; meaning: a
+    sentence for readers of a page; live: function of result and limits that returns the expression
+    for a live page, if `compute` returns no expression.
     """
 
     beside: bool = False
@@ -133,7 +133,7 @@ def exceeding(
             if value > metric.above:
                 yield (
                     f"{label}: {metric.name} {value:.3g} {metric.unit}, more than "
-                    f"{metric.above:g} {metric.unit}: the run shows the limit, not the control law"
+                    f"{metric.above:g} {metric.unit}: the limit decides, not the control law"
                 )
 
 
@@ -171,11 +171,11 @@ class Start(NamedTuple):
 class Exchange:
     """Conversion from and to files of other tools.
 
-    writers: by ending of the file, a function of result, path, component (None: the function
-    chooses) and UTC of t = 0 that writes the file; start: function of a system, of files (or their
-    text) by component, of an epoch or None, and of changes of run() that returns start values;
-    remarks: function of a result that returns lines for the report page of the result, such as
-    eclipses.
+    writers: by ending of the file, the function that writes the file, called with result, path,
+    component (None: the function chooses) and UTC of t = 0; start: function that returns start
+    values, called with a system, files (or their text) by component, an epoch or None, and changes
+    of run(); remarks: function that returns lines for the report page of a result, such as
+    eclipses, called with the result.
     """
 
     writers: Mapping[str, Callable[[Result, Path, str | None, str], None]] = field(
@@ -232,7 +232,7 @@ class Steering(NamedTuple):
 
 
 class Plan(Protocol):
-    """Answer of a planner before a run."""
+    """Plan for a run, made before the run, as an answer of `harness plan`."""
 
     @property
     def histories(self) -> Mapping[str, Result]:
@@ -251,7 +251,9 @@ class LeastImpulse(Protocol):
 
     @property
     def verified(self) -> Result | None:
-        """Return a run with the least impulse, None if its phases are simulated one by one."""
+        """Return a run with the least impulse; None if every phase of the mission was simulated
+        alone, so that there is no run of the whole mission.
+        """
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the report."""

@@ -93,8 +93,8 @@ def missing(processor: Processor) -> str:
 
 @cache
 def _has_library(processor: Processor) -> bool:
-    """Return whether gcc finds the specs file of picolibc. If not, it prints the name of the file
-    without a folder.
+    """Return whether gcc finds the specs file of picolibc. A gcc that does not find the file prints
+    its name without a folder.
     """
     command = [processor.compiler, f"-print-file-name={SPECS}"]
     found = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()

@@ -24,9 +24,9 @@ from harness.results.result import Array, Result, Rows
 class Sample(NamedTuple):
     """Source of an array that has one value of a variable or expression per instant of a replay.
 
-    history: number of the instruction that gives the values in all rows; over: "row": the value in
-    the row of the instant, or a key of REDUCED: the mean, least or largest value in the rows from
-    this instant up to the next; time: instants [s].
+    history: number of the instruction (of Arrays.program) that gives the values in all rows; over:
+    "row" for the value in the row of the instant, or a key of REDUCED for the mean, least or
+    largest value in the rows from this instant up to the next; time: instants [s].
     """
 
     history: int

@@ -112,8 +112,8 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
     page, the stem of a file name, and the figure.
 
     The figures are: histograms of the metrics; each metric over the two factors of a grid, or over
-    its most influential factors; each metric by the values of factors whose values are texts;
-    percentile bands over time.
+    its most influential factors; each metric, grouped by the values of every factor with
+    texts as values; percentile bands over time.
     """
     metrics, factors = _shown(store)
     if metrics:
@@ -169,7 +169,9 @@ def _shown(store: Store) -> tuple[dict[str, Array], dict[str, Array]]:
 
 
 WORST = 30
-"""Number of worst runs in the plot of standard normal coordinates."""
+"""Number of worst runs in the plot of the standard normal coordinates from which the factors of a
+run are computed.
+"""
 
 
 def study_plots(canvas: Canvas, study: Study) -> Iterator[Plot]:

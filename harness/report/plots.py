@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Plots of a page as data with thinned curves: figures, phase plots, and all variables. Figures are
-drawn with matplotlib and read back from its axes, so that each is defined only once. Axes in three
-dimensions are left out, because the page has a replay.
+drawn with matplotlib and read back from its axes, so that one definition of a figure serves files
+and pages. Axes in three dimensions are left out, because the page has a replay.
 
 A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
 the run; all such plots zoom together), `log` (logarithmic y), `levels` (horizontal lines: height
@@ -47,8 +47,8 @@ QUATERNION = ("q0", "q1", "q2", "q3")
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
 """Labels by which a time axis is recognised, with the length of the unit of the axis [s]."""
 NOTE = "axes fraction"
-"""Coordinate system of matplotlib in which notes in a corner of the axes are placed; by it they are
-recognised.
+"""Coordinate system of matplotlib for notes in a corner of the axes, which distinguishes them from
+other texts.
 """
 
 
@@ -212,8 +212,8 @@ def _dash(line: Any) -> str:
 
 
 def _corners(outline: Any) -> Any:
-    """Return the points of an outline (points, 2), but leave out each point whose two neighbours
-    have the same y as the point.
+    """Return the points of an outline (points, 2) without the points inside horizontal lines, whose
+    two neighbours have the same y as the point.
     """
     y = outline[:, 1]
     inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)
@@ -247,8 +247,8 @@ def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 
 
 def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
-    """Return the plot of a variable over time. Values that mean that the variable is idle are left
-    out.
+    """Return the plot of a variable over time. If the mission defines a value from which on the
+    variable has no meaning (Mission.idle), such values are left out.
     """
     flat, arrays = values.reshape(len(values), -1), canvas.arrays
     bound = dict(of_result(result).idle).get(name)

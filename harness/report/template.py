@@ -28,8 +28,8 @@ from harness.report.arrays import Canvas
 SCRIPTS = {"plotly": "package_data/plotly.min.js", "k3d": "static/standalone.js"}
 """Path of the script of each library in its Python package."""
 FONTS = re.compile(rb"@font-face\{(?:\$\{\w+\}|[^{}])*\}|data:font/woff2;base64,[\w+/=]*")
-"""Fonts for formulas in the script of K3D. They are removed, because the replay has no formulas and
-a browser would search for their files.
+"""Regular expression of the fonts for formulas in the script of K3D. They are removed, because the
+replay has no formulas and a browser would search for their files.
 """
 CODE = (
     "symbols", "plots", "history", "shapes", "labels", "bodies", "zones", "sky", "cameras", "clock",
@@ -44,7 +44,7 @@ POLICY = (
 )
 """Beginning of the Content-Security-Policy of every page, before the hashes of its scripts. It
 forbids the network and all other scripts. Inline styles are allowed, because Plotly and K3D write
-their own; styles cannot load files either.
+their own; `default-src 'none'` prevents them from loading files.
 """
 
 

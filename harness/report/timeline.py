@@ -77,8 +77,8 @@ def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | Non
 
 def drawable(result: Result, needs: Iterable[str]) -> Result:
     """Return a result without the rows in which one of the variables `needs` cannot be drawn, and
-    without each other variable that cannot be drawn in one of the remaining rows. Values can be
-    drawn if they are finite and not too large.
+    without those other variables that cannot be drawn in one of the remaining rows. A value can be
+    drawn if it is a number of at most LARGEST.
     """
     good = np.abs(result.values) <= LARGEST
     if good.all():
@@ -98,8 +98,8 @@ def drawable(result: Result, needs: Iterable[str]) -> Result:
 
 
 def drawable_rows(values: Array) -> Array:
-    """Return for each row whether all elements of a time series are finite and at most LARGEST
-    (rows,).
+    """Return a mask (rows,) of the rows in which all elements of a time series are numbers of at
+    most LARGEST.
     """
     return np.asarray((np.abs(values) <= LARGEST).all(axis=tuple(range(1, values.ndim))))
 

@@ -120,7 +120,8 @@ class Function(NamedTuple):
     text, as the index of the argument with the same unit, or as a function of the unit of the first
     argument; takes: by index of an argument, the unit to which the argument is converted, or the
     index of another argument whose unit is used; per_row: whether the returned value in a row
-    depends on the arguments in that row alone; shifts: whether it comes from a neighbouring row.
+    depends on the arguments in that row alone; shifts: whether the returned value in a row is the
+    argument in a neighbouring row.
     """
 
     value: Callable[..., Any]
@@ -276,7 +277,7 @@ class Node:
     @cached_property
     def is_timing(self) -> bool:
         """Return whether the condition determines when other conditions apply: a condition on time
-        and parameters alone, or the negated first argument of implies().
+        and parameters alone, or the part `not x` of implies(x, y), which is `not x or y`.
         """
         return self.name == IMPLIES or ("time" in self.variables and not self.outputs)
 
@@ -315,7 +316,7 @@ def _tree(text: str) -> ast.expr:
     """Return Python's syntax tree of a text in which a number with a unit, `2 deg`, is replaced by
     the call `quantity(2, 'deg')`.
     """
-    with warnings.catch_warnings(action="error"):  # as "1if" causes one
+    with warnings.catch_warnings(action="error"):  # Python only warns about "1if"
         marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
         return ast.parse(marked, mode="eval").body
 

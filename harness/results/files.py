@@ -144,7 +144,7 @@ def _rescued(result: Result, path: Path) -> Path | None:
     elsewhere = Path(tempfile.gettempdir())
     for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
         place = folder / f"{path.stem[:100]}-{secrets.token_hex(6)}{ending}"
-        with suppress(Exception), written(place) as target:  # the original error is reported
+        with suppress(Exception), written(place) as target:  # only the first error is reported
             FORMATS[ending].write(result, target)
         if place.exists():
             return place
@@ -167,8 +167,8 @@ def read(file: str | Path) -> Result:
 
 
 def save(result: Result, path: str | Path) -> Path:
-    """Write a result to a .nc or .csv file, an incomplete result to a NAME.partial file beside
-    it; return the path of the file. Raises UsageError, ResultsError.
+    """Write a result to a .nc or .csv file and return its path. An incomplete result is written to
+    NAME.partial.nc or NAME.partial.csv in the same folder. Raises UsageError, ResultsError.
     """
     file = ResultFile(Path(path))
     if not result.complete:

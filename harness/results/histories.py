@@ -18,8 +18,8 @@ import numpy as np
 from harness.results.result import Array
 
 PAIRWISE = 8
-"""Number of elements from which on numpy adds in pairs; numpy adds fewer elements from the first to
-the last.
+"""Number of elements from which on numpy adds in pairs. Numpy adds fewer elements from the first to
+the last, and so do the functions here, for bit-identical sums.
 """
 
 
@@ -27,8 +27,8 @@ the last.
 
 
 def _is_narrow(x: Any) -> bool:
-    """Return whether x is a time series (rows, n) of doubles with n < PAIRWISE, and exactly of
-    numpy's array type: a subclass may record its operations.
+    """Return whether x is a time series (rows, n) of doubles with n < PAIRWISE, which is computed
+    column by column. A subclass of numpy's array is not, because it may record its operations.
     """
     return (
         type(x) is np.ndarray

@@ -28,9 +28,9 @@ ORDERS = ("<", "<=", ">", ">=")
 
 
 class Limits:
-    """Conditions on time and premises of implies() that limit when a requirement applies. In a row
-    in which one of these conditions holds, the requirement holds regardless of its other
-    conditions.
+    """Conditions on time, and negated premises `not x` of implies(x, y), which limit when a
+    requirement applies. In a row in which one of these conditions holds, the requirement holds
+    regardless of its other conditions.
     """
 
     def __init__(self, parts: Sequence[Node]) -> None:
@@ -43,8 +43,8 @@ class Limits:
     def applying(self, result: Result) -> Any:
         """Return the rows in which none of these conditions holds, such that the requirement
         depends on its other conditions: all rows, a slice, or row numbers. Return None if there is
-        no such row, if a condition has a value per element, or if a number that a condition
-        compares is NaN in any row.
+        no such row, if one of these conditions has a value per element, or if a quantity in one of
+        them is NaN in any row.
         """
         if not self._holds:
             return ALL
@@ -86,12 +86,12 @@ class Requirement:
     truth: 1, 0 or NaN for every row and element; margin: margin of every row, -inf where the margin
     of an element is NaN; elements: margin of every row and element; value, which: compared value of
     the comparison that determines the margin, and index of its unit in `units`; exercised: whether
-    every comparison that must hold matters in some row.
+    every comparison that must hold affects the outcome in some row, see _exercised().
 
     A requirement with windows is evaluated in the first row (`at_start` is True). It has only truth
     (1 or -1), margin, undecided (whether a condition in a window depends on NaN) and empty (by the
-    times of a window as text: whether the window of some row lies within the run and contains no
-    row).
+    times of a window as text, `0 to 60 s`: whether the window of some row lies within the run and
+    contains no row).
     """
 
     def __init__(self, tree: Node, unit: Callable[[str], str], program: Program) -> None:
@@ -205,11 +205,11 @@ class Requirement:
 
     def _exercised(self, node: Node, looked: int, negated: bool = False) -> int:
         """Return the number of the instruction that gives whether every part of a condition that
-        must hold matters in some row. A part matters in a row unless a condition on time or the
-        premise of implies() alone decides the outcome.
+        must hold affects the outcome in some row. A part affects the outcome in a row unless a
+        condition on time or the premise of implies() alone decides it.
 
-        looked: number of the instruction that gives 1 in the rows in which `node` matters; negated:
-        whether `node` is inside a `not`.
+        looked: number of the instruction that gives 1 in the rows in which `node` affects the
+        outcome; negated: whether `node` is inside a `not`.
         """
         if node.is_timing:
             return self._number(not self.guarded)

@@ -261,7 +261,8 @@ def _table(given: list[tuple[Any, bool]], _: None) -> Any:
 
 
 def _number(_: Any, constant: float) -> Any:
-    return constant if isinstance(constant, bool) else np.float64(constant)  # 9**9**9 would not end
+    # a double and no Python int, with which 9**9**9 would not end
+    return constant if isinstance(constant, bool) else np.float64(constant)
 
 
 def _least(table: Any) -> Any:

@@ -102,7 +102,8 @@ class Finding:
 def rejected(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:
     """Return the problems of requirements of a system, one line each: texts that are not
     conditions, variables and parameters that do not exist, incompatible units. fixed: whether
-    requirements may contain parameters only.
+    the conditions may contain parameters but no variables, as conditions on parameters
+    (`consistency`) must.
     """
     known = _units(system, fixed)
     return [
@@ -360,8 +361,8 @@ def _at(rows: Any, row: int) -> Any:
 
 
 def _with_margin(found: Finding, met: bool, margin: float) -> Finding:
-    """Return a finding with its verdict and margin. The margin of a requirement that is not met is
-    below 0, even if `x > 4` fails at x = 4.
+    """Return a finding with its verdict and margin. If the requirement is not met, a margin of 0,
+    as for `x > 4` at x = 4, is replaced by the largest double below 0.
     """
     if met:
         return replace(found, verdict=Verdict.MET, margin=margin)

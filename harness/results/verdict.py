@@ -76,9 +76,9 @@ class Outcome(NamedTuple):
 def missed(
     outcomes: Iterable[Outcome], required: Collection[str] = (), strict: bool = False
 ) -> list[str]:
-    """Return a line for every outcome that causes exit status 1: requirements in `required` that
-    are not fulfilled, claims that are not exercised or not judged, and, if `strict`, every outcome
-    that is not fulfilled.
+    """Return a line for every outcome that causes exit status 1: requirements named in `required`
+    that are not fulfilled, claims that are not exercised or not judged, and, if `strict`, every
+    outcome that is not fulfilled.
     """
     return [
         f"{each.kind.value} {each.text}"

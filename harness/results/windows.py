@@ -9,8 +9,9 @@ They follow signal temporal logic (Maler & Nickovic 2004), with the robustness o
     until(x, y, a, b)    at t:  max over t' in [t + a, t + b] of min(y(t'), min of x over [t, t'))
 
 Without times a window extends to the end of the run. A window that extends beyond the end of the
-run, or contains no row, is no evidence: its value is NaN, and an outer window ignores it. The
-exception is until(): it holds if y already held in a row of such a window (the witness).
+run, or contains no row, provides no evidence: its value is NaN, and an outer window ignores it. The
+exception is until() over a window that extends beyond the run: it holds if y already holds in a
+recorded row (the witness), and x in all rows before it.
 
 The smallest and largest values of all windows are computed from tables of blocks of 1, 2, 4, ...
 rows, in n log n operations for n rows.
@@ -52,12 +53,12 @@ def windows(
 
 
 def always(x: Array, within: Windows) -> Array:
-    """Return the smallest x (rows,) in the window of every row; NaN: window is no evidence."""
+    """Return the smallest x (rows,) in the window of every row; NaN without evidence."""
     return -eventually(-x, within)
 
 
 def eventually(x: Array, within: Windows) -> Array:
-    """Return the largest x (rows,) in the window of every row; NaN: window is no evidence."""
+    """Return the largest x (rows,) in the window of every row; NaN without evidence."""
     first, last, over = within
     levels = np.frexp((last - first + 1).clip(1))[1] - 1  # floor(log2(length))
     table, found = x, np.full(len(x), np.nan)
@@ -91,7 +92,7 @@ def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Arr
     for level in range(int(length.max(initial=0)).bit_length()):
         rows = np.flatnonzero((length > 0) & (length >> level & 1 == 1))
         block = table[0][place[rows]], table[1][place[rows]]
-        # join parts of 1, 2, 4, ... rows, the shortest first, in the order of rows
+        # append the next part, of 1, 2, 4, ... rows, to the rows joined so far
         least[rows], witness[rows] = _after(least[rows], witness[rows], *block)
         place[rows] += 1 << level
         size = 1 << level

@@ -5,7 +5,7 @@ component, all checks.
     python -m harness.ssp.build SYSTEM.toml --fmus FOLDER -o SYSTEM.ssp
 
 All problems are reported at once: unknown names, inputs without a source or with several, unequal
-units, values of another shape.
+units of connected variables, values in a shape that their variable does not have.
 """
 
 from __future__ import annotations
@@ -99,7 +99,11 @@ class Live(Struct, frozen=True):
     """Parameters that the reader of a live page may change, `[live]`."""
 
     sliders: dict[
-        str, Annotated[list[Number], Meta(max_length=2, description="[least, largest] or []")]
+        str,
+        Annotated[
+            list[Number],
+            Meta(max_length=2, description="[least, largest], or [] for the range in the FMU"),
+        ],
     ] = {}
 
 
@@ -319,7 +323,7 @@ def _unknown(names: Iterable[str], known: Collection[str]) -> Iterator[str]:
     """Yield an error line for every name that is not among the known names."""
     for name in names:
         if name not in known:
-            yield f"{name}: there is none of this name{did_you_mean(name, known)}"
+            yield f"{name}: the system defines no such name{did_you_mean(name, known)}"
 
 
 def read(source: Path, fmus: Mapping[str, Path]) -> System:
@@ -345,7 +349,7 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     system = read(source, known)
     if system.without:
         left_out = ", ".join(system.without)
-        line = f"{source.name}: without {left_out}, only `harness export` can write this system"
+        line = f"{source.name}: leaves out {left_out}; only `harness export` can write that"
         raise StructureError([line])
     write_ssp(system, output)
 

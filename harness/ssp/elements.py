@@ -47,7 +47,8 @@ class Connector(NamedTuple):
 class Point(NamedTuple):
     """Connector of an element, given by the place of the element and the connector's name.
 
-    Connections outside of a system and connections inside it refer to the same Point.
+    Connections outside of a system and connections inside it that end at the same connector of the
+    system refer to the same Point.
     """
 
     place: Place
@@ -106,9 +107,9 @@ class Tree:
     """All elements of an .ssp: components, connectors, connections (`edges`) and parameters
     (`given`); inside: names of the elements in every system.
 
-    own: whether the file was written by this project, so that a parameter without a variable is an
-    error; problems: lines about content that cannot be read; notes: lines about content that is
-    ignored or changed.
+    own: whether the file was written by this project; then a parameter that the FMU does not have
+    is an error, otherwise it is ignored; problems: lines about content that cannot be read; notes:
+    lines about content that is ignored or changed.
     """
 
     def __init__(self, folder: Path, root: XmlElement, own: bool) -> None:
@@ -164,7 +165,7 @@ class Tree:
             point, real = Point(place, e.get("name")), xml.first(e, "ssc:Real")
             unit = "" if real is None else real.get("unit", "")
             if unit and unit not in self.units:
-                self.notes.append(f"{point}: the file does not define its unit {unit}, ignored")
+                self.notes.append(f"{point}: its unit {unit} is ignored, it has no definition")
             self.connectors[point] = Connector(e.get("kind"), self.units.get(unit))
 
     # ---- connections
@@ -179,7 +180,7 @@ class Tree:
             raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
-        is_last = target.point.place in self.components  # the FMU states the unit of its input
+        is_last = target.point.place in self.components  # then the FMU states the unit
         unit = None if is_last else self.connectors[target.point].unit
         return Edge(source, target, hop_of(element, unit))
 
@@ -241,7 +242,7 @@ class Tree:
     def _bound(self, binding: XmlElement, label: str) -> Mapping[str, Parameter]:
         if (root := self._part(binding, VALUES, label)) is None:
             return {}
-        prefix = binding.get("prefix", "")  # the mapping refers to names with the prefix
+        prefix = binding.get("prefix", "")  # a mapping refers to names with the prefix
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
         root = None if found is None else self._part(found, MAPPING, label)

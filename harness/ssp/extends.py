@@ -54,8 +54,8 @@ def _read(source: Path) -> dict[str, Any]:
 
 
 def _without(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table `own` with a list `without`: components of the table `base` that `own` sets
-    to false, and components that `base` leaves out, unless `own` gives them an FMU again.
+    """Return the table `own` with a list `without`, the components to leave out: components that
+    `own` sets to false, and components that `base` leaves out and `own` does not define again.
     """
     given = own.get("components")
     given = given if isinstance(given, dict) else {}

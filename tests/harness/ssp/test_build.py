@@ -129,7 +129,7 @@ def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(
         (('first = "source"', 'first = "sauce"'), ["first: there is no FMU sauce (close: source)"]),
         (
             ("[schedule.third]", "[schedule.thirt]"),
-            ["schedule.thirt: there is none of this name (close: third, first)"],
+            ["schedule.thirt: the system defines no such name (close: third, first)"],
         ),
         (
             ("every = 3\nlatency = 2", 'every = "often"'),

@@ -95,7 +95,7 @@ DIALECTS = {
     ),
     "a unit that the file does not define": (
         top(component("gain", "gain", "u< furlong", "y>")),
-        {}, TWICE, ("gain.u: the file does not define its unit furlong, ignored",),
+        {}, TWICE, ("gain.u: its unit furlong is ignored, it has no definition",),
     ),
     "an empty unit": (
         top(component("gain", "gain", "u< X", "y>").replace('"X"', '""')), {}, TWICE, (),

@@ -342,7 +342,7 @@ def test_unless_stated_otherwise(limited, tmp_path):
 def test_a_set_for_comparisons_that_is_not_there_is_rejected(fmus):
     text = LIMITED.replace('set = "small"', 'set = "smallx"')
     with pytest.raises(
-        StructureError, match=r"compare.smallx: there is none of this name \(close: small"
+        StructureError, match=r"compare.smallx: the system defines no such name \(close: small"
     ):
         system_of(tomllib.loads(text), fmus)
 
