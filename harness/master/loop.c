@@ -33,7 +33,7 @@ enum {
     GET_OTHER,
     STEP_3,
     SET_AFFINE_3
-}; /* SET_INTEGER and GET_INTEGER: fmi2Integer and fmi2Boolean, which are both int */
+}; /* SET_INTEGER, GET_INTEGER: for fmi2Integer and fmi2Boolean, which are both int */
 
 /* Statuses that FMI does not define: an output is infinite or NaN; an output is a whole number
  * that a double cannot represent; a step requests termination; a step has returned early. */

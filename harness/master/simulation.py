@@ -117,8 +117,9 @@ class Simulation:
     def _lay_out(
         self, system: System, found: Checked, every: int | None = None, recorded: Slots = None
     ) -> None:
-        """Allocate the memory of a run. every: macro steps per row (None: as in the simulation, or
-        else as in the system); recorded: indices of recorded slots, in order (None: all).
+        """Allocate the memory of a run. every: macro steps per row (None: the value given to the
+        constructor, or else that in the system); recorded: indices of recorded slots, in order
+        (None: all).
         """
         chosen = next(n for n in (every, self.every, system.experiment.every) if n is not None)
         width = len(found.graph.slots if recorded is None else recorded)

@@ -349,7 +349,7 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     system = read(source, known)
     if system.without:
         left_out = ", ".join(system.without)
-        line = f"{source.name}: leaves out {left_out}; only `harness export` can write that"
+        line = f"{source.name}: leaves out {left_out}; write such a system with `harness export`"
         raise StructureError([line])
     write_ssp(system, output)
 

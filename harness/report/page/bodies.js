@@ -1,12 +1,12 @@
-/* Bodies of a replay with their joints, paths, plans, body axes and plumes. place(at) shows all of
- * them as they are at an instant. */
+/* Bodies of a replay with their joints, paths, planned paths, body axes and plumes. place(at) shows
+ * all of these as they are at the instant `at`, from place() of history.js. */
 "use strict";
-const PLANNED = [0xf5f7fa, 0x7d8794]; /* colour of the present plan, and of older plans */
+const PLANNED = [0xf5f7fa, 0x7d8794]; /* colours of a planned path: present plan, older plan */
 function makeBodies(view) {
   const { T, scene, array, root, space, shapes, history, labels } = view;
   const axes = [], plumes = [], p = new T.Vector3();
 
-  /* array of positions r (3 numbers each), turned from axes of frame N to axes of frame H */
+  /* positions r (3 numbers each) in axes of frame N, as an array in axes of frame H */
   function inHill(r) {
     if (!scene.hill) return r;
     const q = array(scene.hill), turn = new T.Quaternion(), out = new Float32Array(r.length);

@@ -195,7 +195,7 @@ function makeCameras(view, bodies) {
   }
 
   return { list, bounds, renew, choose, first,
-    /* once: set the camera also if it does not follow the bodies */
+    /* once: whether to set the camera even if it does not follow the bodies (`side`) */
     set(once) { if (chosen && (once || !list[chosen].once)) set(); },
     move() { if (!chosen || list[chosen].once) controls.update(); },
     get chosen() { return chosen; },

@@ -2,7 +2,7 @@
  * in a corner of the picture. */
 "use strict";
 const TURNS = [0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.8, -1.8, Math.PI]; /* directions of the line from a name to its body [rad] */
-const LENGTHS = [1, 0.5, 2, 4]; /* lengths of this line, relative to the usual one */
+const LENGTHS = [1, 0.5, 2, 4]; /* lengths of this line, as multiples of `far` in leads() */
 const ABOUT = [".readout", ".cameras", ".key", ".controls", ".triad"]; /* parts that labels avoid */
 const SVG = "http://www.w3.org/2000/svg";
 const svg = (tag, about = {}) => {
@@ -16,9 +16,9 @@ function makeLabels(view) {
   const place = view.part(".names"), leaders = svg("svg", { class: "leaders" }), list = [], p = new T.Vector3();
   place.replaceChildren(leaders);
 
-  /* Adds a label. leader: draw a line from the label to the object if it is far away; size:
-   * radius of the object; near: largest distance of the eye at which the label is shown; shown:
-   * whether it is visible at present. */
+  /* Adds a label to an object. leader: whether to draw a line from the label to the object; size:
+   * function that returns the radius of the object; near: largest distance of the eye at which the
+   * label is shown; shown: function that returns whether the label is to be shown at present. */
   function add(text, object, colour, about = {}) {
     const made = Object.assign(document.createElement("div"), { className: "label", textContent: text });
     if (about.title) made.title = about.title;

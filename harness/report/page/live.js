@@ -7,7 +7,7 @@
   const lacking = [["WebAssembly", typeof WebAssembly], ["DecompressionStream", typeof DecompressionStream]]
     .filter(([, type]) => type === "undefined").map(([name]) => name);
   if (lacking.length) {
-    say(`This browser cannot run the system: it has no ${lacking.join(" and no ")}. The report shows the run of the file.`);
+    say(`This browser cannot run the system: it has no ${lacking.join(" and no ")}. The report shows the run in the file.`);
     section.classList.add("unable");
     for (const each of section.querySelectorAll("input, button")) each.disabled = true;
     return;
@@ -169,7 +169,7 @@
   const mark = (changed) => {
     for (const each of document.querySelectorAll(OF_FILE_ALONE)) each.classList.toggle("of-file", changed);
     part(".stale").hidden = !changed;
-    part(".stale").textContent = `Replay with its phases, events and rules, plots, signals, requirements and headline values show the new run. Shapes, zones, limits, shadows, claims, safety tiles and the head of the page belong to the run in the file, as do headline values, plots and curves with the note "of the run in the file".`;
+    part(".stale").textContent = `The new run is shown by plots, signals, requirements, headline values, and the replay including its phases, events and safety rules. The run in the file is still shown by shapes, zones, limits, shadows, claims, safety margins, the head of the page, and each headline value, plot or curve with the note "of the run in the file".`;
   };
   const present = (data, arrays) => {
     const { replay } = window.report, state = replay && replay.state();
@@ -196,13 +196,13 @@
   };
   const outcome = (result, seconds) => {
     const span = `${Program.g(result.time.length ? result.time.at(-1) - about.start : 0)} s`;
-    if (result.cancelled) return `cancelled after ${span}`;
+    if (result.cancelled) return `cancelled after ${span} of the run`;
     if (!result.rows) return `rejected: ${result.message}`;
-    const took = `${span} in ${seconds.toFixed(2)} s`;
+    const took = `${span} simulated in ${seconds.toFixed(2)} s`;
     return result.complete ? `Run complete: ${took}.` : `The run ended early, ${took}: ${result.message}`;
   };
   const compared = async (result) => {
-    if (!globalThis.crypto || !crypto.subtle) return "The bits cannot be compared: this browser computes no sha256 here.";
+    if (!globalThis.crypto || !crypto.subtle) return "The bits cannot be compared: this browser offers no sha256 to a page from this address.";
     const found = await Simulation.sha256(result.values);
     part(".bits").dataset.sha256 = found;
     return found === about.sha256 ? `Bits of this page = bits of the file: sha256 ${found} of ${result.rows} rows of ${system.width} values.`
@@ -275,7 +275,7 @@
     const set = (settings) => { sliders.forEach((s, k) => put(s, settings[k])); return start(settingsNow()); };
     window.report.live = { run: set, idle: () => settle, sliders: sliders.map(({ low, high, base }) => ({ low, high, base })), ready: false };
     const small = system.rows * system.width * 8 < 64e6;
-    say(small ? "" : "Compare bits, or move a slider: the run takes some seconds.");
+    say(small ? "" : "Move a slider, or compare bits, to run the system. A run takes some seconds.");
     (small ? start(settingsNow()) : Promise.resolve()).finally(() => { window.report.live.ready = true; });
   };
   if (window.report.ready) started();

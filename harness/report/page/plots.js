@@ -44,7 +44,7 @@ function layComponents(components, array) {
     const box = element("details", "component");
     const head = element("summary", "", component.name);
     head.append(element("small", "",
-      `${component.plots.length} that change, ${component.fixed.length} that do not`));
+      `${component.plots.length} changing and ${component.fixed.length} constant variables`));
     const inside = element("div");
     const grid = element("div", "plots");
     for (const plot of component.plots) grid.append(card(plot, plot.variable, plot.text, array));

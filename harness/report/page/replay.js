@@ -90,7 +90,7 @@ function startReplay(scene, array, T, coasts) {
     return button;
   }));
 
-  const CHOICES = { axes: "body axes", zones: "zones and axes", plumes: "plumes", trails: "paths", plans: "planned path", planet: "planet and Sun", rings: "rings of range" };
+  const CHOICES = { axes: "body axes", zones: "zones and axes", plumes: "plumes", trails: "paths", plans: "planned path", planet: "planet and Sun", rings: "rings of distance" };
   function choice(name, text, on, act) {
     const line = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: on });
     box.name = name;
@@ -104,7 +104,7 @@ function startReplay(scene, array, T, coasts) {
       choice(name, text, true, (on) => (on ? view.hidden.delete(name) : view.hidden.add(name)))),
     choice("size", "true size", false, (on) => { view.trueSize = on; }));
 
-  /* ---- size, keys, frames of the screen ---- */
+  /* ---- size of the picture, keys, repeated drawing ---- */
   function fitCanvas() {
     stage.style.setProperty("--cameras", `${view.part(".cameras").offsetHeight}px`);
     stage.style.setProperty("--controls", `${view.part(".controls").offsetHeight}px`);

@@ -27,7 +27,7 @@ function makeTimeline(view) {
       rule.made.className = `rule ${rule.now}`;
       const now = rule.words ? (state === VIOLATED ? rule.words[history.state(rule.which, at)] : "all rules hold")
         : unit(history.state(rule.margins, at), rule.unit);
-      rule.made.children[2].textContent = state === RESTS ? (rule.words ? "all rules rest" : "rests")
+      rule.made.children[2].textContent = state === RESTS ? (rule.words ? "no rule applies" : "does not apply")
         : `${state === VIOLATED ? "violated, " : ""}${now}${rule.now === "was" ? `, violated at ${view.clock.format(rule.violated)} s` : ""}`;
     }
   }
