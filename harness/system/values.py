@@ -42,7 +42,7 @@ _ELEMENT = re.compile(r"(.+)\[(\d{1,9}(?: *, *\d{1,9})*)\]", re.ASCII | re.DOTAL
 
 @lru_cache(maxsize=1 << 16)
 def parts_of(text: str) -> Name:
-    """Return vector (or matrix) and indices of the name of a scalar variable."""
+    """Split the name of a scalar variable into the name of its vector or matrix and its indices."""
     match = _ELEMENT.fullmatch(text)
     return Name(match[1], tuple(map(int, match[2].split(",")))) if match else Name(text)
 
@@ -60,8 +60,8 @@ def index(text: str) -> Index:
 
 
 def elements_of(port: str, names: Collection[str]) -> list[str]:
-    """Return the scalar variables among `names` that `port` represents: itself, or all elements of
-    the vector or matrix in order; [] if there are none.
+    """Return the scalar variables among `names` that the name `port` represents: `port` itself for
+    a scalar, all elements in order for a vector or matrix; [] if there are none.
     """
     return [port] if port in names else list(_arrays(tuple(names)).get(port, ()))
 
@@ -75,7 +75,9 @@ def with_arrays(names: Collection[str]) -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def _arrays(names: tuple[str, ...]) -> Mapping[str, tuple[str, ...]]:
-    """Return the names of the elements, in order, of every vector and matrix, by its name."""
+    """Return a mapping from the name of every vector and matrix to the names of its elements, in
+    order.
+    """
     found: dict[str, list[str]] = {}
     for name in names:
         if index(name):
@@ -128,7 +130,7 @@ def parse(text: str) -> Value:
         return text if math.isinf(number) and any(c.isdigit() for c in text) else number
     try:
         value: Value = tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, deep nesting
+    except (ValueError, RecursionError):  # not TOML, too many digits, nested too deeply
         return text
     return text if too_deep(value) else value
 
@@ -180,8 +182,9 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def expand(name: str, value: Value, first: Index = ()) -> dict[str, Scalar]:
-    """Return the scalars in a value by their names: `name` for a number, `name[i]` for a list,
-    `name[i,j]` for a list of lists; first: indices of the first element, by default 1.
+    """Return a dictionary with the scalars in a value, by name: `name` for a number, `name[i]` for
+    a list, `name[i,j]` for a list of lists; first: indices of the first element; default: 1, or
+    1,1.
     """
     elements = list(_elements(value, (), first))
     if not elements:
@@ -214,8 +217,9 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
 
 
 def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, Scalar]:
-    """Return the scalars in a value by the name of the element. elements: names of all elements of
-    the variable in the FMU. Raise ValueError if the value has another shape.
+    """Return the scalars in a value, by the names of the elements to which they belong. elements:
+    names of all elements of the variable in the FMU. Raise ValueError if the value has another
+    shape.
     """
     is_scalar = elements == [name]
     whole = None if is_scalar else grid(map(index, elements))
@@ -229,8 +233,9 @@ def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, S
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:
-    """Return the end of an error message about a value with a wrong number of elements: how to
-    write it as a list, or for a list that the FMU fixes the number; "" for other values.
+    """Return the end of an error message about a value with a wrong number of elements. For a
+    number or text it states how to write the value as a list, if that is possible (else ""), and
+    for a list that the FMU fixes the number of elements.
     """
     if isinstance(value, str):
         return f"; write [{value}]" if "," in value else ""
@@ -258,8 +263,8 @@ def coerce(value: Scalar, kind: str, access: str = "") -> Scalar:
     """Return a value in an FMI type (`kind`: Real, Integer, Enumeration, Boolean, String); raise
     ValueError if it does not fit.
 
-    access: type in the names of the FMI functions (Integer, UInt8, Float32, ...), which limits
-    whole numbers; "": 32 bits.
+    access: type in the names of the FMI functions (Integer, UInt8, Float32, ...), whose number of
+    bits limits a whole number; without such a number, as in Integer or "", the limit is 32 bits.
     """
     if kind == "String":
         return _checked_text(str(value).lower() if isinstance(value, bool) else str(value))
@@ -297,7 +302,7 @@ def _float(value: float) -> float:
 def _checked_text(text: str) -> str:
     """Return a text unchanged if C can store it; raise ValueError otherwise."""
     if re.search("[\0\ud800-\udfff]", text):
-        raise ValueError(f"{_quoted(text)} is not a text in UTF-8 without a zero character")
+        raise ValueError(f"{_quoted(text)} contains a zero character or is not valid UTF-8")
     return text
 
 
@@ -310,8 +315,8 @@ def _quoted(text: str) -> str:
 # ---- variables of an FMU, in any version of FMI
 
 EXACT = 2**53
-"""Largest number up to which a double represents every whole number exactly. The bus carries all
-numbers as doubles.
+"""Largest number up to which a double represents every whole number exactly. The signals between
+components are doubles, so that a larger whole number could not be transferred.
 """
 
 
@@ -325,11 +330,11 @@ class Variable:
     FMI 3.0 is the reference of the whole array; element: position in the array, counted from 0;
     size: number of elements of the array.
 
-    items: values of an enumeration by name; type_name: name of its type; start: start value as a
-    number, None if there is none or for a String; begin: start value in any type; low, high:
-    declared limits; optional: whether an annotation permits that an input remains unconnected and
-    has its start value; modes: names of the values 0, 1, .. of a mode, "far|hold 1|closing", "" for
-    other variables.
+    items: values of an enumeration by their names; type_name: name of the enumeration; start: start
+    value as a number (None: there is none, or the variable is a String); begin: start value in any
+    type; low, high: declared limits; optional: whether an annotation permits an input to remain
+    unconnected, with its start value; modes: for a variable whose values 0, 1, ... are modes, their
+    names, such as "far|hold 1|closing"; "" for any other variable.
     """
 
     name: str

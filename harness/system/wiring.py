@@ -15,11 +15,11 @@ from harness.system.model import Connection, Port
 from harness.system.values import elements_of, with_arrays
 
 Owners = Mapping[str, Sequence[str]]
-"""Components that have an output, in execution order, by the name of the output."""
+"""Mapping from the name of an output to the components that have it, in execution order."""
 
 
 class Wiring(NamedTuple):
-    """Connections between components, and the problems of requested connections, one line each."""
+    """Connections between components, and errors of requested connections, a line of text each."""
 
     connections: list[Connection]
     problems: list[str]
@@ -32,9 +32,9 @@ def wire(
 ) -> Wiring:
     """Return the connections of a system. An input without an output of the same name remains open.
 
-    interfaces: by component, in execution order; explicit: exceptions, outputs by input, each
-    `component.variable`, for whole vectors or single elements; left_open: inputs that remain
-    unconnected.
+    interfaces: by component, in execution order; explicit: connections that do not follow from
+    equal names, a mapping from inputs to outputs, each `component.variable`, a vector or one
+    element; left_open: inputs that remain unconnected.
     """
     connections, problems, driven = list[Connection](), list[str](), set[Port]()
     for target, source in (explicit or {}).items():
@@ -48,11 +48,13 @@ def wire(
             sizes = f"has {len(targets)} elements, {source} has {len(sources)}"
             problems.append(f"{target}: {sizes}")
         if not driven.isdisjoint(targets):
-            problems.append(f"{target}: is driven twice")
+            problems.append(f"{target}: is driven by two connections, remove one")
         connections += map(Connection, sources, targets)
         driven.update(targets)
     both = (port for port in left_open if port in driven)
-    problems += [f"{port.component}.{port.signal}: is driven and left open" for port in both]
+    problems += [
+        f"{port.component}.{port.signal}: is left open, but a connection drives it" for port in both
+    ]
     driven.update(left_open)
     owners = output_owners(interfaces)
     inputs = (Port(c, name) for c, i in interfaces.items() for name in i.named("input"))
@@ -66,7 +68,7 @@ def wire(
 
 
 def output_owners(interfaces: Interfaces) -> Owners:
-    """Return the components with an output, by the name of the output."""
+    """Return the components that have an output, for the name of every output."""
     owners: dict[str, list[str]] = {}
     for component, interface in interfaces.items():
         for name in interface.outputs():
@@ -92,7 +94,7 @@ def ports(interfaces: Interfaces, name: str, *causalities: str) -> list[Port]:
     """
     component, variable = split(name, interfaces)
     first, *others = map(interfaces[component].named, causalities)
-    known = ChainMap(dict(first), *map(dict, others)) if others else first  # one needs no copy
+    known = ChainMap(dict(first), *map(dict, others)) if others else first  # a single one: no copy
     if not (elements := elements_of(variable, known)):
         close = did_you_mean(variable, with_arrays(known))
         raise ValueError(f"{name}: there is no such {' or '.join(causalities)}{close}")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problem of the rendezvous benchmark without an abort, whose optimum is the least impulse.
+"""Convex problem of the rendezvous benchmark without an abort; its optimum is the least impulse
+with which the servicer can meet the constraints.
 
 From the instant at which the run began its rendezvous attempt, the servicer must stay within the
 line-of-sight cone and below the speed limit, both in the Hill frame. At the end it must be at least
@@ -29,7 +30,10 @@ def problem(result: Result, grid: float) -> Problem:
     for a run with an abort.
     """
     if float(result.parameter(ABORT)) < result.time[-1]:
-        raise UsageError(f"{result.system}: bound needs a run without an abort, set {ABORT}")
+        raise UsageError(
+            f"{result.system}: bound needs a run without an abort; "
+            f"set {ABORT} to the stop time or later"
+        )
     found = bounds.problem(result, grid, np.zeros(3))
     time = found.time
     r, v = (bounds.at(result, bounds.BODIES[k], time) for k in (0, 1))
@@ -52,8 +56,9 @@ def problem(result: Result, grid: float) -> Problem:
 def speed(name: str, nodes: Rows, rate: Array, most: float) -> Cone:
     """Return the constraint |v - rate x rho| <= most on the speed seen in a rotating frame.
 
-    nodes: indices of the grid points to which it applies; rate: angular velocity of the frame at
-    all grid points, N axes, (n + 1, 3) [rad/s]; most: largest speed [m/s].
+    name: of the constraint; nodes: indices of the grid points at which the constraint applies;
+    rate: angular velocity of the frame at all grid points, N axes, (n + 1, 3) [rad/s]; most:
+    largest speed [m/s].
     """
     turning = np.cross(np.eye(3), rate[nodes][:, None, :]).swapaxes(1, 2)  # -(rate x e)
     still = np.broadcast_to(np.eye(3), turning.shape)

@@ -19,7 +19,7 @@ from harness.results.result import Result
 LEAST, PHASE = "monitor.least_margin", "controller.phase"
 ABORT = "controller.t_abort"
 UNSAFE_ABORT = (240 * 60.0, 300 * 60.0)
-"""Range of abort times that no safe instance of the benchmark contains [s]."""
+"""Limits of the abort times [s] for which the benchmark states the verdict "unsafe"."""
 STOP = 300 * 60.0
 
 
@@ -35,7 +35,9 @@ def unsafe(result: Result) -> bool:
 
 
 def box(result: Result) -> tuple[float, ...]:
-    """Return the least distance to the box [m], negative inside, and the abort time [min]."""
+    """Return the least distance to the box about the target [m], negative inside, and the abort
+    time [min].
+    """
     return _least(result, 0), min(abort_time(result), STOP) / 60
 
 
@@ -118,8 +120,8 @@ TITLE = (
 
 
 def outside_start_box(result: Result) -> Iterator[str]:
-    """Yield a text if a run starts outside the box of the benchmark: x from -925 to -875 m, y from
-    -425 to -375 m, in Hill axes.
+    """Yield a text if a run starts outside the start box of the benchmark: x from -925 to -875 m, y
+    from -425 to -375 m, in Hill axes.
     """
     off = np.abs(parameter(result, "servicer.rho_0_H") - (-900, -400, 0)) - (25, 25, 0)
     if (distance := float(np.max(off))) > 0:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims about the arm: of the paper about the synchronised approach, which states what the arm can
-do after it, and of an independent simulation of the laws of arm_capture.
+"""Claims about the arm: two of the paper about the synchronised approach, which states what an arm
+can do after that approach, and the results of an independent simulation of the laws of arm_capture.
 """
 
 from __future__ import annotations
@@ -91,9 +91,9 @@ def within_reach(result: Result) -> tuple[float, ...]:
 
 
 def at_any_time(result: Result) -> tuple[float, ...]:
-    """Return the share of the rows in which an arm at rest could grip, because the fixture moves
-    relative to the base no faster than the gripper permits; and the largest speed of the fixture
-    [m/s].
+    """Return the share of the rows in which an arm at rest could grip, that is, in which the
+    fixture moves relative to the base no faster than the gripper permits, and the largest speed of
+    the fixture relative to the base [m/s].
     """
     rows = reaching(result)
     if rows.sum() < 3:

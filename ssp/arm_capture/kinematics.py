@@ -4,6 +4,9 @@ effector E.
 
     R_0 = I, o_0 = 0;   a_i = R_(i-1) joint_axis_i,   o_i = o_(i-1) + R_(i-1) joint_offset_i
     R_i = R_(i-1) Rot(joint_axis_i, q_i);   p_E = o_n + R_n p_EA_A;   J_m = [a_j x (p_E - o_j); a_j]
+
+R_i: matrix from axes of link i to base axes; o_i, a_i, q_i: position, axis and angle of joint i;
+p_E: position of E. joint_axis, joint_offset and p_EA_A are parameters of the servicer, see Arm.
 """
 
 from __future__ import annotations

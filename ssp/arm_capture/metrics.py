@@ -69,16 +69,16 @@ TURNED = f"angle(mrp({ATTITUDE}), mrp(0 * {ATTITUDE}))"
 
 
 def _largest(text: str, *modes: int) -> str:
-    """Return the expression of a largest value over the rows in these modes of the arm, which gives
-    NaN (0 / 0) without such rows. text: expression in which {0} is replaced by the condition that
-    the arm is in one of the modes.
+    """Return the expression of the largest value in the rows in which the arm is in one of these
+    modes. Without such rows the expression gives NaN (0 / 0). text: expression of the largest
+    value, in which {0} is replaced by the condition that the arm is in one of the modes.
     """
     inside = f"({' or '.join(f'{MODE} == {mode}' for mode in modes)})"
     return f"{text.format(inside)} / max({inside})"
 
 
 def _begins(name: str, flag: str) -> Metric:
-    """Return a metric: the time at which a variable `flag` first is 1 [s]."""
+    """Return the metric `name`: the time at which the variable `flag` first is 1 [s]."""
     return Metric(
         name,
         "s",

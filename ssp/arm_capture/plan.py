@@ -50,10 +50,10 @@ whether the arm reaches them [m].
 class Plan:
     """Plan of a capture by arm.
 
-    stand, seat: reach of the arm for the standoff position before the fixture and for the seat in
-    it, as results with the variables `plan.*` over time; line: whether the arm reaches each
-    position LINE at the first instant; touches: least distance between links of the stowed arm [m]
-    and the numbers of these links.
+    stand, seat: results whose variables `plan.*` are time series of the reach of the arm, for the
+    standoff position before the fixture and for the seat in the fixture; line: mask of the
+    positions LINE that the arm reaches at the first instant; touches: least distance between two
+    links of the stowed arm [m] and the numbers of these links.
     """
 
     stand: Result
@@ -91,7 +91,7 @@ class Plan:
         yield self._clearance()
         distance, (i, j) = self.touches
         yield f"stowed: links {i} and {j} are nearest, {1e3 * distance:.0f} mm between them"
-        yield "; ".join(self._reasons()) or "planned: stand and seat are reached all the time"
+        yield "; ".join(self._reasons()) or "planned: the arm always reaches stand and seat"
 
     def _clearance(self) -> str:
         """Return a text that states how far the base may be offset along the axis of the fixture so
@@ -102,12 +102,12 @@ class Plan:
             return "the arm reaches no point on the axis of the fixture"
         if not held[seat]:
             off = LINE[held][np.argmin(np.abs(LINE[held]))]
-            return f"the seat is reached from a base {abs(off):.2f} m {_way(off)}"
+            return f"the arm would reach the seat from a base {abs(off):.2f} m {_way(off)}"
         gaps = np.flatnonzero(np.logical_not(held))
         low, high = gaps[gaps < seat], gaps[gaps > seat]
         near = LINE[low[-1] + 1] if len(low) else LINE[0]
         far = LINE[high[0] - 1] if len(high) else LINE[-1]
-        return (f"the seat stays in reach of a base {abs(near):.2f} m {_way(near)} to "
+        return (f"the arm reaches the seat from a base between {abs(near):.2f} m {_way(near)} and "
                 f"{abs(far):.2f} m {_way(far)}")  # fmt: skip
 
     def _reasons(self) -> Iterator[str]:
@@ -193,7 +193,8 @@ def _fixture(run: Result, known: Result) -> tuple[Array, Array, Array]:
     directions of the X axis of the end effector (rows, 3), both in base axes.
 
     run: of guidance and target; known: parameters. The times begin when the arm starts to track the
-    fixture. A reference belongs to the row before the one in which it first appears.
+    fixture. The guidance publishes a reference one row after the state from which it has computed
+    it, so the reference of the next row is used with the target of a row.
     """
     rho, late = run["guidance.rho_ref_N"], float(known.parameter(GOALS[2]))
     new = np.array([0, *np.flatnonzero(np.diff(rho, axis=0).any(axis=1))])

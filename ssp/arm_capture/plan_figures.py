@@ -39,8 +39,8 @@ def map_around(result: Result, up: int) -> tuple[Array, Array, Reach]:
 
 
 def _line(arm: Arm, q: Array, up: int) -> tuple[Array, Array]:
-    """Return x and coordinate `up` of the points of the arm at joint angles q, from S over the
-    first joint to the end effector E [m].
+    """Return x and coordinate `up` [m] of the points of the arm at joint angles q: S, all joints,
+    end effector E.
     """
     at = pose(arm, q[None, : len(arm.axis)])
     points = np.vstack([np.zeros(3), at.joint[0], at.tip])

@@ -20,14 +20,14 @@ largest change of position and attitude of E in one iteration [m, rad].
 DAMPING = 0.01
 """Damping of the least-squares steps, with which they are finite at singular poses."""
 POSTURE = 0.2
-"""Share of the way to the preferred posture that the joints move in one iteration, as far as E does
-not move.
+"""Share of the way to the preferred posture by which the joints move in one iteration, as far as
+this motion does not move E.
 """
 REACHED = 1e-3
 """Largest errors of position and attitude at which E counts as having reached a place [m, rad]."""
 APART = 3
-"""Smallest difference between the numbers of two links that can touch; links with closer numbers
-belong to the same block of joints.
+"""Smallest difference between the numbers of two links whose distance is checked. Links with closer
+numbers are not checked, because they belong to one block of joints.
 """
 
 

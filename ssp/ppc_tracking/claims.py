@@ -158,7 +158,9 @@ FMUS = {
     "PID": "pid_controller",
 }
 PERIODS = ("default", "period_10ms", "period_100ms")
-"""Parameter sets that count as section 4.2, with several sample periods: the paper names none."""
+"""Parameter sets that count as the case of section 4.2. They differ in the sample period of the
+software, which the paper does not state.
+"""
 TABLES = {
     ("prescribed performance", False): (
         converges(18, "section 4.2, figure 3"),
@@ -183,9 +185,9 @@ TABLES = {
 
 
 def _cases(controller: str, manoeuvre: bool) -> tuple[Case, ...]:
-    """Return the cases of the paper for a controller: of section 4.2, or of section 4.3 with a
-    manoeuvre of the target. The parameter set `literal_law`, the gain law as printed, exists for
-    prescribed performance only.
+    """Return the cases of the paper for a controller: of section 4.3 if the target manoeuvres, else
+    of section 4.2. Only for prescribed performance this includes the parameter set `literal_law`,
+    which has the gain law as printed.
     """
     fmu = FMUS[controller]
     own = fmu == FMUS["prescribed performance"]

@@ -45,7 +45,9 @@ def range_error(result: Result) -> Array:
 
 
 def last_rows(result: Result) -> NDArray[np.intp]:
-    """Return the rows of the last 20 s of a run that reaches 80 s."""
+    """Return the indices of the rows in the last 20 s; raise NotExercisedError for a run that ends
+    before 80 s.
+    """
     since(result, 2 * LATE, 2 * LATE)
     return np.asarray(np.flatnonzero(result.time >= result.time[-1] - LAST - ROUNDING))
 
@@ -55,7 +57,7 @@ def last_rows(result: Result) -> NDArray[np.intp]:
 
 def convergence(result: Result) -> tuple[float, ...]:
     """Return the time after which the range error stays within 2 % of the first range error [s],
-    and these 2 % [m]; raise NotJudgedError if it does not.
+    and these 2 % [m]; raise NotJudgedError if the error is larger at the end of the run.
     """
     error = np.abs(range_error(result))
     band = BAND * error[0]
@@ -102,8 +104,8 @@ def overshoot(result: Result) -> tuple[float, ...]:
 
 
 def barrier(result: Result) -> tuple[float, ...]:
-    """Return the largest kappa, and the largest |theta|, the ratio of a generalised state to its
-    bound.
+    """Return the largest barrier variable kappa of the controller, which must stay below 1, and the
+    largest |theta|, the ratio of a generalised state to its bound.
     """
     kappa = max(result[name].max() for name in FUNNEL[:2])
     return kappa, max(np.abs(result[name]).max() for name in FUNNEL[2:])

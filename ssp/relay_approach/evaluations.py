@@ -24,8 +24,8 @@ HOLD = 50.0
 CAPTURE = 1000.0
 """Time after the arrival at HOLD from which the servicer counts as staying there [s]."""
 ALIGNED = 2000.0
-"""Time after the start at which the first alignment is over; the first leg ends as long before the
-arrival [s].
+"""Time after the start at which the first alignment is over, and time before the arrival at which
+the first leg ends [s].
 """
 IN_ORBIT = 100.0
 """Speed of the target [m/s] above which it is on an orbit. The speeds of the paper refer to a frame
@@ -71,7 +71,7 @@ def first_leg(result: Result) -> NDArray[np.bool_]:
 
 def hold(result: Result) -> NDArray[np.bool_]:
     """Return a mask of the rows in which the servicer stays at HOLD; raise NotExercisedError if
-    these last less than 2000 s.
+    the run ends less than 2000 s after the first of these rows.
     """
     held = np.asarray(result.time >= arrival_time(result) + CAPTURE)
     if result.time[-1] < arrival_time(result) + CAPTURE + ALIGNED:
@@ -98,8 +98,8 @@ def speed_ripple(result: Result) -> tuple[float, ...]:
 
 
 def approach_speed(result: Result) -> tuple[float, ...]:
-    """Return the mean speed of the servicer in the first leg divided by twice the mean speed of the
-    target, and the mean speed of the servicer [m/s].
+    """Return the mean speed of the servicer in the first leg divided by its value in the paper,
+    twice the mean speed of the target; and the mean speed of the servicer [m/s].
     """
     servicer, target = speeds(result)
     leg = servicer[first_leg(result)].mean()

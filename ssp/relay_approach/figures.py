@@ -24,8 +24,8 @@ IN_ORBIT = 1e6
 drawn relative to the target.
 """
 WINDOW = 5.0
-"""Ratio of the half width of a phase plane to the point at which its outer switching line meets the
-axis.
+"""Ratio of the largest drawn value on an axis of a phase plane to the value at which the outer
+switching line crosses this axis.
 """
 
 
@@ -108,8 +108,8 @@ ROTATION = tuple(f"controller.{name}" for name in ("Kp_w", "Kd_w", "xi1", "xi2")
 
 
 def _phase_planes(canvas: Axes, result: Result) -> None:
-    """Draw the error and its derivative with the lines Kp e + Kd e' = const at which the relays
-    switch.
+    """Draw phase planes of the speed error and of the rate errors e: derivative e' over e, with the
+    lines Kp e + Kd e' = const at which the relays switch.
     """
     Kp, Kd, off, on = (result.parameter(name) for name in TRANSLATION)
     error, sigma = result["controller.e_v"], result["controller.sigma_v"]

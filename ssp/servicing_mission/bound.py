@@ -4,9 +4,10 @@ impulses.
 
 Each problem begins at the state at which the run began the phase, and ends at the position and
 velocity at which the run left it, within the tolerances of the mission manager. In a hold the
-servicer must be at the hold point all the time. Before the final approach, the least range is
-replaced by a stricter convex constraint: the distance along the direction of a known path must
-exceed it. That path is first the path of the run, then the last optimum (`along`).
+servicer must be at the hold point all the time. The constraint on the least range, which applies in
+phases before the final approach, is not convex. It is replaced by a stricter convex one: the
+coordinate along the direction from the target to the position on a known path must exceed the least
+range. In the first solution that path is the path of the run, in later ones the last optimum.
 """
 
 from __future__ import annotations
@@ -129,8 +130,8 @@ def _line(part: Result, time: Array) -> Array:
 
 
 def along(problem: Problem, way: Array) -> Problem:
-    """Return the problem with its constraint on the least range along the directions of another
-    path `way`, positions from the target (n + 1, 3).
+    """Return the problem with its constraint on the least range stated along the directions of
+    another path `way`, positions relative to the target (n + 1, 3).
     """
     inside = np.arange(len(problem.time)) > 0
     name, least = problem.cones[0].name, -float(problem.cones[0].limit[0])

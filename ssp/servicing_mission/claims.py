@@ -125,8 +125,8 @@ def claim(  # noqa: PLR0913, PLR0917 - the columns of the table
     band: Band,
     *needs: str,
 ) -> Claim:
-    """Return a claim on an event; there: value of the independent simulation; figure: format of the
-    value of a run; needs: variables besides NEEDS.
+    """Return a claim on an event; there: value in the independent simulation, as text; figure:
+    format of the value of a run; needs: variables that the claim needs besides NEEDS.
     """
     return Claim(name, f"{name}: {there}", "events", (*NEEDS, *needs), evaluation, figure, unit,
                  band, interval=1.0)  # fmt: skip
@@ -144,7 +144,7 @@ CLAIMS = (
     after("closing", "hold 1", "60 s after", 60, 70),
     after("hold 2", "closing", "509 s after, 20.7 m", 350, 900),
     after("fly-around", "hold 2", "30 s after", 30, 90),
-    after("final", "fly-around", "435 s after (where the axis stands)", 200, 800),
+    after("final", "fly-around", "435 s after (depends on the grasp axis)", 200, 800),
     after("hold 3", "final", "329 s after", 320, 400),
     claim("soft capture", "52 s after mating", soft_after_mating, "{0:.1f} s", "s", Band(45, 75)),
     claim("speed at soft capture", "0.029 m/s", at_soft("mechanism.dtip_Q"), "{0:.3f} m/s", "m/s",

@@ -31,8 +31,8 @@ class Escape(NamedTuple):
 
 
 def hill_axes(result: Result) -> tuple[Array, Array]:
-    """Return the matrices (rows, 3, 3) from N to the Hill frame of the target, whose lines are the
-    Hill axes, and the rate of that frame (rows,) [rad/s].
+    """Return the matrices (rows, 3, 3) that convert vectors from N to Hill axes of the target (the
+    rows of a matrix are the Hill axes in N axes), and the rate of the Hill frame (rows,) [rad/s].
     """
     r, v = result["target.r_TN_N"], result["target.v_TN_N"]
     h = np.cross(r, v)
@@ -71,8 +71,9 @@ def escape(result: Result, rho: Array, drho: Array, n: float, along: Array | Non
     """Return the escape for a burn without errors at position rho [m] and velocity drho [m/s] in
     Hill axes, with the rate n of the frame [rad/s].
 
-    The burn gives the servicer the speed of the abort away from the target, relative to the Hill
-    frame; with `along` it adds that speed along this unit vector (abort_relative = 0).
+    Without `along`, the burn leads to the speed of the abort, directed away from the target,
+    relative to the Hill frame. With `along` it adds that speed in the direction of this unit
+    vector, as the monitor does with abort_relative = 0.
     """
     mass, force, speed = (float(result.parameter(f"monitor.{name}")) for name in ABORT[:3])
     dv = speed * rho / np.linalg.norm(rho) - drho if along is None else speed * along

@@ -26,7 +26,9 @@ COMMANDED = (
     ("selector.wheel_accel_cmd", 0.01),
     ("selector.throttle", (0.0, 1.0)),
 )
-"""Bounds of the commands that the selector passes to thrusters and wheels of the servicer."""
+"""Bounds of the outputs of the selector when an agent replaces it: force [N], torque [N m], wheel
+acceleration [rad/s2] and throttles, each with either sign unless a range is given.
+"""
 
 MISSION = replace(
     _APPROACH,

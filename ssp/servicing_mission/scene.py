@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""3D replay of a mission: an approach with the docking mechanism on both bodies or with the arm,
-with phases and events.
+"""3D replay of a mission: an approach with phases and events, and either probe and drogue on the
+two bodies or an arm on the servicer.
 
 After capture both bodies are still drawn at their positions, which then form the stack.
 """

@@ -43,7 +43,9 @@ FINAL = (
     FinalMetric("position error", "m", (*PLACES, motion.REFERENCE), motion.position_error),
     FinalMetric("phase", "", (), "controller.phase"),
 )
-"""Metrics for the head of a page; the first three that a result has are stated."""
+"""Metrics at the end of a run for the head of a page, which shows the first three that a result
+has.
+"""
 COMMON = (RANGE, optima.FIGURE, FORCE, *ADAPTIVE, ATTITUDE_ERROR, WHEEL_SPEEDS, ALIGNMENT)
 """Figures for approaches with any guidance and any controller."""
 FURTHER = (
@@ -57,7 +59,9 @@ FURTHER = (
 )
 """Figures that need certain components: actuators, controllers, sensors, monitor."""
 IDLE = (LEAST, *(rule.history for rule in RULES), filtering.BARRIER, filtering.LEAST)
-"""Variables with margins and barrier values, which are RESTING while their rule does not apply."""
+"""Variables with margins and barrier values. Their value RESTING means that the rule does not
+apply, and is not drawn.
+"""
 
 
 def approach(
@@ -99,7 +103,10 @@ def notes(result: Result) -> Iterator[str]:
     yield from _torque_without_effect(result)
     for metric in AT_LIMITS:
         if (share := metric(result, Limits())) > metric.above:
-            yield f"{metric.name} in {share:.0f} % of the rows: they show the limit, not the law"
+            yield (
+                f"{metric.name} in {share:.0f} % of the rows: these rows show the limit of the "
+                f"actuator, not the control law"
+            )
 
 
 def _torque_without_effect(result: Result) -> Iterator[str]:

@@ -26,12 +26,13 @@ class Outfit(NamedTuple):
     """Parts and values that a mission adds to the replay of an approach, instead of a symbolic arm
     and ring.
 
-    servicer, target: parts drawn on these bodies; links: moving parts of the servicer; reach: their
-    largest distance from S [m]; root, seat: points on the surfaces of servicer and target [m],
-    which define the sizes of the bodies unless positions of thrusters do; numbers, phases, events:
-    values shown during the replay; course: time series of the phase, the names of its values, and
-    those names that are alarms; paths: name, position and attitude of points whose path is drawn;
-    spot: label of the seat.
+    servicer, target: parts drawn on these bodies; links: moving parts of the servicer; reach:
+    largest distance of the links from S [m]; root, seat: points on the surfaces of servicer and
+    target [m], from which the sizes of the drawn bodies follow (for a servicer with thrusters, the
+    size follows from their positions instead); numbers, phases, events: values shown during the
+    replay; course: time series of the phase, the names of its values, and those names that are
+    alarms; paths: name, position and attitude of points whose path is drawn; spot: label of the
+    seat.
     """
 
     servicer: list[Part]
@@ -89,8 +90,8 @@ def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
 
 
 def _course(result: Result, outfit: Outfit | None) -> Scene:
-    """Return phases and events of a run: of the outfit, the release of the attitude, and an abort
-    ordered by the monitor.
+    """Return the entries of a scene for the phases and events of a run. The release of the attitude
+    and an abort by the monitor are events in addition to the events of the outfit.
     """
     events = list(outfit.events) if outfit else []
     phases = list(outfit.phases) if outfit else []
@@ -134,8 +135,9 @@ INERTIAS = {
 def _place(
     result: Result, rows: Rows, arrays: Arrays, names: tuple[str, str], orbit: bool
 ) -> tuple[str, str]:
-    """Return the names of the scene's arrays with a position (in orbit relative to the target) and
-    an attitude; names: variables with position and attitude.
+    """Return the names of the scene's arrays with the position and the attitude of a body; names:
+    variables with position and attitude; orbit: whether the target is in orbit, so that positions
+    are relative to it.
     """
     r, q = names
     relative = f"{r} - {TARGET}" if orbit else r
@@ -271,9 +273,9 @@ def _planet(result: Result) -> float:
 
 
 def plans(result: Result, rows: Rows, arrays: Arrays, body: str = "servicer") -> list[Scene]:
-    """Return, for each planner, the names of the arrays with the positions of its plan relative to
-    the target in N axes (rows, 3 per point), and with its mode: 0: the force follows the present
-    plan, 1: an older plan, other values: no plan. body: name of the body that is to follow.
+    """Return an entry per planner with the names of two arrays: `points`, the positions of its plan
+    relative to the target in N axes (rows, 3 columns per point), and `mode` (0: the force follows
+    the present plan, 1: an older plan, other values: no plan). body: the body that is to follow.
     """
     return [
         {

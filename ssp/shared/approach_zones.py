@@ -23,8 +23,8 @@ DISTANCES = {
     "guidance.rho_f": "hover distance",
     "guidance.zeta1": "distance to reach",
 }
-"""Parameters with the distance at which the guidance stays, and their labels. Without a monitor the
-first one that is not 0 is drawn.
+"""Parameters with the distance from the target at which the guidance holds the servicer, and their
+labels. Without a monitor a sphere is drawn for the first one that is not 0.
 """
 HOLDS, VIOLATED = 1, 2
 """States of a safety rule: met or violated; 0: the rule does not apply."""
@@ -60,8 +60,8 @@ def zones(
 
 
 def _zones(result: Result, states: Scene) -> Iterator[Scene]:
-    """Yield the keep-out zone of the monitor, or without one a sphere at the distance at which the
-    guidance stays.
+    """Yield the keep-out zone of the monitor; without a zone, a sphere with the distance at which
+    the guidance holds the servicer.
     """
     names = [f"monitor.{n}" for n in ("keep_out_shape", "keep_out_half", "keep_out_axes")]
     if result.holds(parameters=names) and result.parameter(names[0]) > 0:
@@ -150,8 +150,8 @@ def _rule(result: Result, rule: Rule, rows: Rows, arrays: Arrays, found: Scene) 
 def overall(label: str, result: Result, rows: Rows, arrays: Arrays) -> list[Scene]:
     """Return a list with one rule that represents all rules of a run, for a replay of several runs.
 
-    It is violated where any rule is violated, and names that rule. It does not apply where no rule
-    does.
+    The rule is violated where any rule is violated, and its text names the violated one. It does
+    not apply where no rule applies.
     """
     if FIRST not in result:
         return []

@@ -52,7 +52,9 @@ def bound(
 
 
 def at(result: Result, name: str, time: Array) -> Array:
-    """Return a variable at instants (n,), interpolated linearly between rows."""
+    """Return a variable at instants (n,), interpolated linearly between rows: (n,) for a scalar,
+    (n, k) for a vector.
+    """
     values = np.asarray(result[name], dtype=np.float64)
     columns = [np.interp(time, result.time, column) for column in values.reshape(len(values), -1).T]
     return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])

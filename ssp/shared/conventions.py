@@ -27,8 +27,8 @@ BODIES = Bodies(
 )
 ORBITS = orbits(BODIES)
 RESTARTS = (("r_0_N[1]", "a", 0.0),)
-"""Condition under which a plant starts at the position r_0_N and the velocity v_0_N: its semi-major
-axis `a` is 0.
+"""A triple (start value of a state, parameter, value): a plant uses its start position r_0_N (and
+its start velocity v_0_N) only if its parameter `a`, the semi-major axis, is 0.
 """
 CONTROLLER = Example(
     place="sync_approach.controller",
@@ -50,11 +50,12 @@ ADDED = tuple(
 )  # fmt: skip
 
 DELTA_V = "total(propulsion.impulse) / servicer.mass"
-WHEELS = ("controller.wheel_accel_cmd", 0.02)  # wheels of 0.2 to 0.3 N m, as in the sets `limited`
+# largest wheel acceleration [rad/s2]: wheels of 0.2 to 0.3 N m, as in the sets `limited`
+WHEELS = ("controller.wheel_accel_cmd", 0.02)
 FLAGS = tuple((f"controller.{name}", (0.0, 1.0)) for name in ("throttle", "translation_firing"))
 LIMITS = tuple((f"controller.{n}", x) for n, x in (("F_cmd_S", 1.0), ("M_cmd_S", 0.5)))
 STEERED = Steering(("controller",), every=10, cost=DELTA_V, bounds=(WHEELS, *FLAGS, *LIMITS))
-"""Steering of an approach by an agent in the place of the controller, with the cost delta-v [m/s].
-LIMITS: bounds of force and torque for the thrusters of 0.5 N of the synchronised approach, for
-systems in which an allocation stands between controller and thrusters.
+"""Steering of an approach by an agent in place of the controller, with the cost delta-v [m/s].
+LIMITS are the bounds of its force and torque in systems in which an allocation is between
+controller and thrusters; they suit the thrusters of 0.5 N of the synchronised approach.
 """

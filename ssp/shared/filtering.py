@@ -29,7 +29,9 @@ RESTING = 1e9
 RULES = (("keep-out", "m"), ("corridor", "m"), ("speed", "m/s"), ("drift", "m"))
 """Rules with a barrier value that must not be negative, and the unit of this value."""
 WORDS = ("stop", *(name for name, _ in RULES), "plume", "box")
-"""Names of the rules by the value of filter.active; 0 (stop): backup of a simplex filter."""
+"""Names of the rules by the value of filter.active; 0 (stop): a filter of kind simplex brakes to
+a stop.
+"""
 SHOWN = 4
 """Number of episodes that the notes list, chosen by their impulse."""
 
@@ -79,8 +81,8 @@ def notes(result: Result) -> Iterator[str]:
     found = episodes(result)
     changed = int(np.count_nonzero(result[CHANGE]))
     yield (
-        f"filter: {changed} of {len(result.time)} rows changed, {impulses(result).sum():.4g} N s"
-        f" of {passed(result):.4g} N s"
+        f"filter: {changed} of {len(result.time)} rows changed, by {impulses(result).sum():.4g} N s"
+        f" at an impulse of {passed(result):.4g} N s"
     )
     largest = sorted(found, key=lambda e: -e.impulse)[:SHOWN]
     for e in sorted(largest, key=lambda e: e.begin):
@@ -104,9 +106,9 @@ def passed(result: Result) -> float:
 def findings(result: Result) -> Iterator[RuleFinding]:
     """Yield the least barrier value of each rule that was in force.
 
-    A negative barrier value is a violation. If parameters of the filter state errors of the states
-    or a delay, these can make it negative, and it is a violation only where the filter has relaxed
-    the rule.
+    A negative barrier value is a violation. If the parameters of the filter state errors of the
+    estimated states or a delay, these alone can make the value negative; then a negative value is a
+    violation only where the filter has relaxed the rule.
     """
     if not (result.holds(*NEEDS, parameters=ERRORS) and len(result.time)):
         return
@@ -117,7 +119,7 @@ def findings(result: Result) -> Iterator[RuleFinding]:
             continue
         broken = (result[BARRIER][:, rule] < 0) & (exact | (result[RELAXED] == rule + 1))
         when = float(result.time[np.argmax(broken)]) if broken.any() else float("nan")
-        text, limit = "what is left after braking", "the filter leaves a way out"
+        text, limit = "distance or speed left after braking", "at least 0"
         yield RuleFinding(f"{name} (filter)", least, unit, when, text, limit)
 
 

@@ -112,7 +112,9 @@ TANK = 1.15
 
 
 def moves(result: Result) -> bool:
-    """Return whether the servicer has panels and slosh masses that the replay can draw."""
+    """Return whether the result has the variables and parameters of a flexible servicer, so that
+    the replay can draw panels and slosh masses.
+    """
     return result.holds(ANGLES, SLOSH, parameters=(*PANELS, *MASSES))
 
 

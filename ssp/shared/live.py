@@ -26,8 +26,8 @@ FIRST_RANGE = f"first({DISTANCE})"
 TORQUE_IMPULSE = "propulsion.torque_impulse"
 TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
 STEP = "(time - previous(time) + (time == first(time)) * 1 s)"
-"""Expression: time since the row before. For the first row it is 1 s instead of 0, so that rates,
-whose changes are 0 there, are 0.
+"""Expression: time since the row before. For the first row it is 1 s instead of 0: a rate, change
+divided by STEP, is then 0 there and not 0/0.
 """
 
 
@@ -106,8 +106,8 @@ def attitude_settles(result: Result, limits: Limits) -> str:
 
 
 def attitude_steady(result: Result, _: Limits) -> str:
-    """Return the expression of the largest attitude error [deg] in the last fifth of the time in
-    which the attitude is free (released).
+    """Return the expression of the largest attitude error [deg] in the last fifth of the time since
+    the release of the attitude.
     """
     late = f"(last(time) - time <= 0.2 * {since_release(result)})"
     error = f"max(degrees({attitude_error(result)}) * {late})"

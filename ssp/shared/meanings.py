@@ -36,7 +36,7 @@ MEANINGS = {
     "elastic energy": "Energy of panels and propellant at the end of the run.",
     "pitch swing": "Largest minus smallest pitch of the robot.",
     "rotation number": "Turns of the pitch per orbit; a rational number is a resonance.",
-    "saturates at": "Time at which the gyroscopes first have less momentum left than commanded.",
+    "saturates at": "Time at which the gyroscopes first cannot absorb the commanded momentum.",
     "peak momentum": "Largest angular momentum of the gyroscopes.",
     "largest rotation": "Largest angle of the assembly from its start attitude.",
     "tracking error": "Largest angle from the planned attitude.",

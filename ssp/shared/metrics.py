@@ -43,10 +43,10 @@ def definitions(limits: Limits) -> Iterator[str]:
     """Yield the notes below a table of comparison, which define columns that need a definition."""
     if not limits.position:
         return
-    yield "settles: time after which the error stays within the band, the attitude from its release"
-    yield "  on; - if it does not. error: largest of the last fifth of the run; inside reference:"
-    yield "  largest shortfall of the range against the reference; saturated: share of rows with a"
-    yield "  limit reached; margin: least of a rule of the safety monitor, between rows too"
+    yield "settles: time after which the error stays within the band (attitude: since its release);"
+    yield "  -: it does not stay. error: largest in the last fifth of the run. inside reference:"
+    yield "  largest shortfall of the range against the reference. saturated: share of rows with a"
+    yield "  limit reached. margin: least margin of a rule of the safety monitor, also between rows"
 
 
 # ---- errors against the reference
@@ -84,8 +84,8 @@ def _attitude_settles(result: Result, limits: Limits) -> float:
 
 def _steady(error: Callable[[Result, slice], Array], result: Result, begin: float) -> float:
     """Return the largest error in the last fifth of the time after `begin`; NaN without such rows.
-    The error is also computed for the row before them, because the last row may repeat the error of
-    its previous row.
+    The error is also computed for the row before these, because the function `error` may give the
+    last of its rows the error of the previous one.
     """
     time = result.time[result.time >= begin]
     if not len(time):

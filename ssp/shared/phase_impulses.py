@@ -103,7 +103,7 @@ class PhaseAnswer:
 
     @property
     def verified(self) -> None:
-        """Return None: each phase is simulated by itself."""
+        """Return None: each phase has a simulation of its own optimum instead."""
 
     def store(self) -> Path:
         """Store the optima for later reports and comparisons, and return the path of the file;

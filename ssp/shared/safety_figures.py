@@ -14,8 +14,8 @@ from harness.results.result import Result
 from .safety import FOUND, RESTING, RULES, Rule, findings
 
 LINEAR, DECADE = 0.1, 10.0
-"""Margin up to which a logarithmic axis is linear; ratio of the largest margin to it above which a
-panel gets such an axis.
+"""Margin up to which a logarithmic axis is linear; a panel gets a logarithmic axis if its largest
+margin is more than DECADE times LINEAR.
 """
 
 

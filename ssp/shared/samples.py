@@ -23,9 +23,9 @@ def is_late(result: Result, name: str) -> bool:
     """Return whether the outputs that a sampled component computes from the states of a row are in
     the next row; name: one of these outputs.
 
-    This follows from the schedule of the run. A result without a schedule is late if the first two
-    values of the variable are equal, since the outputs at the start and at the first sample are
-    computed from the same states.
+    The answer follows from the schedule of the run. For a result without a schedule it is true if
+    the first two values of the variable are equal, since the outputs at the start and at the first
+    sample are computed from the same states.
     """
     known = result.provenance
     component = name.partition(".")[0]

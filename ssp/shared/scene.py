@@ -73,7 +73,8 @@ def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: 
 def joint(
     at: Any, angle: str, index: int, parts: list[Part], axis: Any = (0, 0, 1), **about: Any
 ) -> Scene:
-    """Return a link: parts that turn about an axis fixed in the body or link that carries them.
+    """Return a link: parts that turn about an axis, which is fixed in the body or link to which the
+    new link is attached.
 
     at: point on the axis [m]; angle, index: name of the array of angles [rad], and its column;
     about: further entries, such as `links` that this link carries.

@@ -76,7 +76,7 @@ def sky(
         return {"planet": planet, "sun": _sun(arrays, r, towards)}
     if (fixed := _fixed(result)) is None:
         return {"planet": planet, "undated": f"{UNDATED}, Sun not shown"}
-    undated = f"{UNDATED}, Sun where a parameter has it"
+    undated = f"{UNDATED}, direction of the Sun from a parameter"
     return {"planet": planet, "sun": _sun(arrays, r, fixed[None]), "undated": undated}
 
 

@@ -70,7 +70,7 @@ CRITICAL = Claim(
     where="section 3.1, (9)",
     needs=MOTION,
     compute=metrics.critical_rate,
-    value="as in the criterion: {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
+    value="agrees with (9) (1: yes): {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
     unit="",
     reproduced=at_least(1.0),
 )
@@ -80,7 +80,7 @@ CLOSED = Claim(
     where="section 3.1, (6), figure 2",
     needs=MOTION,
     compute=metrics.level_change,
-    value="the level changes by {0:.1g} of the well",
+    value="the level changes by {0:.1g} of the depth of the well",
     unit="",
     reproduced=at_most(1e-4),
     partly=at_most(1e-2),
@@ -106,8 +106,8 @@ FREE = (
     "robot.euler_0",
     "robot.deuler_0",
 )
-"""Parameters that may differ from the system, because the paper does not state orbit and start, and
-its parts differ in the eccentricity.
+"""Parameters that may differ from the system: the paper states neither orbit nor start, and its
+sections consider different eccentricities.
 """
 
 TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {

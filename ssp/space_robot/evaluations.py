@@ -29,9 +29,10 @@ def locked(result: Result) -> bool:
 def pitch_constants(result: Result) -> tuple[float, float]:
     """Return the constants theta_hat [rad] and kappa of the pitch equation.
 
-    S = sum of m rho rho^T and of the second moments of the bodies, in the plane and base axes from
-    the centre of mass; S_1 >= S_2 its principal values, the axis of S_1 at an angle alpha:
-    theta_hat = -alpha, kappa = 3 (S_1 - S_2)/(S_1 + S_2).
+    S is the sum over the bodies of m rho rho^T (rho: position from the common centre of mass, in
+    the plane of motion and base axes) and of their second moments. S_1 >= S_2 are its principal
+    values, and alpha is the angle of the axis of S_1: theta_hat = -alpha, kappa = 3 (S_1 -
+    S_2)/(S_1 + S_2).
     """
     mass, l, r = (parameter(result, f"robot.{name}") for name in ("mass", "l", "r"))  # noqa: E741
     q = np.cumsum([0.0, *result[ANGLES][0]])
@@ -86,7 +87,8 @@ def critical_rate(result: Result) -> tuple[float, ...]:
     """Return 1 if the motion agrees with criterion (9) of the paper, else 0; the initial rate
     divided by the critical one; the largest angle from the equilibrium [deg].
 
-    By (9) the robot tumbles if |delta'(0)| is above sqrt(kappa) |cos delta(0)|.
+    By (9) the robot tumbles if |delta'(0)| is above sqrt(kappa) |cos delta(0)|. delta: pitch
+    relative to the equilibrium; delta': its derivative by the true anomaly.
     """
     turn, _ = largest_turn(result)
     critical = np.sqrt(pitch_constants(result)[1]) * abs(np.cos(_delta(result)[0]))
@@ -95,7 +97,9 @@ def critical_rate(result: Result) -> tuple[float, ...]:
 
 
 def level_change(result: Result) -> tuple[float, ...]:
-    """Return the largest change of delta'^2 + kappa sin^2 delta since the start, over kappa."""
+    """Return the largest change of delta'^2 + kappa sin^2 delta since the start, divided by kappa;
+    delta and delta' as in critical_rate().
+    """
     kappa = pitch_constants(result)[1]
     level = _slope(result) ** 2 + kappa * np.sin(_delta(result)) ** 2
     return (float(np.abs(level - level[0]).max() / kappa),)

@@ -183,8 +183,9 @@ def printed_equation_error(result: Result) -> tuple[float, ...]:
     """Return the largest momentum error of the equation as printed in the patent, in percent of
     saturation, and the largest torque of this error [N m].
 
-    The error is the integral of the difference between its term 2 m_r R x (R' x omega) and the
-    correct term m_r R x V'.
+    The momentum error is the integral of the difference between the printed term 2 m_r R x (R' x
+    omega) and the correct term m_r R x V'. R, V = R' and V': results of module_motion(), m_r:
+    reduced mass, omega: angular velocity of the base.
     """
     since(result, 0.0, window(result))
     m0, m1 = (scalar(result, name) for name in MASSES)

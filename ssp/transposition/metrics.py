@@ -27,8 +27,8 @@ def attitude_error(result: Result) -> Array:
 
 
 def _saturates(result: Result, _: Limits) -> float:
-    """Return the time at which the gyros first have less momentum left than commanded [s]; NaN if
-    never.
+    """Return the time at which the gyros first cannot absorb the commanded momentum [s]; NaN if
+    they always can.
     """
     rows = np.flatnonzero(result["assembly.saturated"])
     return float(result.time[rows[0]]) if len(rows) else float("nan")

@@ -21,11 +21,11 @@ from harness.system.graph import read_interfaces
 from harness.system.model import Parameter, System
 
 PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation_largest")
-"""Outputs of component `guidance` that show that it is a guidance with a plan."""
+"""Outputs that every guidance with a plan has; the names lack the prefix `guidance.`."""
 
 STATUS = "guidance.status"
 ADVICE = {2: "; more steps (iterations_max), a longer window, or a larger momentum_share"}
-"""Text that states what to change, by the status of a plan."""
+"""Advice on parameters to change, by the status of a plan; it ends the text of the outcome."""
 
 
 @dataclass(frozen=True)

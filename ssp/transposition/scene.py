@@ -18,7 +18,7 @@ NUMBERS = {
     "arm_angle": "angle of the hinge",
     "rotation": "rotation",
     "h_cmg": "momentum of the gyros",
-    "momentum_share": "share of what they can hold",
+    "momentum_share": "share of their largest momentum",
 }
 """Outputs of the assembly whose values the replay shows, with their labels."""
 

@@ -21,11 +21,12 @@ FOLDER = Path(__file__).parent / "cases"
 class Case:
     """Case of cases/*.json.
 
-    id: its name; tests: subject of the test; source: name, place in the publication and licence of
-    the values; fmu: the simulated FMU; rows: `t` [s] and expected outputs; tolerance: largest
-    permitted difference per output; units: per output; why: reason for the tolerance; wrong:
-    deliberately wrong models, each with its text `what` and its `change` of the setup; setup: all
-    other entries, for the function that simulates the case.
+    id: name of the case; tests: the property of the FMU that the case tests; source: name, place in
+    the publication and licence of the values; fmu: the simulated FMU; rows: `t` [s] and expected
+    outputs; tolerance, units: largest permitted difference and unit of each output; why: reason for
+    the tolerance; wrong: deliberately wrong models, each with a description `what` and the `change`
+    of the setup that makes the model wrong; setup: all other entries, for the function that
+    simulates the case.
     """
 
     id: str

@@ -120,7 +120,9 @@ def start(case: Case, library: Library) -> list[Quantities]:
 
 
 def norms(case: Case, library: Library) -> list[Quantities]:
-    """Return the distance from the centre of the Earth and the speed at the time of each row."""
+    """Return the distance from the centre of the Earth [m] and the speed [m/s] at the time of each
+    row.
+    """
     unit, answer = library.unit(case.fmu, case.setup["parameters"]), []
     for row in case.rows:
         for _ in advance(unit, row["t"], case.setup["step"]):
@@ -190,8 +192,10 @@ def formation(case: Case, library: Library) -> list[Quantities]:
 def motor_torque(case: Case, library: Library) -> list[Quantities]:
     """Return the outputs of a servicer whose wheels are driven by motor torques u.
 
-    The wheels are commanded with the acceleration dOmega at the middle of each step, from
+    The wheels are commanded with their acceleration dOmega at the middle of each step, from
     A (dOmega + domega) = u,   (J - A) domega = -omega x (J omega + A Omega) - u.
+    J: inertia of the servicer with its wheels, A: inertias of the wheels about their axes; omega,
+    Omega: angular velocity of the body, wheel speeds; domega, dOmega: their derivatives.
     """
     unit, answer = library.unit(case.fmu, case.setup["parameters"]), []
     J, A = (np.reshape(case.setup["parameters"][name], (3, 3)) for name in ("J_S", "A_w"))
@@ -236,8 +240,8 @@ def steady_filter(case: Case, library: Library) -> list[Quantities]:
     measurement in every sample: of the attitude before and after the last measurement, and of the
     gyro bias after it.
 
-    The value before it is computed from 1/before^2 = 1/after^2 - 1/star^2, because the reciprocals
-    of variances add.
+    The value before the measurement is computed from 1/before^2 = 1/after^2 - 1/star^2 (star:
+    standard deviation of the measurement), because the reciprocals of variances add.
     """
     unit = library.unit(case.fmu, case.setup["parameters"])
     star, step = np.array(case.setup["parameters"]["sigma_A"]), case.setup["stars_every"]

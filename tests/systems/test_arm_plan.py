@@ -75,7 +75,7 @@ def test_stand_and_seat_are_reached_from_the_reference(nominal):
         np.testing.assert_allclose(r["plan.place"], np.tile([x, 0, 0], (60, 1)), atol=1e-8)
         assert r["plan.reached"].all()
     assert nominal.good
-    assert nominal.text().endswith("planned: stand and seat are reached all the time")
+    assert nominal.text().endswith("planned: the arm always reaches stand and seat")
 
 
 def test_the_arm_ends_where_it_is_stretched(nominal):

@@ -26,17 +26,17 @@ EARTH_RADIUS = 6.3e6
 
 
 class Bodies(NamedTuple):
-    """Names of the variables of a body, with `{}` for the letter of the body, and of the parameters
-    of its start, all without the component.
+    """Names, without the component, of the variables of a body and of the parameters of its start;
+    `{}` in a name represents the letter of the body, as in r_{}N_N.
 
     position [m], velocity [m/s], attitude: relative to an inertial frame; components: components
     that are bodies, in their order; start: position [m] and velocity [m/s] at the start;
     attitude_start: attitude at the start of bodies and of estimates, modified Rodrigues parameters;
     semi_major_axis: of the orbit at the start [m], 0 if `start` applies instead of the orbit;
     elements: eccentricity, inclination, argument of perigee, right ascension and true anomaly of
-    this orbit [rad]; field: gravitational parameter [m3/s2]; beside: position and velocity relative
-    to another body in the Hill frame of that body; sun: parameter with the direction of the Sun, a
-    unit vector in the inertial frame ("": none).
+    this orbit [rad]; field: gravitational parameter [m3/s2]; beside: start position and velocity
+    relative to another body in the Hill frame of that body; sun: parameter with the direction of
+    the Sun, a unit vector in the inertial frame ("": none).
     """
 
     position: str
@@ -107,7 +107,8 @@ def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
     begin, end = (np.datetime64(f"{year}-01-01", "s") for year in (FIRST, LAST + 1))
     here = start.astype("datetime64[s]")
     least, most = ((limit - here).astype(np.float64) for limit in (begin, end))
-    if not ((seconds >= least) & (seconds < min(most, 9e9))).all():  # 64 bits of nanoseconds
+    # 64 bits of nanoseconds end at 9.2e9 s
+    if not ((seconds >= least) & (seconds < min(most, 9e9))).all():
         raise ResultsError(
             f"times of the result, from {here} on, leave the range of years {FIRST} to {LAST}"
         )

@@ -34,7 +34,7 @@ AEM = {
     "ATTITUDE_DIR": "A2B",
     "TIME_SYSTEM": "UTC",
 }
-"""Centre, frames and time system of both messages."""
+"""Centre, frames and time system of the orbit message (OEM) and the attitude message (AEM)."""
 
 
 def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:

@@ -3,8 +3,9 @@
 elements.
 
 States are given in N axes: EME2000, GCRF and ICRF are taken as N (they differ by 23 mas), TEME of
-two-line elements is converted by the IAU models with UT1 = UTC, whose error cancels. SGP4 accepts
-any text in its columns, so two-line elements are checked first.
+two-line elements is converted by way of Earth-fixed axes with the IAU models. For this UT1 is set
+to UTC; the error cancels, because both conversions use the same UT1. SGP4 accepts any text in its
+columns, so two-line elements are checked first.
 """
 
 from __future__ import annotations
@@ -193,7 +194,8 @@ def _elements(path: Path | str, first: str, second: str) -> Source:
         raise ValueError(wrong)
     satellite = api.Satrec.twoline2rv(first, second)
     day, part = satellite.jdsatepoch - 2451545.0, satellite.jdsatepochF
-    nanoseconds = round((day + part) * 86400e6) * 1000  # the format has 1e-8 days, 0.9 ms
+    # the format resolves 1e-8 days, 0.9 ms: rounding to 1 us removes only rounding errors
+    nanoseconds = round((day + part) * 86400e6) * 1000
     epoch = J2000 + np.timedelta64(nanoseconds, "ns")
     return Source(path, epoch, "SGP4, TEME turned into N", partial(_propagated, api, satellite))
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Start values of the bodies of a system from orbit files.
 
-A body without a file whose start is given in the Hill frame of the target follows the target: it
-gets the target's orbital elements, while its position in the Hill frame does not change. The start
-attitudes relative to N are turned with the Hill frame H of the target, so that they do not change
-relative to H, unless `attitude` is N. Angular rates, in body axes, do not change.
+A body that has no file, and whose start is given in the Hill frame of the target, follows the
+target: it gets the target's orbital elements, while its position in the Hill frame does not change.
+Start attitudes, given relative to N, are turned with the Hill frame H of the target, so that they
+do not change relative to H, unless `attitude` is N. Angular rates, in body axes, do not change.
 """
 
 from __future__ import annotations
@@ -184,15 +184,16 @@ def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -
     others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
     for component in sorted(others - states.keys()):
         size = f"{component}.{names.semi_major_axis}"
-        # estimates have no semi-major axis; in deep space it is 0
+        # neither estimates, which have no semi-major axis, nor bodies in deep space, where it is 0
         if size in parameters and parameters[size][0] > 0:
             yield component
 
 
 def elements(state: State, mu: float) -> tuple[float, ...]:
-    """Return the osculating a [m], e, inclination, argument of perigee, right ascension and true
-    anomaly [rad] about a point mass mu [m3/s2]. The node of an equatorial orbit is on the x axis,
-    the perigee of a circular orbit in the node.
+    """Return the osculating elements of an orbit about a point mass mu [m3/s2]: semi-major axis
+    [m], eccentricity, inclination, argument of perigee, right ascension and true anomaly [rad]. By
+    definition the node of an equatorial orbit is on the x axis, and the perigee of a circular orbit
+    is at the node.
 
     Vallado, Fundamentals of Astrodynamics, RV2COE: h = r x v, n = z x h, e = v x h / mu - r / |r|.
     """

@@ -188,8 +188,8 @@ def test_an_ambiguous_input_names_the_candidates(fmus):
 def test_an_input_that_is_driven_and_left_open_or_driven_twice_is_rejected(fmus):
     text = TOML.replace("[open]", '[open]\n"second.v" = [0, 0, 0]')
     both = text + '[connections]\n"second.v" = "first.v"\n"second.v[1]" = "first.v[1]"\n'
-    assert "second.v: is driven and left open" in problems(fmus, both)
-    assert "second.v[1]: is driven twice" in problems(fmus, both)
+    assert "second.v: is left open, but a connection drives it" in problems(fmus, both)
+    assert "second.v[1]: is driven by two connections, remove one" in problems(fmus, both)
 
 
 def test_connections_between_unequal_shapes_or_unknown_ports_are_rejected(fmus):
