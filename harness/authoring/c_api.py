@@ -119,7 +119,8 @@ def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, A
     """
     simulation.initialize()
     clock, found = simulation.clock, dict[str, dict[str, Any]]()
-    readers = {i.name: _Reader(i) for i in simulation.instances if i.name in names}
+    chosen = (each for each in simulation.instances if each.name in names)
+    readers = {each.name: _Reader(each, clock.start) for each in chosen}
     for name, reader in readers.items():
         h = reader.every * clock.step
         rows = [[clock.start, *reader.values()]]
@@ -137,14 +138,14 @@ def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, A
 
 class _Reader:
     """Reader of all inputs and outputs of an instance; time: end of the last recorded step of the
-    instance [s].
+    instance, at first the start of the run [s].
     """
 
-    def __init__(self, instance: Instance) -> None:
+    def __init__(self, instance: Instance, time: float) -> None:
         interface = instance.node.interface
         variables = [*interface.named("input").values(), *interface.named("output").values()]
         self.names = [variable.name for variable in variables]
-        self.every, self.time = instance.every, 0.0
+        self.every, self.time = instance.every, time
         wires = tuple(Wire(variable, i) for i, variable in enumerate(variables))
         self._get = Transfer(instance.calls, "GetReal", wires)
 

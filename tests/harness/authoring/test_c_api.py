@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,6 +16,8 @@ import pytest
 from fmpy.fmi1 import FMICallException
 
 from fmus.core.build import flight_rules
+from harness import load
+from harness.authoring.c_api import write_system
 from harness.cli.app import main
 from tests.each import each
 from tests.fmu.driver import Kind, Unit
@@ -300,6 +303,19 @@ def test_only_the_checks_need_a_library(components, made):
     found = [line.split()[:2] for line in text.splitlines() if not line.endswith(":")]
     ours = {name for name, kind in found if kind != "U"}
     assert {name for name, kind in found if kind == "U"} - ours <= OF_THE_LIBRARY
+
+
+def test_the_vectors_of_a_system_begin_at_its_start(tmp_path):
+    with load("ppc_tracking") as system:
+        times = replace(system.experiment, start=5.0, stop=6.0)
+        write_system(replace(system, experiment=times), tmp_path)
+    vectors = (tmp_path / "ppc_controller_vectors.h").read_text()
+    found = [
+        float.fromhex(text) for text in re.findall(r"^    \{(0x[^,]+),", vectors, re.MULTILINE)
+    ]
+    assert found[:2] == [5.0, 5.0]
+    assert found[1:] == pytest.approx(5 + 0.05 * np.arange(20), abs=1e-12)
+    subprocess.run(["make", "-s", "-C", tmp_path, "test"], check=True)
 
 
 @pytest.mark.long
