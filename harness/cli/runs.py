@@ -191,7 +191,8 @@ def _write_partial(file: Any, partial: Any) -> str:
     if partial.complete:
         file.write(partial)
         return f"all {len(partial.time)} rows are in {file.path}"
-    return f"{len(partial.time)} recorded rows are in {file.write_partial(partial)}"
+    path, error = file.write_partial(partial)
+    return f"{len(partial.time)} recorded rows are in {path}" + (f" ({error})" if error else "")
 
 
 def _report(result: Any, seconds: float, path: Path) -> None:

@@ -110,10 +110,10 @@ class ResultFile:
             partial.unlink(missing_ok=True)
             comma_separated.beside(partial).unlink(missing_ok=True)
 
-    def write_partial(self, result: Result) -> str:
-        """Write the result of a run that ended early to the partial file, and return its path. If
-        that file cannot be written, write one in the folder for temporary files or a .csv beside
-        it, and return the path of this file with the error in parentheses.
+    def write_partial(self, result: Result) -> tuple[Path, ResultsError | None]:
+        """Write the result of a run that ended early to the partial file, and return its path and
+        None. If that file cannot be written, write one in the folder for temporary files or a .csv
+        beside it, and return the path of this file and the error.
 
         Raises ResultsError if the result cannot be stored anywhere.
         """
@@ -122,9 +122,9 @@ class ResultFile:
             self._write(result, self._target.with_name(partial.name))
         except ResultsError as error:
             if place := _rescued(result, self._target):
-                return f"{place} ({error})"
+                return place, error
             raise
-        return str(partial)
+        return partial, None
 
     def _write(self, result: Result, path: Path) -> None:
         try:
@@ -172,7 +172,7 @@ def save(result: Result, path: str | Path) -> Path:
     """
     file = ResultFile(Path(path))
     if not result.complete:
-        return Path(file.write_partial(result))
+        return file.write_partial(result)[0]
     file.write(result)
     return Path(path)
 

@@ -24,7 +24,7 @@ from harness.errors import ResultsError
 from harness.files import signals
 from harness.files.output import written
 from harness.results import files
-from harness.results.files import ResultFile, read
+from harness.results.files import ResultFile, read, save
 from harness.results.formats import netcdf
 from harness.results.result import Result
 from harness.ssp.build import system_of
@@ -183,7 +183,7 @@ def test_an_incomplete_run_is_stored_beside_a_complete_one(tmp_path):
     file = ResultFile(tmp_path / "x.nc")
     file.write(table())
     old = (tmp_path / "x.nc").read_bytes()
-    assert file.write_partial(table(rows=2, complete=False)) == str(tmp_path / "x.partial.nc")
+    assert file.write_partial(table(rows=2, complete=False)) == (tmp_path / "x.partial.nc", None)
     assert (tmp_path / "x.nc").read_bytes() == old
     assert not read(tmp_path / "x.partial.nc").complete
     file.write(table(rows=3))
@@ -199,6 +199,17 @@ def test_a_finished_run_is_not_lost_to_a_full_disk(tmp_path, monkeypatch):
         ResultFile(tmp_path / "full.csv").write(table())
     (retained,) = (tmp_path / "stored").iterdir()
     assert read(retained)["a.x"].tolist() == list(range(5))
+
+
+def test_an_incomplete_result_that_is_stored_elsewhere_is_at_the_path_that_save_returns(
+    tmp_path, monkeypatch
+):
+    def reject(*_):
+        raise RuntimeError("NetCDF: no")
+
+    monkeypatch.setattr(netcdf, "write", reject)
+    path = save(table(rows=2, complete=False), tmp_path / "x.nc")
+    assert read(path)["a.x"].tolist() == [0, 1]
 
 
 def test_a_finished_run_is_not_lost_to_a_format(tmp_path, monkeypatch):
