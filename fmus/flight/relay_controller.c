@@ -88,7 +88,7 @@ static const Variable variables[] = {
     INPUT(translate, "1", "1: translational thrust permitted"),
     OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
-    NONNEGATIVE_OUTPUT(throttle, "1", "0 or 1, per thruster: P1..P8, P'1..P'4, P'5, none"),
+    NONNEGATIVE_OUTPUT(throttle, "1", "0 or 1, per thruster: P1..P8, P'1..P'4, P'5; the rest is 0"),
     FLAG(translation_firing, "1: main engine or brakes are commanded"),
     OUTPUT(sigma_w, "1", "switching functions of rotation, body axes"),
     OUTPUT(sigma_v, "m/s", "switching function of translation"),

@@ -127,7 +127,7 @@ static const Variable variables[] = {
     FLAG(attitude_guard, "1: grasp axis near the orbit normal, roll reference held"),
     ANGLE_OUTPUT(normal_angle, "angle between the grasp axis and the line of the orbit normal"),
     FLAG(roll_limited,
-         "1: the reference turns about the grasp axis within its limits, off the rule"),
+         "1: the reference attitude rolls at its limits, so it lags behind the rule"),
 };
 
 /* A.4-7 */
@@ -146,6 +146,9 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "steer_input", p->steer_input, "needs frame = 1");
     if (p->spin_input == 1 && p->frame != 1)
         reject(problems, "spin_input", p->spin_input, "needs frame = 1");
+    if (p->know_M_dist == 1 && p->use_inertia_hat == 1)
+        reject(problems, "know_M_dist", p->know_M_dist,
+               "needs use_inertia_hat = 0: inertia_hat has no unit, the torque has N m");
 }
 
 /* inertia of the target as the software knows it: J_T or, with use_inertia_hat, the inertia divided
@@ -182,8 +185,7 @@ static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H
                     tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
-/* (10): L(t) and its derivatives; with range_input the inputs L_ref, dL_ref, ddL_ref */
-/* A.4-5 */
+/* (10) and A.4-5: L(t) and its derivatives; with range_input the inputs L_ref, dL_ref, ddL_ref */
 static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {
     if (p->range_input) return (Radius){u->L_ref, u->dL_ref, u->ddL_ref};

@@ -78,4 +78,4 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         publish(p, y, s.t);
 }
 
-FMU_MODEL("timeline", "What ground and faults say when: go, retreat, resume and validity by time");
+FMU_MODEL("timeline", "Decisions of the ground and faults by time: go, retreat, resume, validity");

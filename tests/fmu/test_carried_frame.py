@@ -352,6 +352,10 @@ def test_the_model_of_the_target_knows_no_disturbance(fmu, rng):
         (CARRIED | {"k_integral": -1}, "k_integral = -1: must be >= 0"),
         ({"steer_input": 1}, "steer_input = 1: needs frame = 1"),
         ({"spin_input": 1}, "spin_input = 1: needs frame = 1"),
+        (
+            {"use_inertia_hat": 1, "know_M_dist": 1},
+            "know_M_dist = 1: needs use_inertia_hat = 0: inertia_hat has no unit",
+        ),
     ],
 )
 def test_rejected(change, words, tmp_path):
