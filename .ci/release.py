@@ -27,6 +27,16 @@ KINDS = {
     ".whl": "Python",
     ".gz": "Python",
 }
+ARCHIVES = {
+    "traceability.zip": (
+        "equations, sources, validation and verdicts of FMUs and parameter sets", "SRMD 1.1",
+    ),
+    "reference-ssps.zip": (
+        "systems with expected traces, a script that compares a tool's rows, and specimens",
+        "SSP 1.0 and 2.0, FMI 2.0 and 3.0",
+    ),
+}  # fmt: skip
+"""Purpose and standard of the archives of a release."""
 COLUMNS = ("File", "Purpose", "Platforms, standards", "kB", "SHA-256")
 DESCRIPTIONS = {".fmu": "modelDescription.xml", ".ssp": "SystemStructure.ssd"}
 
@@ -57,8 +67,8 @@ def about(path: Path) -> tuple[str, str]:
     """Return two cells of the page: the purpose of an artefact, and its standard with the platforms
     of its binaries (FMU) or the number of its FMUs (system). Both are "" for Python packages.
     """
-    if path.suffix == ".zip":
-        return "equations, sources, validation and verdicts of FMUs and parameter sets", "SRMD 1.1"
+    if path.name in ARCHIVES:
+        return ARCHIVES[path.name]
     if path.suffix not in DESCRIPTIONS:
         return "", ""
     with zipfile.ZipFile(path) as archive:
