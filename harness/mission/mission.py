@@ -220,8 +220,8 @@ class Scene(NamedTuple):
 class Steering(NamedTuple):
     """Task for an agent that replaces components and sets their outputs. open: these components;
     every: macro steps per action (0: period of the components); cost: expression whose increase is
-    the cost of a step; ends: conditions that end an episode; bounds: pairs (output, bound), which
-    replace the limits of the actuators.
+    the cost of a step; ends: conditions that end an episode; bounds: pairs (output, bound), for
+    outputs that no actuator limits.
     """
 
     open: tuple[str, ...]

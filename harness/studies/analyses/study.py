@@ -132,7 +132,7 @@ def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
     if found["margin"] < 0:
         yield (
             f"{name}: NOT MET, worst margin {of_unit(found['margin'], unit)} in {runs} runs "
-            f"(first failure at run {found['first']}); nominal {nominal}; "
+            f"(first failure after {found['first']} runs); nominal {nominal}; "
             f"|z| = {found['distance']:.1f}"
         )
     else:
