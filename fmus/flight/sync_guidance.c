@@ -126,8 +126,7 @@ static const Variable variables[] = {
                  "angle between the arm axis (+X of the servicer) and the direction to the target"),
     FLAG(attitude_guard, "1: grasp axis near the orbit normal, roll reference held"),
     ANGLE_OUTPUT(normal_angle, "angle between the grasp axis and the line of the orbit normal"),
-    FLAG(roll_limited,
-         "1: the reference attitude rolls at its limits, so it lags behind the rule"),
+    FLAG(roll_limited, "1: the reference attitude rolls at its limits, so it lags behind the rule"),
 };
 
 /* A.4-7 */
