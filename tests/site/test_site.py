@@ -121,7 +121,7 @@ def test_every_link_and_picture_leads_somewhere_and_nothing_is_loaded_from_elsew
 def test_the_live_page_of_every_mission_repeats_its_run(opened):
     pages = sorted((SITE / "live").glob("*.html"))
     missions = {p.stem for p in (SITE / "reference/missions").glob("*.html")} - {"index"}
-    assert {p.stem for p in pages} == missions
+    assert {p.stem for p in pages if not p.stem.startswith("lesson_")} == missions
     for path in pages:
         opened.goto(path.as_uri())
         wait(opened, "window.report?.live?.ready")
