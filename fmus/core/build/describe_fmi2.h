@@ -1,4 +1,5 @@
-/* describe_fmi2.h - modelDescription.xml of FMI 2.0: every element is a variable. */
+/* describe_fmi2.h - modelDescription.xml of FMI 2.0: every element of every row of the model's
+ * table is a variable. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DESCRIBE_FMI2_H
 #define DESCRIBE_FMI2_H

@@ -1,5 +1,6 @@
-/* describe_fmi3.h - modelDescription.xml of FMI 3.0: every row is a variable, an array if it has
- * several elements, with the value reference of its first element in FMI 2.0. */
+/* describe_fmi3.h - modelDescription.xml of FMI 3.0: every row of the model's table is a variable,
+ * an array if it has several elements. Its value reference is the one that its first element has in
+ * FMI 2.0. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DESCRIBE_FMI3_H
 #define DESCRIBE_FMI3_H

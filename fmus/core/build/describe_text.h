@@ -8,7 +8,7 @@
 
 #include <stdlib.h>
 
-#ifndef EXPERIMENT /* fuse.py defines it for a whole system */
+#ifndef EXPERIMENT /* default experiment; for a fused system fuse.py defines it */
 #define EXPERIMENT "startTime=\"0\" stopTime=\"100\" stepSize=\"0.1\""
 #endif
 
@@ -20,7 +20,7 @@ static void report_fault(const char *name, const char *problem)
     faults++;
 }
 
-/* ---- units: products of kg m s rad N J with exponents ("kg.m2", "1/(N.m)"); "1": none ---- */
+/* ---- units: products of kg m s rad N J with exponents ("kg.m2", "1/(N.m)"), or "1" ---- */
 typedef struct { int kg, m, s, rad; } Dimension;
 
 static const struct {
@@ -31,8 +31,8 @@ static const struct {
     {"N", {1, 1, -2, 0}},  {"J", {1, 2, -2, 0}}, {"1", {0, 0, 0, 0}},
 };
 
-/* reads one factor of a unit, such as "s2", at *text and adds `sign` times its powers to d;
- * returns 0 if the unit is unknown */
+/* reads one factor of a unit, such as "s2", at *text and adds its exponents of kg, m, s and
+ * rad, times `sign`, to d; returns 0 if the unit is unknown */
 static int parse_factor(const char **text, int sign, Dimension *d)
 {
     for (size_t i = 0; i < COUNT(base_units); i++) {
@@ -137,8 +137,8 @@ static void print_units(bool seconds) /* seconds: print the unit s even if no ro
 
 #define ROOT_10 3.1622776601683795
 
-/* nominal value: the power of ten nearest to the largest start value of a row if that is far
- * from 1, else 1 */
+/* nominal value: the power of ten nearest to the largest initial value of a row; 1 if this power is
+ * 0.1, 1 or 10 */
 static double nominal(const Variable *v, const double *values)
 {
     double largest = 0;
@@ -149,7 +149,7 @@ static double nominal(const Variable *v, const double *values)
     return up > 10 || down > 10 ? up / down : 1;
 }
 
-/* ---- names of the values of a mode, separated by | ---- */
+/* ---- modes: variables whose values 0, 1, .. have names, which `names` separates by | ---- */
 static int last_mode(const char *names)
 {
     int count = 0;
@@ -175,7 +175,8 @@ static void print_description(const Variable *v)
 
 static void print_bounds(const Variable *v, double value)
 {
-    /* an input of a mode has no bounds: other values mean the nearest mode, or none */
+    /* a mode that is an input has no bounds: a model takes any other value as the nearest mode, or
+     * as no mode */
     const bool is_mode = v->names && v->causality == OUTPUT_ROW;
     const double low = is_mode ? smaller(value, 0) : lowest(v->rule);
     const double high = is_mode ? last_mode(v->names) : highest(v->rule);
@@ -183,8 +184,8 @@ static void print_bounds(const Variable *v, double value)
     if (high < DBL_MAX) print_attribute("max", high);
 }
 
-/* true if a row is sampled: an output of software or of a sensor, which have a sample period. In
- * a system the period of the component counts: "controller.sample_period". */
+/* true if a row is sampled: an output of a model with a parameter sample_period, or in a fused
+ * system an output of a component with this parameter ("controller.sample_period") */
 static bool is_sampled(const Variable *v)
 {
     const char *point = strrchr(v->name, '.');
@@ -204,12 +205,12 @@ static const char *variability(const Variable *v)
     return is_flag(v->rule) || v->names || is_sampled(v) ? "discrete" : "continuous";
 }
 
-/* true if a row has annotations for the harness (harness/system/interface.py): an input that may
- * stay unconnected, or the names of a mode */
+/* true if a row has annotations for the harness (harness/system/interface.py): it is an input that
+ * may stay unconnected, or its values have names */
 static bool is_annotated(const Variable *v) { return v->kind == OPTIONAL_ROW || v->names; }
 
-/* prints the annotations of a row, one XML element each; begin: name of the element and of the
- * attribute that gets the name of this project; end: name of the element */
+/* prints the annotations of a row, each an XML element with a name of this project as attribute.
+ * begin: names of the element and attribute ("Tool name" in FMI 2.0); end: name of the element */
 static void print_annotations(const Variable *v, const char *begin, const char *end)
 {
     if (!is_annotated(v)) return;
@@ -226,7 +227,7 @@ static void print_annotations(const Variable *v, const char *begin, const char *
 /* data of the build: attributes of the root element and list of sources */
 typedef struct {
     const char *version, *date;
-    const char *licenses; /* folder of licenses/ in the archive */
+    const char *licenses; /* "" or "documentation/": folder that contains licenses/ */
     int sources;
     char **source;
 } Build;

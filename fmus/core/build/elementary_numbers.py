@@ -22,7 +22,7 @@ TANGENTS = 64
 HEAD = """\
 /* elementary_numbers.h - tables and coefficients of portable_math.h.
  *
- * Written by fmus/core/build/elementary_numbers.py with 200 bits; do not edit. */
+ * Computed with 200 bits and written by fmus/core/build/elementary_numbers.py; do not edit. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ELEMENTARY_NUMBERS_H
 #define ELEMENTARY_NUMBERS_H
@@ -235,7 +235,9 @@ def powers() -> list[str]:
 
 
 def logarithms() -> list[str]:
-    """Return the C definitions for log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c)."""
+    """Return the C definitions for log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c); a
+    table contains 1/c and ln c for a number c near z.
+    """
     high, low = parts(mp.log(2), -42)
     rows = []
     for i in range(STEPS):
@@ -263,8 +265,8 @@ def logarithms() -> list[str]:
 
 
 LEAST_Z = 0x3FE6000000000000 - (1 << 44)
-"""Bits of the smallest z that occurs when log(x) splits x into 2^k z. It is shifted by half an
-interval of the table, so that z = 1 is in the middle of an interval.
+"""Bits of the smallest z that occurs when log(x) splits x into 2^k z. It lies half an interval of
+the table below 11/16, so that z = 1 is in the middle of an interval.
 """
 
 

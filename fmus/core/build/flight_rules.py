@@ -32,29 +32,31 @@ CALL = 8
 
 LOOPS = (
     (r"< (before|number|rows->count);", "rows of the safety filter, at most 26"),
-    (r"j <=? f(->|\.)count;|j < faces;", "points of the drift, at most 33, or faces, 9"),
+    (r"j <=? f(->|\.)count;|j < faces;",
+     "points of the predicted drift, at most 33, or faces of the corridor, 9"),
     (r"failure <= 2 \* MOST_ROWS", "twice the 26 rows of the safety filter"),
     (r"< joints;|= joints; \w+-- > 0", "joints of the arm, at most 7"),
-    (r"pass < ARM_JOINTS && ", "7 joints, of which every pass fixes one"),
+    (r"pass < ARM_JOINTS && ", "7 joints: every pass fixes one of them"),
     (r"Sample s = first_sample", "samples between two communication points: h/period, rounded up"),
     (r"; \w+ <=? [A-Z_]+( [-+*/] (\d+|[A-Z_]+))*;|; \w+ < \d+;", "a constant"),
-    (r"i < QUADRATURE && ", "16 steps from node to node"),
+    (r"i < QUADRATURE && ", "16 steps of an integral from node to node"),
     (r"= \d+; \w+ > 0;|= [A-Z_ 1-]+; \w+-- > 0|= NODES - 1; k >= 0", "a constant, downwards"),
     (r"int k = nodes - 1; k >= 0|k < nodes;", "nodes of a path, NODES in flight software"),
     (r"intervals\((y|shape)\)", "FINE = 4 times the 120 nodes that check() allows"),
-    (r"< (unknowns|unknown_nodes|nodes);|j <= i;", "three times the 118 free nodes"),
+    (r"< (unknowns|unknown_nodes|nodes);|j <= i;", "three unknowns for each of the 118 free nodes"),
     (r"\w+ = \S.*; \w+ < (n|m|j|k|i|columns|moving|used|count|length|to|m->count|D_AT);"
      r"|= n - 1; \w+ >= 0|= n; \w+-- > 0|k <= n;",
      "order of a matrix or length of a vector, a constant of every caller"),
     (r"while \(m\+\+ < k\)", "age of a late measurement, below HISTORY = 16 samples"),
-    (r"x->(anchor_)?index < |j = x->anchor_index", "samples since the last, or in the ring of 16"),
+    (r"x->(anchor_)?index < |j = x->anchor_index",
+     "samples since the last processed one, or in the ring of 16"),
     (r"double k = 0; k < steps", "duration/max_step of the drift, both parameters"),
     (r"j < steps_of\[part\]", "30 or 50 steps of an escape"),
     (r"exchange < EXCHANGES", "EXCHANGES"),
     (r"bound <= THRUSTERS", "16 thrusters"),
     (r"int cut = 0;;", "CUTS: left at cut == CUTS - 1"),
     (r"parts = 0; x\.s < 1", "MOST_PARTS, then the rest of the arc is one part"),
-    (r"while \(s < 1 && floor_of", "52: w is a power of two below 1"),
+    (r"while \(s < 1 && floor_of", "52 doublings of w, a power of two below 1"),
     (r"above_half && i < DIGIT_WORDS|shift > 0 && i < DIGIT_WORDS", "7 words"),
     (r"while \(at < 100", "98 bits"),
     (r"for \(;; r\.iterations\+\+\)|i <= r\.iterations", "iterations_max, at most 30"),
@@ -117,8 +119,8 @@ class Calls:
     unbounded: list[str]
 
     def called(self, name: str) -> set[str]:
-        """Return the functions that a function calls itself. A call through a pointer may reach
-        every function that is never called by name, so these are included.
+        """Return the functions that a function calls directly. A call through a pointer may reach
+        every function that is never called by name, so these functions are included.
         """
         direct = self.callees.get(name, set())
         if "__indirect_call" not in direct:

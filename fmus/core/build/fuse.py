@@ -6,10 +6,11 @@ Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND] [--adapter FOL
 SYSTEM.json: {"name", "text", "start" [s], "stop" [s], "step" (macro step [s]), "parts": [{"name",
 "fmu" (path), "sources": [C files of the unpacked archive, the file of the model first], "values":
 {element: start value}, "driven": {connected input element: [part, output element, factor, offset]},
-"late": whether other parts read its outputs later than its step computes them}, ...], "plan":
-[[verb, part, every, phase], ...]}. A part is a component of the system; "driven" and "plan" contain
-its index. The plan is the schedule of a macro step: the action of a part (verb "set": set its
-inputs; "step"; "get": publish its late outputs) is performed in macro step k if k % every == phase.
+"late": whether its outputs are published by a later action of the plan than its step}, ...],
+"plan": [[verb, part, every, phase], ...]}. A part is a component of the system; "driven" and "plan"
+contain its index. The plan is the schedule of a macro step: the action of a part (verb "set": set
+its inputs; "step"; "get": publish its late outputs) is performed in macro step k if k % every ==
+phase.
 Optional: "version" and "date" of the FMU; "provenance", which is written into its folder extra/;
 "scalars", true for an FMU without arrays. The program writes system.c, the model interface of the
 whole system (described in fused.h), and packs it as build_fmu.py packs a model.
@@ -34,7 +35,7 @@ import shared_variables
 from fused_layout import Model, Part, Whole, lay_out, read_layout
 from fused_source import system_c
 
-PART = """/* part_{copy} - the model of {file} with its own symbol, and its step. */
+PART = """/* part_{copy} - the model of {file} as {symbol}, and its step as a function. */
 #define FMU_MODEL_SYMBOL {symbol}
 #include "{copy}"
 
@@ -200,8 +201,8 @@ class Build:
             return {symbol: models[symbol] for symbol in symbols}
         except (ValueError, TypeError, NameError, LookupError, ArithmeticError) as error:
             raise NotFusibleError(
-                f"{fmu}: the memory layout of its model cannot be read; the sources of the FMU "
-                "must print nothing themselves"
+                f"{fmu}: the memory layout of its model cannot be read; the program that prints "
+                "it contains the sources of the FMU, which must print nothing themselves"
             ) from error
 
     def _laid_out(self, symbols: list[str], models: dict[str, Model]) -> Whole:

@@ -17,7 +17,7 @@ RULES = (
     "ANY_VALUE", "POSITIVE_VALUE", "NONNEGATIVE_VALUE", "SWITCH_VALUE", "ANGLE_VALUE", "ALARM_VALUE"
 )  # fmt: skip
 KINDS = ("PLAIN_ROW", "OPTIONAL_ROW", "GRID_ROW")
-MACRO_STEP_TEXT = "macro step: every communication step is a whole multiple"
+MACRO_STEP_TEXT = "macro step, of which every communication step is a whole multiple"
 UNSETTLED = "initial values did not settle (an algebraic loop)"
 CLOCK = 3
 """Number of doubles that describe the progress of the system: start time, number of finished macro
@@ -87,10 +87,10 @@ class Part:
     """Component in the memory of the system.
 
     values: start values by element; driven: source of each connected input element, [index of part,
-    output element, factor, offset]; late: whether other parts read its outputs later than its step
-    computes them; head: place of its first parameter, which inputs follow; tail: place of its first
-    state, which outputs follow; published: place at which other components read each output
-    element.
+    output element, factor, offset]; late: whether its outputs are published by a later action of
+    the plan than its step; head: place of its first parameter, which inputs follow; tail: place of
+    its first state, which outputs follow; published: place at which other components read each
+    output element.
     """
 
     name: str
@@ -174,7 +174,7 @@ def _outputs(part: Part) -> list[Row]:
 
 def _head(part: Part) -> list[float]:
     """Return the start values of the parameters and inputs of a part. A connected input has the
-    start value of its model.
+    start value that its model declares.
     """
     values = list(part.model.start)
     for row in part.model.rows:

@@ -51,7 +51,7 @@ using scalar::CLOCK;
 #include "runs.h"
 """
 MODEL = """#include "lanes.h"
-namespace {{ /* all models have types of the same names */
+namespace {{ /* unnamed, because all models have types of the same names */
 #include "{model}.c"
 }}
 extern "C" __attribute__((visibility("default"))) int64_t {model}_splits;
@@ -96,7 +96,7 @@ def units(sources: Path) -> dict[str, str]:
     part = re.DOTALL | re.MULTILINE
     step = re.search(r"^static void step_system.*?^\}", system, part)
     tables = re.search(r"^enum \{ PARTS.*?(?=^static const (?:Copy|Part) )", system, part)
-    assert step and tables  # fused_source.py writes both into every system.c
+    assert step and tables  # fused_source.py writes this code into every system.c
     models = re.findall(r"^extern Step (\w+)_model_step;", system, part)
     rows = "#define CHECKED_ROWS\n" if " checked[]" in tables[0] else ""
     steps = "\n".join(map(STEP.format, models))

@@ -30,7 +30,7 @@ WITHOUT_EFFECT = {"sizeof", "return", "copysign", "fabs", "isfinite", "isnan", "
 OPERAND_ENDS = {"&&", "||", "?", ":", ",", ";"}
 """Tokens that end the right operand of `&&` and `||`."""
 MADE = "made"
-"""Name of the struct to which the code that replaces a designated initializer assigns."""
+"""Name of the variable in the code that replaces a designated initializer: `made.a = 1;`."""
 CONDITION = {"&&", "||", "<", ">", "<=", ">=", "==", "!="}
 """Operators whose value is a condition."""
 
@@ -377,7 +377,7 @@ def effects_of(files: Sequence[Items]) -> Effects:
         if match:
             macros[match[1]] = [*macros.get(match[1], []), *tokens(match[2])]
     found = Effects({name for name, _ in functions} - writing | WITHOUT_EFFECT, set(macros))
-    for _ in macros:  # repeated, because a macro is harmless only if the macros it names are
+    for _ in macros:  # repeated: a macro writes nothing only if no macro in it writes
         harmless = {name for name in found.macros if not may_write(macros[name], found)}
         if not harmless:
             break
@@ -402,7 +402,7 @@ def holding(files: Sequence[Items]) -> Types:
     """Return the Types of parsed C files: names of the types that the files define."""
     defined = [each for items in files for each in type_definitions(items)]
     found = Types(set(), {name for name, _, function in defined if function})
-    for _ in defined:  # repeated, because a type holds a pointer if a type of its members does
+    for _ in defined:  # repeated: a type holds a pointer if the type of a member holds one
         more = {n for n, parts, f in defined if any(holds(x, found, arrays=f) for x in parts)}
         if more <= found.holders:
             break

@@ -25,17 +25,18 @@ PLATFORMS = {
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 BODY = re.compile(r"(r|v|omega|q)_([A-Z])([A-Z])(?:_([A-Z]))?(_hat)?")
-"""Name of a motion of a body relative to another one: quantity, letter of the body, letter of the
-other one, letter of the axes, `_hat` for an estimate.
+"""Regular expression for the name of a motion of one body relative to another. Groups: 1 quantity,
+2 letter of the moving body, 3 letter of the other body, 4 letter of the axes, 5 `_hat` for an
+estimate.
 """
 
 WRENCH = re.compile(r"([FM])_((?:[a-z]+_)?[A-Z])")
-"""Name of a force or torque: quantity, purpose and letter of the axes."""
+"""Regular expression for the name of a force or torque. Groups: 1 quantity, 2 purpose and axes."""
 
 AXES = {"r": 3, "v": 3, "omega": 2, "q": 0}
-"""Number of the group in BODY that contains the letter of the axes, by quantity (0: no axes).
-Position and velocity are in axes of the other body, the angular velocity is in axes of the body
-itself.
+"""Group of BODY with the letter that the axes must have, by quantity (0: the name has no axes).
+Position and velocity are in axes of the other body (group 3), the angular velocity is in axes of
+the moving body (group 2).
 """
 
 BODY_STATE, WRENCHES, SIGNAL = (f"servicing-fmus.{n}" for n in ("body-state", "wrench", "signal"))

@@ -125,15 +125,15 @@ def timing(rows: list[dict[str, str]]) -> str:
     named = {row["name"] for row in rows if row["causality"] == "parameter"}
     if "sample_period" in named:
         return (
-            "Sampled: it computes at the multiples of sample_period (0: at every communication"
-            " point) and holds its outputs in between."
+            "Sampled: the model computes at the multiples of sample_period (0: at every"
+            " communication point) and holds its outputs in between."
         )
     if "max_step" in named:
         return (
-            "Continuous: it integrates with fixed steps of at most max_step on the grid"
+            "Continuous: the model integrates with fixed steps of at most max_step on the grid"
             " k max_step, k = 0, 1, ...; inputs are held over a communication step."
         )
-    return "It computes once in every communication step, with the inputs held over the step."
+    return "The model computes once in every communication step, with inputs held over the step."
 
 
 def start_values(name: str) -> str:
@@ -142,7 +142,7 @@ def start_values(name: str) -> str:
     """
     place, other = START_VALUES[name]
     system, _, component = place.partition(".")
-    but = f" Parameters with other values there: {', '.join(other)}." if other else ""
+    but = f" Parameters with another value in that component: {', '.join(other)}." if other else ""
     return (
         f"<p>Start values: of system {system}, component {component}.{but} Components of other"
         " missions need values of their own.</p>"

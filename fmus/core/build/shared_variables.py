@@ -16,11 +16,11 @@ from typing import Any
 from lanes_source import Items, is_block, parsed
 
 MARKER = re.compile(r'# \d+ "(?P<file>[^\n]*)"(?P<flags>[ \d]*)')
-"""Line of a preprocessor that names the file of the next lines, with flags."""
+"""Regular expression for a line in which the preprocessor names the file of the next lines."""
 SYSTEM_HEADER = "3"
-"""Flag of a file that belongs to the compiler or to the C library."""
+"""Flag in such a line: the file belongs to the compiler or to the C library."""
 CORE = Path(__file__).resolve().parents[1]
-"""Folder of the headers of all models, which define no such variable."""
+"""Folder of the headers that all models include; these headers define no shared variable."""
 WITHOUT_VARIABLE = {"typedef", "extern", "_Static_assert"}
 """First words of declarations that define no variable."""
 TYPES = {"struct", "union", "enum"}
@@ -43,8 +43,8 @@ def problems(compiler: list[Any], source: Path) -> list[str]:
 
 
 def _own(preprocessed: str) -> str:
-    """Return the lines of a preprocessed source that are neither from system headers nor from the
-    headers of all models.
+    """Return the lines of a preprocessed source that are neither from headers of the compiler or
+    the C library nor from the folder CORE.
     """
     lines, own = [], True
     for line in preprocessed.splitlines():
@@ -57,8 +57,8 @@ def _own(preprocessed: str) -> str:
 
 
 def _shared(items: Items) -> Iterator[str]:
-    """Yield the names of the variables outside functions and the static ones inside functions that
-    are not constant; items: parsed C text.
+    """Yield the names of the variables that instances would share: all variables outside functions
+    and all static variables inside functions, except constants; items: parsed C text.
     """
     declaration: Items = []
     for item in items:

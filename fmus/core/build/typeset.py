@@ -177,7 +177,7 @@ class Reader:
             if rest.startswith(sign):
                 self.at += len(sign)
                 return Node("operator", self._mark(sign, shown, before))
-        raise NotationError(f"{self.line.strip()!r}: typeset.py does not know {rest[0]!r}")
+        raise NotationError(f"{self.line.strip()!r}: {rest[0]!r} is not in this notation")
 
     def _mark(self, sign: str, shown: str, before: list[Node]) -> str:
         following = self.line[self.at : self.at + 2]
