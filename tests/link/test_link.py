@@ -351,7 +351,7 @@ def test_a_peer_of_the_other_byte_order():
         text = rejected(
             lambda frame, d=disguise: d(checksummed(reply(frame), order=">")), within=0.3
         )
-        assert text.endswith("the board uses the other byte order")
+        assert text.endswith("the board sends numbers in big-endian order, not little-endian")
 
 
 def test_a_peer_with_doubles_of_another_kind(board):
@@ -369,7 +369,7 @@ def test_a_peer_with_another_component():
 
 def test_a_peer_that_answers_too_little():
     text = rejected(lambda frame: checksummed(reply(frame, payload=b"\x09\0\0\x00123456789")))
-    assert text.endswith("the description is malformed")
+    assert text.endswith("the answer to 'describe' is malformed")
     text = rejected(lambda frame: checksummed(reply(frame, payload=b"\xff\xff\xff\xff")))
     assert text.endswith("the answer is malformed")
 

@@ -29,7 +29,8 @@ static void check_row(size_t row)
         report_fault(v->name,
                      "only a parameter of one element can be an internal step or a sample period");
     if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns)
-        report_fault(v->name, "it must have 1 to VR_STRIDE elements, a whole multiple of its columns");
+        report_fault(v->name,
+                     "it must have 1 to VR_STRIDE elements, a whole multiple of its columns");
     for (size_t i = 0; i < row; i++)
         if (strcmp(fmu_model.variables[i].name, v->name) == 0)
             report_fault(v->name, "the name is used twice");

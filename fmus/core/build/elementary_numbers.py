@@ -235,8 +235,8 @@ def powers() -> list[str]:
 
 
 def logarithms() -> list[str]:
-    """Return the C definitions for log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c); a
-    table contains 1/c and ln c for a number c near z.
+    """Return the C definitions for log (Tang 1990): x = 2^k z, ln z = ln c + ln(z/c); a table
+    contains 1/c and ln c for a number c near z.
     """
     high, low = parts(mp.log(2), -42)
     rows = []

@@ -16,7 +16,7 @@ from typing import Any
 from lanes_source import Items, is_block, parsed
 
 MARKER = re.compile(r'# \d+ "(?P<file>[^\n]*)"(?P<flags>[ \d]*)')
-"""Regular expression for a line in which the preprocessor names the file of the next lines."""
+"""Regular expression for a preprocessor line that names the file of the next lines, with flags."""
 SYSTEM_HEADER = "3"
 """Flag in such a line: the file belongs to the compiler or to the C library."""
 CORE = Path(__file__).resolve().parents[1]

@@ -177,7 +177,9 @@ class Reader:
             if rest.startswith(sign):
                 self.at += len(sign)
                 return Node("operator", self._mark(sign, shown, before))
-        raise NotationError(f"{self.line.strip()!r}: {rest[0]!r} is not in this notation")
+        raise NotationError(
+            f"{self.line.strip()!r}: {rest[0]!r} is not in the notation that typeset.py describes"
+        )
 
     def _mark(self, sign: str, shown: str, before: list[Node]) -> str:
         following = self.line[self.at : self.at + 2]

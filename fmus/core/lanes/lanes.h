@@ -61,7 +61,7 @@ struct Split {
 };
 inline Split *present; /* Split of the function that is being performed */
 inline jmp_buf again;  /* place in runs.h that repeats macro steps, see step_in_lanes() */
-inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter */
+inline int active = (1 << WIDTH) - 1; /* bits of the lanes that are computed */
 
 [[noreturn]] __attribute__((noinline, cold)) inline void split(int answer)
 {
@@ -70,8 +70,8 @@ inline int active = (1 << WIDTH) - 1; /* bits of the lanes whose values matter *
 }
 
 /* performs a function; false: the function was left, because the active lanes differ in a
- * condition, whose answers are in here->answer. Then setjmp() has returned twice; OPAQUE prevents
- * optimizations across performed(), which do not permit this. */
+ * condition, whose answers are in here->answer. In this case setjmp() returns a second time; OPAQUE
+ * prevents optimizations across performed(), which assume that a function returns once. */
 __attribute__((OPAQUE)) inline bool performed(Split *here, void (*function)(void *), void *given)
 {
     here->outer = present;
@@ -613,7 +613,8 @@ template <class C, class F, class... T> INLINE void where(C c, const F &function
 
 /* Performs a step of a component in all lanes. Saving states and outputs takes longer than many
  * steps: a component is saved before its steps only after its first split. At the first split,
- * runs.h repeats the macro steps since it has saved the memory of the system. */
+ * runs.h restores the memory of the system that it has saved and repeats the macro steps made since
+ * then. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {
@@ -649,7 +650,8 @@ inline Mask all_finite(const Vector *x, size_t count)
 }
 
 /* Adds to not_finite the lanes in which a state or output of a component is not finite. Called
- * after each step of the component: only steps change these values, and the cache has them then. */
+ * after each step of the component, because only steps change these values, and because they are
+ * still in the cache then. */
 template <class X, class Y> void check_finite(const X *x, const Y *y)
 {
     const Mask valid = all_finite((const Vector *)x, sizeof *x / sizeof(Vector)) &&

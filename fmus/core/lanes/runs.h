@@ -33,7 +33,7 @@ struct Work {
 
 typedef struct {
     double start, step;              /* s; macro step k begins at start + k step */
-    int64_t every, steps;            /* a row after every N-th macro step and after the last */
+    int64_t every, steps;            /* a row after each `every`-th step and after the last */
     int64_t count;                   /* runs, at most WIDTH */
     size_t columns;                  /* recorded outputs */
     const unsigned *reference;       /* value references of the recorded outputs */

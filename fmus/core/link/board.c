@@ -95,7 +95,7 @@ static unsigned initialize(const Board *board, size_t slot, Reader *in, Writer *
     (void)in, (void)out;
     unsigned status =
         (unsigned)board->software[slot].exit_initialization(board->slot[slot].instance);
-    if (board->paint_stack) board->paint_stack(); /* the stack of initialization does not count */
+    if (board->paint_stack) board->paint_stack(); /* so that only steps are measured */
     return status;
 }
 
@@ -116,7 +116,7 @@ static fmi2Status set_run(const Software *s, fmi2Component c, RunOf run, Reader 
     for (size_t i = 0; i < run.count && !in->truncated; i++)
         if (run.type == REAL_TYPE) values.real[i] = take_double(in);
         else values.integer[i] = (fmi2Integer)(int32_t)take_number(in, 4);
-    if (in->truncated) return fmi2OK; /* the caller rejects a truncated request */
+    if (in->truncated) return fmi2OK; /* set() rejects a truncated request */
     list_references(run);
     if (run.type == REAL_TYPE) return s->set_real(c, references, run.count, values.real);
     if (run.type == INTEGER_TYPE) return s->set_integer(c, references, run.count, values.integer);
@@ -207,8 +207,8 @@ static unsigned put_state(const Software *s, fmi2Component c, fmi2FMUstate state
     fmi2Status status = s->state_size(c, state, &size);
     if (status > fmi2Warning) return (unsigned)status;
     if (size > out->size - out->used) {
-        snprintf(message, sizeof message, "the state of %u bytes does not fit into a frame",
-                 (unsigned)size);
+        snprintf(message, sizeof message,
+                 "the state of %u bytes needs a larger PAYLOAD_LIMIT at both ends", (unsigned)size);
         return fmi2Error;
     }
     status = s->serialize(c, state, (fmi2Byte *)(out->bytes + out->used), size);

@@ -34,7 +34,7 @@ typedef struct {
     fmi2DeSerializeFMUstateTYPE *deserialize;
 } Software;
 
-/* cost of the steps, in counts of the board */
+/* number of steps; instructions of all steps and of the most expensive one, by counter() */
 typedef struct {
     uint64_t steps, total, largest;
     double when; /* s; communication point of the most expensive step */
@@ -54,7 +54,7 @@ typedef struct {
     Slot *slot; /* one per FMU */
     size_t count;
     size_t (*read)(void *port, void *bytes,
-                   size_t most); /* returns at least one byte; 0: end of the stream */
+                   size_t most); /* returns the bytes read, at least 1; 0: end of the stream */
     bool (*write)(void *port, const void *bytes, size_t count);
     void *port;
     uint64_t (*counter)(void);       /* number of instructions so far; NULL: not counted */

@@ -143,8 +143,8 @@ static bool is_answer(Client *c, Frame f, unsigned *status, bool *damaged)
 }
 
 /* waits for the answer to the last request until the time `until`. After that time, bytes that have
- * already arrived are still read, but no more than the longest frame has: TOO_LATE is returned even
- * if the board sends without end. */
+ * already arrived are still read, but no more bytes than the longest frame has, so that TOO_LATE is
+ * returned even if the board sends without end. */
 Outcome wait_until(Client *c, double until, unsigned *status)
 {
     size_t size, got, late_bytes = 0;
@@ -168,7 +168,8 @@ Outcome wait_until(Client *c, double until, unsigned *status)
 
 static unsigned fail_unanswered(Client *c)
 {
-    if (c->reversed) return fail_request(c, "the board uses the other byte order");
+    if (c->reversed)
+        return fail_request(c, "the board sends numbers in big-endian order, not little-endian");
     return fail_request(c, "no answer to '%s' within %g s after %ld attempts", code_names[c->code],
                         c->config.timeout, c->attempts);
 }
@@ -217,7 +218,7 @@ static unsigned read_description(Client *c, Description *d)
     take_text(r, d->name, sizeof d->name);
     take_text(r, d->target, sizeof d->target);
     if (r->truncated || d->components > MOST_COMPONENTS)
-        return fail_request(c, "the description is malformed");
+        return fail_request(c, "the answer to 'describe' is malformed");
     if (d->probe != probe_value)
         return fail_request(c, "the board does not use doubles of IEEE 754");
     return status;
@@ -232,13 +233,13 @@ static bool find_component(Client *c)
     for (size_t i = first; i < d.components || i == first; i++) {
         c->slot = (uint8_t)i;
         c->sequence =
-            (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28); /* not a number of earlier sessions */
+            (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28); /* differs from earlier sessions */
         if (read_description(c, &d) > 1) return false;
         if (strcmp(d.guid, c->config.guid) == 0) return true;
         if (c->config.slot >= 0) break;
     }
-    fail_request(c, "wrong interface: the board has %s %s, this FMU requires %s", d.name, d.guid,
-                 c->config.guid);
+    fail_request(c, "wrong interface: the board has %s %s, this FMU requires guid %s", d.name,
+                 d.guid, c->config.guid);
     return false;
 }
 

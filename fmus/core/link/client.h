@@ -14,13 +14,13 @@ typedef struct {
     uint8_t slot;
     uint32_t sequence;
     unsigned char request[FRAME_LIMIT], incoming[FRAME_LIMIT];
-    size_t request_size, buffered, done; /* bytes; done: size of the answer that has been read */
+    size_t request_size, buffered, done; /* bytes; done: length of the answer last read */
     Code code;                           /* code of the last request */
-    double sent;                         /* now_s() at sending */
+    double sent;                         /* s; now_s() when the last request was sent */
     long attempts;
-    bool outstanding, reversed; /* request without an answer; board with the other byte order */
+    bool outstanding, reversed; /* a request has no answer yet; the board is big-endian */
     uint32_t limit, variables; /* largest payload of the board; scalar variables of the component */
-    bool saves;                /* 1: the component can save its state */
+    bool saves;                /* the component can save its state */
     Reader data;               /* data of the last answer; valid until the next request */
     char message[MESSAGE_SIZE]; /* message of the component, or why there is no answer */
 } Client;

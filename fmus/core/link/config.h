@@ -26,7 +26,7 @@ typedef struct {
     size_t arguments;
     long slot, baud, retries; /* slot: index of the component on the board, -1: found by guid */
     double timeout;           /* s; longest time to wait for an answer */
-    double deadline;          /* s; later answers to a step are late; 0: no deadline */
+    double deadline;          /* s; time after which an answer to a step is late; 0: never */
     Late late;
 } Config;
 

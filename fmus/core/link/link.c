@@ -1,8 +1,8 @@
 /* link.c - FMU in place of a component that runs on a board: calls of FMI 2.0 become requests.
  *
- * A step needs one exchange: all values set since the last step, the step, and all variables that
- * have ever been read. The component checks inputs when they arrive, with the step; all other calls
- * return what the component returns. */
+ * A step needs one exchange with the board: the request contains the step and all values set since
+ * the last step, the answer all variables that the master has ever read. The component therefore
+ * checks set values only with the step. All other calls return what the component returns. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 

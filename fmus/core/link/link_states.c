@@ -4,7 +4,7 @@
 #include "link.h"
 
 typedef struct {
-    uint64_t guid; /* CRC of the guid: restored only for the same interface */
+    uint64_t guid; /* CRC of the guid: another FMU rejects the state */
     uint64_t sum;  /* checksum of the following members and bytes */
     uint64_t size; /* bytes of the state of the component */
     uint64_t stepping, behind;

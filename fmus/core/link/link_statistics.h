@@ -11,7 +11,8 @@
 #include <stdio.h>
 
 typedef struct {
-    uint64_t steps, total, largest; /* instructions; 0: the board does not count */
+    uint64_t steps, total, largest; /* number of steps; instructions of all steps and of the
+                                     * most expensive one, 0: not counted */
     double when;                    /* s; communication point of the most expensive step */
     uint32_t stack;                 /* bytes used by the steps; 0: unknown */
     uint32_t memory;                /* bytes that the instance has allocated */

@@ -2,7 +2,7 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
-/* sends the request of a step from the time of the board to t + h */
+/* sends the request of a step to t + h from t, or from an earlier time if the board is behind */
 static bool send_exchange(Link *l, double t, double h, fmi2Boolean final)
 {
     Writer w = new_request(&l->client);
@@ -46,7 +46,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     Link *l = component;
     unsigned status = fmi2OK;
     if (l->client.outstanding) {
-        status = wait_for_step(l); /* the answer to an earlier step */
+        status = wait_for_step(l); /* for the late answer to an earlier step */
         l->behind |= l->client.outstanding;
     }
     lock_stream(&l->client.stream);

@@ -124,7 +124,7 @@ static void become_emulator(char *const command[], int log)
 }
 
 /* returns when every link has left or the program that contains the links has ended. If the
- * emulator ends before, its pipe is removed, so that no link waits for it. */
+ * emulator ends earlier, the pipe `to_board` is removed, so that no link waits for an emulator. */
 static void wait_for_links(int life, int alive, const Paths *p)
 {
     struct pollfd watched[] = {{life, POLLIN, 0}, {alive, POLLIN, 0}};

@@ -7,9 +7,9 @@
  * functions need 110 and 120. The products of the library are correct and fast.
  *
  * A head is the upper word of a number without its fraction: sign and exponent e. The significand m
- * is a whole number: the number is m 2^(e - 1075). Its bits are the sum of m and head - ONE (as the
- * upper word): the leading one of m, at bit 52, increases the exponent field from e - 1 to e. If m
- * has no leading one, e is 1 and the number is subnormal. */
+ * is a whole number: the number is m 2^(e - 1075). The bits of the number are the sum of m and of
+ * head - ONE as upper word: the leading one of m, at bit 52, increases the exponent field from
+ * e - 1 to e. If m has no leading one, e is 1 and the number is subnormal. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stdbool.h>
 #include <stdint.h>
@@ -19,7 +19,7 @@
 #define QUIET    ((uint64_t)1 << 51)
 #define LEADING  ((uint64_t)1 << 52)
 #define HEAD     0xfff00000u
-#define ONE      0x00100000u /* 1 in the exponent field of a head */
+#define ONE      0x00100000u /* added to a head, increases its exponent field by 1 */
 #define HALF     0x80000000u
 
 /* significand after a right shift. rest: part below the last place of `whole`, in units of 2^-32
@@ -86,7 +86,8 @@ static uint64_t normalised(uint32_t head, uint64_t m)
 }
 
 /* bits of m - n for m >= n. If the exponents of the numbers differ by two or more, the
- * difference loses at most one place; otherwise n.rest has at most one bit that is 1. */
+ * difference is shifted to the left by at most one place; otherwise only the highest bit of n.rest
+ * can be 1. Therefore normalised() never needs a bit of the rest. */
 static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
 {
     m -= n.whole + (n.rest != 0);
@@ -148,7 +149,8 @@ static inline uint32_t reciprocal(uint32_t d)
  * of n bit 52 */
 static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
 {
-    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2; /* never too large, though n is truncated */
+    /* - 2: r is never too large, although n is truncated */
+    uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2;
     uint32_t first = upper_product((uint32_t)(m >> 22), r) >> 4;
     m = (m << 26) - n * first;
     uint32_t second = upper_product((uint32_t)(m >> 22), r) >> 3;
@@ -215,8 +217,8 @@ static inline uint32_t reciprocal_root(uint32_t x)
 
 /* Integer part (54 bits) of the square root of 2^44 x, x >= 2^62. Its upper bits come from the
  * reciprocal root, the others from one Newton step, whose error is at most one unit of the last
- * place. Therefore 1 is subtracted, so that the result is never too large, and the lines after
- * it add what is missing. */
+ * place. Therefore 1 is subtracted, so that the result is never too large, and the loop adds
+ * the units that are missing. */
 static inline uint64_t whole_root(uint64_t x)
 {
     uint32_t y = reciprocal_root(upper(x)), first = upper_product(upper(x), y);

@@ -16,7 +16,7 @@
 
 #include "vec3.h"
 
-#define SHORTEST_PART 0x1p-40 /* width below which a part is not halved; its bound is used */
+#define SHORTEST_PART 0x1p-40 /* a narrower part is not halved: its bound is used */
 #define NEVER         INFINITE
 
 enum { MOST_PARTS = 1 << 16 };

@@ -40,9 +40,9 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
 
 /* solution x of A x = b by elimination without square roots. The upper triangle of A is in the
  * first n < 8 columns of a, b is in column n; both are overwritten. The loop over row i begins at
- * column 0, or at HALF if i >= HALF, because compilers then process two numbers at a time. It
- * thus changes elements left of the diagonal, too, which may have any value and are not used.
- * Returns 0 if A is not positive definite. */
+ * column 0, or at HALF if i >= HALF, instead of the diagonal: with a constant number of passes,
+ * compilers process two numbers at a time. The loop thus also changes elements left of the
+ * diagonal, which may have any value and are not used. Returns 0 if A is not positive definite. */
 enum { UPPER = 8, HALF = UPPER / 2 };
 static inline int solve_upper(double a[][UPPER], int n, double *x)
 {

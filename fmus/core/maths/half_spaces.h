@@ -1,8 +1,8 @@
 /* half_spaces.h - the point nearest to a given one in the intersection of half spaces n.u >= c.
  *
  * Half spaces are added one after the other. If the new one excludes the point, the nearest point
- * lies on its plane. If one of the half spaces before excludes the nearest point of the plane, the
- * point lies on the line in which both planes meet; on this line the half spaces give two bounds
+ * lies on its plane. If an earlier half space excludes the nearest point of this plane, the point
+ * lies on the line in which both planes meet; on this line the half spaces give two bounds
  * (Seidel's incremental method in three dimensions, in a fixed order). The work is bounded: at most
  * n planes, n^2/2 lines and n^3/6 points for n half spaces. Equations: docs/models.md M.5. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -17,7 +17,7 @@ enum { MOST_ROWS = 26, ALL_SATISFIED = -1 };
 typedef struct {
     vec3 n; /* unit normal */
     double c, rule, failed;
-} Row; /* half space n.u >= c; rule: number of its safety rule; failed: 1 once c was relaxed */
+} Row; /* half space n.u >= c; rule: number of its safety rule; failed: 1 if c was relaxed */
 typedef struct {
     Row row[MOST_ROWS];
     int count;
@@ -60,9 +60,9 @@ static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double
     return 1;
 }
 
-/* (21): sets u to the point nearest to u_0 that satisfies the first `number` rows. Returns
- * ALL_SATISFIED, or the index of the first row that no point satisfies together with the rows
- * before it. */
+/* (21) of docs/models.md M.5: sets u to the point nearest to u_0 that satisfies the first `number`
+ * rows. Returns ALL_SATISFIED, or the index of the first row that no point satisfies together with
+ * the rows before it. */
 static inline int nearest_point(const Row row[], int number, vec3 u_0, double tol, vec3 *u)
 {
     *u = u_0;

@@ -1,7 +1,8 @@
 /* huge_angle.h - x mod pi/2 for any double, with a relative error of 2^-60.
  *
  * Payne & Hanek 1983: x 2/pi mod 4 with x = m 2^e needs only seven words of 32 bits of 2/pi. The
- * digits before give multiples of 4, the digits behind are below the precision of the remainder. */
+ * digits of 2/pi before these words give multiples of 4, the digits behind them are below the
+ * precision of the remainder. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef HUGE_ANGLE_H
 #define HUGE_ANGLE_H
@@ -52,8 +53,8 @@ static inline uint64_t upper_product(uint64_t a, uint64_t b) /* a b / 2^64 */
 
 /* x mod pi/2 from the digits of 2/pi. The two highest bits of the product are the number of
  * quarter turns, the others the fraction of a quarter turn; a fraction of 1/2 or more is
- * replaced by the next quarter turn minus the complement. The 64 bits behind the leading zeros of
- * the fraction, which are at most 62, give the remainder. */
+ * replaced by the next quarter turn minus the complement. The remainder is computed from the 64
+ * bits behind the leading zeros of the fraction; there are at most 62 such zeros. */
 static inline Angle reduced_by_digits(double x)
 {
     uint64_t bits = bits_of(x), m = (bits & UINT64_C(0xFFFFFFFFFFFFF)) | UINT64_C(1) << 52;

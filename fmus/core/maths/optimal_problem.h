@@ -5,7 +5,9 @@
  *   box |(C_k u_k)_i| <= most_i,  cone |p - (p.a) a| <= t (p.a) + o,  slab low <= n.p <= high or
  *   ball |p - n| <= high,  speed |v - v_c| <= v_max,  end p = p_end, v = v_end by weights
  *
- * p_k, v_k: position and velocity at the end of node k. Time is counted in horizons T: positions
+ * p_k, v_k: position and velocity at the end of node k; C_k: N axes to servicer axes; us: largest
+ * force/mass; t, o: tangent of the cone's half angle, radius of the cone at p.a = 0. The end is not
+ * a constraint: its deviations have quadratic weights. Time is counted in horizons T: positions
  * are p/T^2, velocities v/T, and the matrices depend on nothing but the number of nodes. The step
  * of the accelerations is a Riccati recursion with the same gains for the three axes; the
  * projections onto the constraints have closed forms. Equations (4) to (19): docs/models.md N. */
@@ -26,11 +28,11 @@ enum { NODES = 60 };
 typedef struct {
     mat3 C;            /* N axes to servicer axes */
     vec3 a;            /* axis of the cone */
-    double tangent, o; /* tangent of the half angle of the cone; its radius at the apex */
+    double tangent, o; /* of the cone: tangent of the half angle, radius at p.a = 0 */
     vec3 n;            /* normal of the slab, or centre of the ball */
     double low, high;  /* bounds of the slab; high: also radius of the ball */
     double has_ball;   /* 1: ball, 0: slab */
-    vec3 place;        /* place of the goal */
+    vec3 place;        /* position of the goal at the end of the node */
     vec3 v_centre;     /* v_c: velocity relative to which v_max limits the speed */
     double v_max;
     vec3 p_free, v_free; /* motion without force, at the end of the node */

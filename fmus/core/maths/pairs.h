@@ -1,8 +1,8 @@
 /* pairs.h - pairs of vectors, quaternions or matrices for two bodies, stored as one array per
  * component.
  *
- * Compilers then process both bodies at once in a loop over the pair, with the same bits as one
- * after the other. */
+ * In a loop over the pair, compilers then process both bodies at once; the results have the same
+ * bits as without this. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PAIRS_H
 #define PAIRS_H

@@ -80,8 +80,9 @@ static inline SineCosine sine_and_cosine(double x) /* the same bits as sine(), c
 }
 
 /* ---- atan2 ---- */
-/* base + base_rest + sign atan(b/a) for 0 <= b <= a: a series in q = b/a, which is computed in
- * two parts, if q < 1/8, else atan(c) + atan((b - c a)/(a + c b)) with the nearest c = k/64 */
+/* base + base_rest + sign atan(b/a) for 0 <= b <= a. If q = b/a < 1/8, q is computed in two
+ * parts and atan(q) by a series; else atan(q) = atan(c) + atan((b - c a)/(a + c b)), where c = k/64
+ * is nearest to q */
 static inline double add_arc(double base, double base_rest, double sign, double b, double a)
 {
     double q = b / a, a_1 = upper_bits(a), a_2 = a - a_1;
@@ -133,7 +134,7 @@ static inline double arc_tangent(double y, double x)
  * table, |r| <= ln 2/256 (Tang 1989) */
 typedef struct {
     double a, tail;
-    int n; /* modulo 2^12: raised() adds it to the sign and exponent of a double, 12 bits */
+    int n; /* modulo 2^12: raised() adds n to the upper 12 bits of a double, sign and exponent */
 } Power;
 
 static inline Power power_of_e(double x)
@@ -190,8 +191,8 @@ static inline double logarithm_at_edge(double x)
 #define SMALLEST_NORMAL (UINT64_C(1) << 52)     /* bits of 2^-1022 */
 #define ALL_NORMAL      (UINT64_C(0x7FE) << 52) /* bits of infinity minus SMALLEST_NORMAL */
 
-/* ln x: x = 2^n z, ln z = ln c + ln(1 + r), with 1/c in 20 bits from a table: r = z/c - 1 is
- * exact in two parts (after Tang 1990) */
+/* ln x: x = 2^n z, ln z = ln c + ln(1 + r), r = z/c - 1. A table contains ln c, and 1/c in 20 bits,
+ * for a number c near z; so r is exact in two parts (after Tang 1990) */
 static inline double logarithm(double x)
 {
     int shift = 1022;

@@ -1,6 +1,6 @@
 /* spline.h - cubic spline through equidistant nodes with zero slope at both ends.
  *
- * m_k: second derivative at node k.
+ * y_k, m_k: value and second derivative at node k, k = 0 to n; dt: distance of the nodes.
  *   2 m_0 + m_1 = 6 (y_1 - y_0)/dt^2
  *   m_{k-1} + 4 m_k + m_{k+1} = 6 (y_{k-1} - 2 y_k + y_{k+1})/dt^2
  *   m_{n-1} + 2 m_n = 6 (y_{n-1} - y_n)/dt^2 */

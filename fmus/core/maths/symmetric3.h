@@ -32,7 +32,7 @@ static inline void rotate_away(double M[3][3], double V[3][3], int p, int q)
     }
 }
 
-static inline Eigen eigen(mat3 m) /* eight sweeps: quadratic convergence needs five */
+static inline Eigen eigen(mat3 m) /* eight sweeps; five suffice, as convergence is quadratic */
 {
     double M[3][3] = {{m.row[0].x, m.row[0].y, m.row[0].z},
                       {m.row[1].x, m.row[1].y, m.row[1].z},

@@ -51,7 +51,7 @@ static inline GridTime grid_time(double t, double grid)
 
 static inline Substep substep_at(GridTime now, GridTime end, double grid)
 {
-    double h = end.t - now.t; /* last piece, or 0 at the end */
+    double h = end.t - now.t; /* if no grid point lies between now and end */
     if (now.before < end.before)
         h = now.t == now.before * grid ? grid : (now.before + 1) * grid - now.t;
     return (Substep){now.t, h, now.before, grid, end};
@@ -70,7 +70,8 @@ static inline Substep next_substep(Substep s)
  * for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) */
 typedef struct { double t, period, index, left; } Sample; /* period 0: one sample at every call */
 
-static inline double sample_index(double t, double period) /* of the first sample at or after t */
+/* index of the first sample at or after t */
+static inline double sample_index(double t, double period)
 {
     double n = grid_number(t, period);
     return isnan(n) ? ceiling_of(t / period) : n;

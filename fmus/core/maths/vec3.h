@@ -1,4 +1,5 @@
-/* vec3.h - vectors and 3x3 matrices by value: a formula stays on one line and nothing aliases. */
+/* vec3.h - vectors and 3x3 matrices, passed by value: a formula is one expression, and no arguments
+ * alias. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef VEC3_H
 #define VEC3_H

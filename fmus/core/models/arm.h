@@ -9,8 +9,8 @@
  * an element of H is the product of a twist and a wrench. H is therefore computed in one inward
  * pass over composite bodies. The block of the base is inverted by mass and inertia about C, the
  * centre of mass of base and arm. E: tip of the arm. Every link frame is parallel to the base at
- * joint angle zero. Sums along the arm run from link to link, all other loops over all links at
- * once. Equations: docs/models.md K.1. */
+ * joint angle zero. Sums along the arm run from link to link; all other loops process all links
+ * at once (columns.h). Equations: docs/models.md K.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_H
 #define ARM_H
@@ -50,7 +50,7 @@ typedef struct {
 typedef struct {
     Wrench base;
     double joint[COLUMNS];
-} Forces; /* generalised forces Q or b, or momenta H u */
+} Forces; /* generalised forces Q or b in H du/dt + b = Q, or momenta H u */
 
 static inline double power(Twist t, Wrench load) { return dot(t.v, load.F) + dot(t.w, load.M); }
 static inline Wrench plus_wrench(Wrench a, double k, Wrench b) /* a + k b */
@@ -289,8 +289,9 @@ static inline Wrench base_rows(const Tree *t, const Speeds *u)
     return sum;
 }
 
-/* rows of the joints in H, times u. Joints inboard of j move all links outboard of j; joints
- * outboard of j move some of these links. */
+/* rows of the joints in H, times u. Element (j, i) of H is the twist at unit rate of the inboard
+ * joint of the two, times the momentum at unit rate of the outboard joint. The first loop sums over
+ * the base and the joints i < j, the second loop over the joints i >= j. */
 static inline void set_joint_rows(double row[COLUMNS], const Tree *t, const Speeds *u)
 {
     int joints = (int)t->joints;
