@@ -65,7 +65,7 @@ static int parse_unit(const char *text, Dimension *d)
 }
 
 /* ---- printing ---- */
-static void print_text(const char *text) /* XML attribute value */
+static void print_text(const char *text) /* as value of an XML attribute */
 {
     for (; *text; text++)
         if (*text == '<') fputs("&lt;", stdout);

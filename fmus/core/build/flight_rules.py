@@ -4,9 +4,9 @@
     python fmus/core/build/flight_rules.py > docs/flight_code.md        (make flight-rules)
 
 The compiler gcc lists the calls and the stack of every function (-fcallgraph-info=su). Calls are
-analysed without optimisation, so that no function is inlined; stack with the optimisation of the
-FMUs (-O2). tests/compliance/test_flight_code.py checks the rules with this module; as a program it
-prints the page docs/flight_code.md.
+analysed without optimisation, so that no function is inlined, and the stack with the optimisation
+of the FMUs (-O2). tests/compliance/test_flight_code.py checks the rules with this module; run as a
+program, the module prints the page docs/flight_code.md.
 """
 
 import argparse

@@ -115,7 +115,7 @@ def _declared(items: Items) -> Iterator[str]:
 
 
 def _name(declarator: Items) -> Iterator[str]:
-    """Yield the name in a declarator without initial value; nothing if it declares a function."""
+    """Yield the name that a declarator without its initial value declares, unless of a function."""
     first = next((i for i, item in enumerate(declarator) if is_bracket(item, "(")), None)
     if first is None:
         yield _words(declarator)[-1]

@@ -57,7 +57,7 @@ typedef int64_t Answers __attribute__((vector_size(8 * WIDTH))); /* per lane -1:
 struct Split {
     jmp_buf place; /* where split() returns to: in performed(), before the call of the function */
     int answer;    /* bits of the active lanes in which the answer is true */
-    Split *outer;  /* Split of the function that called this function */
+    Split *outer;  /* Split that was present before this one */
 };
 inline Split *present; /* Split of the function that is being performed */
 inline jmp_buf again;  /* place in runs.h that repeats macro steps, see step_in_lanes() */
@@ -446,8 +446,8 @@ using lanes::arc_tangent, lanes::exponential, lanes::SineCosine;
     void single_object(State *); \
     void single_object(Output *)
 
-/* the lanes need neither the table nor the checks nor the initialization of a model: the FMU of
- * each run does these */
+/* the lanes need neither the table of a model nor its checks and initialization, which the FMU of
+ * each run performs before */
 #undef FMU_MODEL_OF
 #define FMU_MODEL_OF(...) extern "C" void this_model_has_no_table(void)
 

@@ -289,7 +289,8 @@ static void send_answer(const Board *board, Frame f, unsigned status, size_t dat
     board->write(board->port, outgoing, answer_size);
 }
 
-/* sends the reason why a request was not processed; the last answer stays in `outgoing` */
+/* sends the reason why a request was not processed; the last answer remains in `outgoing`, to
+ * be sent again for a repeated request */
 static void send_rejection(const Board *board, Frame f, Trouble trouble)
 {
     unsigned char bytes[HEADER_SIZE + CRC_SIZE];
