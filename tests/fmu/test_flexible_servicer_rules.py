@@ -47,10 +47,10 @@ REJECTED = {
     "slosh_travel[2] = -1: must be >= 0": {"slosh_travel": (0, -1, 0, 0)},
     "slosh_draw[1] = -0.1: must be >= 0": {"slosh_draw": (-0.1, 0, 0, 0)},
     "sum of slosh_draw = 1.1: must be at most 1": {"slosh_draw": (0.6, 0.5, 0, 0)},
-    "m_h of mass_0, panel_mass, slosh_mass_0 = 0: must be > 0": {"mass_0": 22},
-    "I_hc of J_S": {"J_S": np.diag([20, 25, 15]), "A_w": np.eye(3)},
-    "I_hc - A_w of A_w, J_S": {"A_w": np.diag([180, 15, 10])},
-    "sub-steps of max_step, panel_frequency, slosh_frequency": {"panel_frequency": (4e3, 1, 1, 1)},
+    "mass of the hub, from mass_0, panel_mass, slosh_mass_0 = 0: must be > 0": {"mass_0": 22},
+    "inertia of the hub, from J_S": {"J_S": np.diag([20, 25, 15]), "A_w": np.eye(3)},
+    "inertia of the hub without wheels, from A_w, J_S": {"A_w": np.diag([180, 15, 10])},
+    "substeps, from max_step, panel_frequency": {"panel_frequency": (4e3, 1, 1, 1)},
     "J_S = 400: must satisfy the triangle inequality": {"J_S": np.diag([400, 200, 150])},
     "e = 1: must be in [0, 1)": {"e": 1},
 }
@@ -73,7 +73,7 @@ def test_panels_that_leave_the_hub_no_inertia_are_reported_with_the_remedy(tmp_p
 
     assert message_of(50.0, 45.0, 60.0) == ""  # ppc_tracking
     reported = message_of(50.0, 90.0, 60.0)
-    assert "I_hc of J_S" in reported
+    assert "inertia of the hub, from J_S" in reported
     assert "triangle inequality" in reported
     assert "enlarge J_S or shorten panel_hinge_S, panel_arm_S" in reported
 

@@ -4,8 +4,11 @@
  *   H du/dt + b = Q       u = [v; w; dq]
  *   b = sum_k Jw_k^T (I_k alpha'_k + w_k x I_k w_k) + m_k Jv_k^T a'_k,   alpha', a' with du/dt = 0
  *
- * b is computed in one pass outward and one inward, together with the gravity gradient. The base is
- * eliminated before the system of the joints is solved. Equations: docs/models.md K.1. */
+ * u: velocity of S, angular velocity of the base, joint rates; H: mass matrix; Q: generalised
+ * forces. Of body k: mass m_k, inertia I_k, angular velocity w_k, accelerations a'_k and alpha'_k,
+ * partial velocities Jv_k and Jw_k. b is computed in one pass outward along the arm and one inward,
+ * together with the gravity gradient. The base is eliminated before the system of the joints is
+ * solved. Equations: docs/models.md K.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_DYNAMICS_H
 #define ARM_DYNAMICS_H
@@ -15,12 +18,13 @@
 
 /* ---- H x = y ---- */
 typedef struct {
-    int turns, joints;     /* 1: the base turns; number of joints that move */
+    int turns, joints;     /* turns: 1 if the base turns; joints: number that move */
     double moves[COLUMNS]; /* 1: the joint moves, 0: it is locked */
 } DegreesOfFreedom;
 
-/* per joint: twist including the reaction of the free base, and the element of y_m - H_m0
- * H_00^-1 y_0; 0 for a locked joint */
+/* per joint, 0 for a locked joint: v, w: twist of the outboard links for a unit rate of the joint,
+ * including the reaction of the free base; F, M: wrench of their momentum for this rate without the
+ * reaction; y: element of y_m - H_m0 H_00^-1 y_0 (0: base, m: joints that move) */
 typedef struct {
     vec3s v, w, F, M;
     double y[COLUMNS];
@@ -44,10 +48,10 @@ static inline void reduce(Reduced *restrict r, const Tree *restrict t,
 }
 
 /* solves H x = y for the joints that move; x is 0 for the other joints. Returns 0 if H is not
- * positive definite.
+ * positive definite. With the rows 0 of the base and m of the joints that move:
  * (H_mm - H_m0 H_00^-1 H_0m) x_m = y_m - H_m0 H_00^-1 y_0, x_0 = H_00^-1 (y_0 - H_0m x_m)
- * An element of the reduced matrix is the momentum of one joint times the twist of the other
- * joint, with the reaction of the free base. */
+ * An element of the matrix in the first equation is the momentum for a unit rate of one joint times
+ * the twist for a unit rate of the other joint, which includes the reaction of the free base. */
 static inline int solve_joints(double x[COLUMNS], const Tree *t, const DegreesOfFreedom *k,
                                const Forces *y, const Mobility *base)
 {
@@ -83,8 +87,9 @@ static inline Speeds solve_for_speeds(const Tree *t, const DegreesOfFreedom *k, 
 }
 
 /* ---- loads on the bodies and the generalised forces Q or b ---- */
-/* tidal field: acceleration at x from C minus the acceleration at C, which is G x = g (3 a
- * (a.x) - x), g = mu/r^3 */
+/* tidal field: gravity at x minus gravity at C, the centre of mass of base and arm. The difference
+ * is G x = g (3 a (a.x) - x), x from C, g = mu/r^3, a: unit vector from the planet to C; at_S: its
+ * value at S */
 typedef struct {
     mat3 G;
     vec3 at_S;
@@ -96,8 +101,8 @@ static inline TidalField tidal_field_about(vec3 c, double g, vec3 a)
     return (TidalField){G, neg(mul(G, c))};
 }
 
-/* w~ w~ + alpha~ - G: derivative with respect to position of a' minus the tidal acceleration,
- * within a body */
+/* w~ w~ + alpha~ - G: derivative of a' minus the tidal acceleration with respect to the position of
+ * the point in a body; ~: matrix of the vector product */
 static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
 {
     double xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
@@ -108,8 +113,8 @@ static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
                  G);
 }
 
-/* integral of r x A r dm over a body with inertia I, which is I alpha' + w x I w - 3 g
- * a x (I a). The second moments of the mass are trace(I)/2 1 - I. */
+/* integral of r x A r dm over a body with inertia I. For A of acceleration_gradient() it is
+ * I alpha' + w x I w - 3 g a x (I a). The second moments of the mass are trace(I)/2 1 - I. */
 static inline vec3 moment_of(mat3 A, sym3 I)
 {
     double half = (I.xx + I.yy + I.zz) / 2;
@@ -125,8 +130,9 @@ static inline Wrench inertial_load(Composite b, vec3 a, mat3 A)
     return (Wrench){add(scale(b.m, a), mul(A, b.h)), add(cross(b.h, a), moment_of(A, b.I))};
 }
 
-/* acceleration of each joint minus the tidal acceleration, with du/dt = 0, and its gradient A_i on
- * the link outboard of the joint, A_0 on the base:
+/* at_o: acceleration a' of each joint minus the tidal acceleration, with du/dt = 0; A: gradient A_i
+ * of this difference on the link outboard of the joint, A_0 on the base; o_i: position of joint i,
+ * a_i: its axis:
  *   w_i = w_(i-1) + a_i dq_i,   alpha'_i = alpha'_(i-1) + w_(i-1) x a_i dq_i,
  *   a'(o_(i+1)) = a'(o_i) + A_i (o_(i+1) - o_i) */
 typedef struct {
@@ -156,8 +162,8 @@ static inline void set_acceleration_fields(AccelerationFields *restrict f, const
     partial_sums(&f->at_o, sub(mul(A_0, vec_at(&k->o, 0)), tidal->at_S), &increment);
 }
 
-/* sets b of the joints: loads on the links, summed inward; returns the sum of all links, which
- * acts on the base */
+/* sets b of the joints to the loads on the links, summed inward; returns the sum of the loads on
+ * all links, which acts on the base */
 static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, const Speeds *u,
                                       const TidalField *tidal, mat3 A_0)
 {
@@ -182,7 +188,7 @@ static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, 
     return sum;
 }
 
-/* b - Q_gg: loads of the motion with du/dt = 0, minus the loads by the gravity gradient */
+/* b - Q_gg: loads of the motion with du/dt = 0, minus the loads Q_gg by the gravity gradient */
 static inline Forces velocity_forces(const Tree *t, const Links *k, const Composite *base,
                                      const Speeds *u, const TidalField *tidal)
 {

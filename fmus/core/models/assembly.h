@@ -7,6 +7,10 @@
  *   H   = J_A omega_0 + h_m + h_cmg             about the centre of mass of the assembly
  *   J_A omega_0' + J_A' omega_0 + h_m' + h_cmg' + omega_0 x H = tau_gg + tau_aero
  *
+ * J_A, H: inertia and momentum of the assembly; h_m: momentum of the relative motion; h_cmg:
+ * momentum of the gyros; m_r: reduced mass; A_01: rotation matrix from module to base axes;
+ * omega_0: rate of the base; omega_1: rate of the module relative to the base.
+ *
  * All vectors are in base axes S. Attitude zero is the flight attitude: the base axes coincide with
  * the orbital frame o of the patent, X along the velocity, Y opposite to the orbit normal, Z to the
  * Earth. The attitudes in ports are relative to H (x outward, y along track, z orbit normal): X_o =
@@ -32,12 +36,12 @@ typedef struct {
     double mu, R_C, rho, C_D;
 } Assembly;
 
-/* ---- one position of the arm ---- */
+/* ---- one position and rate of the module about the hinge, which is called the arm ---- */
 typedef struct {
     mat3 J, dJ; /* J_A and its derivative */
-    vec3 h, dh; /* momentum of the relative motion, derivative */
+    vec3 h, dh; /* h_m and its derivative */
     vec3 R, V;
-    Facet facets[FACETS]; /* base axes, from the centre of mass of the assembly */
+    Facet facets[FACETS]; /* positions from the centre of mass of the assembly, base axes */
 } Configuration;
 
 static inline mat3 turn_about_z(double angle) /* A_01 */
@@ -101,7 +105,7 @@ static inline quat q_So_of_q_SH(quat q_SH) /* attitude relative to o, scalar par
 }
 static inline quat q_SH_of_q_So(quat q_So) { return canonical(product(q_oH(), q_So)); }
 
-/* ---- torques; C_So from the attitude ---- */
+/* ---- torques; C_So: rotation matrix from o to base axes ---- */
 static inline vec3 gravity_torque(const Assembly *a, const Configuration *c, mat3 C_So)
 {
     return gravity_gradient(a->mu, mul(C_So, vec(0, 0, -a->R_C)), c->J);

@@ -1,8 +1,8 @@
 /* line_of_sight.h - relative motion in line-of-sight (LOS) coordinates: range, elevation, azimuth.
  *
- * r points from the servicer to the target. One inertial axis is "up"; with that axis called y and
- * the two others in cyclic order, ce = cos(elevation), sb = sin(azimuth) and so on, the axes of
- * frame L are
+ * r points from the servicer to the target, v and a are its derivatives; rho = |r|, eps: elevation,
+ * bet: azimuth. One inertial axis is "up". If this axis is called y and the two others follow in
+ * cyclic order, the axes of frame L are, with ce = cos(elevation), sb = sin(azimuth) and so on,
  *   x_l = [ ce cb,  se, -ce sb] = r/|r|,   y_l = [-se cb,  ce,  se sb],
  *   z_l = x_l x y_l = [ sb,  0,  cb]
  * elevation is counted from the plane normal to "up", azimuth from its first axis, and
@@ -38,7 +38,7 @@ enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 typedef struct {
     Motion q;                         /* range, elevation, azimuth with derivatives; m, rad */
     mat3 C_LN;                        /* rows x_l, y_l, z_l */
-    double ce, se, ce_safe, rho_safe; /* cosine and sine of the elevation; bounded divisors */
+    double ce, se, ce_safe, rho_safe; /* cosine, sine of the elevation; ce, rho as divisors */
 } LineOfSight;
 
 static inline void check_up_axis(Problems *problems, double up)

@@ -35,8 +35,9 @@ static inline vec3 gravity(const Orbit *o, double with_J2, vec3 r)
                  vec(r.x * (1 + j * (1 - zz)), r.y * (1 + j * (1 - zz)), r.z * (1 + j * (3 - zz))));
 }
 
-/* A.4.1: Hill frame: C_HN = [ir; it; ih], rate |h|/r^2 and its Keplerian derivative -2 (r.v)/r^2
- * rate, both about z of H. In deep space (mu = 0) there is no orbit: H is N. */
+/* A.4.1: Hill frame: C_HN with the rows radial, along track and orbit normal; angular velocity w_H
+ * = [0, 0, |h|/r^2] with h = r x v, and its derivative on a Keplerian orbit, dw_H = -2 (r.v)/r^2
+ * w_H. In deep space (mu = 0) there is no orbit: H is N. */
 typedef struct {
     mat3 C_HN;
     vec3 w_H, dw_H;
@@ -80,8 +81,8 @@ static inline mat3 gravity_gradient_matrix(double mu, vec3 r)
     return plus(identity(-k), scaled(3 * k / rr, outer(r, r)));
 }
 
-/* transport terms of the second derivative of x, w' x x + 2 w x x' + w x (w x x); dx: x' as seen
- * in the frame */
+/* transport terms of the second derivative of a vector r, w' x r + 2 w x r' + w x (w x r), with
+ * w = w_H; x: r, dx: r' as seen in the frame */
 static inline vec3 transport(const HillFrame *f, vec3 x, vec3 dx)
 {
     return sum3(cross(f->dw_H, x), scale(2, cross(f->w_H, dx)), cross(f->w_H, cross(f->w_H, x)));

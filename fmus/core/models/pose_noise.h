@@ -1,4 +1,4 @@
-/* pose_noise.h - noise of a camera that measures the pose of a target, by range R.
+/* pose_noise.h - noise of a camera that measures the pose of a target at range R.
  *
  *   along the boresight   sigma_range_0 + sigma_range_2 R^2
  *   across                sigma_bearing_0 + sigma_bearing_1 R
@@ -25,15 +25,15 @@ typedef struct { double range_0, range_2, bearing_0, bearing_1, theta_0, theta_1
 #define POSE_NOISE_ROWS(member)                                                                   \
     NONNEGATIVE_AS("sigma_range_0", member.range_0, "m", "noise along the boresight at range 0"), \
         NONNEGATIVE_AS("sigma_range_2", member.range_2, "1/m",                                    \
-                       "growth of sigma_range_0 with range squared"),                             \
+                       "noise along the boresight: rise per range squared"),                      \
         NONNEGATIVE_AS("sigma_bearing_0", member.bearing_0, "m",                                  \
                        "noise across the boresight at range 0"),                                  \
         NONNEGATIVE_AS("sigma_bearing_1", member.bearing_1, "1",                                  \
-                       "growth of sigma_bearing_0 with range"),                                   \
+                       "noise across the boresight: rise per range"),                             \
         NONNEGATIVE_AS("sigma_theta_0", member.theta_0, "rad",                                    \
                        "noise of the attitude, per axis, at range 0"),                            \
         NONNEGATIVE_AS("sigma_theta_1", member.theta_1, "rad/m",                                  \
-                       "growth of sigma_theta_0 with range")
+                       "noise of the attitude, per axis: rise per range")
 
 /* standard deviations of a measured position at range R, camera axes with boresight X [m] */
 static inline vec3 position_noise(const PoseNoise *n, double R)

@@ -10,7 +10,7 @@ enum { BOX_FACES = 6, PANELS = 4, FACETS = 2 * BOX_FACES + PANELS };
 
 typedef struct { vec3 of[PANELS]; } PanelVectors;
 typedef struct {
-    vec3 box_0, box_1; /* edges along the body axes, m; 0: no box */
+    vec3 box_0, box_1; /* lengths of the edges along the body axes, m; 0: no box */
     double panel_area[PANELS], panel_body[PANELS];
     PanelVectors panel_position, panel_normal; /* from the centre of mass of the body, body axes */
 } Surfaces;

@@ -1,7 +1,7 @@
 /* swing.h - prescribed swing of the module: angle, rate and acceleration of the hinge (the arm)
  * over time.
  *
- * u = (t - start)/duration within 0 .. 1, angle = angle_f f(u):
+ * u = (t - start)/duration, limited to 0 .. 1, angle = angle_f f(u):
  *   smooth:  f = 10 u^3 - 15 u^4 + 6 u^5
  *   else:    f = 2 u^2, from the middle on 1 - 2 (1-u)^2, constant acceleration, then the
  *            opposite */

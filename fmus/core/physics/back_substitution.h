@@ -4,8 +4,10 @@
  *
  *     q_k'' = g_k - P_k.A - L_k.alpha,     P_k = p_k/M_k,  L_k = l_k/M_k
  *
- * P_k and L_k of a slosh mass do not depend on its mass M_k: no equation divides by a mass that may
- * vanish. All vectors are in S axes. */
+ * A, alpha: acceleration of the hub at S and its angular acceleration; g_k: q_k'' without them;
+ * p_k, l_k, M_k: momenta and generalised mass of part k, as in moving_parts.h. P_k and L_k of a
+ * slosh mass do not depend on its mass M_k: no equation divides by a mass that may vanish.
+ * All vectors are in S axes. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef BACK_SUBSTITUTION_H
 #define BACK_SUBSTITUTION_H
@@ -13,7 +15,8 @@
 #include "mat3.h"
 #include "moving_parts.h"
 
-/* inertia I of (4) about S: sum mass (r.r 1 - r r^T) = tr(Q) 1 - Q with Q = sum mass r r^T */
+/* inertia I of (4) about S. The parts as points give the sum of mass (r.r 1 - r r^T), which is
+ * tr(Q) 1 - Q with Q = sum mass r r^T. */
 static inline sym3 inertia_about_S(const Vehicle *v, const Placement *at)
 {
     sym3 I = v->I_fixed, Q = sym_diagonal(0, 0, 0);
@@ -26,8 +29,8 @@ static inline sym3 inertia_about_S(const Vehicle *v, const Placement *at)
     return sym_add(I, sym_sub(sym_diagonal(trace, trace, trace), Q));
 }
 
-/* ---- (7): [U V; V^T W] [A; alpha] = [force; moment], the inertia that the hub has together with
- * parts that follow it ---- */
+/* ---- (7): [U V; V^T W] [A; alpha] = [force; moment]: inertia of the hub after elimination of the
+ * coordinates of its parts ---- */
 typedef struct {
     sym3 I, U, W;
     mat3 V;
@@ -62,7 +65,7 @@ static inline sym3 congruence(mat3 V, mat3 X)
 }
 
 /* acceleration A of the hub at S and alpha under a load: A = U^-1 (force - V alpha),
- * (W - V^T U^-1 V) alpha = moment - V^T U^-1 force; held: the attitude is held, alpha = 0 */
+ * (W - V^T U^-1 V) alpha = moment - V^T U^-1 force; held = 1: alpha = 0 */
 static inline Acceleration acceleration(const EffectiveInertia *x, vec3 force, vec3 moment,
                                         int held)
 {
@@ -95,8 +98,8 @@ static inline vec3 tidal_torque(const TidalField *f, const Placement *at, const 
     return scale(3 * f->g, cross(f->n, sym_mul(I_C, f->n)));
 }
 
-/* Q_k/M_k: acceleration of the coordinate of one part by the tidal field; for a panel
- * a.(n x I_i n) = (I3 - I1) (n.e)(n.t) */
+/* Q_k/M_k: acceleration of the coordinate of one part by the tidal field. The gravity-gradient
+ * torque on a panel adds the term with a.(n x I_i n) = (I3 - I1) (n.e)(n.t). */
 static inline double tidal_part_acceleration(const TidalField *f, const PlacedPart *x, vec3 c)
 {
     double pull = x->part->P_size * dot(x->t, tidal_acceleration(f, sub(x->r, c)));
@@ -107,13 +110,13 @@ static inline double tidal_part_acceleration(const TidalField *f, const PlacedPa
 /* ---- (6): loads and accelerations caused by velocities, springs, dampers and the tidal field, for
  * a hub that does not accelerate ---- */
 typedef struct {
-    vec3 F, M;       /* N_F + sum g_k p_k, N_M + sum g_k l_k */
+    vec3 F, M;       /* force and moment on the hub: N_F + sum g_k p_k, N_M + sum g_k l_k */
     double g[PARTS]; /* accelerations q_k'' of the parts if A = alpha = 0 */
 } BiasTerms;
 
-/* A part exerts the force b + g p = md (g t + 2 q' w x t - q'^2 e) on the vehicle, and its moment;
- * md: factor in p = md t, mu d for a panel with the mass mu whose centre of mass is d from the
- * hinge. For a panel, as r = r_H + d e and I_i is diagonal in the axes e, a, t,
+/* A part contributes the force b + g p = md (g t + 2 q' w x t - q'^2 e), at its position r, to F
+ * and M. md: factor in p = md t, for a panel mu d: its mass mu times the distance d of its centre
+ * of mass from the hinge. For a panel, as r = r_H + d e and I_i is diagonal in axes e, a, t,
  *   (I1 - I3 - mu d^2)(w.e)(w.t) - mu d t.(w x (w x r_H))
  *     = (I1 - I3)(w.e)(w.t) - mu d t.(w x (w x r)),
  *   I_i (w x a) + a x (I_i w) + I2 w x a = (I1 + I2 - I3)(w.t) e - (I2 + I3 - I1)(w.e) t */
@@ -143,10 +146,11 @@ static inline void set_bias_terms(BiasTerms *sum, const Placement *at, vec3 w, c
     sum->M = M;
 }
 
-/* (12): omega_top, an upper bound of the natural frequencies, from the compliance of each
- * coordinate in the free undeformed vehicle:
+/* (12): omega_top, an upper bound of the natural frequencies, from the acceleration of each
+ * coordinate under a unit force on it in the free undeformed vehicle:
  *   M_k (X^-1)_kk = 1 + p_k.A + l_k.alpha
- * with A, alpha under the load P_k, L_k on the hub; X: mass matrix of hub and coordinates */
+ * A, alpha: acceleration of the hub under the force P_k and moment L_k; X: mass matrix of hub and
+ * coordinates */
 static inline double highest_mode(const Vehicle *v)
 {
     const double rest[PARTS] = {0};

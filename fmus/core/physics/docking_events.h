@@ -1,8 +1,8 @@
 /* docking_events.h - phases of the docking mechanism: latch window, capture, release, break.
  *
  * The phase changes only at communication points, at most once at each. Between soft and hard
- * capture the latch retracts the probe. A jump of the stored energy at a change of phase is added
- * to the work of the drive if it is positive, else to the dissipated energy. Equations:
+ * capture a drive in the latch retracts the probe. A jump of the stored energy at a change of phase
+ * is added to the work of this drive if it is positive, else to the dissipated energy. Equations:
  * docs/models.md I.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DOCKING_EVENTS_H
@@ -13,10 +13,10 @@
 
 typedef struct {
     PhaseEntry entry; /* present phase, its start time, pose at that time */
-    double in_window, t_window,
-        window_force; /* 1 in the latch window; time of entry; largest normal force since then */
-    double F_inner;   /* largest normal force at the internal steps of the last step */
-    double load_force, load_moment; /* sizes of the mean force and couple of the last step */
+    /* 1 in the latch window; time of entry into the window; largest normal force since this time */
+    double in_window, t_window, window_force;
+    double F_inner; /* largest normal force at the internal steps of the last step */
+    double load_force, load_moment; /* sizes of mean force and couple over the last step */
     double dissipated, drive;
 } MechanismState;
 

@@ -20,8 +20,9 @@ typedef struct {
     double draw_delay, draw_time, k_sep, stroke_sep;
 } Port;
 
-/* relative motion of the ports. d: tip of the probe from both centres of mass, N axes. e, u: tip
- * and its velocity, w: angular velocity of the probe; relative to Q, in Q axes */
+/* relative motion of the ports. d: tip of the probe from each of the two centres of mass, N axes.
+ * e, u: position and velocity of the tip, w: angular velocity of the probe; relative to Q, in Q
+ * axes */
 typedef struct {
     vec3_pair d;
     vec3 e, u, w;
@@ -29,8 +30,8 @@ typedef struct {
     quat q_PQ;
 } PortState;
 
-/* present phase, and time and pose at its start: e_c: tip (soft capture, release); q_R: rest
- * attitude (soft capture) */
+/* present phase and time of its start; e_c: position e of the tip at the last soft capture or
+ * release; q_R: rest attitude, set at soft capture */
 typedef struct {
     double phase, t_phase;
     vec3 e_c;

@@ -67,16 +67,16 @@ typedef struct {
         NONNEGATIVE_AS("c_rot_" #latch, port.latch.c_rot, "N.m.s/rad", stage ": angular damping")
 
 #define DOCKING_PARAMETERS                                                                         \
-    POSITIVE(mass_S, "kg", "mass of the servicer as predicted"),                                   \
+    POSITIVE(mass_S, "kg", "mass of the servicer, as assumed by the mechanism"),                   \
         MATRIX(J_S, "kg.m2",                                                                       \
-               "inertia of the servicer about its centre of mass, wheels locked, its axes"),       \
-        POSITIVE(mass_T, "kg", "mass of the target as predicted"),                                 \
-        MATRIX(J_T, "kg.m2", "inertia of the target about its centre of mass, its axes"),          \
+               "inertia of the servicer about its centre of mass, wheels locked, body axes"),      \
+        POSITIVE(mass_T, "kg", "mass of the target, as assumed by the mechanism"),                 \
+        MATRIX(J_T, "kg.m2", "inertia of the target about its centre of mass, body axes"),         \
         PARAMETER(p_PS_S, "m",                                                                     \
-                  "tip of the probe from the centre of mass of the servicer, its axes"),           \
+                  "tip of the probe from the servicer's centre of mass, servicer axes"),           \
         PARAMETER(q_PS, "1", "attitude of the probe relative to the servicer; +X points outward"), \
         PARAMETER(p_QT_T, "m",                                                                     \
-                  "centre of the mouth from the centre of mass of the target, its axes"),          \
+                  "centre of the mouth from the target's centre of mass, target axes"),            \
         PARAMETER(q_QT, "1", "attitude of the drogue relative to the target; +X points outward"),  \
         PORT_POSITIVE(mouth_radius, "m", "radius of the cone at its mouth"),                       \
         PORT_POSITIVE(floor_radius, "m", "radius of the cone at its floor"),                       \
@@ -84,10 +84,10 @@ typedef struct {
         PORT_POSITIVE(face_radius, "m", "radius of the face around the mouth"),                    \
         PORT_POSITIVE(depth_max, "m",                                                              \
                       "depth of the tip in the material beyond which no contact force acts"),      \
-        PORT_POSITIVE(k_contact, "1", "contact: stiffness, N per metre to the power n_contact"),   \
+        PORT_POSITIVE(k_contact, "1", "contact: stiffness [N/m^n_contact]"),                       \
         PORT_POSITIVE(n_contact, "1", "contact: exponent of the depth"),                           \
         PORT_NONNEGATIVE(damping_contact, "s/m",                                                   \
-                         "contact: damping force as part of the elastic force, per speed"),        \
+                         "contact: damping force per elastic force and speed of compression"),     \
         PORT_NONNEGATIVE(friction, "1", "contact: coefficient of friction"),                       \
         PORT_NONNEGATIVE(friction_speed, "m/s",                                                    \
                          "contact: slip speed below which friction decreases to zero"),            \
@@ -95,24 +95,25 @@ typedef struct {
         NONNEGATIVE(latch_offset, "m", "window of the latch: largest offset from the axis"),       \
         NONNEGATIVE(latch_angle, "rad", "window of the latch: largest misalignment"),              \
         NONNEGATIVE(latch_speed, "m/s", "window of the latch: largest speed of the tip"),          \
-        NONNEGATIVE(latch_rate, "rad/s", "window of the latch: largest relative rate"),            \
+        NONNEGATIVE(latch_rate, "rad/s", "window of the latch: largest relative angular rate"),    \
         NONNEGATIVE(latch_dwell, "s",                                                              \
-                    "window of the latch: time inside it before the latch closes"),                \
-        NONNEGATIVE(trip_force, "N", "window of the latch: normal force that triggers it"),        \
+                    "window of the latch: least time inside it before soft capture"),              \
+        NONNEGATIVE(trip_force, "N", "window of the latch: normal force needed for soft capture"), \
         LATCH_ROWS(soft, "soft capture"),                                                          \
-        PORT_POSITIVE(draw_delay, "s", "time from soft capture until the probe is drawn in"),      \
-        PORT_POSITIVE(draw_time, "s", "time in which the probe is drawn in"),                      \
+        PORT_POSITIVE(draw_delay, "s", "time from soft capture to the start of the retraction"),   \
+        PORT_POSITIVE(draw_time, "s", "duration of the retraction of the probe"),                  \
         NONNEGATIVE(hard_distance, "m",                                                            \
                     "hard capture: largest distance of the tip from its seated position"),         \
-        NONNEGATIVE(hard_angle, "rad", "hard capture: largest rotation from rest"),                \
+        NONNEGATIVE(hard_angle, "rad", "hard capture: largest rotation from the aligned pose"),    \
         NONNEGATIVE(hard_speed, "m/s", "hard capture: largest speed of the tip"),                  \
-        NONNEGATIVE(hard_rate, "rad/s", "hard capture: largest relative rate"),                    \
+        NONNEGATIVE(hard_rate, "rad/s", "hard capture: largest relative angular rate"),            \
         LATCH_ROWS(hard, "hard capture"),                                                          \
-        NONNEGATIVE(break_force, "N", "the latch breaks at a larger mean force of a step"),        \
-        NONNEGATIVE(break_moment, "N.m", "the latch breaks at a larger mean couple of a step"),    \
+        NONNEGATIVE(break_force, "N", "the latch breaks above this mean force of a step"),         \
+        NONNEGATIVE(break_moment, "N.m", "the latch breaks above this mean couple of a step"),     \
         PORT_POSITIVE(k_sep, "N/m", "stiffness of the separation spring"),                         \
         PORT_NONNEGATIVE(stroke_sep, "m", "stroke of the separation spring"),                      \
-        SWITCH(latency, "1: outputs are the load of the step after the next communication point"), \
+        SWITCH(latency,                                                                            \
+               "1: outputs one step ahead, for masters that transfer them late (Jacobi)"),         \
         GRID(max_step, "longest internal step of the prediction")
 
 static inline void check_nonzero_quaternion(Problems *problems, const char *name, quat q)

@@ -1,5 +1,5 @@
 /* flexible_rules.h - parameters of a servicer with panels and slosh, the vehicle that they
- * describe, and their rules: for each part and for the remaining hub. */
+ * describe, and the rules that they must satisfy for each part and for the remaining hub. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FLEXIBLE_RULES_H
 #define FLEXIBLE_RULES_H
@@ -43,7 +43,7 @@ static inline void check_panel(const Panels *p, int i, Problems *problems)
     check_length(problems, "panel_axis_S", i, p->axis_S[i]);
     if (fabs(cos_angle) > 1e-9)
         reject_entry(problems, "panel_axis_S", i, cos_angle,
-                     "must be perpendicular to panel_arm_S (cosine of the angle between them)");
+                     "must be perpendicular to panel_arm_S (the value is the cosine of the angle)");
     if (least <= 0) reject_entry(problems, "panel_inertia", i, least, "must be > 0");
     else if (!satisfies_triangle_inequality(diagonal(I.x, I.y, I.z)))
         reject_entry(
@@ -80,12 +80,12 @@ static inline double substeps(const FlexibleParameters *p, const Vehicle *v)
 }
 
 /* rejects a hub without positive mass, or with an impossible inertia about its own centre of
- * mass, I_hc = I_h0 - (h.h 1 - h h^T)/m_h, with locked wheels or without wheels */
+ * mass, I_hc = I_h0 - (h.h 1 - h h^T)/m_h with locked wheels, or I_hc - A_w without wheels */
 static inline void check_hub(const FlexibleParameters *p, Problems *problems)
 {
     Vehicle v = vehicle(p);
     if (v.mass <= 0) {
-        reject(problems, "m_h of mass_0, panel_mass, slosh_mass_0", v.mass,
+        reject(problems, "mass of the hub, from mass_0, panel_mass, slosh_mass_0", v.mass,
                "must be > 0 (panels and slosh masses weigh more than mass_0)");
         return;
     }
@@ -94,17 +94,17 @@ static inline void check_hub(const FlexibleParameters *p, Problems *problems)
     double least = smaller(diagonal_I.x, smaller(diagonal_I.y, diagonal_I.z)),
            most = larger(diagonal_I.x, larger(diagonal_I.y, diagonal_I.z));
     if (!is_positive_definite(I_hc))
-        reject(problems, "I_hc of " PARTS_OF_J_S, least,
+        reject(problems, "inertia of the hub, from " PARTS_OF_J_S, least,
                "must be positive definite" TOO_MUCH_INERTIA);
     else if (!satisfies_triangle_inequality(I_hc))
-        reject(problems, "I_hc of " PARTS_OF_J_S, most,
+        reject(problems, "inertia of the hub, from " PARTS_OF_J_S, most,
                "must satisfy the triangle inequality" TOO_MUCH_INERTIA);
     else if (!is_positive_definite(minus(I_hc, p->base.A_w)))
-        reject(problems, "I_hc - A_w of A_w, " PARTS_OF_J_S, least,
+        reject(problems, "inertia of the hub without wheels, from A_w, " PARTS_OF_J_S, least,
                "must be positive definite" TOO_MUCH_INERTIA);
     else if (substeps(p, &v) > 1000)
-        reject(problems, "sub-steps of max_step, panel_frequency, slosh_frequency", substeps(p, &v),
-               "must be at most 1000 (shorten max_step)");
+        reject(problems, "substeps, from max_step, panel_frequency, slosh_frequency",
+               substeps(p, &v), "must be at most 1000 (shorten max_step)");
 }
 
 static inline void check_flexible(Problems *problems, const FlexibleParameters *p)
@@ -119,8 +119,9 @@ static inline void check_flexible(Problems *problems, const FlexibleParameters *
             draw += p->slosh.draw[j];
         }
     if (draw > 1)
-        reject(problems, "sum of slosh_draw", draw, "must be at most 1 over the existing masses");
-    if (problems->count == 0) check_hub(p, problems); /* needs valid parameters */
+        reject(problems, "sum of slosh_draw", draw,
+               "must be at most 1 (sum over all masses with slosh_mass_0 > 0)");
+    if (problems->count == 0) check_hub(p, problems); /* check_hub() needs valid parameters */
 }
 
 #endif

@@ -18,7 +18,7 @@
 #include "mat3.h"
 #include "sym3.h"
 
-enum { PANELS = 4, SLOSHES = 4, PARTS = PANELS + SLOSHES }; /* coordinates: first of panels */
+enum { PANELS = 4, SLOSHES = 4, PARTS = PANELS + SLOSHES }; /* coordinates, panels first */
 
 /* parameters: each array has one entry per panel, or one per slosh mass */
 typedef struct {
@@ -47,7 +47,7 @@ typedef struct {
     double gyroscopic_t, gyroscopic_e; /* I1 + I2 - I3, I1 - I2 - I3 */
     vec3 I_axis;                       /* I2 a */
     double stiffness, damping;         /* divided by M: w^2 and 2 z w */
-    double draw;                       /* consumed propellant that comes from a slosh mass, share */
+    double draw;                       /* share of the propellant consumption from this mass */
 } Part;
 /* sums of p p^T/M, p l^T/M and l l^T/M over parts, as in (7) */
 typedef struct {
@@ -118,8 +118,8 @@ static inline void add_coupling(Coupling *sum, double k, vec3 p, vec3 l)
     sum->ll = sym_add(sum->ll, dyad(k, l));
 }
 
-/* constant part of the inertia I_i of a panel, without (I1 - I3) e e^T: I3 1 + (I2 - I3) a a^T,
- * as e, a, t are perpendicular */
+/* constant part of the inertia of a panel: I3 1 + (I2 - I3) a a^T, the whole inertia minus
+ * (I1 - I3) e e^T, as e, a, t are perpendicular; I: [I1, I2, I3] along e, a, t; axis: a */
 static inline sym3 fixed_inertia(vec3 I, vec3 axis)
 {
     return sym_add(sym_diagonal(I.z, I.z, I.z), dyad(I.y - I.z, axis));
@@ -158,16 +158,17 @@ static inline Vehicle vehicle_of(double mass_0, mat3 J_S, const Panels *panels,
 /* ---- the parts at an instant ---- */
 typedef struct {
     const Part *part;
-    int k;                   /* index of its coordinate q_k */
-    double q, rate, mass, M; /* q_k, q_k', present mass, M by (5) */
-    double md;               /* size of p: p = md t */
-    /* centre of mass from S; unit vector of its velocity in the hub, r' = d q' t; l/M by (5) */
+    int k;                   /* index of the coordinate q_k of the part */
+    double q, rate, mass, M; /* q: q_k; rate: q_k'; mass: at this instant; M by (5) */
+    double md;               /* factor in p = md t */
+    /* r: centre of mass from S; t: unit vector of its velocity relative to the hub, r' = d q' t;
+     * L: l/M by (5) */
     vec3 r, t, L;
     vec3 e; /* unit vector e of a panel by (1) */
 } PlacedPart;
 typedef struct {
     double m, used, hub_mass; /* mass of the vehicle; consumed propellant U; mass of the hub */
-    vec3 s, c, dc;            /* first moment; centre of mass; its velocity relative to the hub */
+    vec3 s, c, dc;            /* first moment about S; centre of mass; its velocity in the hub */
     int count;
     PlacedPart part[PARTS]; /* the parts that exist */
 } Placement;

@@ -1,8 +1,8 @@
 /* sensor.h - conditions under which a sensor has no measurement (outage, drop-out, Sun near the
  * boresight), and latency.
  *
- * Sensors sample at n sample_period; a sample uses the inputs of the call that contains it.
- * Equations: docs/models.md F.2. */
+ * Sensors sample at n sample_period; a sample uses the inputs of the macro step that contains
+ * it. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SENSOR_H
 #define SENSOR_H
@@ -26,7 +26,7 @@
 /* ---- latency: a ring stores samples until they are published ---- */
 enum { RING = 8 };
 
-#define LATENCY_ROW NONNEGATIVE(latency, "s", "from the measurement to the output, up to 7 periods")
+#define LATENCY_ROW NONNEGATIVE(latency, "s", "delay from measurement to output, up to 7 periods")
 
 /* defines the ring buffer of late samples, the types Slot and State; filled: 1 if the slot contains
  * a sample; index: number of this sample */
@@ -82,7 +82,7 @@ typedef struct {
 #define SUN_ROWS(member)                                                            \
     PARAMETER_AS("sun_N", member.direction, "1", "unit vector to the Sun, N axes"), \
         NONNEGATIVE_AS("sun_cone", member.cone, "rad",                              \
-                       "no measurement where the Sun is closer to the boresight; 0 = no limit")
+                       "no measurement with the Sun this close to the boresight; 0 = no limit")
 
 static inline int in_outage(const Outage *o, double t)
 {

@@ -38,7 +38,7 @@ typedef struct {
     double mass, rate_margin;
 } BaseOutput;
 
-/* ---- rows of the interface; every plant of the servicer names these structs `base` ---- */
+/* ---- rows of the interface; every servicer plant has these structs as members `base` ---- */
 #define BASE_START                                     \
     {.orbit = START_ORBIT,                             \
      .rho_0_H = {0, 20, 0},                            \
@@ -64,13 +64,13 @@ typedef struct {
         POSITIVE_AS("mass_0", base.mass_0, "kg", "start mass"),                                    \
         BASE_MATRIX(J_S, "inertia of the whole servicer about its centre of mass, wheels locked, " \
                          "body axes"),                                                             \
-        BASE_MATRIX(A_w, "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),     \
+        BASE_MATRIX(A_w, "matrix from wheel speeds to wheel momentum in body axes"),               \
         PARAMETER_AS("sigma_SN_0", base.sigma_SN_0, "1",                                           \
                      "start attitude relative to N, modified Rodrigues parameters"),               \
         PARAMETER_AS("omega_SN_S_0", base.omega_SN_S_0, "rad/s",                                   \
-                     "angular velocity relative to N when the attitude is released, body axes"),   \
+                     "start angular velocity relative to N (at t_att), body axes"),                \
         PARAMETER_AS("wheel_speed_0", base.wheel_speed_0, "rad/s",                                 \
-                     "wheel speeds relative to the body when the attitude is released"),           \
+                     "start wheel speeds relative to the body (at t_att)"),                        \
         PARAMETER_AS("t_att", base.t_att, "s", "the attitude is frozen before this time"),         \
         BASE_SWITCH(use_J2, "1: oblateness of the planet acts on the orbit"),                      \
         BASE_SWITCH(use_gravity_gradient, "1: gravity gradient acts on the attitude"),             \

@@ -11,8 +11,8 @@
 #include "mounting.h"
 #include "rigid_body.h"
 
-/* default arm: seven joints z, y, x, y, x, y, x at the front face, 2.0 m from the second joint
- * to the tip, 25 kg */
+/* default arm at the front face: seven joints about z, y, x, y, x, y, x, 2.0 m from the second
+ * joint to the tip, 25 kg */
 #define ARM_START                                                                           \
     {.joints = 7,                                                                           \
      .axis = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}}, \
@@ -51,7 +51,7 @@
     PARAMETER_AS("joints", arm.joints, "1", "number of joints, whole, 0 to 7"),                    \
         ARM_MATRIX("joint_axis", axis, "1", "unit vector of the axis, per joint, zero pose"),      \
         ARM_MATRIX("joint_offset", offset, "m",                                                    \
-                   "joint from the previous joint (the first: from S), zero pose, base axes"),     \
+                   "position from the previous joint, the first from S; zero pose, base axes"),    \
         PARAMETER_AS("link_mass", arm.mass, "kg", "mass per link"),                                \
         ARM_MATRIX("link_centre", centre, "m",                                                     \
                    "centre of mass from the joint of the link, per link, zero pose"),              \

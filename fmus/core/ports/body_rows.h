@@ -12,7 +12,8 @@ typedef struct {
     vec3 omega;
 } Body; /* r, v: N axes; q: relative to N; omega: relative to N, body axes */
 
-/* rows of the state of a body; suffix: "_hat" for estimates, else "" */
+/* rows of the state of a body; X: letter of its frame ("S", "T", "E"); suffix: "_hat" for
+ * estimates, else "" */
 #define BODY_ROWS(causality, part, X, suffix, member, body)                         \
     ROW_AS(causality, part, "r_" X "N_N" suffix, member.r, 1, "m",                  \
            "position of the " body ", N axes", ANY_VALUE),                          \

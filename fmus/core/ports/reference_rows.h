@@ -14,7 +14,7 @@ typedef struct {
 
 /* text of the optional input `active` of guidances and controllers */
 #define ACTIVE_TEXT \
-    "1: active; 0: commands are 0, and the next active sample starts as the first one"
+    "1: active; 0: commands are 0, and the next active sample acts as a first sample"
 
 #define REFERENCE_ROW(causality, part, name, member, unit, text) \
     ROW_AS(causality, part, name, member, 1, unit, text, ANY_VALUE)
