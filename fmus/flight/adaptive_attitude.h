@@ -2,10 +2,10 @@
  *
  *   (19) A_hat dOmega = G^T(epsilon) K epsilon/4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)
  *
- * epsilon: MRP of S relative to D, dw = omega - wd, wd = C_SD omega_d, wdd = C_SD alpha_d, with
- * rate omega_d and acceleration alpha_d of D; Omega: wheel speeds, dOmega: commanded wheel
- * acceleration; J_hat, A_hat: estimated inertias of body and wheels; K, P: gains; all in servicer
- * axes. Source: Zhu & Yang 2009; docs/models.md A.5.2. */
+ * epsilon: MRP of S relative to D, d epsilon/dt = G(epsilon) dw/4, dw = omega - wd, wd = C_SD
+ * omega_d, wdd = C_SD alpha_d, with rate omega_d and acceleration alpha_d of D; Omega: wheel
+ * speeds, dOmega: commanded wheel acceleration; J_hat, A_hat: estimated inertias of body and
+ * wheels; K, P: gains; all in servicer axes. Source: Zhu & Yang 2009; docs/models.md A.5.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ADAPTIVE_ATTITUDE_H
 #define ADAPTIVE_ATTITUDE_H

@@ -9,13 +9,13 @@
  *   deta_hat/dt  = Gamma W^T dw,   W = -[ X(wd,wd) + Y(wdd),  X(wd,Omega) + Y(dOmega) ]
  *   eta = [J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33],   Y(b) s = S b,   X(a,b) s = a x (S b)
  *
- * f_rel: relative acceleration of free motion; rho*, drho*, ddrho*: reference; m_hat, J_hat, A_hat:
- * estimates of mass and inertias of body and wheels; Omega, dOmega: wheel speeds and commanded
- * wheel acceleration; omega_d, alpha_d: rate and acceleration of D; K, P, Gamma: gains, separate
- * for translation and attitude; s: elements of a symmetric matrix S in the order of eta. Without
- * wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded torque.
- * Sampled: the command uses the estimates before their explicit Euler update; the published
- * estimates are the updated ones.
+ * f_rel: relative acceleration of free motion; rho*, drho*, ddrho*: reference; m_hat, J_hat,
+ * A_hat: estimates of mass and inertias of body and wheels; Omega, dOmega: wheel speeds and
+ * commanded wheel acceleration; G: d epsilon/dt = G(epsilon) dw/4; omega_d, alpha_d: rate and
+ * acceleration of D; K, P, Gamma: gains, separate for translation and attitude; s: elements of a
+ * symmetric matrix S in the order of eta. Without wheels (use_wheels = 0) the right-hand side of
+ * (19) with opposite sign is the commanded torque. Sampled: the command uses the estimates before
+ * their explicit Euler update; the published estimates are the updated ones.
  * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4,
  * A.5, A.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -92,7 +92,7 @@ static const Variable variables[] = {
     NONNEGATIVE(Gamma_scale, "1", "factor on Gamma_eta"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
     PARAMETER(t_att, "s", "attitude control and its adaptation start at this time"),
-    SWITCH(projection, "1: estimates are limited to the ranges below"),
+    SWITCH(projection, "1: m_hat_range, eta_hat_range, J_offdiag_max, A_offdiag_max apply"),
     NONNEGATIVE(m_hat_range, "1",
                 "projection: largest relative change of the mass estimate from its start value"),
     NONNEGATIVE(eta_hat_range, "1",
@@ -103,7 +103,7 @@ static const Variable variables[] = {
                 "projection: largest change of the off-diagonal wheel inertia estimates"),
     SWITCH(damping_in_regressor, "1: P e2 is part of the regressor of the mass estimate"),
     NONNEGATIVE(wheel_rest, "rad/s",
-                "the inertia estimates rest while a wheel is at least this fast; 0: never"),
+                "the inertia estimates are constant while a wheel is at least this fast; 0: never"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -256,7 +256,7 @@ static void project(const Parameters *p, State *x)
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t,
                     double period)
 {
-    State unchanged = *x; /* before t_att this copy is adapted in place of x */
+    State unchanged = *x; /* before t_att this copy is adapted, and x is not */
     control_translation(p, u, x, y, period);
     control_attitude(p, u, reached(t, p->t_att) ? x : &unchanged, y, period);
     if (!reached(t, p->t_att)) y->wheel_accel_cmd = y->M_cmd_S = vec(0, 0, 0);

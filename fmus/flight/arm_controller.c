@@ -11,11 +11,12 @@
  *
  * H_00, H_0m, H_mm and b_0, b_m: blocks of the mass matrix and of the loads by velocity, 0 for the
  * base, m for the joints; w: rate of the base; c: position of C, the centre of mass of base and
- * arm, from S; r: friction_rate. Without wheels M_sum = M_cmd + M_ff, wheel_accel_sum =
- * wheel_accel_cmd. Every joint error obeys e'' + 2 zeta o e' + o^2 e = 0 for any command of the
- * base, and the planned motion does not turn the base: the term with c balances the torque about C
- * of forces that act at S. The feed-forward does not contain the feedback, so that a joint held by
- * friction does not turn the base. Sampled. Equations: docs/models.md K.4. */
+ * arm, from S; r: friction_rate; Q_0: load of the commands on the base; Omega: wheel speeds; zeta,
+ * A_w: parameters. Without wheels M_sum = M_cmd + M_ff, wheel_accel_sum = wheel_accel_cmd. Every
+ * joint error obeys e'' + 2 zeta o e' + o^2 e = 0 for any command of the base, and the planned
+ * motion does not turn the base: the term with c balances the torque about C of forces that act at
+ * S. The feed-forward does not contain the feedback, so that a joint held by friction does not
+ * turn the base. Sampled. Equations: docs/models.md K.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_dynamics.h"
 #include "arm_rows.h"
@@ -73,8 +74,8 @@ static const Variable variables[] = {
     NONNEGATIVE(omega_joint, "rad/s", "bandwidth of the joints"),
     NONNEGATIVE(omega_rest, "rad/s", "bandwidth of the joints in REST"),
     NONNEGATIVE(zeta, "1", "damping ratio of the joints"),
-    NONNEGATIVE(T_lock, "s", "REST: the brakes close after this time"),
-    NONNEGATIVE(lock_rate, "rad/s", "REST: the brakes close below this rate of all joints"),
+    NONNEGATIVE(T_lock, "s", "REST: least time before the brakes close"),
+    NONNEGATIVE(lock_rate, "rad/s", "REST: largest joint rate at which the brakes close"),
     SWITCH(compensate_torque, "1: feed-forward torque of the base against the arm's motion"),
     SWITCH(compensate_force, "1: feed-forward force of the base against the arm's motion"),
     NONNEGATIVE(M_ff_max, "N.m", "largest feed-forward torque, per axis; 0 = no limit"),

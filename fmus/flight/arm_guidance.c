@@ -111,16 +111,17 @@ static const Variable variables[] = {
     POSITIVE(T_rest, "s", "time in which REST stops the joints"),
     PARAMETER(deploy_from, "s", "with arm_mode_cmd = -1: DEPLOY from this time on"),
     PARAMETER(track_from, "s", "with arm_mode_cmd = -1: ALIGN from this time on"),
-    NONNEGATIVE(gate_distance, "m", "largest distance from the standoff for CLOSE"),
-    NONNEGATIVE(gate_angle, "rad", "largest misalignment for CLOSE"),
-    NONNEGATIVE(K_E, "1/s", "feedback of position and of attitude of the end effector"),
+    NONNEGATIVE(gate_distance, "m", "ALIGN to CLOSE: largest distance from the standoff"),
+    NONNEGATIVE(gate_angle, "rad", "ALIGN to CLOSE: largest misalignment"),
+    NONNEGATIVE(K_E, "1/s", "gains on the error of the end effector; elements: position, attitude"),
     NONNEGATIVE_AS("K_posture", law.K_posture, "1/s",
                    "gain of the null-space motion towards joint_angle_ready"),
     NONNEGATIVE_AS("K_limit", law.K_limit, "1/s",
-                   "largest rate towards an angle limit, per distance from it"),
-    NONNEGATIVE_AS("damping_max", law.damping_max, "1", "damping of the inverse at a singularity"),
+                   "largest rate towards an angle limit, per angle from the limit"),
+    NONNEGATIVE_AS("damping_max", law.damping_max, "1",
+                   "damping of the inverse Jacobian at a singularity"),
     NONNEGATIVE_AS("manipulability_min", law.manipulability_min, "1",
-                   "manipulability below which the inverse is damped"),
+                   "manipulability below which the inverse Jacobian is damped"),
     PARAMETER_AS("joint_angle_min", law.angle_min, "rad", "least joint angles"),
     PARAMETER_AS("joint_angle_max", law.angle_max, "rad", "largest joint angles"),
     NONNEGATIVE_AS("joint_rate_max", law.rate_max, "rad/s", "largest joint rates"),
@@ -149,17 +150,19 @@ static const Variable variables[] = {
     OUTPUT(joint_accel_ref, "rad/s2", "reference of the joint accelerations"),
     MODE(arm_mode, "mode of the arm", "stowed|deploy|align|close|rest|fold"),
     FLAG(grip, "1: the gripper closes"),
-    OUTPUT(tip_Q, "m", "end effector in axes of the fixture"),
+    OUTPUT(tip_Q, "m", "position of the end effector from the fixture, axes of the fixture"),
     ANGLE_OUTPUT(misalignment, "angle between X of the end effector and -X of the fixture"),
     NONNEGATIVE_OUTPUT(tip_speed, "m/s", "speed of the end effector as seen from the fixture"),
     NONNEGATIVE_OUTPUT(tip_rate, "rad/s",
-                       "angular velocity of the end effector as seen from the fixture"),
-    NONNEGATIVE_OUTPUT(position_error, "m", "distance of the end effector from its reference"),
-    NONNEGATIVE_OUTPUT(angle_error, "rad", "angle of the end effector from its reference"),
+                       "size of the angular velocity of the end effector relative to the fixture"),
+    NONNEGATIVE_OUTPUT(position_error, "m",
+                       "distance of the end effector from its reference position"),
+    NONNEGATIVE_OUTPUT(angle_error, "rad", "angle of the end effector from its reference attitude"),
     NONNEGATIVE_OUTPUT(manipulability, "1", "sqrt(det(J J^T)) of the Jacobian in use"),
-    NONNEGATIVE_OUTPUT(damping, "1", "damping of the inverse"),
+    NONNEGATIVE_OUTPUT(damping, "1", "damping of the inverse Jacobian"),
     FLAG(limited, "1: the reference is at a limit of the joint angle, per joint"),
-    NONNEGATIVE_OUTPUT(rate_scale, "1", "factor on all joint rates"),
+    NONNEGATIVE_OUTPUT(rate_scale, "1",
+                       "factor on all joint rates, by which none exceeds joint_rate_max"),
 };
 
 /* K.3-7 */
@@ -181,7 +184,7 @@ typedef struct {
     Links links;
     mat3 C_SN, C_QN;
     quat q_QN, q_EN, q_EQ;
-    vec3 port, tip, w_T; /* r_Q - r_T, r_E - r_T, rate of T; N axes */
+    vec3 port, tip, w_T; /* r_Q - r_T, r_E - r_T, angular velocity of T; N axes */
     vec3 e, X;           /* position of E from Q, X axis of E; Q axes */
     double misalignment, speed, rate;
 } RelativePose;

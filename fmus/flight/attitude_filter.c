@@ -5,10 +5,11 @@
  *   propagation by an increment    phi = dtheta - T b,   q <- q quat_of_rotation_vector(phi)
  *   star tracker of sample m       q_m = q_AN q_AS* D,   y = err(q* q_m)
  *
- * T: sample period; b: bias of the gyro; D: rotation of the servicer from sample m to the present
- * sample; y: residual, with err the small rotation vector of a quaternion.
- * The published rate is the mean of the last period. Source: Lefferts, Markley & Shuster 1982,
- * Farrenkopf 1978; equations: docs/models.md F.4. */
+ * A: axes of the star tracker; m: sample at which it measured; T: sample period; b: bias of the
+ * gyro; dtheta: increment of the gyro; D: quaternion of the servicer's rotation from sample m to
+ * the present sample (not a frame here); y: residual, with err the small rotation vector of a
+ * quaternion. The published rate is the mean of the last period. Source: Lefferts, Markley &
+ * Shuster 1982, Farrenkopf 1978; equations: docs/models.md F.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "covariance.h"
 #include "measurements.h"
@@ -38,7 +39,8 @@ typedef struct {
 } Estimate;
 typedef struct {
     Estimate estimate;
-    /* 1 after the first sample; numbers of the first and the last sample; last gyro_time */
+    /* started: 1 after the first sample; first, index: numbers of the first and last sample;
+     * gyro_last: gyro_time of the last increment used */
     double started, first, index, gyro_last;
     Track star;
     quat rotations[HISTORY]; /* per sample: rotation since the previous sample */
@@ -66,7 +68,8 @@ static const Variable variables[] = {
     GRID(sample_period, "sample period of the software, equal to the period of the gyro"),
     NONNEGATIVE(sigma_v, "1", "angle random walk of the gyro [rad/s^0.5]"),
     NONNEGATIVE(sigma_u, "1", "rate random walk of the gyro [rad/s^1.5]"),
-    NONNEGATIVE(sigma_A, "rad", "noise about the axes of the star tracker, X is the boresight"),
+    NONNEGATIVE(sigma_A, "rad",
+                "noise of the star tracker about each of its axes, X is the boresight"),
     PARAMETER(q_AS, "1", "attitude of the star tracker relative to the servicer, scalar first"),
     PARAMETER(sigma_SN_0, "1", "attitude at the start, modified Rodrigues parameters"),
     NONNEGATIVE(sigma_att_0, "rad", "standard deviation of the attitude at the start, per axis"),
@@ -74,9 +77,10 @@ static const Variable variables[] = {
                 "standard deviation of the bias at the start and at acquisition, per axis"),
     GATE_ROWS(gate),
 
-    INPUT(dtheta_S, "rad", "rotation vector over the last period, body axes"),
-    INPUT(gyro_time, "s", "time at which the increment ends"),
-    INPUT(gyro_valid, "1", "1: an increment ends at gyro_time"),
+    INPUT(dtheta_S, "rad",
+          "increment of the gyro: rotation vector over the last period, body axes"),
+    INPUT(gyro_time, "s", "time at which dtheta_S ends"),
+    INPUT(gyro_valid, "1", "1: the gyro has measured an increment that ends at gyro_time"),
     INPUT(q_AN, "1", "measured attitude of the star tracker relative to N, scalar first"),
     INPUT(star_time, "s", "time of the measured attitude"),
     INPUT(star_valid, "1", "1: an attitude was measured at star_time"),

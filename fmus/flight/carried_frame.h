@@ -1,8 +1,9 @@
 /* carried_frame.h - frame D of a fly-around at constant range from any direction: an attitude that
  * is integrated from sample to sample.
  *
- * D rotates with H until t_a. Then its rotation changes to the rotation of T within T_s, and D is
- * steered until n = -X_D, the direction from target to servicer, is the grasp axis a:
+ * D rotates with H until t_a, the first sample at which it may turn. Then its angular velocity W
+ * changes from w_H of H to w_T of T within T_s, and D is steered until n = -X_D, the direction
+ * from target to servicer, is the grasp axis a:
  *   W  = w_H + s (w_T - w_H) + steer + b
  *   dW = dw_H + s (dw_T - dw_H) + s' (w_T - w_H) + d(steer) + db
  *   s  = 10 x^3 - 15 x^4 + 6 x^5,   x = clip((t - t_a)/T_s, 0, 1)
@@ -24,9 +25,9 @@
 
 typedef struct { double spin_time, k_steer, w_steer, k_integral, spin_accel; } Steering;
 typedef struct {
-    double carried, t; /* 1 from the first active sample on; t_a */
+    double carried, t; /* carried: 1 from the first active sample on; t: t_a */
     quat q_DN;
-    double turns, spin; /* 1 from t_a on; T_s */
+    double turns, spin; /* turns: 1 from t_a on; spin: T_s */
     vec3 b_D;
 } CarriedFrame;
 typedef struct { vec3 w, dw; } AngularMotion; /* angular velocity and its derivative, N axes */
@@ -108,7 +109,8 @@ static inline vec3 integrated_steering(const Steering *p, vec3 b_D, vec3 db_D, d
     return size > p->w_steer ? scale(p->w_steer / size, b) : b;
 }
 
-/* reference position rho = L n and its derivatives, for a direction n that is fixed in D */
+/* reference position rho = L n and its derivatives, for a direction n that is fixed in D; L: range,
+ * r.d and r.dd: its derivatives */
 static inline Motion carried_position(Radius r, vec3 n, AngularMotion D)
 {
     vec3 dn = cross(D.w, n), ddn = add(cross(D.dw, n), cross(D.w, dn));

@@ -8,13 +8,13 @@
  * fuel-optimal. With k_unload > 0 the wheels are also unloaded in laws 1 to 3, by an additional
  * torque M_w:
  *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
- * M_w is switched on when a wheel differs from wheel_speed_ref by unload_on wheel_speed_max, and
- * off when none differs by more than unload_off wheel_speed_max. With `prepare` M_w is always on
- * and brings the wheels to wheel_bias instead of wheel_speed_ref; after `prepare` it is off until a
- * wheel exceeds unload_on again. In law 1 without far_wheels M_w is on above unload_off already,
- * because this law commands no wheels. The throttles th of the relays command virtual engines,
- * whose force and torque the allocation distributes to the thrusters ((o): product of each
- * element):
+ * Omega: wheel speeds; clip limits each axis to M_unload_max. M_w is switched on when a wheel
+ * differs from wheel_speed_ref by unload_on wheel_speed_max, and off when none differs by more
+ * than unload_off wheel_speed_max. With `prepare` M_w is always on and brings the wheels to
+ * wheel_bias instead of wheel_speed_ref; after `prepare` it is off until a wheel exceeds unload_on
+ * again. In law 1 without far_wheels M_w is on above unload_off already, because this law commands
+ * no wheels. The throttles th of the relay controller command virtual engines, whose force and
+ * torque the allocation distributes to the thrusters ((o): product of each element):
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
  *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
  * With far_wheels the wheels give the torque M_1: W_1 = -A_w^-1 M_1, and then M_1 = 0.
@@ -52,7 +52,7 @@ typedef struct {
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
-    double started, force, torque; /* 1 after the first sample; last selections */
+    double started, force, torque; /* 1 after the first sample; selected laws of the last one */
     Command out, D;                /* last command without the push; fading difference D */
     double unloading;
 } State;
@@ -78,35 +78,37 @@ static const Variable variables[] = {
     NONNEGATIVE(brake_thrust, "N", "force of the four virtual brakes together, along -X"),
     NONNEGATIVE(relay_torque, "N.m", "torque of the virtual attitude engines, per body axis"),
     MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, body axes"),
-    SWITCH(far_wheels, "1: the wheels give the torque of law 1, 0: the thrusters"),
-    NONNEGATIVE(push_force, "N", "force along +X after contact"),
+    SWITCH(far_wheels, "1: the wheels give the torque of law 1 (far approach), 0: the thrusters"),
+    NONNEGATIVE(push_force, "N", "force along +X if push = 1, after contact"),
     NONNEGATIVE(blend_time, "s", "time constant of the change from law to law; 0 = immediate"),
     SAMPLE_PERIOD,
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     NONNEGATIVE_AS("unload_on", unload.on, "1",
-                   "unloading in laws 2 and 3 begins at this part of wheel_speed_max"),
+                   "begin of unloading: share of wheel_speed_max from wheel_speed_ref "
+                   "(laws 2, 3; law 1 with far_wheels)"),
     NONNEGATIVE_AS("unload_off", unload.off, "1",
-                   "unloading in laws 1 to 3 ends at this part of wheel_speed_max"),
+                   "end of unloading: share of wheel_speed_max from wheel_speed_ref (laws 1 to 3)"),
     NONNEGATIVE_AS("k_unload", unload.k, "1/s", "gain of the unloading in laws 1 to 3; 0: none"),
     NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
                    "largest torque of unloading in laws 1 to 3, per body axis"),
-    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "target wheel speeds of the unloading"),
+    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s",
+                 "wheel speeds to which the unloading leads"),
 
     MODE_INPUT(select_force, "source of the force", "none|far|close|sync|none|retreat|optimal"),
     MODE_INPUT(select_torque, "source of the torque", "none|far|close|sync|stack"),
-    INPUT(push, "1", "1: push after contact"),
-    INPUT(throttle, "1", "throttles of the relay controller: P1..P8, P'1..P'4, P'5, none"),
-    INPUT(F_close_S, "N", "force commanded by the law of the closing, servicer axes"),
-    INPUT(M_close_S, "N.m", "torque commanded by the law of the closing, servicer axes"),
-    INPUT(wheel_close, "rad/s2", "wheel acceleration commanded by the law of the closing"),
+    INPUT(push, "1", "1: push_force acts in law 3, after contact"),
+    INPUT(throttle, "1", "throttles of the relay controller: P1..P8, P'1..P'4, P'5, 3 unused"),
+    INPUT(F_close_S, "N", "force commanded by law 2 (closing), servicer axes"),
+    INPUT(M_close_S, "N.m", "torque commanded by law 2 (closing), servicer axes"),
+    INPUT(wheel_close, "rad/s2", "wheel acceleration commanded by law 2 (closing)"),
     INPUT(F_sync_S, "N", "force commanded by the synchronised approach, servicer axes"),
     INPUT(M_sync_S, "N.m", "torque commanded by the synchronised approach, servicer axes"),
     INPUT(wheel_sync, "rad/s2", "wheel acceleration commanded by the synchronised approach"),
     INPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
-    INPUT(wheel_stack, "rad/s2", "wheel acceleration commanded by the law of the stack"),
+    INPUT(wheel_stack, "rad/s2", "wheel acceleration commanded by law 4 (stack)"),
     INPUT(M_unload_S, "N.m", "torque of the thrusters that unloads the wheels, servicer axes"),
-    OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with k_unload"),
-    OPTIONAL_SWITCH(prepare, "1: the wheels are brought to wheel_bias, with k_unload"),
+    OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body; used if k_unload > 0"),
+    OPTIONAL_SWITCH(prepare, "1: the wheels are brought to wheel_bias; used if k_unload > 0"),
     OPTIONAL_INPUT(wheel_bias, "rad/s", "wheel speeds that a coming manoeuvre needs"),
     OPTIONAL_INPUT(F_opt_S, "N", "force commanded by the fuel-optimal law, servicer axes"),
 

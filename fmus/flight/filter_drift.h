@@ -2,11 +2,13 @@
  * Wiltshire, and rows (half spaces) of the forces after which it misses the keep-out sphere.
  *
  *   q_j = Phi_rr(j Delta) x_1 + Phi_rv(j Delta) v_1,   j = 0..K,   Delta = passive_time/K       (18)
- * q_j: points of the drift relative to the target; x_1, v_1: position and velocity after the hold
- * of P seconds, which a force u changes by P^2/2 a and P a, a = C_HN C_SN^T u/m; n: orbital rate.
- * Chord j leads from q_j to q_(j+1); sag: distance of the curved drift from a chord. The margin of
- * a chord is its distance from the target minus the larger sag at its ends, the radius of the
- * sphere and passive_margin (19). Vectors are in Hill axes. docs/models.md M.4 */
+ * q_j: point j of the drift relative to the target, at the time j Delta after the hold; Phi_rr,
+ * Phi_rv: parts of the transition matrix; x_1, v_1: position and velocity at the end of the hold
+ * of P seconds without force, which a force u changes by P^2/2 a and P a, a = C_HN C_SN^T u/m; n:
+ * orbital rate; m: mass. Chord j leads from q_j to q_(j+1); sag: distance of the curved drift from
+ * a chord. The margin of a chord is its distance from the target minus the larger sag at its ends,
+ * the radius of the sphere and passive_margin (19). Vectors are in Hill axes.
+ * docs/models.md M.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_DRIFT_H
 #define FILTER_DRIFT_H
@@ -32,7 +34,8 @@ typedef struct {
     int chord;
 } Worst;
 
-/* Phi_rr x + Phi_rv v; n = 0: x + t v */
+/* position q_j of a drift that starts at x with the velocity v: Phi_rr x + Phi_rv v, or x + t v if
+ * n = 0 */
 static inline vec3 clohessy_wiltshire(const DriftFan *f, int j, vec3 x, vec3 v)
 {
     double n = f->n, t = f->t[j], s = f->turned[j].s, c = f->turned[j].c;
@@ -42,13 +45,13 @@ static inline vec3 clohessy_wiltshire(const DriftFan *f, int j, vec3 x, vec3 v)
                lag * x.x + x.y + (2 * (c - 1) * v.x + sweep * v.y) / n, c * x.z + s * v.z / n);
 }
 
-/* Phi_rr^T d: the direction in which a change of x_1 moves q_j most along d */
+/* Phi_rr^T d: gradient of q_j.d with respect to the start position x_1 of the drift */
 static inline vec3 position_sensitivity(const DriftFan *f, int j, vec3 d)
 {
     double s = f->turned[j].s, c = f->turned[j].c;
     return vec((4 - 3 * c) * d.x + 6 * (s - f->n * f->t[j]) * d.y, d.y, c * d.z);
 }
-/* Phi_rv^T d: the direction in which a change of v_1 moves q_j most along d */
+/* Phi_rv^T d: gradient of q_j.d with respect to the start velocity v_1 of the drift */
 static inline vec3 velocity_sensitivity(const DriftFan *f, int j, vec3 d)
 {
     double n = f->n, t = f->t[j], s = f->turned[j].s, c = f->turned[j].c;
@@ -130,10 +133,10 @@ static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, ve
     return heavy.margin < light.margin ? heavy : light;
 }
 
-/* (20): adds a row for each end of chord j except q_0: with such forces this point lies beyond a
- * plane, whose distance from the target is the radius of the sphere plus passive_margin and sag.
- * The normal of the plane points from the target to the nearest point of chord j in the drift
- * without force. */
+/* (20): adds a row for each end of chord j except q_0: with forces that satisfy the row, this end
+ * lies beyond a plane, whose distance from the target is the radius of the sphere plus
+ * passive_margin and sag. The normal of the plane points from the target to the nearest point of
+ * chord j in the drift without force. */
 static inline void add_drift_rows(const FilterParameters *p, const DriftFan *f, int j, Rows *rows)
 {
     Chord free = chord(f, f->free, j);

@@ -5,8 +5,9 @@
  *   W = C_TN^T omega_TN_T,   v_T = v - W x rho,   a_T = g - 2 W x v_T - W x (W x rho)          (2)
  *   the same as seen in the Hill frame of rate w_H = r_T x v_TN_N / |r_T|^2: v_H, a_H          (3)
  *   a_F = |F_max| / (m (1 - mass_error)),   e_p' = e_p + a_F T_r^2/2,   e_v' = e_v + a_F T_r   (4)
- * m: mass, T_r: reaction, e_p, e_v: position_error, velocity_error. Vectors are in N axes.
- * docs/models.md M.1 */
+ * W: angular velocity of the target; v_T, a_T: velocity and free acceleration as seen from the
+ * target; m: mass; T_r, e_p, e_v: reaction, position_error, velocity_error; a_F: largest
+ * acceleration by the force. Vectors are in N axes. docs/models.md M.1 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_GEOMETRY_H
 #define FILTER_GEOMETRY_H
@@ -15,7 +16,8 @@
 #include "tracking.h"
 
 typedef struct {
-    /* sample period; range; a_F, e_p', e_v' of (4); change of F/m in a hold, as S rotates [m/s2] */
+    /* P: sample period; R: range; a_F, e_p', e_v' of (4); turn: largest change of F/m in a hold by
+     * the rotation of S [m/s2] */
     double P, R, a_F, e_p, e_v, turn;
     vec3 rho, v, out, g; /* out: unit vector from the target to the servicer */
     vec3 W, v_T, a_T, w_H, v_H, a_H;
@@ -91,8 +93,8 @@ static inline double least_acceleration(const Gap *x, double P, double recover_s
     return (half - sqrt(half * half + x->a_b * r) - x->w) / P;
 }
 
-/* (8): acceleration of (7), but at most a_b while the barrier is negative by no more than the
- * errors of the state may cause */
+/* (8): acceleration of (7), but at most a_b if the barrier is so little negative that errors of the
+ * state may be the cause */
 static inline double needed_acceleration(const Gap *x, double P, double recover_speed)
 {
     double alpha = least_acceleration(x, P, recover_speed);

@@ -33,7 +33,7 @@ typedef struct {
 #define FILTER_PARAMETERS                                                                        \
     PARAMETER(filter, "1", "0 none, 1 explicit simplex, 2 implicit simplex, 3 least change"),    \
         NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),       \
-        POSITIVE(mass, "kg", "mass of the servicer as assumed"),                                 \
+        POSITIVE(mass, "kg", "mass of the servicer, as known to the filter"),                    \
         NONNEGATIVE(mass_error, "1", "share by which the true mass may differ, below 1"),        \
         POSITIVE(F_max, "N", "force that is always available, per body axis"),                   \
         NONNEGATIVE(a_dist, "m/s2", "bound on every acceleration that is not modelled"),         \
@@ -41,29 +41,29 @@ typedef struct {
         NONNEGATIVE(velocity_error, "m/s", "bound on the error of the relative velocity"),       \
         NONNEGATIVE(attitude_error, "rad", "bound on the error of the target's attitude"),       \
         NONNEGATIVE(rate_error, "rad/s", "bound on the error of the target's rate"),             \
-        NONNEGATIVE(reaction, "s", "delay of the force, with the time constant of its lag"),     \
+        NONNEGATIVE(reaction, "s", "delay of the force plus the time constant of its lag"),      \
         NONNEGATIVE(keep_out_radius, "m", "radius of the keep-out sphere; 0 = rule off"),        \
-        POSITIVE(brake_keep_out, "m/s2", "deceleration before the sphere"),                      \
-        SWITCH(keep_out_opens, "1: sphere and drift rest while approaching (berthing)"),         \
-        SWITCH(use_corridor, "1: approach corridor, while approaching"),                         \
+        POSITIVE(brake_keep_out, "m/s2", "deceleration planned before the keep-out sphere"),     \
+        SWITCH(keep_out_opens, "1: sphere and drift rules off if approaching = 1 (berthing)"),   \
+        SWITCH(use_corridor, "1: corridor rule applies if approaching = 1"),                     \
         POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),              \
         PARAMETER(corridor_axis, "1", "unit vector from the apex outwards, target axes"),        \
         PARAMETER(corridor_apex, "m", "apex, from the target's centre of mass, target axes"),    \
-        NONNEGATIVE(corridor_length, "m", "length of the corridor, which is closed; 0 = open"),  \
-        POSITIVE(brake_corridor, "m/s2", "deceleration before the faces of the corridor"),       \
+        NONNEGATIVE(corridor_length, "m", "distance of the end plane from the apex; 0 = none"),  \
+        POSITIVE(brake_corridor, "m/s2", "deceleration planned before the corridor's faces"),    \
         NONNEGATIVE(alpha_T_max, "rad/s2", "bound on the target's angular acceleration"),        \
-        SWITCH(use_speed_limit, "1: speed limit, while approaching"),                            \
+        SWITCH(use_speed_limit, "1: speed limit applies if approaching = 1"),                    \
         POSITIVE(speed_at_zero, "m/s", "speed limit at range 0, as seen in the Hill frame"),     \
         NONNEGATIVE(speed_slope, "1/s", "rise of the speed limit with the range"),               \
-        NONNEGATIVE(speed_max, "m/s", "the speed limit rises no further"),                       \
+        NONNEGATIVE(speed_max, "m/s", "largest value of the speed limit, at any range"),         \
         NONNEGATIVE(passive_time, "s",                                                           \
-                    "the drift without thrust misses the sphere that long; 0 = rule off"),       \
-        PARAMETER(passive_points, "1", "intervals of the predicted drift, 2 to 32"),             \
-        NONNEGATIVE(passive_margin, "m", "distance of the drift from the sphere"),               \
-        NONNEGATIVE(plume_range, "m", "thrust away from the target is limited up to here"),      \
+                    "time for which drift without thrust must miss the sphere; 0 = rule off"),   \
+        PARAMETER(passive_points, "1", "number of intervals of the predicted drift, 2 to 32"),   \
+        NONNEGATIVE(passive_margin, "m", "least distance of the drift from the sphere"),         \
+        NONNEGATIVE(plume_range, "m", "range below which plume_force applies"),                  \
         NONNEGATIVE(plume_force, "N", "largest thrust away from the target within plume_range"), \
-        POSITIVE(recover_speed, "m/s", "speed of the return of a servicer that is outside"),     \
-        NONNEGATIVE(dwell, "s", "simplex: the command is safe that long before it is obeyed"),   \
+        POSITIVE(recover_speed, "m/s", "return speed of a servicer beyond the edge of a rule"),  \
+        NONNEGATIVE(dwell, "s", "simplex: time for which a command must be safe to pass again"), \
         SAMPLE_PERIOD
 
 #define FILTER_INPUTS                                                 \

@@ -3,9 +3,9 @@
  *
  *   n.u >= m beta (1 + mass_error) if beta > 0, else m beta (1 - mass_error),
  *   beta = alpha + D - n.a                                                                      (9)
- * n: unit vector away from the edge of the rule; beta: acceleration that the force must give along
- * n; alpha: least acceleration of the gap; a: known acceleration; D: bound on the unknown
- * acceleration; m: mass. docs/models.md M.3 */
+ * c: right-hand side; n: unit vector away from the edge of the rule; beta: acceleration that the
+ * force must give along n; alpha: least acceleration of the gap; a: known acceleration; D: bound
+ * on the unknown acceleration; m: mass. docs/models.md M.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_ROWS_H
 #define FILTER_ROWS_H
@@ -72,9 +72,9 @@ static inline double limit_after_hold(const FilterParameters *p, const Geometry 
     return speed_limit(p, larger(range, 0)) - sideways * sideways / p->speed_at_zero - unknown;
 }
 
-/* (14): because of velocity errors, a servicer within its limit may seem to be 2 e_v' above it. The
- * deceleration for these 2 e_v' may use only the smallest axis of F_max divided by sqrt(3), which
- * leaves as much for two other rules. */
+/* (14): because of velocity errors, a servicer below its speed limit may seem to be 2 e_v' above
+ * the limit. The deceleration for these 2 e_v' may use only the smallest axis of F_max divided by
+ * sqrt(3), which leaves as much for two other rules. */
 static inline double speed_force(const FilterParameters *p, const Geometry *g, double beta)
 {
     double share = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z)) / sqrt(3.0);

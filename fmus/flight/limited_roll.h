@@ -23,7 +23,7 @@
 
 #define ROLL_SAMPLES 10   /* tau */
 #define AGREED       1e-6 /* largest differences between D and the rule that count as equal */
-#define NEARLY_BACK  3.0  /* rad: beyond this angle to the rule, D rolls on in the same sense */
+#define NEARLY_BACK  3.0  /* rad: beyond this angle from the rule, D retains its sense of roll */
 
 typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;
 typedef struct { double rate_max, acceleration_max; } RollLimits;
@@ -32,7 +32,7 @@ typedef struct {
     double rate, acceleration; /* roll about i */
 } Roll;
 typedef struct {
-    double mode, t; /* RollMode, and the time of the last sample */
+    double mode, t; /* mode: a RollMode; t: time of the last sample */
     Roll D;
 } RollState;
 

@@ -8,12 +8,12 @@
  * with first and second derivatives as seen in N. The target turns torque-free, or under gravity
  * gradient if use_gravity_gradient. alpha_DN_D follows from the relative acceleration, for which
  * the guidance uses differential gravity minus the last command: the servicer does not know
- * manoeuvres of the target. Y and q_DN never change sign from sample to sample. Where the Sun is
- * within guard_angle of the line of sight, the Y of the last sample applies, made normal to X.
- * Flags: attitude_guard, where this applies; los_guard, where the elevation of the line of sight is
- * above elevation_limit, near the poles of its angles, or the range is below range_limit. A range
- * of zero is rejected. A sample with active = 0 resets the state; its flags are 0. Source: Yin,
- * Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
+ * manoeuvres of the target. Y and q_DN never change sign from sample to sample. Where the Sun or
+ * its opposite is within guard_angle of the line of sight, the Y of the last sample applies, made
+ * normal to X. Flags: attitude_guard, where this applies; los_guard, where the elevation of the
+ * line of sight is above elevation_limit, near the poles of its angles, or the range is below
+ * range_limit. A range of zero is rejected. A sample with active = 0 resets the state; its flags
+ * are 0. Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "directions.h"
@@ -37,7 +37,7 @@ typedef struct {
 } Input;
 typedef struct {
     vec3 y_N;  /* Y of the last sample outside the guard; 0: none yet */
-    quat q_DN; /* of the last sample; 0: none yet */
+    quat q_DN; /* q_DN of the last sample; 0: none yet */
 } State;
 typedef struct {
     Reference ref;
@@ -69,14 +69,13 @@ static const Variable variables[] = {
     SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
     PARAMETER(p_T, "1", "unit vector from the target to the feature, target axes"),
     PARAMETER(sun_N, "1", "direction to the Sun, N axes, of any length"),
-    POSITIVE(rho_f, "m", "distance to hover at"),
-    POSITIVE(force_scale, "kg",
-             "newton per m/s2 of command: turns F_cmd_S into the expected acceleration"),
+    POSITIVE(rho_f, "m", "hovering distance from the target"),
+    POSITIVE(force_scale, "kg", "mass by which F_cmd_S is divided to predict the acceleration"),
     PARAMETER(up_axis, "1", UP_AXIS_TEXT),
     POSITIVE(guard_angle, "rad",
-             "smallest angle between line of sight and Sun before the panel axis is held"),
-    POSITIVE(elevation_limit, "rad", "los_guard: largest elevation, actual or desired"),
-    NONNEGATIVE(range_limit, "m", "los_guard: smallest range"),
+             "the panel axis is held with the line of sight this close to the Sun or its opposite"),
+    POSITIVE(elevation_limit, "rad", "los_guard = 1 above this elevation, actual or desired"),
+    NONNEGATIVE(range_limit, "m", "los_guard = 1 below this range"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -97,7 +96,7 @@ static const Variable variables[] = {
     ANGLE_OUTPUT(
         beta_p,
         "angle between the camera axis (+X of the servicer) and the direction to the target"),
-    ALARM(attitude_guard, "1: line of sight near the Sun, panel axis held"),
+    ALARM(attitude_guard, "1: line of sight near the Sun or its opposite, panel axis held"),
     ALARM(los_guard, "1: elevation above elevation_limit or range below range_limit"),
 };
 

@@ -95,7 +95,7 @@ typedef struct {
             "momentum of the gyros predicted by the guidance, reference body axes"),             \
         ATTITUDE_REFERENCE_ROW(                                                                  \
             causality, part, "dh_ref_D", member.dh, "N.m",                                       \
-            "mean rate of change of h_ref_D over the coming sample, reference body "             \
+            "mean rate of change of h_ref_D over the coming period, reference body "             \
             "axes")
 
 #endif
