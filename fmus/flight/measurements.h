@@ -1,4 +1,4 @@
-/* measurements.h - measurements of a sensor in a filter: which is new, gate, acquisition, age.
+/* measurements.h - measurements of a sensor in a filter: test for new ones, gate, acquisition, age.
  *
  * A measurement is new if it is valid and later than the last new one. Its residuals update a copy
  * of the estimate; if the sum of their normalised squares (nis) exceeds the gate, the copy is
@@ -12,25 +12,25 @@
 #include "portable_math.h"
 #include "time_grid.h"
 
-enum { HISTORY = 16 }; /* a measurement must be less than this number of samples late */
+enum { HISTORY = 16 }; /* a measurement that is late by this number of samples is not used */
 
 typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
 
-#define GATE_ROWS(member)                                                                         \
-    NONNEGATIVE_AS("gate", member.gate, "1",                                                      \
-                   "largest sum of normalised squared residuals of a measurement"),               \
-        NONNEGATIVE_AS("reset_after", member.reset_after, "1",                                    \
-                       "acquire anew after so many rejections in a row; 0 = never"),              \
-        NONNEGATIVE_AS("age_max", member.age_max, "s",                                            \
-                       "oldest last measurement of a valid "                                      \
-                       "estimate"),                                                               \
-        ROW_AS(                                                                                   \
-            PARAMETER_ROW, p, "acquire", member.acquire, 1, "1",                                  \
-            "1: the first measurement sets the measured states, 0: they have their start values", \
-            SWITCH_VALUE)
+#define GATE_ROWS(member)                                                                          \
+    NONNEGATIVE_AS("gate", member.gate, "1",                                                       \
+                   "largest sum of normalised squared residuals of a measurement"),                \
+        NONNEGATIVE_AS(                                                                            \
+            "reset_after", member.reset_after, "1",                                                \
+            "rejections in a row after which the estimate is acquired anew; 0 = never"),           \
+        NONNEGATIVE_AS("age_max", member.age_max, "s",                                             \
+                       "an estimate is valid while its last used measurement is not older"),       \
+        ROW_AS(PARAMETER_ROW, p, "acquire", member.acquire, 1, "1",                                \
+               "1: the first measurement sets the measured states; 0: they begin at start values", \
+               SWITCH_VALUE)
 
 typedef struct {
-    /* times of the last new and of the last used measurement [s]; 1 if a measurement was used */
+    /* last, stamp: times of the last new and of the last used measurement [s]; used: 1 if any
+     * measurement has been used */
     double last, stamp, used;
     double nis, rejected, in_row, acquired;
 } Track;

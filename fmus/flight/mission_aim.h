@@ -1,13 +1,13 @@
-/* mission_aim.h - aim of the closing, with aim_radius > 0: first along a line that is tangent to a
- * sphere about the target, then at the hold.
+/* mission_aim.h - aim of the phase CLOSING if aim_radius > 0: first along a line that is tangent to
+ * a sphere about the target, then at the hold point, which is the second hold in this file.
  *
  *   R_t: aim_radius,  R_0, d_0: range and direction from the target at the start
  *   phi(R) = acos(R_t/R),   theta = phi(R_0) - phi(R),   theta' = -R_t R'/(R sqrt(R^2 - R_t^2))
  *   V: the frame of the start, X along d_0, turned by theta about n = d_0 x (direction of the hold)
  * theta is the angle that a servicer on the tangent has moved about the target when its range is
  * R. The tangent passes the target on the side of the hold. At the range R_2 + NEAR_HOLD, V
- * begins to turn to the hold in a fifth-order step of time, with the peak rate 2 v_2/R_2.
- * docs/models.md J.12 */
+ * begins to turn until X points to the hold. The angle of this turn is a fifth-order step over
+ * time, with the peak rate 2 v_2/R_2; R_2, v_2: parameters. docs/models.md J.12 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_AIM_H
 #define MISSION_AIM_H
@@ -15,14 +15,14 @@
 #include "mission_profile.h"
 
 #define NEAR_HOLD      1.0  /* m: within R_2 + NEAR_HOLD the closing aims at the hold */
-#define SAME_DIRECTION 1e-3 /* rad: if X of V is closer to the hold than this, n = Z_H */
+#define SAME_DIRECTION 1e-3 /* rad: n = Z_H if X of V is this close to the line to the hold */
 
 enum { AT_HOLD, ON_TANGENT, TURNING };
 
 typedef struct {
     double mode;
     double phi;      /* in mode ON_TANGENT: phi(R_0) */
-    double t, angle; /* in mode TURNING: start time of the turn, and its angle */
+    double t, angle; /* in mode TURNING: start time and whole angle of the turn */
     mat3 C_VH;       /* frame V at the start of the mode */
     vec3 axis_H;     /* axis about which V turns, n */
 } Aim;
@@ -52,7 +52,7 @@ static inline mat3 frame_about(vec3 x, vec3 normal) { return rows(x, cross(norma
 static inline vec3 normal_to_hold(const MissionParameters *p, vec3 d)
 {
     vec3 n = cross(d, hold_direction(p));
-    if (norm(n) < SAME_DIRECTION) n = vec(0, 0, 1); /* plane of the orbit: the hold lies in it */
+    if (norm(n) < SAME_DIRECTION) n = vec(0, 0, 1); /* turn in the orbital plane */
     return unit(n);
 }
 

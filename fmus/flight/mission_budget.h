@@ -9,11 +9,13 @@
  *   momentum = |J_T w_T| + w (max J_S + mass mass_T/(mass + mass_T) L_3^2)   of the pair at L_3
  *   dv      = w^2 (R_f pi/steer + L_3 T_3 + (R_f + L_3)/2 T_5)      for turning with the target
  *   wheels  = clip(A_w^-1 (h - J_S w_S), +-bias_max wheel_speed_max),  w_S: rate of the servicer
- * max J_S: largest diagonal element; T_3: dwell of FINAL and HOLD_3 and duration of the mating;
- * T_5: duration of the final approach. h is the momentum of body and wheels together from the
- * closing to the fly-around. As h is parallel to w_m, it is constant in body axes while the
- * servicer turns with w_m. The wheels have h before they turn and h - J_S w_m afterwards: along
- * w_m, half of J_S w_m with either sign. docs/models.md J.13 */
+ * steering: motion about the target relative to its axes, on top of turning with it; h_T, J_T: its
+ * angular momentum and inertia; J_S, A_w: inertias of servicer and wheels; names that are not
+ * explained are parameters. max J_S: largest diagonal element; T_3: dwell of FINAL and HOLD_3 and
+ * duration of the mating; T_5: duration of the final approach. h is the momentum of body and
+ * wheels together from the closing to the fly-around. As h is parallel to w_m, it is constant in
+ * body axes while the servicer turns with w_m. The wheels have h before the servicer turns and
+ * h - J_S w_m afterwards: along w_m, half of J_S w_m with either sign. docs/models.md J.13 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_BUDGET_H
 #define MISSION_BUDGET_H
@@ -24,9 +26,9 @@
 
 enum { CAN_CAPTURE, NO_FORCE, TOO_MUCH_MOMENTUM, NO_PROPELLANT, ONLY_BY_ARM };
 
-/* R: range R_f of the fly-around; steer: steering there; dv: velocity increment for turning with
- * the target until mating; verdict: the first of NO_FORCE, .. ONLY_BY_ARM that applies, or
- * CAN_CAPTURE; bias: wheel speeds before the fly-around */
+/* R: range R_f of the fly-around; steer: steering rate that the force permits there; dv: velocity
+ * increment for turning with the target until mating; verdict: the first of NO_FORCE, ..
+ * ONLY_BY_ARM that applies, or CAN_CAPTURE; bias: wheel speeds before the fly-around */
 typedef struct {
     double R, steer, dv, verdict;
     vec3 bias;
@@ -51,8 +53,8 @@ static inline double range_around(const MissionParameters *p, double mass, doubl
     return clamp(allotted_acceleration(p, mass) / (W * W), p->R_around, p->R_2);
 }
 
-/* wheel speeds before the fly-around, with the momentum h; w_S: mean rate w_m of the target, in
- * servicer axes */
+/* wheel speeds before the fly-around, at which the wheels have the momentum h, all reduced by one
+ * factor if one exceeds its limit; w_S: mean rate w_m of the target in servicer axes */
 static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
 {
     double square = dot(w_S, w_S), share = 1;
@@ -64,8 +66,8 @@ static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
     return scale(share, bias);
 }
 
-/* wheel speeds at the servicer rate w_S with which body and wheels have the angular momentum
- * that `bias` gives at rest */
+/* wheel speeds with which body and wheels, at the servicer rate w_S, have the angular momentum that
+ * they have with the speeds `bias` and the body at rest */
 static inline vec3 wheels_with(const MissionParameters *p, vec3 bias, vec3 w_S)
 {
     vec3 rest = sub(bias, solve(p->A_w, mul(p->J_S, w_S)));
@@ -90,8 +92,8 @@ static inline double increment_ahead(const MissionParameters *p, double tumble, 
     return tumble * tumble * (R * PI / steer + (R + p->L_3) / 2 * final + p->L_3 * there);
 }
 
-/* lower bound of the velocity increment that the remaining propellant gives [m/s]:
- * log(1 + x) >= x/(1 + x) */
+/* lower bound of the velocity increment that the remaining propellant gives [m/s]: the rocket
+ * equation with log(1 + x) replaced by its lower bound x/(1 + x) */
 static inline double increment_left(const MissionParameters *p, double mass)
 {
     return mass > 0 ? p->Isp * STANDARD_GRAVITY * (1 - (p->mass_dry + p->reserve) / mass) : 0;

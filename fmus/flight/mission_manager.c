@@ -30,7 +30,7 @@ typedef MissionInput Input;
 
 typedef struct {
     double runs, since;
-} Timer; /* since: start of the time in which a condition holds */
+} Timer; /* runs: 1 while a condition holds; since: time from which it holds */
 typedef struct {
     double begun, phase, t_phase, reason, attempt, torque;
     double t_valid;
@@ -40,10 +40,10 @@ typedef struct {
     Timer good, touched, error, fast, doomed;
     Profile profile;
     double spins;  /* 1: the servicer turns with the target */
-    Budget budget; /* follows the estimate in phases 0 to 3, later as decided at hold 2 */
+    Budget budget; /* by the estimate in phases 0 to 3; later only `bias` changes */
     Aim aim;
     vec3 dv_N;
-    double planned, clearance; /* 1: a retreat was planned; least range of the drift after it */
+    double planned, clearance; /* 1: a retreat was planned; least range of its drift */
 } State;
 typedef struct {
     double phase, t_phase, reason, attempt;
@@ -64,7 +64,7 @@ MODEL_STRUCT;
 enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, OPTIMAL_LAW, AS_BEFORE };
 enum { NO_GOAL, TO_POINT, TO_AXIS, ALONG_AXIS }; /* goals of the fuel-optimal law */
 enum { STOW, DEPLOY, GRASP, REST };              /* commands to the arm */
-/* a verdict against a capture (mission_budget.h) has the number ATTEMPTS + verdict */
+/* reasons to leave a phase; ATTEMPTS + verdict: verdict against a capture (mission_budget.h) */
 enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
 
 static const struct {
@@ -72,7 +72,7 @@ static const struct {
     int near; /* 1: on the grasp axis: errors are monitored, nav_near applies in place of nav_far */
     int before;  /* 1: before capture, a retreat is possible */
     int profile; /* 1: a range profile begins with this phase */
-    int arm;     /* command to the arm, if the arm mates */
+    int arm;     /* command to the arm, with by_arm */
 } phases[PHASES] = {
     /* clang-format off */
     /*             force      torque     to         near before profile arm */
@@ -140,13 +140,15 @@ static int is_at_hold_3(const Parameters *p, const State *x, const Geometry *g, 
            g->w_rel <= p->rate_3;
 }
 
-/* true if the servicer has backed off beyond the third hold after a time-out */
+/* true if the servicer backs off, after a time-out, beyond the third hold to the fly-around's
+ * range */
 static int is_far_back(const Parameters *p, const State *x)
 {
     return x->phase == BACKOFF && x->profile.to != p->L_3;
 }
 
-/* true if the condition of the present phase holds; after `dwell` seconds the next phase begins */
+/* true if the condition of the present phase holds; the next phase begins when it has held for
+ * `dwell` seconds */
 /* J.1-1 */
 static int condition_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                            double t)
@@ -258,7 +260,7 @@ static const Variable variables[] = {
          "far|hold 1|closing|hold 2|fly-around|final|hold 3|mating|rigidise|detumble|stack|"
          "back-off|retreat|safe|aborted"),
     OUTPUT(t_phase, "s", "time at which the phase began"),
-    MODE(reason, "what ended the phase before",
+    MODE(reason, "reason for which the previous phase ended",
          "its condition|abort|ground|navigation|propellant|error|too fast|time-out|attempts|force|"
          "momentum|propellant ahead|only by arm"),
     NONNEGATIVE_OUTPUT(attempt, "1", "attempts to mate since the start"),
@@ -272,35 +274,36 @@ static const Variable variables[] = {
     OUTPUT(dL_ref, "m/s", "rate of L_ref"),
     OUTPUT(ddL_ref, "m/s2", "acceleration of L_ref"),
     OUTPUT(q_VN, "1", "attitude of the virtual target relative to N, scalar first"),
-    OUTPUT(omega_VN_V, "rad/s", "angular velocity of the virtual target relative to N, own axes"),
-    FLAG(approaching, "1: final approach to detumbling: keep-out zones are open"),
+    OUTPUT(omega_VN_V, "rad/s", "angular velocity of the virtual target relative to N, V axes"),
+    FLAG(approaching, "1: phases 5 to 11, in which the keep-out zone does not apply"),
     FLAG(monitor_valid, "1: the safety monitor may use the relative state"),
     FLAG(latch_enable, "1: the latch is armed"),
     FLAG(release, "1: the latch releases"),
-    FLAG(push, "1: push after contact"),
-    MODE(arm_mode_cmd, "commanded mode of the arm; 0 without by_arm", "stow|deploy|grasp|rest"),
+    FLAG(push, "1: the servicer pushes, after contact in phase 7"),
+    MODE(arm_mode_cmd, "commanded mode of the arm; 0 if by_arm = 0", "stow|deploy|grasp|rest"),
     NONNEGATIVE_OUTPUT(momentum, "N.m.s",
                        "angular momentum of servicer and target about their common centre of mass, "
                        "without wheels"),
     OUTPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
     OUTPUT(dv_left_N, "m/s", "velocity increment of the retreat that remains, N axes"),
     OUTPUT(clearance, "m", "least range of the drift after the retreat, as planned; -1: none yet"),
-    MODE(verdict, "yes or the reason against a capture, with budget; after hold 2 as decided there",
+    MODE(verdict, "yes, or reason against a capture; yes if budget = 0; fixed after hold 2",
          "yes|force|momentum|propellant ahead|only by arm"),
     NONNEGATIVE_OUTPUT(dv_ahead, "m/s",
                        "velocity increment for turning with the target in fly-around, final "
-                       "approach and mating, with budget"),
-    NONNEGATIVE_OUTPUT(steer_max, "rad/s",
-                       "largest steering of the fly-around that the force permits at this range"),
+                       "approach and mating"),
+    NONNEGATIVE_OUTPUT(
+        steer_max, "rad/s",
+        "largest steering rate in target axes that the force permits at the present range"),
     FLAG(prepare, "1: the wheels are brought to wheel_bias, from the closing to the fly-around"),
     FLAG(spin, "1: the servicer may turn with the target; 0: it still waits in the fly-around"),
     OUTPUT(wheel_bias, "rad/s",
-           "wheel speeds to reach before turning with the target; 0 without prepare"),
-    MODE(goal, "goal of the fuel-optimal law, 0 without use_optimal",
+           "wheel speeds to reach before turning with the target; 0 if prepare = 0"),
+    MODE(goal, "goal of the fuel-optimal law; 0 if use_optimal = 0",
          "inactive|point on the line of holds|grasp axis at constant range|along the grasp axis"),
     OUTPUT(L_goal, "m",
-           "range at the end of the goal, up to hold 1; 0: L_end of the fuel-optimal law"),
-    OUTPUT(T_goal, "s", "duration of the goal, up to hold 1; 0: duration of the fuel-optimal law"),
+           "range at the end of the goal; 0 after hold 1: L_end of the fuel-optimal law"),
+    OUTPUT(T_goal, "s", "duration of the goal; 0 after hold 1: duration of the fuel-optimal law"),
 };
 
 /* J.1-12 */
@@ -330,7 +333,7 @@ static double tumble_of_limit(const Parameters *p, const State *x, const Geometr
 }
 
 /* sets `spins`: in the fly-around the servicer first rests in H. It begins to turn with the target
- * when the range profile has ended and the grasp axis is about to pass */
+ * when the range profile has ended and the grasp axis is about to pass the servicer */
 static void update_spin(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
 {
     double begun = x->t_phase + profile_duration(p, &x->profile);
@@ -406,8 +409,8 @@ static int reason_to_retreat(const Parameters *p, const Input *u, const State *x
     return ATTEMPTS + (int)x->budget.verdict;
 }
 
-/* true if a final approach or third hold that takes too long may be repeated from the range of
- * the fly-around; not while mating waits for the ground or for the momentum of both bodies */
+/* true if, after a time-out of FINAL or HOLD_3, the final approach may be repeated from the range
+ * of the fly-around; not while HOLD_3 waits for the ground or for the momentum of both bodies */
 /* J.1-7 */
 static int may_begin_anew(const Parameters *p, const Input *u, const State *x, const Geometry *g)
 {
@@ -422,7 +425,8 @@ static void back_off_far(const Parameters *p, State *x, const Geometry *g, doubl
     x->profile.to = x->budget.R;
 }
 
-/* step 4 in MATING: next phase after soft capture or after a failed attempt */
+/* step 4 of a sample (head of this file) in MATING: next phase after soft capture or after a failed
+ * attempt */
 /* J.1-6 */
 static void update_mating(const Parameters *p, const Input *u, State *x, const Geometry *g,
                           double t)
@@ -440,7 +444,7 @@ static void update_mating(const Parameters *p, const Input *u, State *x, const G
     else enter_phase(p, x, g, RETREAT, ATTEMPTS, t);
 }
 
-/* step 4 in other phases: the next phase, after its condition has held for dwell */
+/* step 4 in other phases: next phase after the condition of the present one has held for `dwell` */
 static void advance_phase(const Parameters *p, const Input *u, State *x, const Geometry *g,
                           double t)
 {

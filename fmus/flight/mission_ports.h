@@ -44,7 +44,7 @@ typedef struct {
     mat3 A_w;
     double wheel_speed_max, bias_max, bias_tol;
     double await_axis, spin_time, spin_accel, use_optimal, far_time;
-    double by_arm, momentum_max, mass_T; /* momentum_max: limit at the grasp [N m s] */
+    double by_arm, momentum_max, mass_T; /* momentum_max: limit for both bodies at the grasp */
     mat3 J_T, J_S;
     double abort_relative, axis_radius, aim_radius, monitor_stack;
     double sample_period;
@@ -60,26 +60,31 @@ typedef struct {
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),             \
         PARAMETER(p_T, "1", "unit vector from the target to the grasp point, target axes"),        \
         PARAMETER(line_angle, "rad",                                                               \
-                  "line of the hold points, from x (outward) towards y (along track) of H"),       \
+                  "angle of the line of hold points, from x (outward) to y (along track) of H"),   \
         POSITIVE(R_1, "m", "range of the first hold"),                                             \
         POSITIVE(R_2, "m", "range of the second hold and of the fly-around"),                      \
-        POSITIVE(L_3, "m", "third hold, on the grasp axis"),                                       \
-        POSITIVE(L_end, "m", "distance at the end of mating, behind the seat"),                    \
-        NONNEGATIVE(tol_1, "m", "tolerance of R_1; in the first hold twice as much"),              \
+        POSITIVE(L_3, "m", "distance of the third hold, on the grasp axis"),                       \
+        POSITIVE(L_end, "m",                                                                       \
+                 "reference distance at which mating ends, behind the seat of the probe"),         \
+        NONNEGATIVE(tol_1, "m", "tolerance of R_1 on arrival; twice this during the first hold"),  \
         POSITIVE(v_1, "m/s", "largest speed at R_1, as seen in H"),                                \
-        NONNEGATIVE(tol_2, "m", "tolerance at R_2"),                                               \
-        POSITIVE(v_2, "m/s", "largest speed at R_2: as seen in H, after the fly-around in T"),     \
-        NONNEGATIVE(angle_2, "rad", "the fly-around ends this close to the grasp axis"),           \
+        NONNEGATIVE(                                                                               \
+            tol_2, "m",                                                                            \
+            "position tolerance at the second hold, range tolerance after the fly-around"),        \
+        POSITIVE(v_2, "m/s", "largest speed at R_2, seen in H; after the fly-around seen in T"),   \
+        NONNEGATIVE(angle_2, "rad",                                                                \
+                    "largest angle off the grasp axis at the end of the fly-around"),              \
         NONNEGATIVE(tol_3, "m", "tolerance at L_3, along and off the axis"),                       \
         POSITIVE(v_3, "m/s", "largest speed at L_3, as seen in T"),                                \
         NONNEGATIVE(angle_3, "rad", "largest pointing error at L_3"),                              \
-        NONNEGATIVE(rate_3, "rad/s", "largest relative rate at L_3"),                              \
+        NONNEGATIVE(rate_3, "rad/s", "largest rate relative to the target at L_3"),                \
         POSITIVE(v_final, "m/s", "peak speed of the final approach"),                              \
         POSITIVE(v_mate, "m/s", "speed of mating"),                                                \
         NONNEGATIVE(ramp_mate, "s", "time to reach v_mate"),                                       \
         POSITIVE(v_back, "m/s",                                                                    \
                  "peak speed of backing off, and of the change of range in the fly-around"),       \
-        NONNEGATIVE(capture_time, "s", "an attempt has failed this long after its first contact"), \
+        NONNEGATIVE(capture_time, "s",                                                             \
+                    "time from first contact after which an attempt has failed"),                  \
         NONNEGATIVE(settle_rate, "rad/s", "largest rate of a stack at rest"),                      \
         POSITIVE(v_retreat, "m/s", "speed of the retreat outwards"),                               \
         POSITIVE(v_drift, "m/s", "speed of the retreat along the track"),                          \
@@ -95,76 +100,81 @@ typedef struct {
         NONNEGATIVE(nav_far, "s", "longest time without a valid state, phases 0 to 4"),            \
         NONNEGATIVE(nav_near, "s", "longest time without a valid state, phases 5, 6, 7, 11"),      \
         NONNEGATIVE(d_abort, "m",                                                                  \
-                    "largest distance off the grasp axis, phases 5, 6, 7, 11: at L_3 (m), and "    \
-                    "its rise with the distance beyond L_3 (m/m)"),                                \
-        NONNEGATIVE(angle_abort, "rad", "largest pointing error, phase 4 (end), 5, 6, 7, 11"),     \
-        NONNEGATIVE(error_dwell, "s", "time above d_abort or angle_abort until a retreat"),        \
-        NONNEGATIVE(v_0, "m/s", "speed limit at range 0: phases 0 to 4; phases 5, 6, 7, 11"),      \
+                    "largest distance off the grasp axis, phases 5 to 7, 11; elements: at L_3, "   \
+                    "rise per m beyond"),                                                          \
+        NONNEGATIVE(angle_abort, "rad",                                                            \
+                    "largest pointing error at the end of phase 4, in 5, 6, 7, 11"),               \
+        NONNEGATIVE(error_dwell, "s",                                                              \
+                    "time above d_abort or angle_abort that leads to a retreat"),                  \
+        NONNEGATIVE(v_0, "m/s",                                                                    \
+                    "speed limit at range 0; elements: in phases 0 to 4; in 5 to 7, 11"),          \
         NONNEGATIVE(v_slope, "1/s",                                                                \
-                    "rise of the speed limit with the range, as v_0; in phases 4, 5, 6, 7, 11 "    \
-                    "the tumble rate is added"),                                                   \
+                    "rise of the speed limit with range, elements as v_0; phases 4 to 7, 11 "      \
+                    "add the tumble rate"),                                                        \
         NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that is added to v_slope"),          \
-        NONNEGATIVE(speed_dwell, "s", "time above the speed limit until a retreat"),               \
+        NONNEGATIVE(speed_dwell, "s", "time above the speed limit that leads to a retreat"),       \
         SWITCH(by_arm, "1: mating is by the arm, which grasps from L_3; 0: by the probe"),         \
         NONNEGATIVE(momentum_max, "N.m.s",                                                         \
-                    "largest angular momentum of both bodies for the mating; 0 = no limit"),       \
+                    "largest angular momentum of both bodies at which they mate; 0 = no limit"),   \
         NONNEGATIVE(budget, "1",                                                                   \
-                    "share of force and of wheels that turning with the target may take; 0: "      \
-                    "nothing is planned"),                                                         \
+                    "share of F_axis and wheel_speed_max for turning with the target; 0: no "      \
+                    "limit, no bias"),                                                             \
         POSITIVE(F_axis, "N", "thrust along +X, towards the target in the fly-around"),            \
-        POSITIVE(R_around, "m", "least range of the fly-around, with budget"),                     \
-        NONNEGATIVE(w_steer, "rad/s", "largest rate of the steering of the fly-around"),           \
-        NONNEGATIVE(steer_least, "rad/s",                                                          \
-                    "least steering that the force must permit for a capture"),                    \
-        NONNEGATIVE(rate_2, "rad/s", "largest relative rate after the fly-around; 0: any"),        \
+        POSITIVE(R_around, "m", "least range of the fly-around (needs budget > 0)"),               \
+        NONNEGATIVE(w_steer, "rad/s",                                                              \
+                    "largest rate of steering about the target in the fly-around"),                \
+        NONNEGATIVE(                                                                               \
+            steer_least, "rad/s",                                                                  \
+            "least steering rate that the force must permit for a capture (needs budget > 0)"),    \
+        NONNEGATIVE(rate_2, "rad/s", "largest relative rate after the fly-around; 0: no limit"),   \
         NONNEGATIVE(rate_probe, "rad/s",                                                           \
-                    "largest tumble rate at which the probe mates; 0 = no limit"),                 \
+                    "largest tumble rate for mating by probe (needs budget > 0); 0 = no limit"),   \
         POSITIVE(Isp, "s", "specific impulse of the thrusters"),                                   \
         MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, servicer axes"),             \
         POSITIVE(wheel_speed_max, "rad/s", "largest wheel speed, per wheel"),                      \
         NONNEGATIVE(bias_max, "1",                                                                 \
-                    "largest bias of the wheels before the fly-around, share of "                  \
-                    "wheel_speed_max; below the level at which they are unloaded"),                \
+                    "largest wheel bias as a share of wheel_speed_max; should be below the "       \
+                    "level of unloading"),                                                         \
         NONNEGATIVE(bias_tol, "1",                                                                 \
-                    "the fly-around begins with the wheels this close to their bias, share of "    \
+                    "largest bias error at the start of the fly-around, as a share of "            \
                     "wheel_speed_max"),                                                            \
         NONNEGATIVE(mass_T, "kg", "mass of the target as known to the software"),                  \
         MATRIX(J_T, "kg.m2", "inertia of the target as known to the software, target axes"),       \
         MATRIX(J_S, "kg.m2", "inertia of the servicer as known to the software, servicer axes"),   \
         NONNEGATIVE(await_axis, "rad",                                                             \
-                    "the servicer begins to turn with the target when its angle from the grasp "   \
-                    "axis is above the least one by at most this; 0: at once"),                    \
-        POSITIVE(spin_time, "s", "time to turn with the target instead of H, as in guidance"),     \
-        NONNEGATIVE(spin_accel, "rad/s2", "largest acceleration, extends spin_time; 0: no limit"), \
+                    "turning with the target begins with the angle off the axis this near its "    \
+                    "least; 0: at once"),                                                          \
+        POSITIVE(spin_time, "s", "time of change from turning with H to T, as in sync_guidance"),  \
+        NONNEGATIVE(spin_accel, "rad/s2", "largest acceleration of that change; 0: no limit"),     \
         SWITCH(use_optimal, "1: the fuel-optimal law commands the force from far to hold 3"),      \
         POSITIVE(far_time, "s", "duration of the fuel-optimal far approach, at most 1200 s"),      \
         SWITCH(abort_relative,                                                                     \
-               "1: the retreat leaves from the last valid state after its drift until now, and "   \
-               "along the grasp axis near the target; 0: from the last valid state, outwards"),    \
-        NONNEGATIVE(                                                                               \
-            axis_radius, "m",                                                                      \
-            "within this range, in phases 5, 6, 7, 11, the retreat leaves along the axis"),        \
+               "1: the last valid state drifts until the retreat, which near T leaves "            \
+               "along the grasp axis; 0: neither"),                                                \
+        NONNEGATIVE(axis_radius, "m",                                                              \
+                    "range up to which a retreat from phases 5, 6, 7, 11 follows the grasp axis"), \
         NONNEGATIVE(aim_radius, "m",                                                               \
-                    "the closing aims along a tangent of this sphere until it is near R_2; 0: at " \
+                    "sphere along whose tangent the closing aims until near R_2; 0: aims at "      \
                     "the hold"),                                                                   \
         SWITCH(monitor_stack,                                                                      \
-               "1: the safety monitor uses the state from soft capture on, too; 0: not in phases " \
-               "8 to 10, where its abort is not obeyed"),                                          \
+               "1: the safety monitor uses the state in phases 8 to 10 too (its abort has "        \
+               "no effect there)"),                                                                \
         GRID(sample_period, "sample period of the software")
 
 #define MISSION_INPUTS                                                                           \
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                              \
         NONNEGATIVE_INPUT(mass, "kg", "mass of the servicer, as measured"),                      \
-        INPUT(relative_valid, "1", "1: the states can be relied on"),                            \
-        INPUT(abort, "1", "1: the safety monitor has taken over"),                               \
+        INPUT(relative_valid, "1", "1: the states of target and servicer are valid"),            \
+        INPUT(abort, "1", "1: the safety monitor has ordered an abort"),                         \
         INPUT(retreat, "1", "1: ground orders the retreat"),                                     \
-        INPUT(resume, "1", "1: ground lets a servicer that drifts safely resume"),               \
+        INPUT(resume, "1", "1: ground permits a new far approach from phase safe"),              \
         INPUT(go_1, "1", "1: go for the closing"), INPUT(go_2, "1", "1: go for the fly-around"), \
         INPUT(go_3, "1", "1: go for mating"),                                                    \
-        INPUT(contact, "1", "1: the mechanism feels contact"),                                   \
+        INPUT(contact, "1", "1: the docking mechanism has contact"),                             \
         INPUT(soft, "1", "1: soft capture"), INPUT(hard, "1", "1: hard capture"),                \
-        INPUT(done, "1", "1: the guidance of the stack has come to its end"),                    \
-        OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with budget")
+        INPUT(done, "1", "1: the guidance of the stack has finished its profile"),               \
+        OPTIONAL_INPUT(wheel_speed, "rad/s",                                                     \
+                       "wheel speeds relative to the body (needs budget > 0)")
 
 /* ---- checks of parameters ---- */
 static inline void check_below(Problems *problems, const char *name, double value, double limit,

@@ -3,7 +3,7 @@
  *   s(x) = 10 x^3 - 15 x^4 + 6 x^5 in 0..1: fifth-order step, at rest at both ends
  *   FLYAROUND        L = R_2 + (R_f - R_2) s(tau/T), R_f: range of the fly-around
  *   FINAL            L = a + (L_3 - a) s(tau/T),  T = 1.875 |a - L_3|/v: peak speed v
- *   BACKOFF          the same to L_3, or from a to R_f, but T is at least 1 s
+ *   BACKOFF          the same as FINAL, to L_3 or to R_f, but T is at least 1 s
  *   MATING           dL = -v s(tau/T), then -v, until L_end; with by_arm: at rest at L_3
  * L: reference distance from the target; tau: time since the start of the phase; a: distance l at
  * this time; T in FLYAROUND: as in FINAL; T in MATING: ramp_mate. v: v_back in FLYAROUND and on the
@@ -16,7 +16,7 @@
 
 typedef struct {
     double phase, t, from, to;
-} Profile; /* phase, its start time, distance L at its start and end */
+} Profile; /* phase, its start time t, distance L at its start (from) and end (to) */
 typedef struct { double L, d, dd; } Distance;
 
 static inline Distance constant_distance(double L) { return (Distance){L, 0, 0}; }
@@ -25,7 +25,8 @@ static inline double profile_duration(const MissionParameters *p, const Profile 
 {
     double way = 1.875 * fabs(a->from - a->to);
     if (a->phase == FINAL) return way / p->v_final;
-    /* v_back, not v_final: after an abort the servicer must stop outside the keep-out zone */
+    /* v_back, not v_final: if an abort interrupts the change of range, the servicer must be able
+     * to stop outside the keep-out zone */
     if (a->phase == FLYAROUND) return way / p->v_back;
     if (a->phase != BACKOFF) return 0;
     return larger(way / (a->to == p->L_3 ? p->v_back : p->v_final), 1);

@@ -3,7 +3,7 @@
  *
  *   v = v_retreat rho/|rho| +- v_drift y_H
  *
- * The sign is chosen so that the least distance of the drift from the target is larger, by the
+ * The sign with the larger least distance of the drift from the target is chosen, by the
  * equations of Clohessy and Wiltshire (hill_drift.h), n = |w_H|. With abort_relative the state is
  * the last valid one after its drift until now, and near the target the direction outwards is the
  * grasp axis.
@@ -17,7 +17,7 @@
 #include "hill_drift.h"
 #include "mission_ports.h"
 
-#define ROUNDED_DOWN 1e-12 /* relative rounding error of the number of steps */
+#define ROUNDED_DOWN 1e-12 /* bound of the relative rounding error of a number of steps */
 #define SPENT        1e-12 /* m/s: a smaller remaining increment counts as 0 */
 
 /* least distance of the drift from the target at the times drift_step, 2 drift_step, .. up to

@@ -1,5 +1,5 @@
-/* mission_window.h - when to begin to turn with the target: its grasp axis turns, and the
- * fly-around is short if the servicer joins where the axis will pass.
+/* mission_window.h - time to begin to turn with the target: its grasp axis moves, and the
+ * fly-around is short if the servicer begins when the axis is about to pass it.
  *
  *   T_s    = max(spin_time, 1.875 w/spin_accel), w = |w_T|: duration of the change to the rate w_T
  *   a_s    = a turned by w T_s/2 about w_T, the angle by which the servicer lags during this change

@@ -24,7 +24,7 @@ typedef struct {
     double depth[NOTCHES], width[NOTCHES], sample_period;
 } Parameters;
 typedef struct { vec3 M_cmd_S, wheel_accel_cmd, F_cmd_S; } Input;
-typedef struct { vec3 one, two; } Memory; /* states of the two notches */
+typedef struct { vec3 one, two; } Memory; /* states of one notch, which is of second order */
 typedef struct { Memory torque[NOTCHES], wheels[NOTCHES], force[NOTCHES]; } State;
 typedef struct { vec3 M_notched_S, wheel_accel_notched, F_notched_S; } Output;
 MODEL_STRUCT;
@@ -41,7 +41,7 @@ static const Variable variables[] = {
     NONNEGATIVE(depth, "1", "damping ratio z of the zeros: gain depth/width at the frequency"),
     NONNEGATIVE(width, "1",
                 "damping ratio Z of the poles: half of the relative width of the notch"),
-    GRID(sample_period, "sample period of the software, which the notches are made for"),
+    GRID(sample_period, "sample period of the software, for which the notches are computed"),
 
     INPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
     INPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),

@@ -12,8 +12,8 @@
  * d_hat: estimated acceleration that is not modelled; tide: gravity at the servicer minus gravity
  * at the target, to first order. Goals: 1 a point on the line of holds, 2 the grasp axis at
  * constant range, 3 along the grasp axis; 0 inactive. The inputs L_goal and T_goal replace range
- * and duration of the goal. The time of arrival is fixed; from T_min before it on, every plan ends
- * T_min after its start.
+ * and duration of the goal. The time of arrival is fixed. A plan ends at the arrival, but not
+ * before T_min after its start.
  * Modes: 0 plan, 1 last feasible plan, 2 brake and hold, 3 no plan yet: the first one is being
  * computed, and the force is 0.
  * Equations, constants and figures: docs/models.md N. */
@@ -89,32 +89,39 @@ static const Variable variables[] = {
     POSITIVE(L_end, "m", "range at the end of a goal, per goal"),
     PARAMETER(line, "1", "line of holds, Hill axes of the target, unit vector (goal 1)"),
     POSITIVE(keep_out, "m", "least range on the way (goals 1 and 2)"),
-    POSITIVE(cone, "rad", "half angle of the cone of the plan before arrival (goal 3)"),
-    POSITIVE(cone_hold, "rad", "half angle of the cone of the plan after arrival (goal 3)"),
-    NONNEGATIVE(hold_lead, "s", "cone_hold applies from this time before arrival on"),
-    NONNEGATIVE(slab, "m", "tolerance of the range along the axis below and above L_end (goal 3)"),
+    POSITIVE(cone, "rad", "half angle of the cone about the grasp axis before arrival (goal 3)"),
+    POSITIVE(cone_hold, "rad",
+             "half angle of the cone about the grasp axis after arrival (goal 3)"),
+    NONNEGATIVE(hold_lead, "s", "time before arrival from which cone_hold replaces cone"),
+    NONNEGATIVE(slab, "m",
+                "tolerance of the range along the axis; elements: below, above L_end (goal 3)"),
     POSITIVE(T_min, "s", "shortest horizon of the plan"),
     SWITCH(speed_limit, "1: the speed as seen in the Hill frame is limited"),
     NONNEGATIVE(v_0, "m/s", "limit of the speed at range 0"),
     NONNEGATIVE(v_slope, "1/s", "rise of the limit of the speed with the range"),
-    POSITIVE(iterations, "1", "iterations in a second, a whole number, 9 to 60"),
+    POSITIVE(iterations, "1", "iterations per second, a whole number, 9 to 60"),
     POSITIVE(iterations_first, "1",
-             "iterations of the first plan of a goal, a whole multiple (1 to 20) of iterations"),
-    POSITIVE(kappa, "1", "weight of the impulse: step of the method, does not move the optimum"),
+             "iterations for the first plan to a new goal: 1, 2, .. 20 times parameter iterations"),
+    POSITIVE(kappa, "1",
+             "ADMM: shrinkage of force per iteration over F_max; does not change the optimum"),
     NONNEGATIVE(k_d, "1", "gain of the estimate of the disturbance, per second"),
-    POSITIVE(tol, "1", "a plan is feasible up to tol[1] (in m) + tol[2] times the range"),
-    POSITIVE(bad_max, "1", "number of plans in a row that are not feasible before a cold start"),
-    NONNEGATIVE(age_max, "s", "longest use of the last feasible plan"),
+    POSITIVE(tol, "1",
+             "a plan is feasible if residual_p, miss <= tol[1] (in m) + tol[2] times the range"),
+    POSITIVE(bad_max, "1", "infeasible plans in a row after which the next solve starts cold"),
+    NONNEGATIVE(age_max, "s",
+                "longest time from the start of a feasible plan for which it is used"),
     NONNEGATIVE(K_b, "1/s2", "position gain of braking"),
     NONNEGATIVE(P_b, "1/s", "velocity gain of braking"),
     POSITIVE(tumble_step, "s",
              "longest step of the prediction of the tumble, with at most four steps in a node"),
     ROW_AS(PARAMETER_ROW, p, "turn", turn, 1, "1",
            "1: the attitude is predicted to turn with the target, per goal", SWITCH_VALUE),
-    NONNEGATIVE(omega_rest, "rad/s", "rate below which the attitude is predicted to stay"),
-    POSITIVE(relax_time, "s", "time in which a plan returns into the constraints"),
+    NONNEGATIVE(omega_rest, "rad/s",
+                "servicer rate below which the attitude is predicted as constant"),
+    POSITIVE(relax_time, "s",
+             "time in which a plan returns into constraints that the state violates"),
     POSITIVE(arrive_radius, "m", "radius about the end point after arrival (goals 1 and 2)"),
-    SWITCH(use_attitude, "1: attitude law; 0: no torque is commanded"),
+    SWITCH(use_attitude, "1: the attitude law is used; 0: no torque is commanded"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
     PARAMETER(t_att, "s", "attitude control starts at this time"),
     NONNEGATIVE(K_att, "N.m", "attitude gain, per body axis"),
@@ -125,7 +132,8 @@ static const Variable variables[] = {
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
-    OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with use_attitude"),
+    OPTIONAL_INPUT(wheel_speed, "rad/s",
+                   "wheel speeds relative to the body (needs use_attitude = 1)"),
     OPTIONAL_INPUT_AS("q_DN", ref.q, "1", "reference attitude relative to N, scalar first"),
     OPTIONAL_INPUT_AS("omega_DN_D", ref.omega, "rad/s",
                       "reference angular velocity relative to N, reference body axes"),
@@ -133,12 +141,13 @@ static const Variable variables[] = {
                       "reference angular acceleration, derivative of omega_DN_D"),
     ROW(INPUT_ROW, u, "mass", mass, 1, "kg", "mass of the servicer as known to the software",
         NONNEGATIVE_VALUE, OPTIONAL_ROW),
-    OPTIONAL_MODE(goal, "where the path leads",
+    OPTIONAL_MODE(goal, "goal of the path",
                   "inactive|point on the line of holds|grasp axis at constant range|along the "
                   "grasp axis"),
     OPTIONAL_INPUT(L_goal, "m",
-                   "range at the end of the goal, another begins a goal anew; 0: L_end"),
-    OPTIONAL_INPUT(T_goal, "s", "time from the begin of the goal to its arrival; 0: duration"),
+                   "range at the end of the goal, a change restarts the goal; 0: L_end applies"),
+    OPTIONAL_INPUT(T_goal, "s",
+                   "time from the begin of the goal to its arrival; 0: duration applies"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
@@ -148,16 +157,19 @@ static const Variable variables[] = {
          "plan|last plan|brake and hold|first plan in work"),
     FLAG(feasible, "1: the last solve gave a feasible plan"),
     ALARM(braking, "1: no plan, the servicer brakes and holds"),
-    NONNEGATIVE_OUTPUT(dv_left, "m/s", "velocity increment of the last solve, sum of the axes"),
-    OUTPUT(t_arrival, "s", "time at which the last solve arrives; 0: not within the horizon"),
+    NONNEGATIVE_OUTPUT(dv_left, "m/s",
+                       "velocity increment of the last solve, sum over axes and nodes"),
+    OUTPUT(t_arrival, "s",
+           "time at which the path of the last solve arrives; 0: not within the horizon"),
     NONNEGATIVE_OUTPUT(residual_p, "m", "largest violation of a position constraint by the path"),
-    NONNEGATIVE_OUTPUT(residual_u, "m/s2", "largest violation of the box by the accelerations"),
+    NONNEGATIVE_OUTPUT(residual_u, "m/s2",
+                       "largest violation of the force limits by the accelerations"),
     NONNEGATIVE_OUTPUT(change_p, "m", "largest change of a position by the last iteration"),
     NONNEGATIVE_OUTPUT(change_u, "m/s2", "largest change of an acceleration by the last iteration"),
-    NONNEGATIVE_OUTPUT(miss, "m", "distance of the end of the path from its end point"),
+    NONNEGATIVE_OUTPUT(miss, "m", "distance of the end of the path from the point of the goal"),
     NONNEGATIVE_OUTPUT(count_box, "1", "nodes with a force at its limit"),
     NONNEGATIVE_OUTPUT(count_cone, "1", "nodes at the cone"),
-    NONNEGATIVE_OUTPUT(count_slab, "1", "nodes at the slab, the sphere or the ball"),
+    NONNEGATIVE_OUTPUT(count_slab, "1", "nodes at the edge of slab, keep_out or arrive_radius"),
     OUTPUT(plan_time, "s", "start of the plan in force"),
     NONNEGATIVE_OUTPUT(plan_step, "s", "length of a node of the plan in force"),
     ROW_AS(OUTPUT_ROW, y, "plan_rho_N", plan_rho_N, 3, "m",
@@ -185,7 +197,7 @@ static void check_goals(const Parameters *p, Problems *problems)
         reject(problems, "tumble_step", p->tumble_step,
                "must be >= 5: a node of 20 s has at most four steps");
     if (p->cone <= p->cone_hold) reject(problems, "cone", p->cone, "must be above cone_hold");
-    if (p->cone >= 1.5) reject(problems, "cone", p->cone, "must be below 1.5");
+    if (p->cone >= 1.5) reject(problems, "cone", p->cone, "must be below 1.5 rad");
 }
 
 /* N.4-8 */

@@ -15,7 +15,7 @@
 #include "time_grid.h"
 
 enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples a second; most seconds a first plan takes */
-#define LONGEST_DURATION 1200.0 /* s: nodes of 20 s, which four steps of 5 s (tumble_step) cover */
+#define LONGEST_DURATION 1200.0 /* s: 60 nodes of 20 s, each of four steps of 5 s (tumble_step) */
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
 enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
@@ -47,8 +47,9 @@ typedef struct {
     vec3 u[NODES];
 } Plan; /* u: accelerations [m/s2] */
 typedef struct {
-    vec3 d_hat, rho, v, F_sum; /* estimate; state at the start of this second, sum of F since */
-    double known;              /* 1: rho, v and F_sum are set */
+    /* estimate of d, state at the start of this second, sum of F since then */
+    vec3 d_hat, rho, v, F_sum;
+    double known; /* 1: rho, v and F_sum are set */
 } Disturbance;
 typedef struct {
     vec3 rho; /* place where braking began, axes of T if in_target, else H */
@@ -61,7 +62,7 @@ typedef struct {
     Iterates it;
     Grid grid; /* time grid of the solve that the iterations improve */
     Progress progress;
-    double range; /* at the start of the solve [m] */
+    double range; /* range at the start of the path that the solve computes [m] */
     Plan plan;
     Hold hold;
     Disturbance d;

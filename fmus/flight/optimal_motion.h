@@ -11,7 +11,7 @@
 #include "orbit.h"
 #include "rk4.h"
 
-/* ---- orbit of the target about an instant ---- */
+/* ---- orbit of the target near one instant ---- */
 typedef struct {
     double k;           /* mu/r^3 [1/s2] */
     vec3 e_r, e_t, e_n; /* axes of the Hill frame at the instant, N components */

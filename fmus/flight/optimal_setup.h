@@ -11,8 +11,9 @@
 
 typedef struct {
     int goal;
-    double L;                               /* range at the end */
-    double t_arrival, range, along, across; /* last three: |rho|, l_0, r_0 at the plan's start */
+    double L; /* range at the end */
+    /* range, along, across: |rho| and distances along and off the grasp axis at the plan's start */
+    double t_arrival, range, along, across;
     Grid grid;
     Carried from;
     OrbitNow orbit;
@@ -69,8 +70,8 @@ static inline void set_end(const Task *task, Tumble last, Problem *b)
         scale(task->grid.dt * NODES, cross(task->goal == TO_POINT ? orbiting : turning, b->p_end));
 }
 
-/* (4): sets position and velocity without force at the end of every node, in units of p/T^2 and
- * v/T; way: path of the previous solve at these times [m] */
+/* (4): sets position and velocity without force at the end of every node, scaled by the horizon T:
+ * position/T^2, velocity/T; way: path of the previous solve at these times [m] */
 static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[], Problem *b)
 {
     double T = task->grid.dt * NODES, h = 1.0 / NODES;
@@ -105,8 +106,8 @@ static inline void set_corridor(const OptimalParameters *p, const Task *task, in
     node->has_ball = 0;
 }
 
-/* goals 1 and 2: sets the constraint of node k: before the arrival the keep-out half space, widened
- * by (7), from the arrival on the ball of arrive_radius around the goal */
+/* goals 1 and 2: sets the constraint of node k. Before the arrival this is the keep-out half space,
+ * widened by (7); afterwards it is the ball of arrive_radius around the goal. */
 static inline void set_keep_out(const OptimalParameters *p, const Task *task, int k, double fade,
                                 vec3 way, Node *node)
 {

@@ -1,4 +1,5 @@
-/* orbit_filter.c - extended Kalman filter: position and velocity of the servicer from fixes.
+/* orbit_filter.c - extended Kalman filter: position and velocity of the servicer from fixes,
+ * which are measurements of both.
  *
  *   dr/dt = v,   dv/dt = gravity with J2 + C_SN^T F_cmd_S/mass_hat,   white acceleration sigma_a
  *
@@ -32,7 +33,7 @@ typedef struct {
 typedef struct {
     Estimate hat;
     double started, index; /* index: number of the last sample */
-    quat q;                /* q_SN at that sample */
+    quat q;                /* q_SN at the last sample */
     Track fix;
 } State;
 typedef struct {
@@ -57,17 +58,17 @@ static const Model start = {
 
 static const Variable variables[] = {
     ORBIT_ROWS(orbit),
-    PARAMETER(r_0_N, "m", "position at the start in N axes, used when a = 0"),
-    PARAMETER(v_0_N, "m/s", "velocity at the start in N axes, used when a = 0"),
+    PARAMETER(r_0_N, "m", "position at the start in N axes, used if parameter a = 0"),
+    PARAMETER(v_0_N, "m/s", "velocity at the start in N axes, used if parameter a = 0"),
     PARAMETER(rho_0_H, "m",
-              "position at the start relative to the orbit, Hill axes, used when a > 0"),
+              "position at the start relative to the orbit, Hill axes, used if parameter a > 0"),
     PARAMETER(drho_0_H, "m/s",
-              "velocity at the start relative to the orbit as seen in the Hill "
-              "frame, used when a > 0"),
+              "velocity at the start relative to the orbit as seen in H, used if "
+              "parameter a > 0"),
     GRID(sample_period, "sample period of the software"),
     SWITCH(use_J2, "1: the software models the oblateness of the planet"),
     POSITIVE(mass_hat, "kg", "mass of the servicer as known to the software"),
-    NONNEGATIVE(sigma_a, "1", "white acceleration, per axis [m/s^1.5]"),
+    NONNEGATIVE(sigma_a, "1", "density of white acceleration noise, per axis, in m/s^1.5"),
     NONNEGATIVE(sigma_fix_r, "m", "noise of the position, per axis"),
     NONNEGATIVE(sigma_fix_v, "m/s", "noise of the velocity, per axis"),
     NONNEGATIVE(sigma_r_0, "m", "standard deviation of the position at the start, per axis"),
@@ -76,7 +77,7 @@ static const Variable variables[] = {
 
     INPUT(r_fix_N, "m", "measured position of the servicer, N axes"),
     INPUT(v_fix_N, "m/s", "measured velocity of the servicer, N axes"),
-    INPUT(fix_time, "s", "time of the fix"),
+    INPUT(fix_time, "s", "time at which the fix was taken"),
     INPUT(fix_valid, "1", "1: a fix was taken at fix_time"),
     INPUT(q_SN, "1", "estimated attitude of the servicer relative to N, scalar first"),
     INPUT(F_cmd_S, "N", "force commanded since the last sample, body axes"),
@@ -88,7 +89,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(fix_nis, "1", "normalised innovation squared of the last fix"),
     NONNEGATIVE_OUTPUT(fix_rejected, "1", "fixes rejected since the start"),
     OUTPUT(fix_age, "s", "time since the last fix used"),
-    FLAG(orbit_valid, "1: acquired, and the last fix used is young enough"),
+    FLAG(orbit_valid, "1: acquired, and fix_age is at most age_max"),
 };
 
 /* F.5-7 */

@@ -6,10 +6,11 @@
  *   attitude, per body axis      M = -(Kp e + Ki I + Kd w),   e: vector part of q_SD, w: rate error
  *   anti-windup                  dI/dt = e + (u - sat(u))/(Ki T_aw)
  *
- * The sampled integral I is computed by explicit Euler steps, after the present I has been used in
- * the command. A T_aw > 0 below the sample period has the effect of T_aw = period, because the
- * back-calculation of one sample would otherwise go beyond the limit and diverge. The factor 1/(Ki
- * T_aw) is the usual gain of back-calculation. Equations: docs/models.md C.5 */
+ * Sigma = diag(-1,-1,1): signs of the channels range, elevation, azimuth (tracking.h); sat: limited
+ * to a_max or M_max. The sampled integral I is computed by explicit Euler steps, after the present
+ * I has been used in the command. A T_aw > 0 below the sample period has the effect of T_aw =
+ * period, because the back-calculation of one sample would otherwise go beyond the limit and
+ * diverge. The factor 1/(Ki T_aw) is the usual gain of back-calculation. Equations: docs/models.md C.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
@@ -45,12 +46,11 @@ static const Model start = {
         GAIN_ROW(member, Ki, i_unit, "integral gain" per), \
         GAIN_ROW(member, Kd, d_unit, "rate gain" per),     \
         GAIN_ROW(member, T_aw, "s",                        \
-                 "time constant with which a limit reduces the integral; 0 = no anti-windup")
+                 "anti-windup time constant, while the command is limited; 0 = none")
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),
-    POSITIVE(wheel_scale, "kg.m2",
-             "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
+    POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration (needs use_wheels = 1)"),
     GAIN_ROWS(range, "1/s2", "1/s3", "1/s", ""),
     GAIN_ROWS(elevation, "m/s2", "m/s3", "m/s", ", per rad"),
     GAIN_ROWS(azimuth, "m/s2", "m/s3", "m/s", ", per rad"),
@@ -101,7 +101,8 @@ static vec3 integrated(const Gains3 *k, vec3 integral, vec3 e, vec3 excess, doub
     return bounded3(sum3(integral, scale(period, e), back));
 }
 
-/* Sigma changes signs only, and the limits are symmetric: u - sat(u) = Sigma (a_L - sat(a_L)) */
+/* u - sat(u) is computed as u - Sigma sat(a_L), because Sigma changes signs only and the limits are
+ * symmetric */
 /* C.5-3 */
 static void control_position(const Parameters *p, const TrackingError *e, vec3 *integral,
                              double period, Output *y)

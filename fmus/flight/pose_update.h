@@ -5,6 +5,8 @@
  *                                                         C_KN C_TN^T, 0]
  *   y_2 = err(q_TN* q_SN q_KS q_TK),               H_2 = [0 0 I 0 0 0 0]
  *
+ * h: predicted r_GK_K, d: p_GT_T, rho: r_S - r_T, y_2: rotation vector of the attitude residual;
+ * H_1, H_2: derivatives by the errors of relative_motion.h; a~: matrix with a~ b = a x b.
  * The noise follows from the range that is predicted before the update. Equations: docs/models.md
  * F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
