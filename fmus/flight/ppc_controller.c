@@ -15,6 +15,7 @@
  * C_SL a_L
  * Attitude:  x1 = e, x2 = T(q_SD) w/2, torque M = T(q_SD)^T u; the proof needs equal constants on
  * all three channels
+ * Sigma = diag(-1,-1,1); T(q) w = q_0 w + q_vec x w; rho, eps: range and elevation (tracking.h)
  *
  * Without saturation, in continuous time, with 0 < lambda beta < 1 and kappa(t_0) < 1, no channel
  * ever leaves its funnel and kappa stays below 1. Sampled or saturated control can violate both.

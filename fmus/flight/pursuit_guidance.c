@@ -13,7 +13,9 @@
  *          and the modes COAST (thrust off), ALIGN (turn X to the velocity error), BURN (thrust on)
  *          v_close > 0:  s = clip(k_r (range - zeta1), -v_close/2, v_close)
  *
- * A sample with active = 0 resets the state and permits no thrust.
+ * zeta1: range to hold; rho_ref, drho_ref: reference position and velocity of the servicer relative
+ * to the target; v_close > 0 replaces the first s of law 1 by the last line. A sample with
+ * active = 0 resets the state and permits no thrust.
  * The controller needs only (v_T + drho_ref - v_S) . X from drho_ref. |v_T| is relative to the
  * frame of the law: N in deep space, else a frame that moves with a point on a circular orbit.
  * rho_ref is the hold point on the line of sight, not the integral of drho_ref, and omega is a
@@ -74,30 +76,31 @@ static const Variable variables[] = {
     SWITCH(law,
            "speed law: 0 scalar along X (deep space only), 1 vector with coast, align and burn"),
     SWITCH(att, "required attitude: 0 two turns as in the paper, 1 shortest arc"),
-    POSITIVE(k_q, "1/s", "gain from the transition quaternion to the required rate"),
+    POSITIVE(k_q, "1/s", "gain from the transition quaternion q_DS to the required rate"),
     NONNEGATIVE(omega_max, "rad/s", "largest required rate; 0 = no limit"),
     NONNEGATIVE(zeta1, "m", "range to hold"),
-    NONNEGATIVE(zeta2, "m", "scalar law: below this range the speed of the target"),
+    NONNEGATIVE(zeta2, "m", "scalar law: range up to which the required speed is the target's"),
     NONNEGATIVE(zhys, "m", "scalar law: hysteresis about zeta1"),
-    SWITCH(text_speed, "scalar law below zeta1: 0 half the speed of the target (formula), 1 its "
-                       "full speed (text)"),
+    SWITCH(text_speed, "scalar law within zeta1: 0 half the target's speed (formula of the "
+                       "paper), 1 all (its text)"),
     NONNEGATIVE(v_close, "m/s",
-                "vector law: largest closing speed, half as fast backwards; 0: by the speed of the "
-                "target"),
+                "vector law: largest closing speed (backing: half); 0: limited by the "
+                "target's speed"),
     NONNEGATIVE(k_r, "1/s", "vector law: gain from range error to closing speed"),
-    NONNEGATIVE(rho1, "m/s", "vector law: below this velocity error a burn is given up"),
-    POSITIVE(rho2, "m/s", "vector law: from this velocity error on a burn is prepared"),
+    NONNEGATIVE(rho1, "m/s", "vector law: velocity error below which align returns to coast"),
+    POSITIVE(rho2, "m/s", "vector law: velocity error from which a burn is prepared"),
     POSITIVE(alpha_fire, "rad", "vector law: largest pointing error at ignition"),
     POSITIVE(omega_fire, "rad/s", "vector law: ignition below this angular rate"),
-    NONNEGATIVE(t_burn_min, "s", "vector law: a burn lasts longer than this"),
-    POSITIVE(main_thrust, "N", "vector law: nominal thrust along +X; burning: above 1 %"),
+    NONNEGATIVE(t_burn_min, "s", "vector law: a burn lasts longer than this time"),
+    POSITIVE(main_thrust, "N",
+             "vector law: nominal thrust along +X; an engine burns above 1 % thereof"),
     POSITIVE(brake_thrust, "N",
-             "vector law: nominal thrust along -X, all brakes; burning: above 1 %"),
+             "vector law: nominal thrust along -X, all brakes; they burn above 1 % "
+             "thereof"),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
-    NONNEGATIVE(
-        frame_radius, "m",
-        "when mu > 0 the speed of the target counts relative to a point on a circular orbit of "
-        "this radius in the xy plane of N, on +x at t = 0"),
+    NONNEGATIVE(frame_radius, "m",
+                "if mu > 0, the target's speed is relative to a point on a circular orbit "
+                "of this radius in the xy plane of N, on +x at t = 0"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -158,9 +161,9 @@ static quat two_turns(quat q_SN, vec3 d)
     return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* half a turn: L1 > 0 */
 }
 
-/* B.4.2: rotation that turns X to b = d in S axes: [c, 0, -b3/(2c), b2/(2c)],
- * c = sqrt((1 + b1)/2); for b = -X half a turn about Y. 1 + b1 loses digits for b1 near -1: for
- * b1 < 0, c = s/(2k) with the sine k of half the angle and s = |(b2, b3)|. */
+/* B.4.2: quaternion of the rotation that turns X to d, whose S components are b: [c, 0, -b3/(2c),
+ * b2/(2c)], c = sqrt((1 + b1)/2); for b = -X half a turn about Y. 1 + b1 loses digits for b1 near
+ * -1: if b1 < 0, c = s/(2k) with the sine k of half the angle and s = |(b2, b3)|. */
 /* B.4-1 */
 static quat shortest_arc(quat q_SN, vec3 d)
 {

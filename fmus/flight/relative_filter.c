@@ -36,7 +36,7 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, index, anchor_index, late; /* index: of the last sample; late: poses not used */
+    double started, index, anchor_index, late; /* index: last sample; late: unused poses */
     Track pose;
     Servicer ring[HISTORY];
 } State;
@@ -90,8 +90,8 @@ static const Variable variables[] = {
            "inertia of the target as known to the software, body axes; its scale does "
            "not matter"),
     PARAMETER(p_GT_T, "m",
-              "origin of the tracked model from the centre of mass of the target, "
-              "target axes"),
+              "position of the tracked point from the target's centre of mass, target "
+              "axes"),
     POSITIVE(mass_hat, "kg", "mass of the servicer as known to the software"),
     PARAMETER(rho_0_H, "m", "position relative to the target at the start, Hill axes"),
     PARAMETER(drho_0_H, "m/s",
@@ -116,23 +116,27 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("sigma_acc_0", sigma_0.acc, "m/s2",
                    "standard deviation of the differential acceleration at the "
                    "start, per axis"),
-    NONNEGATIVE_AS("sigma_a", model.sigma_a, "1", "white acceleration, per axis [m/s^1.5]"),
+    NONNEGATIVE_AS("sigma_a", model.sigma_a, "1",
+                   "density of white acceleration noise, per axis, in m/s^1.5"),
     NONNEGATIVE_AS("sigma_thrust", model.sigma_thrust, "1",
-                   "relative error of the thrust times the root of its duration [s^0.5]"),
+                   "noise density over thrust acceleration: relative error times sqrt(burn "
+                   "time), in s^0.5"),
     NONNEGATIVE_AS("sigma_alpha", model.sigma_alpha, "1",
-                   "white angular acceleration of the target, per axis [rad/s^1.5]"),
+                   "density of white angular acceleration noise of the target, per axis, in "
+                   "rad/s^1.5"),
     NONNEGATIVE_AS("sigma_kappa", model.sigma_kappa, "1",
-                   "random walk of the ratios of inertia [1/s^0.5]"),
-    NONNEGATIVE_AS("sigma_d", model.sigma_d, "1", "random walk of p_GT_T, per axis [m/s^0.5]"),
+                   "random walk of the ratios of inertia, in 1/s^0.5"),
+    NONNEGATIVE_AS("sigma_d", model.sigma_d, "1", "random walk of p_GT_T, per axis, in m/s^0.5"),
     NONNEGATIVE_AS("sigma_acc", model.sigma_acc, "1",
-                   "random walk of the differential acceleration, per axis [m/s^2.5]"),
+                   "random walk of the differential acceleration, per axis, in m/s^2.5"),
     CAMERA_ROWS(pose.camera),
     POSE_NOISE_ROWS(pose.noise),
     NONNEGATIVE_AS("sigma_mount", pose.sigma_mount, "rad",
                    "uncertainty of the camera's attitude relative to N, per axis"),
     SWITCH(use_time_stamp, "1: a pose belongs to its time stamp, 0: to the sample of its arrival"),
     ROW_AS(PARAMETER_ROW, p, "resolve_flip", pose.resolve_flip, 1, "1",
-           "1: of a pose and itself turned by half a turn the one nearer the estimate",
+           "1: a pose is turned by half a turn about flip_axis if that is nearer the "
+           "estimate",
            SWITCH_VALUE),
     PARAMETER_AS("flip_axis", pose.flip_axis, "1",
                  "axis of the half turn, unit vector, target axes"),
@@ -148,7 +152,9 @@ static const Variable variables[] = {
     BODY_OUTPUTS("T", T, "target"),
     BODY_OUTPUTS("S", S, "servicer, as read at the sample"),
     OUTPUT(inertia_hat, "1", "J22, J33, J12, J13, J23 of the target over J11"),
-    OUTPUT(p_GT_T_hat, "m", "origin of the tracked model from the centre of mass, target axes"),
+    OUTPUT(p_GT_T_hat, "m",
+           "estimated position of the tracked point from the centre of mass, target "
+           "axes"),
     OUTPUT(a_hat_N, "m/s2", "differential acceleration that the model does not explain, N axes"),
     NONNEGATIVE_OUTPUT(sigma_rho_N, "m", "standard deviation of the relative position, N axes"),
     NONNEGATIVE_OUTPUT(sigma_drho_N, "m/s", "standard deviation of the relative velocity, N axes"),
@@ -161,7 +167,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(pose_rejected, "1", "poses rejected since the start"),
     NONNEGATIVE_OUTPUT(pose_late, "1", "poses too old or from the future, not used"),
     OUTPUT(pose_age, "s", "time since the last pose used"),
-    FLAG(relative_valid, "1: acquired, and the last pose used is young enough"),
+    FLAG(relative_valid, "1: acquired, and pose_age is at most age_max"),
 };
 
 /* F.6-8 */

@@ -6,10 +6,10 @@
  *   q' = q [0, w]/2,   B w' = -w x B w + 3 mu/r^3 e x B e,    B = J/J11, e: direction of the
  *                                                             target from the planet, T axes
  *
- * r_j, v_j: servicer at sample j, kappa: ratios of inertia, d: p_GT_T, a: unmodelled acceleration.
- * Errors are truth minus estimate, in the order rho, v, theta, w, kappa, d, a; the attitude error
- * theta is defined by q_TN = q_hat rot(theta). A part with neither start covariance nor noise is
- * not estimated: its rows of P stay 0. Equations: docs/models.md F.6. */
+ * r_j, v_j: servicer at sample j, s: time since sample j, kappa: ratios of inertia, d: p_GT_T,
+ * a: unmodelled acceleration. Errors are truth minus estimate, in the order rho, v, theta, w,
+ * kappa, d, a; the attitude error theta is defined by q_TN = q_hat rot(theta). A part with neither
+ * start covariance nor noise is not estimated: its rows of P stay 0. docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RELATIVE_MOTION_H
 #define RELATIVE_MOTION_H
@@ -123,7 +123,7 @@ static inline void translation_blocks(const MotionModel *model, vec3 r_T, double
 }
 
 typedef struct {
-    mat3 inverse_B, th_th, w_th, w_w; /* B^-1, blocks of A for errors of attitude and rate */
+    mat3 inverse_B, th_th, w_th, w_w; /* B^-1, blocks of system matrix A for errors theta, w */
     mat3 B;
     vec3 w, dw, e;
     double tide;

@@ -11,8 +11,9 @@
  * before; s = +-sigma:
  *   P6 P8 / P5 P7   +-sigma_wx    P4 / P2   +-sigma_wy      P1 / P3   +-sigma_wz  (xi2 on, xi1 off)
  *   main P'5 / brakes P'1..P'4   +-sigma_v   (rho2 on, rho1 off)
- * Order of the throttles: P1..P8, P'1..P'4, P'5. The other inputs are those that every
- * controller has; this law does not use them.
+ * Engines before the / have s = +sigma, those after it s = -sigma. Derivatives are differences over
+ * a sample; sigma_v is 0 while translate is 0. Order of the throttles: P1..P8, P'1..P'4, P'5. The
+ * other inputs are those that every controller has; this law does not use them.
  * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.5, B.8. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
@@ -67,8 +68,8 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    SWITCH(law, "speed law of the guidance: 0 scalar (differentiates the own speed), 1 vector (the "
-                "whole error)"),
+    SWITCH(law, "speed law of the guidance: 0 scalar, derivative of servicer speed; 1 "
+                "vector, of speed error"),
     NONNEGATIVE(Kp_v, "1", "gain of the speed error"),
     NONNEGATIVE(Kd_v, "s", "gain of the derivative of the speed error"),
     NONNEGATIVE(rho1, "m/s", "value of the switching function at which translation switches off"),
@@ -88,7 +89,7 @@ static const Variable variables[] = {
     INPUT(translate, "1", "1: translational thrust permitted"),
     OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
-    NONNEGATIVE_OUTPUT(throttle, "1", "0 or 1, per thruster: P1..P8, P'1..P'4, P'5; the rest is 0"),
+    NONNEGATIVE_OUTPUT(throttle, "1", "0 or 1; elements: P1..P8, P'1..P'4, P'5; the rest is 0"),
     FLAG(translation_firing, "1: main engine or brakes are commanded"),
     OUTPUT(sigma_w, "1", "switching functions of rotation, body axes"),
     OUTPUT(sigma_v, "m/s", "switching function of translation"),

@@ -6,11 +6,12 @@
  *   lambda = damping_max (1 - m/manipulability_min) where m < manipulability_min, else 0
  *   m = sqrt(det J J^T), 0 with fewer than six columns
  *
- * y: required twist of the end effector, without the part that the base contributes; `ready`: joint
- * angles of the posture. A joint must satisfy K_limit (min - q) <= dq <= K_limit (max - q). All
- * joints that violate it in one pass are fixed at their bounds, and the next pass solves for the
- * other joints. Then all rates are scaled by one factor so that none exceeds its limit. Equations:
- * docs/models.md K.3. */
+ * J_m, J_0: Jacobians of joints and base; H_00, H_0m: blocks of the inertia matrix for base and
+ * joints. y: required twist of the end effector, without the part that the base contributes;
+ * `ready`: joint angles of the posture. A joint must satisfy K_limit (min - q) <= dq <= K_limit
+ * (max - q). All joints that violate it in one pass are fixed at their bounds, and the next pass
+ * solves for the other joints. Then all rates are scaled by one factor so that none exceeds its
+ * limit. Equations: docs/models.md K.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RESOLVED_RATE_H
 #define RESOLVED_RATE_H
@@ -124,7 +125,7 @@ static inline void solve_pass(const RateLaw *law, const Jacobian *J, const doubl
     }
     r->manipulability = m;
     r->damping = lambda;
-    if (!regular) return; /* singular and undamped: only the posture term is left */
+    if (!regular) return; /* singular and undamped: dq retains only the posture term z */
     Twist load = {vec(x[0], x[1], x[2]), vec(x[3], x[4], x[5])};
     for (int i = 0; i < joints; i++)
         if (!r->limited[i]) r->dq[i] += dot_twist(motion_at(J, i), load);
@@ -163,7 +164,7 @@ static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, 
 {
     int joints = (int)t->joints;
     Jacobian J;
-    Twist base = {vec(0, 0, 0), w}; /* motion of the base if the joints rested, same momentum */
+    Twist base = {vec(0, 0, 0), w}; /* base motion with joints at rest, same momentum */
     Reaction reaction = {.v = {{0}, {0}, {0}}};
     double z[ARM_JOINTS];
     if (law->base_floats && joints > 0) set_reaction(&reaction, t);

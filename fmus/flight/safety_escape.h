@@ -16,8 +16,9 @@
  * R_k; the path of the burn lies in the triangle rho, r, r + v T_b/2. R_k: escape_radius. h_j is
  * the largest displacement towards the target by errors within e_r, e_v, k_p, k_n, e_model; s_j
  * the largest distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the
- * directions between n_j and n_j+1. Equations of Clohessy and Wiltshire, n = sqrt(mu/a^3): no proof
- * on an orbit with e > 0.01. docs/models.md G.10, G.11 */
+ * directions between n_j and n_j+1. u is the axis if the servicer is inside the corridor and within
+ * axis_radius. Phi: transition matrices by the equations of Clohessy and Wiltshire, n =
+ * sqrt(mu/a^3): no proof on an orbit with e > 0.01. docs/models.md G.10, G.11 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_ESCAPE_H
 #define SAFETY_ESCAPE_H
@@ -33,8 +34,8 @@ typedef struct {
 } Known;         /* the last valid state whose range is not 0 */
 
 /* outward axis of the corridor in H axes if the servicer is inside the corridor and within 2
- * axis_radius, else 0. An abort uses the axis only within axis_radius; until then the last valid
- * state may have drifted there from outside. */
+ * axis_radius, else 0. The factor is 2, although an abort uses the axis only within axis_radius,
+ * because the last valid state may drift to within axis_radius before the abort. */
 static inline vec3 axis_in_hill(const SafetyParameters *p, const SafetyInput *u,
                                 const RelativeState *x)
 {
@@ -125,7 +126,7 @@ static inline PathPoint path_point(const SafetyParameters *p, const EscapePath *
     return (PathPoint){c, range, square, h / (range + LEAST_RANGE) + e->model * tau * tau};
 }
 
-/* path_point() at tau = 0, where Phi_rr = I and Phi_rv = 0 */
+/* result of path_point() at tau = 0, where Phi_rr = I and Phi_rv = 0 */
 static inline PathPoint first_point(const SafetyParameters *p, const EscapePath *e)
 {
     double range = norm(e->r);
@@ -175,7 +176,7 @@ static inline void compare_path(const EscapePath *e, const Stride *s, const Path
         distance =
             toward < length_2 ? sqrt(fabs(a->square - toward * toward / length_2)) : b->range;
     double ahead = distance - arc - least->margin;
-    if (along > 0 && ahead >= 1.5 * h) return; /* not less: k < 1.5 below 90 deg */
+    if (along > 0 && ahead >= 1.5 * h) return; /* not less than `least`: k < 1.5 if along > 0 */
     double ranges = a->range * b->range, cosine_2 = ranges > 0 ? 1 + along / ranges : 1;
     double between = sqrt(2 / larger(cosine_2, 1e-6));
     if (ahead >= between * h) return;

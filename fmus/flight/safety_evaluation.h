@@ -210,7 +210,8 @@ static inline PosVel interpolated(PosVel a, PosVel b, double h, double s)
     return (PosVel){arc_position(&arc, s), arc_velocity(&arc, s)};
 }
 
-/* motion between the last prediction of the drift (from) and the present one (to) */
+/* states at the last prediction of the drift (from, at time t) and at the present one (to, at
+ * t + h) */
 typedef struct {
     TwoOrbits from, to;
     double t, h;

@@ -33,8 +33,9 @@ typedef FilterParameters Parameters;
 typedef FilterInput Input;
 
 typedef struct {
-    double slope;          /* of the corridor's faces, a pyramid: tan(half angle) cos(pi/8) */
-    double backup, passed; /* simplex: 1 while braking; time for which the command has been safe */
+    double slope; /* faces of a pyramid inscribed in the corridor: tan(half angle) cos(pi/8) */
+    /* filters 1 and 2: 1 while braking, time for which the command has been safe */
+    double backup, passed;
     double least[BARRIERS];
 } State;
 typedef struct {
@@ -79,21 +80,21 @@ static const Variable variables[] = {
     OUTPUT(F_safe_S, "N", "force to be passed on, servicer axes"),
     MODE(mode, "origin of the force",
          "F_cmd_S passes|filtered|backup|a rule relaxed|no valid state"),
-    MODE(active, "rule whose edge decides", "none|keep-out|corridor|speed|drift|plume|box"),
+    MODE(active, "rule that determines the force", "none|keep-out|corridor|speed|drift|plume|box"),
     NONNEGATIVE_OUTPUT(intervention, "N", "size of the change of the force"),
     FLAG(feasible, "0: no force satisfies all rules"),
     MODE(relaxed, "first rule that was relaxed", "none|keep-out|corridor|speed|drift|plume|box"),
     OUTPUT(barrier, "1",
-           "what is left after braking: keep-out [m], corridor [m], speed [m/s], drift [m]; "
-           "distance beyond plume_range [m]; 1e9: off"),
-    ROW_AS(OUTPUT_ROW, y, "least_barrier", least, 1, "1", "least barrier since the start",
-           ANY_VALUE),
+           "left after braking: keep-out, corridor, speed, drift; range - "
+           "plume_range; 1e9: off [m, m/s]"),
+    ROW_AS(OUTPUT_ROW, y, "least_barrier", least, 1, "1",
+           "per barrier: least value since the start", ANY_VALUE),
 };
 
 /* M.3-4 */
 static void check(const Parameters *p, Problems *problems) { check_filter(p, problems); }
 
-static int equal(vec3 a, vec3 b) /* to the last bit */
+static int equal(vec3 a, vec3 b) /* equal to the last bit */
 {
     return bits_of(a.x) == bits_of(b.x) && bits_of(a.y) == bits_of(b.y) &&
            bits_of(a.z) == bits_of(b.z);

@@ -7,7 +7,7 @@
  *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
- *                 that disagrees with an independent range is invalid (range_alone: no other)
+ *                 that disagrees with an independent range is invalid (range_alone: only this)
  *   7 escape      after an abort ordered now the drift stays outside escape_radius for escape_time,
  *                 for all states and burns within the bounds e_r, e_v, k_p, k_n
  *
@@ -40,10 +40,10 @@ typedef SafetyParameters Parameters;
 typedef SafetyInput Input;
 
 typedef struct {
-    double begun, seen, t, t_valid; /* t: of the last sample, t_valid: of the last valid state */
+    double begun, seen, t, t_valid; /* t, t_valid: times of last sample, last valid state */
     Input last;                     /* last valid inputs; seen: 1 if they are of the last sample */
     double foreseen, t_foreseen;    /* 1: the drift has been predicted; time of the prediction */
-    TwoOrbits from;                 /* state from which it was predicted */
+    TwoOrbits from;                 /* state from which the drift was predicted */
     double margin[RULES], least[RULES], t_first[RULES];
     double abort;
     vec3 dv_N;
@@ -114,23 +114,23 @@ static const Variable variables[] = {
     MARGIN(ESCAPE, "escape", "m",
            "least range less escape_radius after an abort ordered now, for all errors within the "
            "bounds; a proof for linear relative motion, on orbits with e <= 0.01"),
-    OUTPUT(least_margin, "1", "least margin of this rule since the start, in its unit"),
-    MODE(nearest, "rule with the least margin over its own size",
+    OUTPUT(least_margin, "1", "per rule: least margin since the start, in the unit of its margin"),
+    MODE(nearest, "rule with the least ratio of margin to typical size",
          "none|keep-out|corridor|speed|passive|plume"),
     OUTPUT(passive_entry, "s",
            "time until a drift without thrust enters the zone; -1: it does not"),
     NONNEGATIVE_OUTPUT(passive_age, "s", "time since the drift of passive_margin was predicted"),
     OUTPUT(escape_time_least, "s",
-           "time after the abort at which escape_margin is reached; -1: none"),
+           "time after the abort at which the range of escape_margin occurs; -1: none"),
     NONNEGATIVE_OUTPUT(escape_dv, "m/s", "velocity increment of an abort ordered now"),
-    ALARM(abort, "1: a rule that aborts has been violated; stays"),
-    FLAG(violated, "1: this rule has been violated; stays"),
-    OUTPUT(t_first, "s", "first violation of this rule; -1: none"),
-    OUTPUT(t_violation, "s", "first violation of any rule; -1: none"),
+    ALARM(abort, "1: a rule with abort_on was violated, or abort_time reached; stays 1"),
+    FLAG(violated, "per rule, 1: it has been violated; stays 1"),
+    OUTPUT(t_first, "s", "per rule: time of the first violation; -1: none"),
+    OUTPUT(t_violation, "s", "time of the first violation of any rule; -1: none"),
     MODE(rule_violated, "rule violated first",
          "none|keep-out|corridor|speed|passive|plume|navigation|escape"),
     OUTPUT(F_safe_S, "N", "force to be passed on, servicer axes: F_cmd_S, or the abort manoeuvre"),
-    OUTPUT(dv_left_N, "m/s", "increment of velocity left of the abort manoeuvre, N axes"),
+    OUTPUT(dv_left_N, "m/s", "velocity increment of the abort manoeuvre that remains, N axes"),
 };
 
 /* G.2-7 */
@@ -187,8 +187,8 @@ static int is_armed(const Parameters *p, double t)
     return p->t_armed == 0 || reached(t, p->t_armed);
 }
 
-/* true if the states are valid: by the flag of their source, and by the independent range if it
- * is used */
+/* true if the flag of their source declares the states valid and, with use_range, the independent
+ * range does not disagree */
 /* G.2-4 */
 static int has_valid_states(const Parameters *p, const Input *u, State *x, double t)
 {

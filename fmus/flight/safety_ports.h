@@ -41,89 +41,101 @@ typedef struct {
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),             \
         NONNEGATIVE(R_E, "m", "equatorial radius of the planet"),                                  \
         NONNEGATIVE(J2, "1", "second zonal harmonic of the planet"),                               \
-        SWITCH(use_J2, "1: the drift without thrust feels the oblateness"),                        \
+        SWITCH(use_J2, "1: the oblateness acts on the predicted drift without thrust"),            \
         PARAMETER(keep_out_shape, "1", "keep-out zone: 0 = none, 1 = ellipsoid, 2 = box"),         \
         SWITCH(keep_out_axes, "axes of the keep-out zone: 0 = Hill, 1 = target"),                  \
-        SWITCH(keep_out_opens, "1: the keep-out zone rests while approaching (berthing)"),         \
+        SWITCH(keep_out_opens,                                                                     \
+               "1: the keep-out zone does not apply while approaching (berthing)"),                \
         POSITIVE(keep_out_half, "m", "half axes of the keep-out zone; three equal ones: sphere"),  \
-        SWITCH(use_corridor, "1: approach corridor, while approaching"),                           \
+        SWITCH(use_corridor, "1: the approach corridor applies while approaching"),                \
         SWITCH(corridor_axes, "axes of the corridor: 0 = Hill, 1 = target"),                       \
         POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),                \
-        NONNEGATIVE(corridor_length, "m", "the corridor ends there, along its axis; 0 = never"),   \
-        PARAMETER(corridor_axis, "1", "unit vector from the apex outwards"),                       \
+        NONNEGATIVE(corridor_length, "m",                                                          \
+                    "length from the apex along the axis at which the corridor ends; 0 = no end"), \
+        PARAMETER(corridor_axis, "1", "axis of the corridor: unit vector from the apex outwards"), \
         PARAMETER(corridor_apex, "m", "apex of the cone, from the target's centre of mass"),       \
-        SWITCH(use_speed_limit, "1: speed limit, while approaching"),                              \
+        SWITCH(use_speed_limit, "1: the speed limit applies while approaching"),                   \
         NONNEGATIVE(speed_at_zero, "m/s", "speed limit at range 0, as seen in the Hill frame"),    \
         NONNEGATIVE(speed_slope, "1/s", "rise of the speed limit with the range"),                 \
         SWITCH(speed_tumble, "1: the tumble rate of the target is added to speed_slope"),          \
-        NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that speed_tumble allows for"),      \
+        NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that is added by speed_tumble"),     \
         NONNEGATIVE(passive_time, "s",                                                             \
-                    "the drift without thrust must keep out of the zone that long; 0 = rule off"), \
+                    "time for which a drift without thrust must stay outside the zone; 0 = "       \
+                    "rule off"),                                                                   \
         POSITIVE(passive_step, "s", "integration step of the drift"),                              \
         NONNEGATIVE(passive_period, "s",                                                           \
-                    "the drift is predicted that often; 0 = at every sample"),                     \
+                    "time between predictions of the drift; 0 = at every sample"),                 \
         SWITCH(passive_opens, "1: the drift is not evaluated while approaching (berthing)"),       \
         SWITCH(use_plume, "1: the exhaust must not meet the target"),                              \
         POSITIVE(plume_half_angle, "rad", "half angle of the exhaust, below pi/2"),                \
-        POSITIVE(plume_range, "m", "the exhaust does no harm beyond this distance"),               \
-        NONNEGATIVE(plume_force_min, "N", "smaller forces make no plume"),                         \
+        POSITIVE(plume_range, "m", "distance beyond which the exhaust does no harm"),              \
+        NONNEGATIVE(plume_force_min, "N", "force below which there is no plume"),                  \
         NONNEGATIVE(lost_time, "s", "longest time without a valid relative state; 0 = rule off"),  \
         NONNEGATIVE(t_armed, "s",                                                                  \
                     "no rule is evaluated before this time (filters settle); 0 = from the "        \
                     "start"),                                                                      \
-        SWITCH(abort_on,                                                                           \
-               "1: a violation of this rule aborts; order of the rules: keep-out, corridor, "      \
-               "speed, passive, plume, navigation, escape"),                                       \
-        SWITCH(act, "1: after the abort F_safe_S is the abort manoeuvre, 0: it stays F_cmd_S"),    \
+        SWITCH(abort_on, "1: a violation aborts; elements: keep-out, corridor, speed, passive, "   \
+                         "plume, navigation, escape"),                                             \
+        SWITCH(act, "1: after the abort, F_safe_S is the abort manoeuvre; 0: it remains F_cmd_S"), \
         POSITIVE(mass, "kg", "mass of the servicer as assumed for the abort manoeuvre"),           \
         NONNEGATIVE(abort_force, "N", "force of the abort manoeuvre; 0: free drift"),              \
-        NONNEGATIVE(                                                                               \
-            abort_speed, "m/s",                                                                    \
-            "speed outwards after the abort; abort_relative 0: increment along the corridor"),     \
-        PARAMETER(abort_dv_H, "m/s", "velocity increment in Hill axes; zero: by abort_speed"),     \
+        NONNEGATIVE(abort_speed, "m/s",                                                            \
+                    "abort_relative = 1: speed outwards after the abort; 0: increment along "      \
+                    "the corridor"),                                                               \
+        PARAMETER(abort_dv_H, "m/s",                                                               \
+                  "fixed velocity increment of the abort, Hill axes; zero: abort_speed "           \
+                  "applies"),                                                                      \
         SWITCH(abort_relative,                                                                     \
-               "1: the abort makes the velocity abort_speed away from the target, 0: it adds "     \
-               "abort_speed along the corridor"),                                                  \
+               "1: the abort leads to abort_speed outwards; 0: it adds abort_speed along "         \
+               "the corridor"),                                                                    \
         NONNEGATIVE(axis_radius, "m",                                                              \
-                    "within this range and inside the corridor the abort leaves along its axis"),  \
+                    "range up to which an abort inside the corridor follows the corridor's axis"), \
         NONNEGATIVE(abort_time, "s",                                                               \
                     "an abort is ordered at this time, as a rehearsal; 1e30: never"),              \
         NONNEGATIVE(escape_time, "s",                                                              \
-                    "the drift after an abort ordered now must stay outside so long; 0 = off"),    \
-        NONNEGATIVE(escape_period, "s", "the abort is foreseen that often; 0 = at every sample"),  \
+                    "time for which the drift after an abort must stay outside escape_radius; "    \
+                    "0 = off"),                                                                    \
+        NONNEGATIVE(escape_period, "s",                                                            \
+                    "time between predictions of an abort; 0 = at every sample"),                  \
         NONNEGATIVE(escape_radius, "m",                                                            \
-                    "the abort must stay outside this radius: not approaching, approaching; 0: "   \
-                    "the rule rests"),                                                             \
+                    "radius an abort must not enter; elements: not approaching, approaching; "     \
+                    "0: rule off"),                                                                \
         NONNEGATIVE(escape_reserve, "m",                                                           \
-                    "the rule is violated below this margin: not approaching, approaching"),       \
+                    "margin below which rule escape is violated; elements: not approaching, "      \
+                    "approaching"),                                                                \
         NONNEGATIVE(e_r, "m", "largest error of the relative position, per axis"),                 \
         NONNEGATIVE(e_v, "m/s", "largest error of the relative velocity, per axis"),               \
-        NONNEGATIVE(k_p, "1", "largest error of the burn along its increment, share"),             \
-        NONNEGATIVE(k_n, "1", "largest error of the burn across its increment, share"),            \
-        NONNEGATIVE(r_max, "m", "range up to which paths are bounded between the instants"),       \
+        NONNEGATIVE(k_p, "1",                                                                      \
+                    "largest error of the burn along its increment, as a share of the increment"), \
+        NONNEGATIVE(k_n, "1",                                                                      \
+                    "largest error of the burn across its increment, as a share of the "           \
+                    "increment"),                                                                  \
+        NONNEGATIVE(r_max, "m",                                                                    \
+                    "range up to which the bound of a path between two instants holds"),           \
         NONNEGATIVE(e_model, "m/s2", "largest acceleration that the equations of drift neglect"),  \
         SAMPLE_PERIOD,                                                                             \
         SWITCH(use_range,                                                                          \
                "1: an estimate that disagrees with the independent range is no valid state"),      \
         NONNEGATIVE(range_at_zero, "m", "disagreement allowed at range 0"),                        \
-        NONNEGATIVE(range_slope, "1", "rise of that disagreement with the range"),                 \
-        NONNEGATIVE(range_patience, "s", "ranges disagree that long before the estimate is lost"), \
+        NONNEGATIVE(range_slope, "1", "rise of the allowed disagreement with the range"),          \
+        NONNEGATIVE(range_patience, "s",                                                           \
+                    "time of disagreement after which the estimate is invalid"),                   \
         POSITIVE(range_tau, "s",                                                                   \
-                 "time constant with which dead reckoning on the estimated velocity follows the "  \
-                 "range"),                                                                         \
+                 "time constant with which dead reckoning by the estimated velocity follows "      \
+                 "the range"),                                                                     \
         SWITCH(range_alone,                                                                        \
-               "1: the rule on navigation counts only a state that is called valid and disagrees " \
+               "1: rule navigation counts only states that are flagged valid but disagree "        \
                "with the range")
 
-#define SAFETY_INPUTS                                                                        \
-    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                          \
-        INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                               \
-        INPUT(approaching, "1",                                                              \
-              "1: corridor and speed limit apply (0: after the approach was "                \
-              "given up)"),                                                                  \
-        INPUT(relative_valid, "1", "1: the states of target and servicer can be relied on"), \
-        OPTIONAL_INPUT(range_meas, "m", "independent range, with use_range"),                \
-        OPTIONAL_INPUT(range_time, "s", "time of the range; -1 = none yet"),                 \
+#define SAFETY_INPUTS                                                                           \
+    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                             \
+        INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                                  \
+        INPUT(approaching, "1",                                                                 \
+              "1: corridor and speed limit apply (0: after the approach was "                   \
+              "given up)"),                                                                     \
+        INPUT(relative_valid, "1", "1: the states of target and servicer are valid"),           \
+        OPTIONAL_INPUT(range_meas, "m", "independent range (needs use_range = 1)"),             \
+        OPTIONAL_INPUT(range_time, "s", "time at which the range was measured; -1 = none yet"), \
         OPTIONAL_SWITCH(range_valid, "1: a range was measured at range_time")
 
 static inline void check_acute(Problems *problems, const char *name, double angle)

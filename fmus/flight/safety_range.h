@@ -8,11 +8,11 @@
  *   most = range_at_zero + range_slope range_meas
  *
  * t_m: time of the measurement. The first range sets D; single outliers hardly change it. An error
- * b of the velocity along the line of sight shows either way: where the estimated position is
+ * b of the velocity along the line of sight shows in both cases: where the estimated position is
  * integrated from the velocity, off grows with b t; where it is not, drift tends to b range_tau.
- * The estimate is distrusted when every range of the last range_patience has off or drift, before
- * its limit, above most, until a range agrees. Without a new range nothing changes. docs/models.md
- * G.8 */
+ * The estimate is distrusted when |off| or |drift| (before it is limited) has exceeded most at
+ * every range for the time range_patience, until a range agrees. Without a new range nothing
+ * changes. docs/models.md G.8 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RANGE_H
 #define SAFETY_RANGE_H

@@ -6,15 +6,17 @@
  *   corridor  max(a sin alpha - d cos alpha, a - L)         L = 0: no end
  *   speed     v_0 + k |p| - |v|
  *   plume     max(d cos beta - a sin beta, |p| - R)
- * d_i: half axes of the zone. p: position of the servicer from the target (corridor: from the
- * apex); a: component along the axis of the cone, d: distance from the axis. The axis of the plume
- * is the direction of the force: the exhaust leaves against it, and the target is at -p. A margin
- * is positive where the rule is satisfied, zero on the edge, and changes by at most 1 m per metre
- * of displacement: it is never more than the distance to the edge. It equals this distance for
- * sphere and cone, and for the box opposite the two faces that belong to its smallest half axis.
+ * d_i: half axes of the zone; alpha, L: half angle and length of the corridor; v_0, k:
+ * speed_at_zero, speed_slope; beta, R: half angle and range of the plume. p: position of the
+ * servicer from the target (corridor: from the apex); a: component along the axis of the cone, d:
+ * distance from the axis. The axis of the plume is the direction of the force: the exhaust leaves
+ * against it, and the target is at -p. A margin is positive where the rule is satisfied, zero on
+ * the edge, and changes by at most 1 m per metre of displacement: it is never more than the
+ * distance to the edge. It equals this distance for sphere and cone, and for the box opposite the
+ * two faces that belong to its smallest half axis.
  *
  * Bounds on a part of an arc: a norm is bounded by the Bernstein coefficients of its square,
- * another convex margin lies above its tangent plane at the middle, a concave one has its least
+ * any other convex margin lies above its tangent plane at the middle, a concave one has its least
  * value at a control point. docs/models.md G.2, G.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RULES_H

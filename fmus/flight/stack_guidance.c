@@ -9,10 +9,11 @@
  *   omega_DN_D = s w_0,   alpha_DN_D = -30 x^2 (1 - x)^2 w_0/T
  *   M_unload_S = clip(-k_unload A_w (Omega - wheel_speed_ref)) while unloading
  *
- * J: inertia of the stack. The axis is fixed in N and in D, so rate and acceleration are the exact
- * derivatives. The orbit is not controlled: the reference position is the present one. M_unload_S
- * is a torque of thrusters; the wheels produce the opposite torque at the same time. Equations:
- * docs/models.md I.6 */
+ * J: inertia of the stack; A_w, Omega: inertia and speeds of the wheels; w_0, q_0: angular velocity
+ * and attitude at the start t_0. The axis is fixed in N and in D, so rate and acceleration are the
+ * exact derivatives. The orbit is not controlled: the reference position is the present one.
+ * M_unload_S is a torque of thrusters; the wheels produce the opposite torque at the same time.
+ * Equations: docs/models.md I.6 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "reference_rows.h"
@@ -60,14 +61,17 @@ static const Variable variables[] = {
     MATRIX(A_w, "kg.m2", "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),
     POSITIVE(wheel_accel_max, "rad/s2", "largest wheel acceleration, per wheel"),
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
-    POSITIVE(torque_share, "1", "part of the wheels' torque that the profile may take"),
+    POSITIVE(torque_share, "1", "share of the wheels' torque that the profile may use"),
     POSITIVE(duration_min, "s", "shortest duration of the profile"),
-    NONNEGATIVE_AS("unload_on", unload.on, "1", "unloading begins at this part of wheel_speed_max"),
-    NONNEGATIVE_AS("unload_off", unload.off, "1", "unloading ends at this part of wheel_speed_max"),
-    NONNEGATIVE_AS("k_unload", unload.k, "1/s", "rate of unloading"),
+    NONNEGATIVE_AS("unload_on", unload.on, "1",
+                   "unloading begins at this share of wheel_speed_max"),
+    NONNEGATIVE_AS("unload_off", unload.off, "1",
+                   "unloading ends at this share of wheel_speed_max"),
+    NONNEGATIVE_AS("k_unload", unload.k, "1/s",
+                   "gain of unloading: torque per wheel momentum to remove"),
     NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
                    "largest torque of unloading, per body axis"),
-    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "wheel speeds that unloading leads to"),
+    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "wheel speeds at which unloading aims"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -78,7 +82,7 @@ static const Variable variables[] = {
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(M_unload_S, "N.m", "torque of thrusters that unloads the wheels, servicer axes"),
     NONNEGATIVE_OUTPUT(duration, "s", "duration of the profile"),
-    NONNEGATIVE_OUTPUT(progress, "1", "part of the profile that is over"),
+    NONNEGATIVE_OUTPUT(progress, "1", "elapsed share of the profile"),
     FLAG(done, "1: the profile is over"),
     FLAG(unloading, "1: the wheels are unloaded"),
     OUTPUT(momentum_S, "N.m.s", "angular momentum of stack and wheels, servicer axes"),
@@ -153,7 +157,8 @@ static void guide(const Parameters *p, const Input *u, const State *s, Output *y
     y->momentum_S = momentum(p, u->S.omega, u->wheel_speed);
 }
 
-/* also for a sample with active = 0: publishes the profile that would begin now, stores none */
+/* publishes the profile that would begin now and stores none; also called for samples with
+ * active = 0 */
 /* I.6-5 */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
