@@ -67,17 +67,19 @@ typedef struct {
         POSITIVE(L_end, "m",                                                                       \
                  "reference distance at which mating ends, behind the seat of the probe"),         \
         NONNEGATIVE(tol_1, "m", "tolerance of R_1 on arrival; twice this during the first hold"),  \
-        POSITIVE(v_1, "m/s", "largest speed at R_1, as seen in H"),                                \
+        POSITIVE(v_1, "m/s", "largest speed at the first hold, as seen in H"),                     \
         NONNEGATIVE(                                                                               \
             tol_2, "m",                                                                            \
             "position tolerance at the second hold, range tolerance after the fly-around"),        \
-        POSITIVE(v_2, "m/s", "largest speed at R_2, seen in H; after the fly-around seen in T"),   \
+        POSITIVE(v_2, "m/s",                                                                       \
+                 "largest speed at the second hold, seen in H, and after the fly-around, "         \
+                 "seen in T"),                                                                     \
         NONNEGATIVE(angle_2, "rad",                                                                \
                     "largest angle off the grasp axis at the end of the fly-around"),              \
-        NONNEGATIVE(tol_3, "m", "tolerance at L_3, along and off the axis"),                       \
-        POSITIVE(v_3, "m/s", "largest speed at L_3, as seen in T"),                                \
-        NONNEGATIVE(angle_3, "rad", "largest pointing error at L_3"),                              \
-        NONNEGATIVE(rate_3, "rad/s", "largest rate relative to the target at L_3"),                \
+        NONNEGATIVE(tol_3, "m", "position tolerance at the third hold, along and off the axis"),   \
+        POSITIVE(v_3, "m/s", "largest speed at the third hold, as seen in T"),                     \
+        NONNEGATIVE(angle_3, "rad", "largest pointing error at the third hold"),                   \
+        NONNEGATIVE(rate_3, "rad/s", "largest rate relative to the target at the third hold"),     \
         POSITIVE(v_final, "m/s", "peak speed of the final approach"),                              \
         POSITIVE(v_mate, "m/s", "speed of mating"),                                                \
         NONNEGATIVE(ramp_mate, "s", "time to reach v_mate"),                                       \
@@ -113,7 +115,8 @@ typedef struct {
                     "add the tumble rate"),                                                        \
         NONNEGATIVE(tumble_max, "rad/s", "largest tumble rate that is added to v_slope"),          \
         NONNEGATIVE(speed_dwell, "s", "time above the speed limit that leads to a retreat"),       \
-        SWITCH(by_arm, "1: mating is by the arm, which grasps from L_3; 0: by the probe"),         \
+        SWITCH(by_arm,                                                                             \
+               "1: mating is by the arm, which grasps from the third hold; 0: by the probe"),      \
         NONNEGATIVE(momentum_max, "N.m.s",                                                         \
                     "largest angular momentum of both bodies at which they mate; 0 = no limit"),   \
         NONNEGATIVE(budget, "1",                                                                   \

@@ -85,8 +85,8 @@ static const Variable variables[] = {
     FLAG(feasible, "0: no force satisfies all rules"),
     MODE(relaxed, "first rule that was relaxed", "none|keep-out|corridor|speed|drift|plume|box"),
     OUTPUT(barrier, "1",
-           "left after braking: keep-out, corridor, speed, drift; range - "
-           "plume_range; 1e9: off [m, m/s]"),
+           "left after braking: keep-out, corridor, speed [m/s], drift; range - "
+           "plume_range; 1e9: off"),
     ROW_AS(OUTPUT_ROW, y, "least_barrier", least, 1, "1",
            "per barrier: least value since the start", ANY_VALUE),
 };
