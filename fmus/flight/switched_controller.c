@@ -4,14 +4,15 @@
  *   F_H = K_rho e + K_drho de,   e = C_HN (rho - rho_ref),   de its derivative as seen in H
  *   phase 1 (far)  ->  2  ->  3 (near)  ->  4 (passive: no thrust) from t_abort on
  *
- * Phase 1 or 2 ends when the distance along the approach axis, axis_H . rho_H, is no more than its
- * switch_distance (0: the phase does not end). At most one phase ends per sample, and none begins
- * again. The gains include their sign: a stable feedback has negative gains. Attitude: M = -K_att
- * q_vec - P_att w about the reference. Per servicer axis the force is limited to F_max, the torque
- * to M_max.
+ * F_H: force in Hill axes, rho: position relative to the target. Phase 1 or 2 ends when the
+ * distance along the approach axis, axis_H . rho_H, is no more than its switch_distance (0: the
+ * phase does not end). At most one phase ends per sample, and none begins again. The gains include
+ * their sign: a stable feedback has negative gains. Attitude: torque M = -K_att q_vec - P_att w,
+ * with the vector part q_vec of q_SD and the angular velocity w relative to the reference. Per
+ * servicer axis the force is limited to F_max, the torque to M_max.
  *
- * Sampled: force and torque are held in servicer axes. Source of the phases: the rendezvous
- * benchmark of Chan & Mitra 2017. Equations: docs/models.md H. */
+ * Sampled: between two samples force and torque are constant in servicer axes. Source of the
+ * phases: the rendezvous benchmark of Chan & Mitra 2017. Equations: docs/models.md H. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "directions.h"
 #include "earth.h"
@@ -61,11 +62,12 @@ static const Model start = {
     .u = TRACKING_START,
 };
 
-#define GAIN_ROWS(k, phase)                                                                     \
-    ROW_AS(PARAMETER_ROW, p, "K_rho_" #phase, K[k].rho, 3, "N/m",                               \
-           "phase " #phase ": force in Hill axes per position error, one row each", ANY_VALUE), \
-        ROW_AS(PARAMETER_ROW, p, "K_drho_" #phase, K[k].drho, 3, "N.s/m",                       \
-               "phase " #phase ": force in Hill axes per rate of the error, one row each",      \
+#define GAIN_ROWS(k, phase)                                                                        \
+    ROW_AS(PARAMETER_ROW, p, "K_rho_" #phase, K[k].rho, 3, "N/m",                                  \
+           "phase " #phase ": force per position error, Hill axes; one row per force axis",        \
+           ANY_VALUE),                                                                             \
+        ROW_AS(PARAMETER_ROW, p, "K_drho_" #phase, K[k].drho, 3, "N.s/m",                          \
+               "phase " #phase ": force per rate of the error, Hill axes; one row per force axis", \
                ANY_VALUE)
 
 static const Variable variables[] = {
@@ -73,24 +75,26 @@ static const Variable variables[] = {
     GAIN_ROWS(0, 1),
     GAIN_ROWS(1, 2),
     GAIN_ROWS(2, 3),
-    PARAMETER(axis_H, "1", "unit vector along which distances of approach count, Hill axes"),
-    NONNEGATIVE(switch_distance, "m", "distance at which phase 1 and phase 2 end; 0 = they do not"),
+    PARAMETER(axis_H, "1",
+              "unit vector of the approach axis, along which distances are measured, Hill axes"),
+    NONNEGATIVE(
+        switch_distance, "m",
+        "distances at which phases 1 and 2 end, one element each; 0 = the phase does not end"),
     PARAMETER(t_abort, "s", "no force from this time on"),
     NONNEGATIVE(F_max, "N", "largest commanded force per body axis; 0 = no limit"),
     NONNEGATIVE(K_att, "N.m", "attitude gain per body axis"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain per body axis"),
     NONNEGATIVE(M_max, "N.m", "largest commanded torque per body axis; 0 = no limit"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
-    POSITIVE(wheel_scale, "kg.m2",
-             "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
-    PARAMETER(t_att, "s", "attitude control rests before this time"),
+    POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration, used if use_wheels = 1"),
+    PARAMETER(t_att, "s", "no attitude control before this time"),
     SAMPLE_PERIOD,
 
     TRACKING_INPUTS,
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
-    OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes; 0 with wheels"),
-    OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration; 0 without wheels"),
+    OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes; 0 if use_wheels = 1"),
+    OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration; 0 if use_wheels = 0"),
     FLAG(F_saturated, "1: the force of this body axis is cut to F_max"),
     OUTPUT(rho_H, "m", "position of the servicer relative to the target, Hill axes"),
     OUTPUT(drho_H, "m/s", "derivative of rho_H as seen in the Hill frame"),
@@ -98,8 +102,8 @@ static const Variable variables[] = {
     OUTPUT(de_H, "m/s", "derivative of e_H as seen in the Hill frame"),
     OUTPUT(q_SD, "1", "attitude of the servicer relative to its reference, scalar first"),
     MODE(phase, "phase of the approach", "|thrust 1|thrust 2|thrust 3|passive"),
-    FLAG(approaching, "1: in the last phase with thrust that is reached by distance (0: far away "
-                      "or passive)"),
+    FLAG(approaching,
+         "1: the phase is the last one with thrust (0: an earlier phase, passive, or not active)"),
 };
 
 /* H.1-6 */
@@ -118,7 +122,7 @@ static double next_phase(const Parameters *p, double phase, double distance, dou
     return end > 0 && distance <= end ? phase + 1 : phase;
 }
 
-/* number of the last phase with thrust: the first one that has no switch_distance */
+/* number of the last phase with thrust: the first one whose switch_distance is 0, else NEAR */
 static double last_phase(const Parameters *p)
 {
     return p->switch_distance[0] == 0 ? FAR : p->switch_distance[1] == 0 ? FAR + 1 : NEAR;

@@ -4,15 +4,17 @@
  *   rho* = L(t) C_HT p_T,     L = rho_M - (rho_M - rho_0) exp(-beta t)
  *   D:  i = -C_HT p_T,   u = i x z_H,   k = u/|u|,   j = k x i
  *
- * rho* and the attitude of D are published with two derivatives as seen in N. With range_input L
- * and its derivatives are inputs; with frame = 1 D is the carried frame of carried_frame.h. A
- * sample with active = 0 resets the state: the next active sample is a first sample. While the
- * grasp axis is within guard_angle of the orbit normal, k is the k of the last sample outside this
- * guard, constant in H and made perpendicular to i; when the axis leaves the guard, k jumps. With
- * roll_rate_max and roll_accel_max D does not jump and turns about i within these limits
- * (limited_roll.h). The software knows the model of the target (inertia, gravity gradient,
- * Keplerian orbit rate), but its disturbances only with know_M_dist. Source: Zhu & Yang 2009,
- * equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
+ * p_T: grasp axis in T; i, j, k: axes of D; z_H: orbit normal. rho* and the attitude of D are
+ * published with two derivatives as seen in N. With range_input = 1 L and its derivatives are
+ * inputs; with frame = 1 D is the carried frame of carried_frame.h, which begins at the direction
+ * of the servicer and is steered to the grasp axis. A sample with active = 0 resets the state: the
+ * next active sample is a first sample. While the grasp axis is within guard_angle of the orbit
+ * normal, k is the k of the last sample outside this guard, constant in H and made perpendicular to
+ * i; when the axis leaves the guard, k jumps. With roll_rate_max and roll_accel_max above 0, D does
+ * not jump and turns about i within these limits (limited_roll.h). The software knows the model of
+ * the target (inertia, gravity gradient, Keplerian orbit rate), but its disturbances only with
+ * know_M_dist = 1. Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives:
+ * docs/models.md A.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "carried_frame.h"
@@ -81,40 +83,45 @@ static const Variable variables[] = {
     SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
     POSITIVE(
         guard_angle, "rad",
-        "smallest angle between grasp axis and orbit normal before the roll reference is held"),
+        "angle from grasp axis to orbit normal below which the roll reference is held constant"),
     NONNEGATIVE_AS(
         "roll_rate_max", roll.rate_max, "rad/s",
-        "largest roll rate of the reference attitude; 0 = none, it jumps back after the guard"),
-    NONNEGATIVE_AS("roll_accel_max", roll.acceleration_max, "rad/s2",
-                   "largest roll acceleration of the reference attitude, with roll_rate_max"),
+        "largest roll rate of the reference attitude; 0 = no limit, roll jumps at guard_angle"),
+    NONNEGATIVE_AS(
+        "roll_accel_max", roll.acceleration_max, "rad/s2",
+        "largest roll acceleration of the reference attitude, used if roll_rate_max > 0"),
     SAMPLE_PERIOD,
-    SWITCH(range_input, "1: the distance on the axis is L_ref, 0: as in the paper"),
-    SWITCH(frame, "1: carried frame, for a fly-around (needs range_input), 0: as in the paper"),
-    POSITIVE_AS("spin_time", steering.spin_time, "s",
-                "carried frame: from turning with H to turning with the target"),
+    SWITCH(range_input,
+           "1: the distance on the grasp axis is L_ref, 0: it follows from rho_0, rho_M and beta"),
+    SWITCH(frame, "1: carried frame, for a fly-around (needs range_input = 1), 0: D of the paper"),
+    POSITIVE_AS(
+        "spin_time", steering.spin_time, "s",
+        "carried frame: duration of the change from turning with H to turning with the target"),
     NONNEGATIVE_AS("k_steer", steering.k_steer, "1/s",
-                   "carried frame: rate per angle off the grasp axis"),
-    NONNEGATIVE_AS("w_steer", steering.w_steer, "rad/s", "carried frame: largest of these rates"),
-    NONNEGATIVE_AS("k_integral", steering.k_integral, "1/s2",
-                   "carried frame: rate of the integral of the steering per angle off the axis"),
-    NONNEGATIVE_AS("spin_accel", steering.spin_accel, "rad/s2",
-                   "carried frame: largest acceleration while it begins to turn with the target; "
-                   "0: spin_time for every target"),
-    SWITCH(steer_input, "1: w_steer is at most steer_max (needs frame)"),
-    SWITCH(spin_input, "1: the carried frame turns with H until spin is 1 (needs frame)"),
+                   "carried frame: steering rate per angle off the grasp axis"),
+    NONNEGATIVE_AS("w_steer", steering.w_steer, "rad/s", "carried frame: largest steering rate"),
+    NONNEGATIVE_AS(
+        "k_integral", steering.k_integral, "1/s2",
+        "carried frame: rate of change of the integral steering per angle off the grasp axis"),
+    NONNEGATIVE_AS(
+        "spin_accel", steering.spin_accel, "rad/s2",
+        "carried frame: largest acceleration of the spin-up, by a longer spin_time; 0 = no limit"),
+    SWITCH(steer_input, "1: the steering rate is also limited to steer_max (needs frame = 1)"),
+    SWITCH(spin_input, "1: the carried frame turns with H until spin is 1 (needs frame = 1)"),
     SWITCH(use_inertia_hat, "1: the inertia of the target is inertia_hat, 0: J_T"),
-    SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque on the target, used with know_M_dist"),
+    SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque on the target, used if know_M_dist = 1"),
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
     OPTIONAL_SWITCH(active, ACTIVE_TEXT),
-    OPTIONAL_INPUT(L_ref, "m", "distance on the grasp axis, with range_input"),
-    OPTIONAL_INPUT(dL_ref, "m/s", "rate of L_ref, with range_input"),
-    OPTIONAL_INPUT(ddL_ref, "m/s2", "acceleration of L_ref, with range_input"),
-    OPTIONAL_NONNEGATIVE(steer_max, "rad/s", "largest rate of the steering, with steer_input"),
-    OPTIONAL_SWITCH(spin, "1: the carried frame begins to turn with the target, with spin_input"),
+    OPTIONAL_INPUT(L_ref, "m", "distance on the grasp axis, used if range_input = 1"),
+    OPTIONAL_INPUT(dL_ref, "m/s", "rate of L_ref, used if range_input = 1"),
+    OPTIONAL_INPUT(ddL_ref, "m/s2", "acceleration of L_ref, used if range_input = 1"),
+    OPTIONAL_NONNEGATIVE(steer_max, "rad/s", "largest steering rate, used if steer_input = 1"),
+    OPTIONAL_SWITCH(spin,
+                    "1: the carried frame begins to turn with the target, used if spin_input = 1"),
     OPTIONAL_INPUT(inertia_hat, "1",
-                   "J22, J33, J12, J13, J23 of the target over J11, with use_inertia_hat"),
+                   "J22, J33, J12, J13, J23 of the target over J11, used if use_inertia_hat = 1"),
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(rho_H, "m", "position of the servicer relative to the target, Hill axes"),
@@ -124,9 +131,11 @@ static const Variable variables[] = {
     ANGLE_OUTPUT(beta_t, "angle between the relative position and the grasp axis of the target"),
     ANGLE_OUTPUT(beta_p,
                  "angle between the arm axis (+X of the servicer) and the direction to the target"),
-    FLAG(attitude_guard, "1: grasp axis near the orbit normal, roll reference held"),
+    FLAG(attitude_guard,
+         "1: grasp axis within guard_angle of the orbit normal, roll reference held constant"),
     ANGLE_OUTPUT(normal_angle, "angle between the grasp axis and the line of the orbit normal"),
-    FLAG(roll_limited, "1: the reference attitude rolls at its limits, so it lags behind the rule"),
+    FLAG(roll_limited,
+         "1: the roll of the reference attitude is limited and differs from the unlimited roll"),
 };
 
 /* A.4-7 */
@@ -138,7 +147,7 @@ static void check(const Parameters *p, Problems *problems)
         reject(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
     if ((p->roll.rate_max > 0) != (p->roll.acceleration_max > 0))
         reject(problems, "roll_accel_max", p->roll.acceleration_max,
-               "must be above 0 with roll_rate_max, and 0 without");
+               "must be above 0 if roll_rate_max is above 0, else 0");
     if (p->frame == 1 && p->range_input != 1)
         reject(problems, "frame", p->frame, "needs range_input = 1");
     if (p->steer_input == 1 && p->frame != 1)
@@ -279,7 +288,8 @@ static void publish_relative_state(const Input *u, const HillFrame *H, vec3 axis
 }
 
 /* publishes the reference of carried_frame.h in N axes and propagates D to the next sample; at
- * range 0 the direction is undefined, and the reference is rejected */
+ * range 0 of a first sample the direction is undefined: the reference is NaN, which the FMI adapter
+ * rejects */
 /* A.4-4 */
 static void guide_by_carried_frame(const Parameters *p, const Input *u, const HillFrame *H,
                                    CarriedFrame *D, Output *y, double t, double period)

@@ -14,6 +14,7 @@
  *           minus the reference acceleration.
  * Attitude: x = (e, w), A0 = [0 I/2; 0 0], A = [0 (T(q_SD) - I)/2; 0 0], B = [0; J_hat^-1],
  *   M = -R^-1 B^T (..) x + omega x (J_hat omega + A_hat Omega) + J_hat (wdd - w x wd).
+ * tracking.h defines Sigma, g, T(q), e, w and the reference rate wd with its derivative wdd.
  * The costs are squares of acceleration (position) and torque (attitude): so R of range and of
  * attitude has no unit. T0 and the inverse of the Lyapunov operator are computed from the weights
  * at the start.
@@ -84,14 +85,14 @@ static const Variable variables[] = {
     ANGLE_WEIGHTS(azimuth),
     WEIGHT_ROWS(attitude, "N2.m2", "N2.m2.s2", "1", ", angles in rad"),
     NONNEGATIVE(k_1, "1",
-                "position: part of the first correction suppressed at the start, at most 1"),
+                "position: part of the correction T1 that is suppressed at the start, at most 1"),
     NONNEGATIVE(k_2, "1",
-                "position: part of the second correction suppressed at the start, at most 1"),
-    NONNEGATIVE(l_1, "1/s", "position: rate at which the first correction is released"),
-    NONNEGATIVE(l_2, "1/s", "position: rate at which the second correction is released"),
+                "position: part of the correction T2 that is suppressed at the start, at most 1"),
+    NONNEGATIVE(l_1, "1/s", "position: rate at which the suppression of T1 decays"),
+    NONNEGATIVE(l_2, "1/s", "position: rate at which the suppression of T2 decays"),
     NONNEGATIVE(k_att, "1",
-                "attitude: part of both corrections suppressed at the start, at most 1"),
-    NONNEGATIVE(l_att, "1/s", "attitude: rate at which both corrections are released"),
+                "attitude: part of T1 and T2 that is suppressed at the start, at most 1"),
+    NONNEGATIVE(l_att, "1/s", "attitude: rate at which the suppression of T1 and T2 decays"),
 
     TRACKING_INPUTS,
 
@@ -114,7 +115,7 @@ static void check(const Parameters *p, Problems *problems)
     check_part(problems, "k_att", p->k_att);
 }
 
-/* ---- position and attitude, each a chain of 3-vectors: dx1/dt = link x2, dx2/dt = input ---- */
+/* ---- position and attitude: chains dx1/dt = link x2, dx2/dt = input; link: 1 and 1/2 ---- */
 typedef struct { vec3 x1, x2; } Chain;
 
 static void set_block(mat6 *m, int row, int column, mat3 b)
@@ -150,7 +151,7 @@ static void expand(double link, mat3 S, vec3 Q_error, vec3 Q_rate, Expansion *x)
 
 static mat6 with_transpose(mat6 a) { return sum6(1, a, 1, transpose6(a)); }
 
-/* rows 4 to 6 of (T0 + T1 + T2) x */
+/* rows 4 to 6 (of 6) of (T0 + T1 + T2) x, with A, eps_1, eps_2 and x of this sample */
 /* C.5-7 */
 static vec3 costate(const Expansion *e, mat6 A, double eps_1, double eps_2, Chain x)
 {
@@ -175,7 +176,7 @@ static void expand_position(const Parameters *p, Expansion *x)
     expand(1, diagonal3(per_channel(vec(1, 1, 1), position_R(p))), Q_error, Q_rate, x);
 }
 
-#define STRAIGHT 1e-8 /* rad: below it, sin(x)/x is 1 to the last bit */
+#define STRAIGHT 1e-8 /* rad: below this x, sin(x)/x is 1 to the last bit */
 
 static double sin_over(double x) { return fabs(x) < STRAIGHT ? 1 : sine(x) / x; }
 

@@ -1,10 +1,10 @@
 /* tracking.h - shared by the controllers in line-of-sight (LOS) coordinates: ports, errors,
  * limits, command.
  *
- * Position: x1 = (range, elevation, azimuth) minus its reference, x2 = dx1/dt. The law gives a
- * generalised control u, and a_L = Sigma u with Sigma = diag(-1,-1,1) is the acceleration of the
- * servicer in axes L. With this Sigma every channel of dx2/dt = f + g u + d has a positive gain g =
- * (1, 1/rho, 1/(rho cos eps)).
+ * Position: x1 = (range rho, elevation eps, azimuth) minus its reference, x2 = dx1/dt. The law of
+ * the controller gives the control u of dx2/dt = f + g u + d. The acceleration of the servicer in
+ * LOS axes L is a_L = Sigma u; with Sigma = diag(-1,-1,1) the gain g = (1, 1/rho, 1/(rho cos eps))
+ * is positive in every channel.
  * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, and the rate error w =
  * omega_SN_S - C_SD omega_DN_D.
  * The limits a_max per LOS axis and M_max per body axis apply here, before the limits of the
@@ -51,10 +51,10 @@ typedef struct {
         NONNEGATIVE_AS("M_max", member.M_max, "N.m",                                              \
                        "largest commanded torque per body axis; 0 = no limit"),                   \
         ROW_AS(PARAMETER_ROW, p, "force_scale", member.force_scale, 1, "kg",                      \
-               "newton per m/s2 of command", POSITIVE_VALUE),                                     \
+               "commanded force per commanded acceleration", POSITIVE_VALUE),                     \
         ROW_AS(PARAMETER_ROW, p, "use_wheels", member.use_wheels, 1, "1",                         \
                "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)", SWITCH_VALUE), \
-        PARAMETER_AS("t_att", member.t_att, "s", "attitude control rests before this time"),      \
+        PARAMETER_AS("t_att", member.t_att, "s", "no attitude control before this time"),         \
         SAMPLE_PERIOD_AS(member.sample_period, "at every call")
 
 #define TRACKING_DEFAULTS \
@@ -73,9 +73,9 @@ typedef struct {
 #define TRACKING_OUTPUTS(member)                                                                  \
     TRACKING_OUTPUT("F_cmd_S", member.F_cmd_S, "N", "commanded force, servicer axes", ANY_VALUE), \
         TRACKING_OUTPUT("M_cmd_S", member.M_cmd_S, "N.m",                                         \
-                        "commanded torque, servicer axes; 0 with wheels", ANY_VALUE),             \
+                        "commanded torque, servicer axes; 0 if use_wheels = 1", ANY_VALUE),       \
         TRACKING_OUTPUT("wheel_accel_cmd", member.wheel_accel_cmd, "rad/s2",                      \
-                        "commanded wheel acceleration; 0 without wheels", ANY_VALUE),             \
+                        "commanded wheel acceleration; 0 if use_wheels = 0", ANY_VALUE),          \
         TRACKING_OUTPUT("a_cmd_L", member.a_cmd_L, "m/s2",                                        \
                         "commanded acceleration of the servicer, LOS axes, within a_max",         \
                         ANY_VALUE),                                                               \
@@ -89,7 +89,8 @@ typedef struct {
                         "attitude of the servicer relative to its reference, scalar first",       \
                         ANY_VALUE),                                                               \
         TRACKING_OUTPUT("domega_S", member.domega_S, "rad/s",                                     \
-                        "angular velocity minus the reference one, servicer axes", ANY_VALUE)
+                        "angular velocity minus reference angular velocity, servicer axes",       \
+                        ANY_VALUE)
 
 /* sets command and telemetry to 0, while the law is not active */
 static inline void command_nothing(TrackingOutput *y)

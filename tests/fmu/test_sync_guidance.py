@@ -566,4 +566,4 @@ def test_limited_rolls_match_an_independent_derivation(fmu, simulated):
 @pytest.mark.verifies("A.4-7")
 def test_one_limit_without_the_other_is_rejected(tmp_path):
     text = rejection("sync_guidance", {"roll_rate_max": 0.05}, tmp_path)
-    assert "must be above 0 with roll_rate_max" in text
+    assert "must be above 0 if roll_rate_max is above 0" in text
