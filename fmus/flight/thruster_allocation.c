@@ -3,17 +3,20 @@
  *   min |A x - w|^2 + eps sum (|a_i| x_i)^2,   0 <= x_i <= 1,     w = W [F; M],
  *           a_i = W [P R; (L - D_cm) x P R]
  *
- * The second term chooses among the many x that give the same wrench. With it the solution is
- * unique and continuous in the command, and no thrusters work against each other, because less
- * thrust of both would give the same wrench. The weight |a_i| makes the choice independent of the
- * strength of a thruster. With eps = 1e-10 the wrench is wrong by about eps/sigma^2 < 1e-6 of its
- * length; sigma: smallest singular value of the columns a_i/|a_i|. Active-set solver after Stark &
- * Parker 1995 (BVLS), at most 100 exchanges.
+ * x_i: throttle of thruster i, P: its nominal thrust, R: direction, L: position; D_cm: centre of
+ * mass; W: weights weight_F and weight_M. The second term chooses among the many x that give the
+ * same wrench. With it the solution is unique and continuous in the command, and no thrusters work
+ * against each other, because less thrust of both would give the same wrench. The weight |a_i|
+ * makes the choice independent of the strength of a thruster. With eps = 1e-10 the wrench is wrong
+ * by about eps/sigma^2 < 1e-6 of its length; sigma: smallest singular value of the columns
+ * a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS); it releases at most 100 throttles
+ * from their bounds.
  *
- * A command that is not attainable is scaled to s w with the largest attainable s, from s = 1 on.
- * The attainable wrenches are a convex set that contains 0. If s w is outside, the residual r = s w
- * - A x is normal to a plane that separates s w from the set, and s becomes r.(A x) / r.w, which is
- * never too small. The sequence ends on the facet through which w leaves the set.
+ * A command that is not attainable is scaled to s w with the largest attainable s, which is found
+ * by decreasing s from 1. The attainable wrenches are a convex set that contains 0. If s w is
+ * outside, the residual r = s w - A x is normal to a plane that separates s w from the set, and s
+ * becomes r.(A x) / r.w, which is never too small. The sequence ends on the facet through which w
+ * leaves the set.
  *
  * Pulses: once per period the on-time of each thruster is x_i times the period plus the remainder
  * of the period before, in whole samples; an on-time below min_on_time is added to the next period.
@@ -37,7 +40,7 @@ typedef struct {
 typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
 typedef struct {
     double on[THRUSTERS], carry[THRUSTERS];
-} State; /* on-time of this period and remainder, in samples */
+} State; /* on-time in this period, and on-time left for later ones, in samples */
 typedef struct {
     double throttle[THRUSTERS], infeasible, scale;
     vec3 F_alloc_S, M_alloc_S;
@@ -58,16 +61,17 @@ static const Model start = {
 static const Variable variables[] = {
     THRUSTER_ROWS(thrusters),
     NONNEGATIVE(weight_F, "1/N",
-                "weight of the force error, per body axis; 0 = this axis does not matter"),
+                "weight of the force error, per body axis; 0 = the error of this axis is ignored"),
     NONNEGATIVE(weight_M, "1/(N.m)",
-                "weight of the torque error, per body axis; 0 = this axis does not matter"),
-    SWITCH(keep_direction, "command out of reach: 1 scaled, 0 nearest wrench by the weights"),
+                "weight of the torque error, per body axis; 0 = the error of this axis is ignored"),
+    SWITCH(keep_direction,
+           "command out of reach: 1 = scaled, 0 = nearest wrench by weight_F and weight_M"),
     SWITCH(pulsed, "0: continuous throttles, 1: pulse-width modulation"),
     POSITIVE(pulse_period, "s", "period of the pulses, a multiple of sample_period"),
     NONNEGATIVE(min_on_time, "s", "shortest pulse"),
     SAMPLE_PERIOD_AS(sample_period, "at every call (not with pulses)"),
-    SWITCH(lost, "1: known to be lost, left out from lost_from on; per thruster"),
-    PARAMETER(lost_from, "s", "the lost thrusters are left out from this time on"),
+    SWITCH(lost, "1: known to have failed, not used from lost_from on; per thruster"),
+    PARAMETER(lost_from, "s", "thrusters with lost = 1 are not used from this time on"),
 
     INPUT(F_cmd_S, "N", "commanded force, body axes"),
     INPUT(M_cmd_S, "N.m", "commanded torque about the centre of mass, body axes"),
@@ -166,8 +170,8 @@ typedef struct {
 } Iterate;
 
 /* decomposition Q R of the columns of the free thrusters; who: number of the thruster of each
- * column, n: number of columns that are valid. In Q the free thruster k has the damping row 6 + k,
- * so that column k is 0 below this row. */
+ * column, n: number of columns that are valid. Column k of Q has its damping value in row 6 + k,
+ * not 6 + who[k], and is 0 below this row. */
 typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
@@ -302,7 +306,8 @@ static void publish_wrench(const Parameters *p, const Input *u, Output *y)
 static void plan_pulse(double demand, double period, double shortest, double *on, double *carry)
 {
     double due = demand * period + *carry;
-    *on = smaller(floor_of(due + 1e-5), period); /* 1e-5 samples: error of the allocation */
+    /* 1e-5 samples cover the error of the allocation: a demand of n samples gives n, not n - 1 */
+    *on = smaller(floor_of(due + 1e-5), period);
     if (*on < shortest) *on = 0;
     *carry = larger(0, due - *on);
 }

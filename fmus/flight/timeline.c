@@ -1,5 +1,5 @@
-/* timeline.c - commands of ground and faults over time: go, retreat, resume and validity by a table
- * of times.
+/* timeline.c - decisions of the ground (go, retreat, resume) and faults (navigation that is not
+ * valid) by a table of times.
  *
  * The last row whose times[i] is reached is in force. Before times[1] the three go and
  * relative_valid are 1, retreat and resume are 0. Columns of a row: go_1, go_2, go_3, retreat,
@@ -32,9 +32,9 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    PARAMETER(times, "s", "each row is in force from here on; ascending, 1e30: not used"),
+    PARAMETER(times, "s", "time from which each row is in force; ascending, 1e30 = row not used"),
     ROW_AS(PARAMETER_ROW, p, "rows", rows, 6, "1",
-           "go_1, go_2, go_3, retreat, resume, relative_valid, one row for each time",
+           "elements of a row: go_1, go_2, go_3, retreat, resume, relative_valid; one row per time",
            SWITCH_VALUE),
     SAMPLE_PERIOD,
 
@@ -43,7 +43,7 @@ static const Variable variables[] = {
     FLAG(go_3, "1: go for mating"),
     FLAG(retreat, "1: ground orders the retreat"),
     FLAG(resume, "1: ground lets a servicer that drifts safely resume"),
-    FLAG(relative_valid, "1: the states can be relied on"),
+    FLAG(relative_valid, "1: the states of target and servicer can be relied on"),
 };
 
 /* J.6-3 */

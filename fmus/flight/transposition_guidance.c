@@ -11,10 +11,11 @@
  *   dh = (h(t+T) - h(t))/T,
  *
  * the integral by two-point Gauss quadrature with 16 steps per node interval, so that a controller
- * with the same model follows h within 1e-6 of the saturation momentum. Outside the window the
- * reference is the flight attitude and h is constant. If no history satisfies the limits, the
- * reference is the flight attitude, with a status and an alarm. Source: patent CN106020225A,
- * corrected (docs/models.md E). */
+ * with the same model follows h within 1e-6 of the saturation momentum. D: reference axes of the
+ * base; J_A, h_m, tau, flight attitude: assembly.h; T: sample period. Outside the time window of
+ * the plan the reference is the flight attitude and h is constant. If no history satisfies the
+ * limits, the reference is the flight attitude, with a status and an alarm. Source: patent
+ * CN106020225A, corrected (docs/models.md E). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
@@ -44,7 +45,7 @@ static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
           .swing = SWING_START,
           .window = 5400,
-          .nodes = 24, /* so few that planning takes milliseconds; systems set 90 */
+          .nodes = 24, /* so few that planning takes milliseconds; the mission sets 90 */
           .H_sat = 1500,
           .momentum_share = 0.9,
           .rotation_max = 7 * PI / 36,
@@ -58,20 +59,24 @@ static const Variable variables[] = {
     ASSEMBLY_ROWS(assembly),
     SWING_ROWS(swing),
     PARAMETER(h_0_S, "N.m.s", "momentum of the gyros at the start of the window, body axes"),
-    PARAMETER(window_start, "s", "start of the window"),
-    POSITIVE(window, "s", "length of the window; the swing lies within"),
+    PARAMETER(window_start, "s", "start of the time window in which the attitude follows the plan"),
+    POSITIVE(window, "s", "length of the window, which must contain the swing"),
     POSITIVE(nodes, "1", "intervals between the nodes of the history, a whole number, 8 to 120"),
     POSITIVE(H_sat, "N.m.s", "momentum at which the gyros saturate"),
-    POSITIVE(momentum_share, "1", "part of H_sat below which the plan stays, at most 1"),
-    POSITIVE(rotation_max, "rad", "largest rotation from the flight attitude, below 175 deg"),
-    SWITCH(use_plan, "1: plan; 0: flight attitude all the time"),
-    NONNEGATIVE(scheme, "1",
-                "discretisation of the plan; 0: spline, 1: differences of the patent with its "
-                "second difference corrected, 2: as printed"),
-    POSITIVE(alpha, "1", "part of the computed step that is taken"),
-    NONNEGATIVE(lambda, "N2.m2.s6", "weight on the second differences of a step"),
-    NONNEGATIVE(weight, "1", "power of |h|/max |h| in the weight of a node, whole number up to 8"),
-    NONNEGATIVE(iterations_max, "1", "largest number of steps, whole number up to 30"),
+    POSITIVE(momentum_share, "1",
+             "part of H_sat below which the planned momentum remains, at most 1"),
+    POSITIVE(rotation_max, "rad", "largest rotation from the flight attitude, at most 3.05 rad"),
+    SWITCH(use_plan, "1: attitude by plan; 0: flight attitude all the time"),
+    NONNEGATIVE(
+        scheme, "1",
+        "discretisation: 0 spline, 1 patent with corrected second difference, 2 patent as printed"),
+    POSITIVE(alpha, "1", "part of the computed change of the history that an iteration applies"),
+    NONNEGATIVE(lambda, "N2.m2.s6",
+                "weight on the second differences of the change in an iteration"),
+    NONNEGATIVE(weight, "1",
+                "exponent of |h|/max |h| in the weight of a node, whole number up to 8"),
+    NONNEGATIVE(iterations_max, "1",
+                "largest number of iterations of the plan, whole number up to 30"),
     SAMPLE_PERIOD,
 
     ATTITUDE_REFERENCE_ROWS(OUTPUT_ROW, y, ref),
@@ -79,16 +84,18 @@ static const Variable variables[] = {
            "reference attitude relative to the flight attitude, vector part of the quaternion"),
     ANGLE_OUTPUT(rotation_ref, "angle of the reference rotation from the flight attitude"),
     MODE(status, "outcome of the plan",
-         "planned|flight attitude requested|not below the limit|rotation would exceed "
+         "planned|flight attitude requested|momentum not below the limit|rotation would exceed "
          "rotation_max"),
-    ALARM(no_plan, "1: no history with the momentum below the limit, the reference is the flight "
-                   "attitude; see status"),
-    NONNEGATIVE_OUTPUT(iterations, "1", "steps that the plan took"),
+    ALARM(no_plan,
+          "1: no history satisfies the limits (see status), the reference is the flight attitude"),
+    NONNEGATIVE_OUTPUT(iterations, "1", "iterations of the plan"),
     NONNEGATIVE_OUTPUT(momentum_max, "N.m.s", "largest predicted momentum of the gyros"),
     ANGLE_OUTPUT(rotation_largest, "largest rotation of the reference from the flight attitude"),
-    NONNEGATIVE_OUTPUT(peak, "N.m.s", "largest momentum before every step of the plan, and after"),
+    NONNEGATIVE_OUTPUT(
+        peak, "N.m.s",
+        "elements: largest momentum of the gyros before each iteration, then after the last one"),
     NONNEGATIVE_OUTPUT(rotation, "rad",
-                       "largest rotation before every step of the plan, and after"),
+                       "elements: largest rotation before each iteration, then after the last one"),
 };
 
 static void check_whole(Problems *problems, const char *name, double value, double low, double high,
@@ -120,7 +127,7 @@ static void check(const Parameters *p, Problems *problems)
     if (p->momentum_share > 1)
         reject(problems, "momentum_share", p->momentum_share, "must be at most 1");
     if (p->rotation_max > 3.05)
-        reject(problems, "rotation_max", p->rotation_max, "must be below 175 deg");
+        reject(problems, "rotation_max", p->rotation_max, "must be at most 3.05 rad");
     if (norm(p->h_0_S) > p->H_sat)
         reject(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
 }

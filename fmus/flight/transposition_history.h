@@ -1,6 +1,7 @@
-/* transposition_history.h - attitude history of the assembly: eps at the nodes of an equidistant
- * grid, between them a cubic spline with zero slope at both ends. Outside its window the assembly
- * is at rest in the flight attitude. Source: docs/models.md E.4. */
+/* transposition_history.h - attitude history of the assembly: eps, the vector part of the
+ * quaternion relative to the flight attitude, at the nodes of an equidistant grid in time, between
+ * them a cubic spline with zero slope at both ends. Outside the times of the grid the assembly is
+ * at rest in the flight attitude. Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_HISTORY_H
 #define TRANSPOSITION_HISTORY_H
@@ -21,7 +22,7 @@ typedef struct {
 
 static inline int intervals(const History *y) { return (int)y->n; }
 
-static inline Motion history_at(const History *y, double t) /* at rest outside the window */
+static inline Motion history_at(const History *y, double t) /* at rest outside the grid */
 {
     double u = (t - y->t_0) / y->dt;
     if (!(u >= 0 && u < y->n)) return (Motion){vec(0, 0, 0), vec(0, 0, 0), vec(0, 0, 0)};
@@ -47,7 +48,7 @@ static inline Motion fine_motion(const History *y, int m)
     return spline_at(y->dt, y->eps, y->curvature, k, (double)(m - FINE * k) / FINE);
 }
 
-static inline double largest_eps(const History *y) /* at the nodes and between them */
+static inline double largest_eps(const History *y) /* largest |eps| at nodes and quarters between */
 {
     double largest = 0;
     for (int m = 0; m <= FINE * intervals(y); m++)

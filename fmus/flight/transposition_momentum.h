@@ -1,12 +1,13 @@
 /* transposition_momentum.h - momentum of the gyros along an attitude history, and its derivatives
- * by the nodes. From the balance of momentum in N, by the trapezoidal rule with four steps per node
- * interval:
+ * with respect to eps at the nodes. From the balance of momentum in N, by the trapezoidal rule with
+ * four steps per node interval:
  *
  *   H_N(t) = H_N(0) + integral(C_NS tau),   h_cmg = C_SN H_N - (J_A omega_0 + h_m)
  *
- * J: derivative of h by the eps of the nodes, by the chain rule: central differences give the
- * derivatives of h by eps and eps' and of C_NS tau by eps at one instant; these are multiplied by
- * the linear maps from the nodes to eps and eps' of the spline. Source: docs/models.md E.4. */
+ * J_A, h_m, tau: assembly.h. The matrix J contains the derivatives of h = h_cmg with respect to eps
+ * at the nodes, by the chain rule: central differences give the derivatives of h with respect to
+ * eps and eps' and of C_NS tau with respect to eps at one instant; these are multiplied by the
+ * linear maps from eps at the nodes to eps and eps' of the spline. Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_MOMENTUM_H
 #define TRANSPOSITION_MOMENTUM_H
@@ -15,7 +16,7 @@
 #include "transposition_history.h"
 
 enum {
-    MAX_UNKNOWN_NODES = MAX_NODES - 2, /* eps_0 = eps_{N-1} = eps_N = 0 */
+    MAX_UNKNOWN_NODES = MAX_NODES - 2, /* without the given eps_0 = eps_{N-1} = eps_N = 0 */
     MAX_UNKNOWNS = 3 * MAX_UNKNOWN_NODES
 };
 
@@ -39,7 +40,7 @@ typedef struct {
     double slope[MAX_NODES + 1][MAX_UNKNOWN_NODES]; /* d eps'(node)/d eps_j */
     vec3 H_N[MAX_FINE + 1], h[MAX_FINE + 1];
     mat3 sum[MAX_UNKNOWN_NODES];
-    double jacobian[3][MAX_UNKNOWNS]; /* rows of one node */
+    double jacobian[3][MAX_UNKNOWNS]; /* three rows of J for one node */
     double normal[MAX_UNKNOWNS][MAX_UNKNOWNS], step[MAX_UNKNOWNS];
     double largest; /* largest |h| of the history */
 } Workspace;
@@ -76,7 +77,7 @@ static inline vec3 torque_N(const Task *task, const Workspace *w, int m, vec3 ep
     return tmul(w->C_oN[m], tmul(C_So, environment_torque(task->assembly, &w->at[m], C_So)));
 }
 
-/* gyro momentum h_cmg for the total momentum H_o */
+/* gyro momentum h_cmg for the total momentum H_o in axes of the orbital frame o */
 static inline vec3 momentum_of(const Task *task, const Configuration *c, vec3 H_o, Motion eps)
 {
     BaseMotion s = base_motion(task->assembly, eps);
@@ -155,7 +156,7 @@ static inline double weight_of(const Task *task, vec3 h, double largest) /* (|h|
     return weight;
 }
 
-/* for one row of J: normal += weight row^T row, lower triangle only; step += weight row h */
+/* adds one row of J: normal += weight row^T row, lower triangle only; step += weight row h */
 static inline void add_row(Workspace *w, int unknowns, const double *row, double weight, double h)
 {
     for (int i = 0; i < unknowns; i++) {

@@ -5,7 +5,9 @@
  *   eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2,   printed (e_{k+1} + 2 e_k - e_{k-1})/dt^2
  *   h_{k+1} = h_k + dt h'(e_{k-1}, e_k, e_{k+1}, h_k)
  *
- * Source: patent CN106020225A; docs/models.md E.4. */
+ * e_k: eps at node k, dt: time between nodes, h: momentum of the gyros. Scheme 1 uses the first
+ * form of eps'', scheme 2 the form that the patent prints. Source: patent CN106020225A;
+ * docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_PATENT_H
 #define TRANSPOSITION_PATENT_H

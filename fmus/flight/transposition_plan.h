@@ -8,8 +8,10 @@
  *   eps <- eps - alpha (J^T W J + lambda S)^-1 J^T W h,   J = dh/deps,
  *   S = D2^T D2 (x) 1_3/dt^4,   D2: second difference
  *
- * h and J by spline and balance of momentum (transposition_momentum.h) or in the patent's own
- * differences (transposition_patent.h). Source: docs/models.md E.4. */
+ * h: momentum of the gyros at the nodes; W: diagonal matrix of the weights (|h|/max |h|)^weight of
+ * the nodes; (x): Kronecker product. h and J are computed by spline and balance of momentum
+ * (transposition_momentum.h) or by the patent's own differences (transposition_patent.h). Source:
+ * docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_PLAN_H
 #define TRANSPOSITION_PLAN_H
@@ -25,7 +27,8 @@ typedef enum { PLANNED, FLIGHT_ATTITUDE, NOT_BELOW_LIMIT, ROTATION_TOO_LARGE } S
 typedef struct {
     Status status;
     int iterations;
-    double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1]; /* before each iteration */
+    /* largest |h| and rotation before each iteration, then after the last one */
+    double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1];
 } Result;
 
 static inline double largest_momentum(const Task *task, const History *y, const Workspace *w)

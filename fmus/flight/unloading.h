@@ -4,9 +4,10 @@
  *   X = max_i |Omega_i - ref_i| / speed_max:   on from X >= `on` to X <= `off`
  *   M = -k A_w (Omega - ref), each axis at most `most`
  *
- * M is a torque of thrusters. The wheels produce the opposite torque, A_w dOmega = M, so that no
- * torque acts on the body: (Omega - ref) decreases with exp(-k t), or more slowly where an axis is
- * limited to `most`. */
+ * Omega: wheel speeds, ref: their reference, A_w: wheel inertia matrix. M is a torque of thrusters,
+ * which starts at X >= `on` and ends at X <= `off`. The wheels produce the opposite torque, A_w
+ * dOmega = M, so that no torque acts on the body: (Omega - ref) decreases with exp(-k t), or more
+ * slowly where an axis is limited to `most`. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef UNLOADING_H
 #define UNLOADING_H
