@@ -8,14 +8,19 @@
  *       + J_E^T [R_E F_contact_E; R_E M_contact_E] + Q_gg
  *   Q_gg = sum_k Jw_k^T 3 g a x (I_k a) + Jv_k^T g m_k (3 a (a.x_k) - x_k),   g = mu/|r_C|^3
  *
- * S is the base body, r_SN_N its centre of mass: sensors, thrusters and wheels are fixed to it. C
- * is the centre of mass of base and arm, c = r_CS_S, x_k = c_k - c, a = C_SN r_C/|r_C|. f: gravity
- * with J2 at C, a_dist and, with an unphysical option as in `servicer`, (C_SN^T w) x v_C. f
- * accelerates all bodies alike and excites no joint; the gravity gradient does. A locked joint is
- * removed from the system of equations; a joint that moves when it is locked stops at once, and its
- * momentum is transferred to base and free joints. Before t_att the base does not turn, while the
- * joints move. With joints = 0 the model equals `servicer`. Equations: docs/models.md K.1, K.2.
- * Classical Runge-Kutta on the grid k * max_step. */
+ * S is the base body, r_SN_N its centre of mass: sensors, thrusters and wheels are fixed to S. u:
+ * velocity v and angular velocity w of S in base axes, joint rates dq; H: mass matrix, b: velocity
+ * terms. Body k has the mass m_k, inertia I_k and centre of mass c_k; Jw_k, Jv_k: derivatives of
+ * its angular velocity and velocity by u; J_E: the same for the end effector, R_E: end effector to
+ * base axes.
+ *
+ * C is the centre of mass of base and arm, c = r_CS_S, x_k = c_k - c, a = C_SN r_C/|r_C|. f:
+ * gravity with J2 at C, a_dist and, with velocity_follows_attitude = 1 as in `servicer`, (C_SN^T w)
+ * x v_C. f accelerates all bodies alike and excites no joint; the gravity gradient does. A locked
+ * joint is removed from the system of equations; a joint that moves when it is locked stops at
+ * once, and its momentum is transferred to base and free joints. Before t_att the base does not
+ * turn, while the joints move. With joints = 0 the model equals `servicer`. Equations:
+ * docs/models.md K.1, K.2. Classical Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_dynamics.h"
 #include "arm_rows.h"
@@ -81,9 +86,10 @@ static const Variable variables[] = {
     OPTIONAL_INPUT(
         joint_torque, "N.m",
         "torque at the joints, on the outboard body about the axis; no effect on a locked joint"),
-    OPTIONAL_SWITCH(joint_lock, "1: the joint is locked"),
-    OPTIONAL_INPUT(F_contact_E, "N", "force at the origin of the end effector, its axes"),
-    OPTIONAL_INPUT(M_contact_E, "N.m", "torque on the end effector about its origin, its axes"),
+    OPTIONAL_SWITCH(joint_lock, "1: the joint is locked; per joint"),
+    OPTIONAL_INPUT(F_contact_E, "N", "force at the origin of the end effector, end-effector axes"),
+    OPTIONAL_INPUT(M_contact_E, "N.m",
+                   "torque on the end effector about its origin, end-effector axes"),
 
     BASE_OUTPUTS,
     OUTPUT(joint_angle, "rad", "joint angles"),
@@ -250,8 +256,8 @@ static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 
 RK4(integrate, derivative, Context, Motion)
 
-/* u_f += H_ff^-1 H_fl dq_l, dq_l = 0: locked joints stop, the momenta of base and free joints are
- * conserved */
+/* u_f += H_ff^-1 H_fl dq_l, then dq_l = 0: locked joints l stop, the momenta of f, base and free
+ * joints, are conserved */
 static void stop_joints(const Context *c, const Vehicle *now, Motion *x)
 {
     Speeds stopped = {.joint = {0}};
@@ -371,7 +377,8 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         integrate(&c, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
         update_vehicle(p, &arm, x, s.t + s.h);
-        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0) break; /* rejected by the adapter */
+        /* the FMI adapter rejects a negative output rate_margin, and the step fails */
+        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0) break;
     }
     Context c = context_at(p, u, &arm, x, t + h, p->base.max_step);
     publish(&c, x, y, t + h);

@@ -5,10 +5,12 @@
  *   H = J_A omega_0 + h_m + h_cmg
  *   q_So' = q_So (x) [0, omega_0 - C_So omega_orb]/2
  *
- * Model, axes and attitude zero: assembly.h. The gyros are either ideal, h_cmg' = hdot_cmd_S in
- * body axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd within their limit.
- * Saturation: an internal step brings the ideal device to h + h' dt, or to the nearest point of the
- * sphere |h| = H_sat; the torque on the structure follows from the momentum that the device has
+ * Model, axes, attitude zero and J_A, h_m, tau: assembly.h; omega_0: angular velocity of the base,
+ * omega_orb: of the orbital frame; h_cmg: momentum of the gyros; (x): product of quaternions. The
+ * gyros are either an ideal device, h_cmg' = hdot_cmd_S in body axes, or the cluster of
+ * cmg_cluster.h with gimbal rates gimbal_rate_cmd within their limit. Saturation: an internal step
+ * of length dt brings the momentum h of the ideal device to h + h' dt, or to the nearest point of
+ * the sphere |h| = H_sat; the torque on the structure follows from the momentum that the device has
  * absorbed, so that the total momentum is conserved. The cluster cannot leave its envelope.
  * Classical Runge-Kutta on the grid k * max_step. Source: docs/models.md E. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -85,21 +87,24 @@ static const Variable variables[] = {
            "attitude"),
     OUTPUT(omega_SN_S, "rad/s", "angular velocity of the base relative to N, body axes"),
     OUTPUT(omega_SH_S, "rad/s", "angular velocity of the base relative to H, body axes"),
-    OUTPUT(q_SN, "1", "attitude of the base relative to N = H at t = 0, scalar first"),
+    OUTPUT(q_SN, "1", "attitude of the base relative to N, which is H at t = 0, scalar first"),
     OUTPUT(eps, "1", "attitude relative to the flight attitude, vector part of the quaternion"),
-    ANGLE_OUTPUT(rotation, "angle of the rotation from the flight attitude"),
+    ANGLE_OUTPUT(rotation, "angle between attitude and flight attitude"),
     OUTPUT(h_cmg_S, "N.m.s", "momentum of the gyros, body axes"),
     NONNEGATIVE_OUTPUT(h_cmg, "N.m.s", "magnitude of the momentum of the gyros"),
-    NONNEGATIVE_OUTPUT(momentum_share, "1",
-                       "momentum of the gyros as a part of the largest in its direction"),
-    ALARM(saturated, "1: the gyros cannot absorb the commanded momentum"),
+    NONNEGATIVE_OUTPUT(
+        momentum_share, "1",
+        "momentum of the gyros divided by the largest possible one in its direction"),
+    ALARM(saturated,
+          "1: gyros saturated: command beyond H_sat, or cluster above 98 % of its envelope"),
     OUTPUT(gimbal_angle, "rad", "gimbal angles"),
     OUTPUT(gimbal_rate, "rad/s", "gimbal rates"),
-    NONNEGATIVE_OUTPUT(singularity, "1", "sqrt(det A A^T) of the cluster, 0: singular"),
-    ROW_AS(OUTPUT_ROW, y, "arm_angle", arm.angle, 1, "rad", "angle of the arm", ANY_VALUE),
-    ROW_AS(OUTPUT_ROW, y, "arm_rate", arm.rate, 1, "rad/s", "rate of the arm", ANY_VALUE),
-    ROW_AS(OUTPUT_ROW, y, "arm_accel", arm.accel, 1, "rad/s2", "acceleration of the arm",
-           ANY_VALUE),
+    NONNEGATIVE_OUTPUT(singularity, "1",
+                       "sqrt(det A A^T), A: torque axes of the six gyros; 0 = singular"),
+    ROW_AS(OUTPUT_ROW, y, "arm_angle", arm.angle, 1, "rad",
+           "angle of the hinge between base and module", ANY_VALUE),
+    ROW_AS(OUTPUT_ROW, y, "arm_rate", arm.rate, 1, "rad/s", "derivative of arm_angle", ANY_VALUE),
+    ROW_AS(OUTPUT_ROW, y, "arm_accel", arm.accel, 1, "rad/s2", "derivative of arm_rate", ANY_VALUE),
     OUTPUT(M_gravity_S, "N.m", "gravity-gradient torque, body axes"),
     OUTPUT(M_aero_S, "N.m", "aerodynamic torque, body axes"),
     OUTPUT(h_total_N, "N.m.s", "total momentum about the centre of mass of the assembly, N axes"),
@@ -131,7 +136,7 @@ static vec3 rate_relative_to_H(const Parameters *p, mat3 C_So, vec3 omega)
 /* ---- the gyros over one internal step ---- */
 typedef struct {
     double use_cluster, h_w;
-    vec3 h, dh; /* momentum of the ideal device: h + dh tau at tau after the start of the step */
+    vec3 h, dh; /* momentum of the ideal device: h + dh tau at the time tau in the step */
     double saturated, angle[GYROS], rate[GYROS];
 } GyroMotion;
 

@@ -8,14 +8,19 @@
  *   I = integral F_N,  A_S = integral d_S x F_N + M_N,  A_T = -integral d_T x F_N + M_N
  *   F = I/h,   M_S = A_S/h - g/2,   M_T = A_T/h - g/2,   g = (A_S + A_T)/h + m x F
  *
+ * The first three lines are the load in each phase. F_N, M_N: force at the tip and couple, both on
+ * the servicer, N axes; d_S, d_T: tip from the centres of mass; m: mean of r_S - r_T; the integrals
+ * are over the step h. The outputs are the mean loads F, M_S on the servicer and -F, M_T on the
+ * target.
+ *
  * The force of a spring of frequency omega, held over a step at its value from the start of the
  * step, would multiply the energy by 1 + theta^2/2, theta = omega h. The mechanism therefore
  * integrates both bodies over the step under its own load only (gravity, thrust and wheels move
  * them by less than 1e-6 m), and its outputs are the mean wrench of the step: the factor is then 1
- * - theta^4/24. Force and reaction act at one point, the tip. g shifts the mean forces to one line
- * of action, so that the total momentum is conserved. The phase can change once per call, at its
- * start, before the step. This is the only plant for which two steps of h differ from one of 2 h.
- * latency = 1: outputs are for the step after the next communication point, for masters that
+ * - theta^4/24. Force and reaction act at one point, the tip. The term g shifts the mean forces to
+ * one line of action, so that the total momentum is conserved. The phase can change once per call,
+ * at its start, before the step. This is the only plant for which two steps of h differ from one of
+ * 2 h. latency = 1: outputs are for the step after the next communication point, for masters that
  * transfer them one step late (Jacobi). Equations: docs/models.md I. Sources: Hunt & Crossley 1975
  * (contact). */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -56,7 +61,7 @@ static const Variable variables[] = {
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
     SWITCH_INPUT(latch_enable, "1: the latch is armed"),
-    SWITCH_INPUT(release, "1: release"),
+    SWITCH_INPUT(release, "1: command to release"),
 
     OUTPUT(F_contact_S, "N", "force on the servicer, servicer axes"),
     OUTPUT(M_contact_S, "N.m", "torque on the servicer about its centre of mass, servicer axes"),
@@ -73,14 +78,16 @@ static const Variable variables[] = {
     FLAG(contact, "1: contact"),
     FLAG(soft, "1: soft capture"),
     FLAG(hard, "1: hard capture"),
-    FLAG(broken, "1: broken"),
+    FLAG(broken, "1: the latch is broken"),
     FLAG(missed, "1: the tip has been deeper in the material than depth_max"),
-    NONNEGATIVE_OUTPUT(normal_force, "N", "sum of the normal forces of contact at the sample"),
+    NONNEGATIVE_OUTPUT(normal_force, "N",
+                       "sum of the normal forces of contact at the start of the step"),
     NONNEGATIVE_OUTPUT(contact_force_peak, "N",
-                       "largest normal force inside a step since the start"),
-    NONNEGATIVE_OUTPUT(load_force, "N", "size of the mean force of the step"),
-    NONNEGATIVE_OUTPUT(load_moment, "N.m", "size of the mean couple of the step"),
-    NONNEGATIVE_OUTPUT(energy_elastic, "J", "energy stored at the end of the step"),
+                       "largest normal_force at the internal steps since the start of the run"),
+    NONNEGATIVE_OUTPUT(load_force, "N", "magnitude of the mean force of the step"),
+    NONNEGATIVE_OUTPUT(load_moment, "N.m", "magnitude of the mean couple of the step"),
+    NONNEGATIVE_OUTPUT(energy_elastic, "J",
+                       "elastic energy of contact, latch and spring at the end of the step"),
     OUTPUT(energy_dissipated, "J", "energy dissipated since the start, at the end of the step"),
     OUTPUT(energy_drive, "J",
            "energy put in by drive and latches since the start, at the end of the step"),
@@ -195,7 +202,7 @@ static void held_derivative(const HeldLoad *c, double t, const TwoBodies *x, Two
 RK4(propagate_under_load, held_derivative, HeldLoad, TwoBodies)
 
 /* updates the largest normal force, and sets `missed` if the tip is too deep in the material, at
- * an instant inside the step; a latch has no contact */
+ * an instant inside the step; while the latch holds, no contact acts */
 static void record_contact(const Context *c, State *x, const TwoBodies *b, double t)
 {
     if (is_latched(c->entry)) return;
@@ -206,8 +213,8 @@ static void record_contact(const Context *c, State *x, const TwoBodies *b, doubl
     if (load.too_deep) x->missed = 1;
 }
 
-/* mean wrench of the step from b to `end`, with force and reaction on one line of action; `mean`:
- * mean of r_S - r_T over the step under a constant F */
+/* mean wrench of the step from b to `end`, with force and reaction on one line of action; the
+ * variable `mean` is the mean of r_S - r_T over the step under a constant F */
 static Wrench balanced_wrench(const TwoMasses *m, const TwoBodies *b, const Motion *end, double h)
 {
     Wrench w = {.F = scale(1 / h, end->I)};
@@ -326,7 +333,7 @@ static int is_far(const Parameters *p, const State *x, const PortState *s, doubl
 static double exact_step(double h, double max_step)
 {
     double whole = grid_number(h, max_step);
-    return whole > 0 ? whole * max_step : h; /* whole is NaN between grid points */
+    return whole > 0 ? whole * max_step : h; /* not on the grid: NaN > 0 is false */
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)

@@ -26,8 +26,9 @@ typedef struct {
 } Motion;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* constants of hub and parts; depend on parameters only, as `substeps` */
-    double substeps; /* n of (12) */
+    /* constants of hub and parts; n of (12); both depend on parameters only */
+    Vehicle vehicle;
+    double substeps;
 } State;
 typedef struct {
     BaseOutput base;
@@ -108,9 +109,10 @@ static const Variable variables[] = {
     OUTPUT(panel_rate, "rad/s", "rates of the panels"),
     OUTPUT(slosh_displacement, "m", "displacements of the sloshing masses along their axes"),
     OUTPUT(slosh_rate, "m/s", "rates of the sloshing masses along their axes"),
-    NONNEGATIVE_OUTPUT(slosh_mass, "kg", "sloshing masses including the remaining propellant"),
+    NONNEGATIVE_OUTPUT(slosh_mass, "kg",
+                       "present sloshing masses, reduced by the propellant consumption"),
     ROW_AS(OUTPUT_ROW, y, "hub_mass", hub_mass, 1, "kg",
-           "mass of the hub including its remaining propellant, without panels and slosh",
+           "present mass of the hub with its propellant, without panels and sloshing masses",
            POSITIVE_VALUE),
     OUTPUT(r_CS_S, "m", "present centre of mass of the vehicle from S, body axes"),
     OUTPUT(r_CN_N, "m", "position of the centre of mass, N axes"),
@@ -292,7 +294,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         integrate(&constant, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
         if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0)
-            break; /* the adapter rejects this result */
+            break; /* the FMI adapter rejects a negative rate_margin */
     }
     publish(p, x, y, t + h);
 }

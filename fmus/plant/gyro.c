@@ -4,9 +4,11 @@
  *   b+  = b + sigma_u sqrt(P) z_3..5
  *   m   = (I + M) phi + P (b + b+)/2 + sqrt(sigma_v^2 P + sigma_u^2 P^3/12) z_0..2
  *
- * P: period, b: bias, M: misalignment, z: standard normal draws of the sample. With a quantum, the
- * rounding residue is added to the next increment. The first sample only records the attitude and
- * gives no increment. Source: Farrenkopf 1978; equations: docs/models.md F.2. */
+ * m: measured increment dtheta_S, P: period, b: bias, b+: bias at the end of the period, M:
+ * misalignment, z: standard normal draws of the sample. With quantum > 0, m is rounded to multiples
+ * of quantum, and the rounding residue is added to the next increment. The first sample only
+ * records the attitude and gives no increment. Source: Farrenkopf 1978; equations: docs/models.md
+ * F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 #include "small_rotation.h"
@@ -50,7 +52,7 @@ static const Variable variables[] = {
     NONNEGATIVE(sigma_bias_0, "rad/s",
                 "standard deviation of the bias at the start about bias_0, per axis"),
     MATRIX(misalignment, "1", "scale factor errors (diagonal) and misalignments, body axes"),
-    NONNEGATIVE(quantum, "rad", "quantum of the increments; 0 = none"),
+    NONNEGATIVE(quantum, "rad", "the increments are multiples of this angle; 0 = not rounded"),
 
     INPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
 

@@ -4,10 +4,11 @@
  *   r = C_KN ((r_T - r_S) + C_TN^T p_GT_T) - C_KS p_KS_S,     q = (q_SN q_KS)* q_TN
  *   r_GK_K = r + sigma_r(|r|) (o) z_0..2,                     q_TK = q rot(sigma_t(|r|) z_3..5)
  *
- * z: standard normal draws. G is the origin of the model of the target that the camera tracks.
- * Outliers, flips (half a turn about flip_axis, for a target with this symmetry) and a fault (drift
- * of the position, rotation of the attitude) are added; pose_valid does not show them. A sample is
- * published after `latency`, from a ring buffer of the last 8. Equations: docs/models.md F.2. */
+ * K: camera; p_KS_S, q_KS: its mounting; G: origin of the model of the target that the camera
+ * tracks; z: standard normal draws; (o): product element by element. Outliers, flips (half a turn
+ * about flip_axis, for a target with this symmetry) and a fault (drift of the position, rotation of
+ * the attitude) are added; pose_valid does not show them. A sample is published after `latency`,
+ * from a ring buffer of the last 8. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "pose_noise.h"
@@ -78,8 +79,8 @@ static const Variable variables[] = {
               "target axes"),
     POSE_NOISE_ROWS(noise),
     NONNEGATIVE(fov, "rad", "half angle of the field of view about the boresight"),
-    NONNEGATIVE(range_min, "m", "smallest range"),
-    NONNEGATIVE(range_max, "m", "largest range"),
+    NONNEGATIVE(range_min, "m", "no measurement at a smaller distance"),
+    NONNEGATIVE(range_max, "m", "no measurement at a larger distance"),
     LATENCY_ROW,
     NONNEGATIVE(p_outlier, "1", "probability of an outlier"),
     NONNEGATIVE(outlier_r, "m", "largest outlier of the position, per axis"),
@@ -99,7 +100,8 @@ static const Variable variables[] = {
     INPUT(r_SN_N, "m", "position of the servicer, N axes"),
     INPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
 
-    OUTPUT(r_GK_K, "m", "measured position of the tracked point from the camera, camera axes"),
+    OUTPUT(r_GK_K, "m",
+           "measured position of the origin of the tracked model from the camera, camera axes"),
     OUTPUT(q_TK, "1", "measured attitude of the target relative to the camera, scalar first"),
     OUTPUT(pose_time, "s", "time of the measurement; -1 = none yet"),
     FLAG(pose_valid, "1: a measurement was taken at pose_time"),

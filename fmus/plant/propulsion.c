@@ -10,12 +10,12 @@
  *   impulse   integral of P: each call adds P T0
  *
  * P: thrust of a thruster, P_nom: nominal thrust, L, R: position and direction, D_cm: centre of
- * mass. k is T0/T2, or with exact_lag the second formula. A fault changes `delayed` in the lag.
- * A call is the evaluation of the unit at a multiple of T0, for any communication step; a call
- * reads the inputs of the step that contains it. Between calls the thrust is constant, so with a
- * communication step above T0 the published wrench is the wrench of the last call.
- * Source: Kozlova & Fomichev 2023, in which the fall constant, the moment and the delay counter
- * are corrected (docs/models.md B.8). */
+ * mass. k is T0/T2, at most 1, or with exact_lag = 1 the second formula. In the lag, a fault
+ * replaces `delayed` by the thrust that remains with this fault. A call is the evaluation of the
+ * unit at a multiple of T0, for any communication step; a call reads the inputs of the step that
+ * contains it. Between calls the thrust is constant, so with a communication step above T0 the
+ * published wrench is the wrench of the last call. Source: Kozlova & Fomichev 2023, in which the
+ * fall constant, the moment and the delay counter are corrected (docs/models.md B.8). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
@@ -48,12 +48,12 @@ static const Variable variables[] = {
     THRUSTER_ROWS(thrusters),
     GRID(T0, "call period; thrust is constant between calls"),
     NONNEGATIVE(Tl, "s", "switching delay"),
-    NONNEGATIVE(T2up, "s", "time constant of the rise; below T0 the Euler lag acts at once"),
-    NONNEGATIVE(T2dn, "s", "time constant of the fall; below T0 the Euler lag acts at once"),
+    NONNEGATIVE(T2up, "s", "time constant of the rise; no lag if it is below T0 and exact_lag = 0"),
+    NONNEGATIVE(T2dn, "s", "time constant of the fall; no lag if it is below T0 and exact_lag = 0"),
     SWITCH(exact_lag,
            "lag: 0 Euler step (its definition in the paper), 1 exact for a command held over T0"),
-    SWITCH(latch, "1: the counter of the delay always runs, as printed: it samples the command "
-                  "every Tl/T0 + 1 calls"),
+    SWITCH(latch,
+           "1: delay counter as printed: always runs, adopts the command every Tl/T0 + 1 calls"),
     NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),
     NONNEGATIVE(fault_kind, "1",
                 "fault, per thruster: 0 none, 1 stuck on, 2 stuck off, 3 reduced to fault_factor"),

@@ -40,15 +40,15 @@ static const Variable variables[] = {
     PARAMETER(bias_0, "m", "bias of the range"),
     NONNEGATIVE(sigma_bias_0, "m",
                 "standard deviation of the bias about bias_0, drawn once per seed"),
-    NONNEGATIVE(range_min, "m", "smallest range"),
-    NONNEGATIVE(range_max, "m", "largest range"),
+    NONNEGATIVE(range_min, "m", "no measurement at a smaller distance"),
+    NONNEGATIVE(range_max, "m", "no measurement at a larger distance"),
     LATENCY_ROW,
     OUTAGE_ROWS(outage),
 
     INPUT(r_TN_N, "m", "position of the target, N axes"),
     INPUT(r_SN_N, "m", "position of the servicer, N axes"),
 
-    OUTPUT(range_meas, "m", "measured distance of the centres of mass; 0: no range"),
+    OUTPUT(range_meas, "m", "measured distance of the centres of mass; 0 = no measurement"),
     OUTPUT(range_time, "s", "time of the measurement; -1 = none yet"),
     FLAG(range_valid, "1: a range was measured at range_time"),
 };

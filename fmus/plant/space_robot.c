@@ -8,13 +8,13 @@
  *           f_k = g m_k (3 a (a.rho_k) - rho_k),   g = mu/r^3
  *
  * omega_0: angular velocity of the base; dq: joint rates; Jw_k, Jv_k: derivatives of the angular
- * velocity and the velocity of body k by u; alpha'_k, a'_k: its accelerations for du/dt = 0;
- * rho_k: centre of mass of body k from the centre of mass of the robot; a: unit vector from the
- * planet; all in base axes. Both joint axes are parallel to the z axis of the base, joint 1 lies on
- * its x axis. Locked joints do not move; the momentum of a joint that is locked while it moves is
- * transferred to the robot as one body. The centre of mass follows a Kepler orbit that the attitude
- * does not influence. Source: Guo, Li, Fan, Meng 2014, with the corrections of docs/models.md D.6.
- * Classical Runge-Kutta on the grid k * max_step. */
+ * velocity and the velocity of body k by u; alpha'_k, a'_k: angular acceleration and acceleration
+ * of body k for du/dt = 0; rho_k: centre of mass of body k from the centre of mass of the robot; a:
+ * unit vector from the planet; all in base axes. Both joint axes are parallel to the z axis of the
+ * base, joint 1 lies on its x axis. Locked joints do not move; the momentum of a joint that is
+ * locked while it moves is transferred to the robot as one body. The centre of mass follows a
+ * Kepler orbit that the attitude does not influence. Source: Guo, Li, Fan, Meng 2014, with the
+ * corrections of docs/models.md D.6. Classical Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "orbit_rows.h"
 #include "portable_math.h"
@@ -34,7 +34,7 @@ typedef struct {
     double joint_torque[JOINTS], joint_lock;
 } Input;
 typedef struct {
-    vec3 r, v; /* of the centre of mass of the robot, N axes */
+    vec3 r, v; /* position, velocity of the centre of mass of the robot, N axes */
     quat q;
     vec3 omega;
     double joint_angle[JOINTS], joint_rate[JOINTS], nu, pitch;
@@ -108,9 +108,9 @@ static const Variable variables[] = {
            "attitude relative to the orbital frame: angles about x, y, z (turned about x, then z, "
            "then y)"),
     OUTPUT(deuler, "rad/s", "rates of the angles euler"),
-    OUTPUT(pitch, "rad",
-           "angle from the radial direction to x of the base about z, counted through full turns; "
-           "planar motion"),
+    OUTPUT(
+        pitch, "rad",
+        "in planar motion: angle about z from radial direction to x of the base, with full turns"),
     OUTPUT(pitch_rate, "rad/s",
            "angular velocity about z of the base minus the rate of the true anomaly"),
     OUTPUT(true_anomaly, "rad", "true anomaly, counted through full turns"),
@@ -238,7 +238,7 @@ static mat3 dcm_of_euler(const double angles[3])
     return matmul(Ry, matmul(Rz, Rx));
 }
 
-#define UPRIGHT 1e-9 /* smallest cos(theta) by which the rates are divided */
+#define UPRIGHT 1e-9 /* lower limit of cos(theta) as divisor of the rates */
 
 /* angles of a rotation matrix C_b,or: theta = asin(-C10), vartheta = atan2(C12, C11),
  * psi = atan2(C20, C00); and their rates. w: angular velocity relative to the orbital frame,

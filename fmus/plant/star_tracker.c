@@ -47,7 +47,7 @@ static const Variable variables[] = {
     RANDOM_ROWS(random),
     PARAMETER(q_AS, "1", "attitude of the star tracker relative to the servicer, scalar first"),
     NONNEGATIVE(sigma_A, "rad", "noise about the axes of the star tracker, X is the boresight"),
-    NONNEGATIVE(rate_max, "rad/s", "no measurement where the servicer turns faster"),
+    NONNEGATIVE(rate_max, "rad/s", "no measurement while the servicer turns faster"),
     SUN_ROWS(sun),
     OUTAGE_ROWS(outage),
 

@@ -56,7 +56,8 @@ static const Variable variables[] = {
     SWITCH(use_gravity_gradient, "1: gravity gradient acts on the attitude"),
     SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque, body axes"),
     SINUSOID_ROWS(a_dist, "m/s2", "disturbance acceleration, axes by a_dist_axes"),
-    SINUSOID_ROWS(a_manoeuvre_N, "m/s2", "manoeuvre unknown to the servicer, N axes"),
+    SINUSOID_ROWS(a_manoeuvre_N, "m/s2",
+                  "acceleration of a manoeuvre unknown to the servicer, N axes"),
     SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the own orbit"),
     GRID(max_step, "internal integration step"),
 
