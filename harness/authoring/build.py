@@ -69,7 +69,7 @@ def _source(path: Path) -> Path:
     if len(there) == 1:
         return there[0]
     if there:
-        raise UsageError(f"{path}: it holds {there[0].name} and {there[1].name}: name one of them")
+        raise UsageError(f"{path}: contains {there[0].name} and {there[1].name}; name one file")
     raise UsageError(
         f"{path}: expected a .c or .py file, a policy .npz or .onnx, or a folder with "
         f"{inside[0].name} or {inside[1].name}"
@@ -133,8 +133,8 @@ def _complete(path: Path) -> None:
 
 
 def _run(command: Sequence[str], source: Path) -> None:
-    """Run the command that builds an FMU from `source`; raise FmuError with all of its output if it
-    fails.
+    """Run the command that builds an FMU from `source`; if the command fails, raise FmuError with
+    everything that it printed.
     """
     done = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",

@@ -114,8 +114,8 @@ def _values(system: System) -> Iterator[tuple[str, Mapping[str, float]]]:
 
 
 def _runs(simulation: Simulation, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Run a system for up to STEPS steps of each named component, and return for every component:
-    step [s], names of inputs and outputs, and rows of time and values.
+    """Run a system for up to STEPS steps of each named component, and return by name of component a
+    dict: step [s]; names of inputs and outputs; rows, each the time [s] and the values.
     """
     simulation.initialize()
     clock, found = simulation.clock, dict[str, dict[str, Any]]()

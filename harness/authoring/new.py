@@ -132,8 +132,8 @@ def _replacing(name: str, ending: str, place: str, target: Path) -> Created:
 
 
 def _split(place: str) -> tuple[str, str]:
-    """Split a place SYSTEM.component into system and component, as the user wrote them; raise
-    UsageError if the text is not a place.
+    """Return the system (name or path, as the user wrote it) and the component in the text
+    SYSTEM.component; raise UsageError if the text has another form.
     """
     found = of_component(place)
     if found is None or not found[1]:
@@ -158,8 +158,8 @@ def _ports(place: str) -> list[Signal]:
 
 
 def _with_start(port: Signal, system: str) -> Signal:
-    """Return an output with the start value of the first input to which it is connected, because
-    this input accepts this value.
+    """Return an output with the start value of the first input that it drives, because that value
+    is permitted for this input.
     """
     component, _, variable = port.wires[0].rpartition(".")
     readers = [s for s in show(f"{system}.{component}").rows if isinstance(s, Signal)]
@@ -168,8 +168,8 @@ def _with_start(port: Signal, system: str) -> Signal:
 
 
 def _fits(example: Example, ports: Sequence[Signal]) -> bool:
-    """Return whether an example fits the connected ports of a component: they include all inputs of
-    the example, and the example has all outputs among them.
+    """Return whether an example fits the connected ports of a component: all inputs of the example
+    are among the ports, and all outputs among the ports are outputs of the example.
     """
     inputs = {s.name for s in ports if s.causality == "input"}
     return inputs >= example.inputs and {s.name for s in ports} - inputs <= example.outputs
@@ -191,8 +191,9 @@ def _example(name: str, ending: str, example: Example) -> str:
 def new_mission(name: str, base: str | None = None) -> Path:
     """Create the folder NAME, a mission that extends a system, and return its folder.
 
-    base: name of the system (None: the system that the first of the examples uses).
-    Existing files are never overwritten. Raises UsageError, and the errors of loading this system.
+    base: name of the extended system (None: the system to which the first example of the project
+    belongs). Existing files are never overwritten. Raises UsageError, and the errors of loading
+    this system.
     """
     target = _new_folder("mission", name, ".", {**paths.systems(), **places()})
     chosen = base or next((e.place.partition(".")[0] for e in everything().examples), "")
@@ -204,8 +205,8 @@ def new_mission(name: str, base: str | None = None) -> Path:
 
 
 def _words(system: System) -> dict[str, str]:
-    """Return the words that the templates of a mission need from the extended system, such as its
-    mission and the first output of its last component.
+    """Return the words by which the templates of a mission are filled, by name: properties of the
+    extended system, such as its mission and the first output of its last component.
     """
     component = system.components[-1].name
     interface = read_interfaces(system)[component]

@@ -33,10 +33,10 @@ class Ports:
     """Ports of a policy.
 
     inputs, outputs: name, unit and number of elements of each port; sizes: divisor of each observed
-    element; low, high: bounds of each commanded element; scaled: whether the network gives -1 to 1,
-    which are scaled to these bounds; starts: name, unit and values of each output until the first
-    sample (an output that the network does not command always has them); period: time between two
-    samples [s].
+    element; low, high: bounds of each commanded element; scaled: whether the network gives values
+    from -1 to 1, which are scaled to these bounds; starts: name, unit and start values of each
+    output until the first sample (an output that the network does not command always has its start
+    values); period: time between two samples [s].
     """
 
     inputs: Sequence[tuple[str, str, int]]
@@ -67,7 +67,10 @@ class Policy:
                 raise UsageError(f"layer {i + 1}: expected weights {shape}, got {np.shape(w)}")
             width = len(b)
         if width != len(self.ports.low):
-            raise UsageError(f"the last layer has {width} outputs, not {len(self.ports.low)}")
+            raise UsageError(
+                f"the last layer has {width} outputs; expected {len(self.ports.low)}, "
+                "the number of commanded elements"
+            )
         if self.activation not in ACTIVATIONS:
             raise UsageError(f"activation {self.activation}: expected {' or '.join(ACTIVATIONS)}")
 

@@ -63,9 +63,9 @@ def _deviations(result: Result, case: Case) -> list[str] | None:
 
 @lru_cache(maxsize=64)
 def _settings(case: Case, path: Path, _modified: int) -> tuple[Provenance, Result]:
-    """Return the provenance and the parameters that a run of a case would have, without running it.
-    path: file of its system; _modified: time of the last change of this file, only a key of the
-    lru_cache: after a change the file is read again.
+    """Return the provenance and the parameters that a run of a case would have, without this run.
+    path: file of the system of the case; _modified: time of the last change of this file, only a
+    key of the lru_cache: after a change the file is read again.
     """
     with load(path) as system:
         simulation = Simulation(system, params=case.params, swap=dict(case.swap))

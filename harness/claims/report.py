@@ -76,7 +76,9 @@ def _paragraphs(result: Result) -> Iterator[Line]:
 
 
 def _without_claims(result: Result) -> str:
-    """Return a text which states that no paper belongs to a result, with a possible reason."""
+    """Return a text which states that no claims of a paper apply to a result, and gives a possible
+    reason if the result lacks the parameters of the run.
+    """
     text = f"{result.system}: no claims of a paper apply to this result"
     hint = " (the file lacks the parameters by which some papers are recognised)"
     return text if result.parameters else text + hint
@@ -110,7 +112,7 @@ class PaperJudgements(NamedTuple):
 
 
 def judgements(result: Result) -> list[PaperJudgements]:
-    """Return each paper to which a result belongs, with the verdicts on its claims."""
+    """Return each paper whose claims apply to a result, with the verdicts on these claims."""
     return [
         PaperJudgements(
             paper,

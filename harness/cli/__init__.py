@@ -10,7 +10,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit status. Ctrl-C prints one line instead of a
     traceback, even while modules are still being imported.
     """
-    gc.set_threshold(50_000)  # else 150 garbage collections during imports would free nothing
+    gc.set_threshold(50_000)  # avoids 150 garbage collections during imports, which free nothing
     try:
         from harness.cli import app
     except KeyboardInterrupt:

@@ -135,8 +135,8 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 @cache
 def group() -> Any:
-    """Return the typer group of all commands. It is cached, because typer would build it for every
-    call.
+    """Return the typer group of all commands. The group is cached, because typer would build a new
+    one for every call.
     """
     found: Any = typer.main.get_command(app)
     found.commands = _Commands()

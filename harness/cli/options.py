@@ -64,9 +64,7 @@ def output(text: str) -> Any:
 
 
 def seconds(text: str) -> float:
-    """Return the number of seconds that a text of the user states; raise BadParameter if the text
-    is no number.
-    """
+    """Return the value of an option in seconds; raise BadParameter if the text is no number."""
     try:
         return float(text)
     except ValueError:
@@ -74,8 +72,8 @@ def seconds(text: str) -> float:
 
 
 def positive(text: str) -> float:
-    """Return the number of seconds that a text of the user states; raise BadParameter if it is not
-    a number above 0.
+    """Return the value of an option in seconds; raise BadParameter if the text is no number
+    above 0.
     """
     if not (time := seconds(text)) > 0:
         raise typer.BadParameter(f"{text}: expected a number of seconds above 0, as in 60")
@@ -140,7 +138,7 @@ class Drawing:
     ] = "screen"
 
     def how(self) -> tuple[str, Any]:
-        """Return file ending and Style of the figures, the arguments of the functions that draw."""
+        """Return file ending and Style of the figures, for the functions that draw them."""
         from harness.figures.style import style_of
 
         return self.ending, style_of(self.style)

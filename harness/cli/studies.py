@@ -192,7 +192,8 @@ def bound_command(  # noqa: PLR0913 - one argument per option or group of them
         return
     if found.verified is None:
         raise UsageError(
-            f"-o {output}: optima of phases are simulated one by one, there is no single run"
+            f"-o {output}: optima of phases are simulated one by one, so no single run can be "
+            "written; omit -o"
         )
     save(found.verified, output)
 

@@ -212,7 +212,7 @@ def test_a_compiler_may_have_arguments_and_an_fmu_another_file_name(twins, tmp_p
             ["build", "empty"],
             "empty: expected a .c or .py file, a policy .npz or .onnx, or a folder",
         ),
-        (["build", "both"], "both: it holds both.c and both.py: name one of them"),
+        (["build", "both"], "both: contains both.c and both.py; name one file"),
         (["build", "bad.c", "-o", "x.so"], "--output x.so: expected a file NAME.fmu"),
         (["build", "bad.c", "--cc", "no_such_cc"], "no_such_cc: there is no such C compiler"),
         (["build", "bad.c", "--cc", ""], "(nothing): there is no such C compiler"),
