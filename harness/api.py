@@ -153,8 +153,9 @@ def environment(system: str | Path, **how: Any) -> Environment | Apart:
 
     factors: campaign file; episode k starts with the factors of its run k; record: macro steps per
     recorded row (default: `every`, one row per action); further arguments: changes as for run().
-    Third-party FMUs run in a child process. Raises UsageError, and the errors that run() raises
-    before the first step.
+    If one of the FMUs is third-party, the whole environment runs in a child process (class Apart
+    with the methods of Environment). Raises UsageError, and the errors that run() raises before the
+    first step.
     """
     library("gymnasium", "learn")
     from harness.learning import apart

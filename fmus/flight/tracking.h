@@ -92,7 +92,7 @@ typedef struct {
                         "angular velocity minus reference angular velocity, servicer axes",       \
                         ANY_VALUE)
 
-/* sets command and telemetry to 0, while the law is not active */
+/* sets the commands and their saturation flags to 0, for samples with active = 0 */
 static inline void command_nothing(TrackingOutput *y)
 {
     vec3 none = vec(0, 0, 0);

@@ -82,7 +82,7 @@ static const Variable variables[] = {
     ATTITUDE_REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(eps_ref, "1",
            "reference attitude relative to the flight attitude, vector part of the quaternion"),
-    ANGLE_OUTPUT(rotation_ref, "angle of the reference rotation from the flight attitude"),
+    ANGLE_OUTPUT(rotation_ref, "angle between reference attitude and flight attitude"),
     MODE(status, "outcome of the plan",
          "planned|flight attitude requested|momentum not below the limit|rotation would exceed "
          "rotation_max"),
@@ -90,7 +90,7 @@ static const Variable variables[] = {
           "1: no history satisfies the limits (see status), the reference is the flight attitude"),
     NONNEGATIVE_OUTPUT(iterations, "1", "iterations of the plan"),
     NONNEGATIVE_OUTPUT(momentum_max, "N.m.s", "largest predicted momentum of the gyros"),
-    ANGLE_OUTPUT(rotation_largest, "largest rotation of the reference from the flight attitude"),
+    ANGLE_OUTPUT(rotation_largest, "largest angle between reference attitude and flight attitude"),
     NONNEGATIVE_OUTPUT(
         peak, "N.m.s",
         "elements: largest momentum of the gyros before each iteration, then after the last one"),

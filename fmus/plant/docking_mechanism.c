@@ -328,8 +328,8 @@ static int is_far(const Parameters *p, const State *x, const PortState *s, doubl
     return idle && (norm(s->e) > 1 + path || outside > 0.1 + path);
 }
 
-/* length of a step: h, or the whole number of internal steps from which h differs only within the
- * tolerance, because masters accumulate rounding errors in time */
+/* length of a step: the multiple of max_step that equals h within the tolerance of the grid,
+ * because masters accumulate rounding errors in time; h if there is no such multiple */
 static double exact_step(double h, double max_step)
 {
     double whole = grid_number(h, max_step);

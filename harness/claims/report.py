@@ -2,8 +2,8 @@
 """Report of a result as plain text: its requirements; for every claim of a paper the text of the
 claim, the value in the result and the verdict; then the findings of the safety monitor.
 
-The mission of a result lists the papers. Which of these papers the result belongs to depends on the
-variables of the result.
+The mission of a result lists the papers. The variables of the result determine which of these
+papers have claims that apply to the result.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class Line(NamedTuple):
 
 def lines(result: Result, width: int = WIDTH) -> Iterator[Line]:
     """Yield the report, each line at most `width` characters wide: settings of the run, notes,
-    requirements, claims, safety rules. Raises ResultsError if no paper belongs to a result without
-    requirements.
+    requirements, claims, safety rules. Raises ResultsError if the result has no requirements and
+    no claims of a paper apply to it.
     """
     for text, verdict, start in _paragraphs(result):
         wrapped = textwrap.wrap(
