@@ -149,7 +149,7 @@ EXTRAS = {
     "live": ("ziglang",),
     "verify": ("cma", "threadpoolctl"),
 }
-"""Extras of this package (`pip install servicing-fmus[NAME]`) and the libraries each installs."""
+"""Libraries that each extra of this package installs (`pip install servicing-fmus[EXTRA]`)."""
 HOMES = {"erfa": "pyerfa"}
 """Name of the package to install, by name of the module, where the two names differ."""
 

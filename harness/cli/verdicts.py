@@ -57,9 +57,10 @@ def insist(
     """Raise RequirementError with a line for every requirement, safety rule or claim that makes the
     exit status 1.
 
-    results: results by label of the run; required: requirements given by --require, which always
-    count; strict: all requirements and safety rules count; claims: claims of papers count too (all
-    with `strict`, otherwise only claims that are not exercised or not judged).
+    results: results by label of the run; required: requirements that must be met (--require);
+    strict: all requirements must be met and all safety rules must hold; claims: claims of papers
+    must be exercised and must not have the verdict "not judged"; with `strict` they must also be
+    reproduced, at least partly.
     """
     lines = [
         f"{label}: {line}" if label else line

@@ -31,7 +31,7 @@ FURTHER = {
     "sources/buildDescription.xml": "fmi3BuildDescription",
     "terminalsAndIcons/terminalsAndIcons.xml": "fmi3TerminalsAndIcons",
 }
-"""Further XML files of an FMU of FMI 3.0, and their schemas."""
+"""Schemas of the further XML files of an FMU of FMI 3.0, by path in the archive."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ def examine(path: Path) -> Findings:
 
 
 def _further(path: Path, name: str, schema: str) -> tuple[XmlElement, tuple[str, ...]]:
-    """Return the root of a further XML file of an FMU (None: unreadable), and its violations of the
-    schema, one line each.
+    """Return the root of the further XML file `name` of an FMU (None: unreadable), and one line for
+    each violation of its schema, or the reason why it is unreadable.
     """
     try:
         root = parsed(read_entry(path, name))
@@ -133,8 +133,8 @@ MOST = 10**6
 
 
 def errors(d: Description) -> Iterator[str]:
-    """Yield an error message for every rule that a description breaks, if the FMU cannot be run for
-    this reason.
+    """Yield an error message for every broken rule of a description that prevents the FMU from
+    being run.
     """
     return chain(_interfaces(d), _names(d), _definitions(d), _arrays(d), _identities(d))
 
@@ -151,7 +151,7 @@ def _interfaces(d: Description) -> Iterator[str]:
 
 
 def _names(d: Description) -> Iterator[str]:
-    """Check that variables, their aliases and the items of a type have unique names."""
+    """Check that variables, their aliases and the items of each enumeration have unique names."""
     aliases = [e.get("name") for e in d.every("ModelVariables/*/Alias")]
     for name in twice((*(v.name for v in d.variables), *aliases)):
         yield f"{name}: two variables have this name"
@@ -162,13 +162,13 @@ def _names(d: Description) -> Iterator[str]:
 
 
 def _definitions(d: Description) -> Iterator[str]:
-    """Check that all types and variables exist to which types and variables refer."""
+    """Check that every type and variable to which the description refers exists."""
     for v in d.variables:
         if v.type_name and v.type_name not in d.types:
             yield f"{v}: its type {v.type_name} is not defined"
         for number in (*([] if v.derivative is None else [v.derivative]), *v.clocks):
             if d.numbered(number) is None:
-                yield f"{v}: its state or clock is variable {number}, which does not exist"
+                yield f"{v}: derivative or clocks names variable {number}, which does not exist"
     for kind, e, number in d.entries():
         for each in (number, *map(int, e.get("dependencies", "").split())):
             if d.numbered(each) is None:

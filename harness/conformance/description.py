@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Model description of an FMU for the conformance checks: XML elements of FMI 2.0 and FMI 3.0 with
-the types and terms of FMI 2.0, and with the default values that the standard defines.
+"""Model description of an FMU for the conformance checks. The elements of
+FMI 2.0 and FMI 3.0 have the types and terms of FMI 2.0 here; missing attributes have the default
+values that the standard defines.
 """
 
 from __future__ import annotations
@@ -147,8 +148,8 @@ class Declared:
 
     @property
     def derivative(self) -> int | None:
-        """Return the number of the state of which this variable is the derivative, None if it is
-        not a derivative; numbers: see Description.numbered().
+        """Return the number (in FMI 2.0 the index from 1, in FMI 3.0 the value reference) of the
+        state of which this variable is the derivative; None if it is not a derivative.
         """
         return int(self.own["derivative"]) if "derivative" in self.own else None
 
@@ -287,14 +288,14 @@ class Description:
 
     def entries(self) -> Iterator[tuple[str, XmlElement, int]]:
         """Yield all entries of the model structure: name of the list, element, and number of the
-        variable.
+        variable as in numbered().
         """
         name = "valueReference" if self.fmi == 3 else "index"
         for kind, path in self.lists.items():
             yield from ((kind, e, int(e.get(name))) for e in self.every(path))
 
     def listed(self, name: str) -> list[Declared]:
-        """Return the existing variables in a list of the model structure."""
+        """Return the variables in a list of the model structure that exist in the description."""
         found = (self.numbered(number) for kind, _, number in self.entries() if kind == name)
         return [v for v in found if v is not None]
 

@@ -198,7 +198,7 @@ def _kind(d: Description, v: Declared) -> Iterator[str]:
     if v.type != "Real" and v.variability == "continuous":
         yield f"is {v.type}, which cannot be continuous"
     if v.type != "Real" and v.causality == "independent":
-        yield f"is the independent variable, but {v.type}"
+        yield f"is the independent variable, but {v.type}; use Real (FMI 3.0: Float64)"
     if not v.initials:
         yield f"a {v.causality} cannot be {v.variability}"
     elif v.initial not in v.initials:
