@@ -37,8 +37,8 @@ def scatter(
 ) -> Canvas:
     """Draw the values of a metric (runs,) over each factor, one panel per factor.
 
-    factors: by name of the factor: its values (runs,) and its rank correlation with the metric, in
-    the order of the panels.
+    factors: values (runs,) of each factor and its rank correlation with the metric, by name of the
+    factor, in the order of the panels.
     """
     canvas, panels = _grid(metric, len(factors), style)
     for axes, (name, (x, correlation)) in zip(panels, factors.items(), strict=True):

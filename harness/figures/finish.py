@@ -37,9 +37,9 @@ LEAST_TICKS = 3
 STEPS = (1, 2, 5)
 """Multiples of powers of ten at which a logarithmic axis that spans too few decades has ticks."""
 ROUNDING = 1e-10
-"""Ratio below which a curve shows only rounding errors: the largest value in a panel relative to
-the largest value in any panel with the same unit, or the variation of a curve relative to its own
-largest value.
+"""Ratio below which a panel shows only rounding errors. It limits two ratios: of the largest value
+in the panel to the largest value in all panels with the same unit, and of the range of the values
+in the panel to their largest value.
 """
 DECADES = 1e-9
 """Smallest ratio of the lower to the upper end of a logarithmic axis."""
@@ -244,7 +244,7 @@ def _set_symbols(canvas: Any) -> None:
 
 def mathematical(text: str) -> str:
     """Return a label such as `rho_ref [m]` in the notation of formulas of matplotlib: Greek
-    letters, subscripts, and raised powers in units.
+    letters, subscripts, and powers in units as superscripts.
     """
     if "$" in text:
         return text
@@ -253,7 +253,7 @@ def mathematical(text: str) -> str:
 
 
 def _unit(text: str) -> str:
-    """Return a unit in brackets with raised powers and products with a dot."""
+    """Return a unit in brackets with powers as superscripts and products with a dot."""
     raised = re.sub(r"(?<=[a-z])(-?\d)", lambda m: m[1].translate(POWERS), text)
     return raised.replace(".", "\u00b7")
 

@@ -344,7 +344,7 @@ def _name_runs(canvas: Canvas, runs: _Runs) -> None:
 def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> None:
     """Draw one curve of every run."""
     histories = {label: curve.history(result) for label, result in runs.results.items()}
-    if panel.log:  # zeros cannot be drawn
+    if panel.log:  # values <= 0 cannot be drawn
         histories = {label: np.where(h > 0, h, np.nan) for label, h in histories.items()}
     looks, own = runs.looks, {"linestyle": curve.style} if curve.style else {}
     for label, history in histories.items():

@@ -29,8 +29,8 @@ COLUMN, PAGE, STRETCH = 3.5, 7.0, 1.15
 by which a figure in one column is made higher than in proportion to its width.
 """
 TITLE = 0.75
-"""Largest length of a title line in characters of ordinary text, as a share of the number that fit
-into the figure width, because a title has larger characters.
+"""Largest number of characters in a line of a title, relative to the number of characters of
+ordinary text that fit into the figure width: a title has larger characters.
 """
 MANY = 10
 """Smallest number of runs that are drawn with a colour scale, since a legend would be too long."""
@@ -135,7 +135,7 @@ class TimeAxis(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Label of the axis."""
+        """Return the label of the axis."""
         return f"time [{self.unit}]"
 
 
@@ -172,7 +172,10 @@ def _character() -> float:
 
 
 def legend_above(axes: Any, handles: Sequence[Any] | None = None) -> None:
-    """Add a legend above a panel, where it hides no curve; handles: curves (None: all labelled)."""
+    """Add a legend above a panel, where it hides no curve.
+
+    handles: curves in the legend (None: all curves with a label).
+    """
     shown = handles or axes.get_legend_handles_labels()[0]
     if shown:
         width = axes.figure.get_figwidth() / axes.get_subplotspec().get_geometry()[1]

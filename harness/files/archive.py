@@ -161,7 +161,7 @@ def _entry(name: str) -> zipfile.ZipInfo:
 
 def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo]) -> None:
     """Raise ArchiveError for an archive that must not be unpacked, and BadZipFile for a truncated
-    archive, in which zipfile may find a nested archive: its first entry is not at offset 0.
+    archive, where zipfile may list a nested archive instead: the first entry is not at offset 0.
     """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")
@@ -184,7 +184,9 @@ def _faults(entries: list[zipfile.ZipInfo]) -> Iterator[str]:
 
 
 def _double(entries: list[zipfile.ZipInfo]) -> str | None:
-    """Return a name that would occur twice after unpacking, where `a//b` is `a/b`, or None."""
+    """Return a name that would occur twice after unpacking, where `a//b` counts as `a/b`; None if
+    there is none.
+    """
     seen: set[PurePosixPath] = set()
     for entry in entries:
         place = PurePosixPath(entry.filename)

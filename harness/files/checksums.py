@@ -55,7 +55,7 @@ def beside(place: Path, make: Callable[[Path], None]) -> Iterator[Path]:
 
 def on_the_disk(root: Path) -> None:
     """Write a folder and all its files to the disk (fsync), so that they survive a loss of power;
-    raise OSError.
+    raise OSError if this fails.
     """
     for folder, _, files in os.walk(root):
         for path in (*(f"{folder}/{name}" for name in files), folder):

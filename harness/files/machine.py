@@ -2,7 +2,7 @@
 """Processor and file format of a shared library, read from its first bytes (ELF, PE, Mach-O), and
 vector instructions of this processor.
 
-A library can be loaded if its processor and format are the same as of the running Python program.
+A library can be loaded if it has the processor and format of the running Python program.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 
 HEAD = 4096
-"""Number of bytes at the beginning of a library that are enough to find its type."""
+"""Number of first bytes of a library that are enough to find its processor and format."""
 
 ELF = {
     3: "x86", 8: "MIPS", 20: "PowerPC", 21: "PowerPC64", 22: "S/390", 40: "Arm", 62: "x86-64",
@@ -83,7 +83,9 @@ def _of_mach_o(cpu: int) -> str:
 
 @lru_cache
 def own() -> frozenset[str]:
-    """Return processor and format of the running Python program; empty if they are unknown."""
+    """Return processor and format of the running Python program as texts such as
+    "x86-64 (64-bit ELF)"; several as in kinds(), none if they are unknown.
+    """
     for path in (Path("/proc/self/exe"), Path(sys.executable or "")):
         try:
             with path.open("rb") as file:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Output files that appear completely or not at all, the command line that writes them, and private
-temporary folders that are removed even if the process is killed.
+"""Output files that appear completely or not at all, the command line that is stated in them, and
+private temporary folders that are removed even if the process is killed.
 
 Python removes a temporary folder after an error or Ctrl-C, but not if the code of an FMU crashes
 the process or the process is killed. Then a guard removes the folder: a shell process that waits
@@ -53,7 +53,7 @@ def written(path: Path) -> Iterator[Path]:
 
 def new_beside(target: Path, folder: bool = False) -> Path:
     """Create an empty file or folder with an unpredictable name in the folder of `target`, and
-    return its path; raise OSError.
+    return its path; raise OSError if this fails.
 
     Such files and folders that killed processes have left there for the same target are removed.
     """
@@ -144,7 +144,9 @@ class PrivateFolder:
         guard = None
         try:
             self.path = Path(tempfile.gettempdir()) / f"harness-{secrets.token_hex(8)}"
-            guard = _guard(self.path)  # before mkdir(): removed even if killed in between
+            # the guard starts before mkdir(), so that it also removes the folder if the process is
+            # killed directly after mkdir()
+            guard = _guard(self.path)
             self.path.mkdir(mode=0o700)
         except OSError as error:
             _dismiss(guard)

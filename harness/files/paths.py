@@ -45,13 +45,13 @@ def is_folder(path: str | Path) -> bool:
 
 
 Stamp = tuple[int, int, int, int]
-"""Numbers that identify the present content of a file. Another file, or the same file after a
-change, has another stamp.
+"""Device, inode, time of modification [ns] and size [bytes] of a file, which identify its present
+content: another file, or the same file after a change, has another stamp.
 """
 
 
 def stamp(path: Path) -> Stamp:
-    """Return the stamp of an existing file; raise OSError."""
+    """Return the stamp of a file; raise OSError if the file does not exist."""
     found = path.stat()
     return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
 
@@ -60,7 +60,8 @@ def is_ours(fmu: Path) -> bool:
     """Return whether a file has the same bytes as an FMU of the project, in any folder.
 
     Such an FMU may run inside this process: it cannot crash, has no global variables, and tests
-    show that its reset works. The name of the generation tool in an FMU would prove nothing.
+    show that its reset works. The bytes are compared because the name of the generation tool, which
+    any FMU can state, would not prove this.
     """
     return is_file(fmu) and _is_ours(fmu, stamp(fmu), tuple(_chosen()))
 
