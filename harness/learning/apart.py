@@ -94,7 +94,8 @@ class Apart(gymnasium.Env[Array, Array], EzPickle):
         super().reset(seed=seed)
         if not self._child.process.is_alive():
             self._begin()
-            if seed is None and self._run is not None:  # the last run is unknown to the new process
+            # the new process does not know the last run, so the number of the next one is passed
+            if seed is None and self._run is not None:
                 options = {"run": self._run + self._order[1].get("stride", 1), **(options or {})}
         self._observation, info = self._call("reset", seed=seed, options=options)
         self._run = info.get("run")

@@ -215,9 +215,9 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
     def policy(self, layers: Sequence[tuple[Array, Array]], activation: str = "tanh") -> Policy:
         """Return a neural network as a policy with the inputs and outputs of the open component.
 
-        layers: weights (outputs, inputs) and biases (outputs,) of every layer; activation: of the
-        hidden layers. Raises UsageError if there are several open components, or if the name of a
-        variable is not a valid name in C.
+        layers: weights (outputs, inputs) and biases (outputs,) of every layer; activation: function
+        of the hidden layers. Raises UsageError if there are several open components, or if the name
+        of a variable is not a valid name in C.
         """
         period = self.every * (self.simulation.system.experiment.step or 0.0)
         ports = self.spaces.of_policy(self.simulation, self._start.values[0], period)
@@ -232,7 +232,7 @@ def _shield(columns: Sequence[str], name: str) -> tuple[list[str], str]:
     """Return the variables by which a shield (safety monitor or filter) ends an episode, and the
     variable that states how much the shield changed the action ("": none).
 
-    columns: variables of the system; name: of the shield ("": none). Raises UsageError if the
+    columns: variables of the system; name: name of the shield ("": none). Raises UsageError if the
     system has no such component.
     """
     abort, change = f"{name}.abort", f"{name}.intervention"

@@ -66,8 +66,8 @@ class Scoring:
         self.values = RowProgram(result, self._program, wanted)
 
     def ended(self, values: Sequence[float]) -> list[str]:
-        """Return the requirements and conditions that end the episode in a row; values: values of
-        the scoring in this row.
+        """Return the requirements and conditions by which the episode ends in one recorded row;
+        values: values of the scoring in this row.
         """
         return [text for text, holds in zip(self.ends, values[4:], strict=False) if holds]
 
@@ -78,12 +78,16 @@ class Scoring:
         return dict(zip(self.requirements, values[4 + len(self.ends) :], strict=True))
 
     def _margin(self, tree: Node) -> int:
-        """Add the margin of a requirement to the program; return its number in the program."""
+        """Add the margin of a requirement to the program; return the number of the instruction that
+        computes it.
+        """
         return Requirement(tree, partial(unit_in, self._result), self._program).margin
 
     def _violation(self, margin: int, weight: float) -> int:
         """Add min(margin, 0) times a weight to the program, where a margin below -FAR counts as
-        -FAR; return the number of this value in the program. margin: number of the margin there.
+        -FAR; return the number of the instruction that computes this product.
+
+        margin: number of the instruction that computes the margin.
         """
         add, number = self._program.add, self._program.number
         below = add("fmin", add("fmax", margin, number(-FAR)), number(0))
@@ -91,7 +95,8 @@ class Scoring:
 
     def _value(self, text: str) -> int:
         """Add the value of an expression to the program (of a vector, the smallest element), and
-        return its number in the program. Raises UsageError for an invalid expression.
+        return the number of the instruction that computes it. Raises UsageError for an invalid
+        expression.
         """
         try:
             tree = fitted(self._result, text)

@@ -101,8 +101,8 @@ def _acted(simulation: Simulation, names: Sequence[str], limits: Limits) -> list
 
 def actuator_limits(system: System) -> dict[str, Bound]:
     """Return the limits of the actuators of a system: the values of all parameters
-    `component.name_max`, or of their elements, that are above 0 and below FAR, by name. The system
-    has the parameter set that it defines for comparisons.
+    `component.name_max`, or of their elements, that are above 0 and below FAR, by name. The values
+    are from the parameter set that the system defines for comparisons, if there is one.
 
     The same limits are also returned under `name_max`, for outputs that reach an actuator through
     other components.
