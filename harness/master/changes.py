@@ -97,9 +97,11 @@ def apply(system: System, **changes: Unpack[Changes]) -> System:
 
 
 def _origin(before: Origin, params: Any, is_set: bool, given: Mapping[str, Given]) -> Origin:
-    """Return the origin (source and changes) of a system, extended by these changes. is_set:
-    whether `params` is the name of a parameter set, else it is a file; given: assignments by key of
-    Changes.
+    """Return the origin of a system (its source and earlier changes, `before`), extended by new
+    changes.
+
+    params: name of a parameter set if `is_set`, else path of a parameter file (None: neither);
+    given: assignments of each option in NAMED, by option.
     """
     swaps = {c: Swap(c, str(fmu), sha256(find_fmu(fmu))) for c, fmu in given["swap"].items()}
     if params is not None:
@@ -163,8 +165,8 @@ def as_in_a_file(error: HarnessError) -> str:
 
 
 def _swapped(system: System, swaps: Given, names: Given) -> System:
-    """Return the system with swapped FMUs. swaps: new FMU by component; names: from --map, name of
-    a port in the system by its name in a new FMU.
+    """Return the system with swapped FMUs. swaps: new FMU by component; names: from --map, the
+    name of a port in the system by its name in the new FMU.
     """
     if unknown := unmapped(swaps, names):
         ports = {base(port) for fmu in swaps.values() for port in _ports_of(fmu)}
@@ -177,7 +179,7 @@ def _swapped(system: System, swaps: Given, names: Given) -> System:
 
 
 def unmapped(swaps: Given, names: Iterable[str]) -> list[str]:
-    """Return the elements of `names`, ports named in --map, that no new FMU has. swaps: new FMU by
+    """Return the port names in `names`, given by --map, that no new FMU has. swaps: new FMU by
     component.
     """
     ports = {component: _ports_of(fmu) for component, fmu in swaps.items()} if names else {}

@@ -51,7 +51,7 @@ def block(size: int) -> Block:
         return mmap.mmap(-1, max(size, 1)) if FORK else RawArray("b", size)
     except (OSError, ValueError, OverflowError, MemoryError) as error:
         raise UsageError(
-            f"{size} bytes of results do not fit into memory: record fewer with --every"
+            f"{size} bytes of results do not fit into memory: record fewer rows with --every"
         ) from error
 
 
@@ -83,6 +83,7 @@ Send = Callable[[str, Any], None]
 class Child:
     """Child process that calls function(send, *arguments); a context manager that ends the process.
 
+    send(kind, content): function that sends a message to the parent, which messages() yields;
     open_files: descriptors of files that stay open in the child, because `arguments` need them.
     """
 
@@ -118,7 +119,7 @@ class Child:
     def __exit__(self, *_: object) -> None:
         self.kill()
         self._code = self.process.exitcode
-        # not left to the garbage collector: an error may refer to this Child for longer
+        # closed here and not by the garbage collector: an error may refer to this Child for longer
         self.process.close()
         self._messages.close()
         self._terminal.close()
@@ -129,7 +130,7 @@ class Child:
         """
         until, over = time.monotonic() + seconds, False
         while time.monotonic() < until and not over:
-            ended = not self.process.is_alive()  # if so, no further output will follow
+            ended = not self.process.is_alive()  # then all its output is in the pipes by now
             sources = self._open if ended else [*self._open, self.process.sentinel]
             ready = wait(sources, 0 if ended else LOOK_SECONDS)
             if self._terminal in ready:
@@ -209,7 +210,7 @@ def _open_files() -> set[int]:
     folder = Path("/proc/self/fd")
     if not FORK or not folder.is_dir():
         return set()
-    listed = list(folder.iterdir())  # also has the descriptor of the listing, closed by now
+    listed = list(folder.iterdir())  # includes the descriptor of the listing, now closed
     return {int(file.name) for file in listed if file.is_symlink()}
 
 

@@ -75,7 +75,9 @@ class PythonExecutor:
                 self.prepare(k + 1)
 
     def prepare(self, k: int) -> None:
-        """Perform the actions of macro step k that precede the pause; raise RunError."""
+        """Perform the actions of macro step k that precede the pause; raise RunError if an FMU
+        fails.
+        """
         self._act(k, 0, self.loop.pause)
 
     def _act(self, k: int, begin: int, end: int | None) -> None:
@@ -164,7 +166,9 @@ class CExecutor:
         self._execute_until(first, last, 1)
 
     def prepare(self, k: int) -> None:
-        """Perform the calls of macro step k that precede the pause; raise RunError."""
+        """Perform the calls of macro step k that precede the pause; raise RunError if an FMU
+        fails.
+        """
         self._execute_until(k, k, 0)
 
     def stretch(self, first: int, last: int) -> Stretch:
@@ -257,13 +261,13 @@ class Stretches:
 Executor = PythonExecutor | CExecutor
 
 FUSED = "fused"
-"""Name of the executor in C over one FMU of the whole system (harness.master.fused)."""
+"""Name of the executor in C that runs one FMU of the whole system (harness.master.fused)."""
 
 EXECUTORS: dict[str, type[Executor]] = {"c": CExecutor, "python": PythonExecutor, FUSED: CExecutor}
 
 
 def known_executor(name: str) -> str:
-    """Return the name unchanged if there is an executor with this name; raise UsageError."""
+    """Return the name of an executor unchanged; raise UsageError if there is no such executor."""
     if name not in EXECUTORS:
         *names, last = EXECUTORS
         raise UsageError(f"there is no executor {name}, only {', '.join(names)} and {last}")

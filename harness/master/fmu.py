@@ -100,7 +100,7 @@ class Instance:
 
     def _loaded(self, folder: Path) -> Calls:
         """Load the library of an unpacked FMU, instantiate the FMU and return its calls; raise
-        FmuError.
+        FmuError if this fails.
         """
         interface = self.node.interface
         places = [folder / name for name in binaries(interface)]

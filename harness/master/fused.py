@@ -152,8 +152,9 @@ def prepare(system: System, graph: Graph) -> None:
 
 
 def structure(system: System, graph: Graph) -> tuple[Any, ...]:
-    """Return everything that determines the code of a fused system: algorithm, signals, schedule
-    and connections. Systems with equal tuples differ only in values.
+    """Return everything that determines the code of a fused system: order of execution
+    (gauss-seidel or jacobi), signals, schedule and connections. Systems with equal tuples differ
+    only in values.
     """
     places = [(n.component.name, n.component.every, n.component.latency) for n in graph.nodes]
     inputs = [(id(node.interface), node.inputs) for node in graph.nodes]

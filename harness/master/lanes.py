@@ -42,8 +42,8 @@ used.
 
 NAME = "lanes.so"
 CHUNK = 1000
-"""Number of macro steps before the first check for Ctrl-C. Later there are more steps between two
-checks, as long as they take little time.
+"""Number of macro steps before the first check for Ctrl-C. It doubles for the next check while the
+steps between two checks take less than half of CHUNK_SECONDS.
 """
 
 
@@ -149,8 +149,8 @@ class Lanes:
     def advance(self, simulations: Sequence[Simulation], to: int | None = None) -> list[bool]:
         """Perform macro steps until `to` are complete (default: all) for simulations of one system
         that differ only in values and have completed equally many steps. Return for each simulation
-        whether it is valid. If an FMU rejects a step, the run is not valid and must be repeated
-        alone.
+        whether its run is valid. A run in which the FMU rejects a step is not valid and must be
+        repeated alone.
         """
         first, count = simulations[0], len(simulations)
         instances = [_whole(simulation) for simulation in simulations]

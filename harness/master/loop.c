@@ -196,7 +196,7 @@ static const Conversion conversion[] = {BOTH(Float64), BOTH(Float32), BOTH(Int8)
                                         BOTH(UInt32),  BOTH(UInt64),  BOTH(Boolean)};
 enum { INT64 = 5, UINT64 = 9 };
 
-/* Returns 1 if element i of the buffer, a whole number, differs from x, the number as a double. */
+/* Returns 1 if element i of the buffer, a whole number, differs from x, its value as a double. */
 static int is_wide(const Call *c, size_t i, double x)
 {
     if (!(x >= 9007199254740992.0 || x <= -9007199254740992.0)) return 0;

@@ -150,14 +150,14 @@ def noted_call(note: Note) -> tuple[str, str]:
 
 
 class Notes(logging.Handler):
-    """Log handler that passes the text of every note (warning) to a function."""
+    """Log handler that passes the text of every note (warning) to the function `hear`."""
 
     def __init__(self, hear: Callable[[str], object]) -> None:
         super().__init__(logging.WARNING)
         self._hear = hear
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Pass the text of a log record to the function."""
+        """Pass the text of a log record to the function `hear` of the constructor."""
         self._hear(record.getMessage())
 
 
@@ -277,9 +277,11 @@ def without(error: RejectedValueError, names: Collection[str]) -> RejectedValueE
 
 
 def _rule_text(rejection: Rejection, typed: Collection[str]) -> str:
-    """Return the text that follows a typed value in an error message: the rule `must be > 0` alone;
-    with the name of the element if the user typed a vector, `K_rho[2] must be >= 0`; with name and
-    value if the rejection has any other name.
+    """Return the rule of a rejection as it follows the options --set in an error message.
+
+    typed: parameters of these options. If the rejected name is one of them, the text is the rule
+    alone, `must be > 0`; if it is an element of one, name and rule, `K_rho[2] must be >= 0`; for
+    any other name, such as an expression, name, value and rule.
     """
     if rejection.name in typed:
         return rejection.rule

@@ -27,8 +27,8 @@ class Progress:
 
 @contextmanager
 def progress_bar(title: str, total: int, requested: bool) -> Iterator[Show | None]:
-    """Yield a function of the number of completed steps that draws a bar on stderr; the bar
-    vanishes at the end. Yield None if no bar is requested.
+    """Yield a function that draws a bar on stderr, to be called with the number of completed steps;
+    the bar vanishes at the end. Yield None if no bar is requested.
     """
     if not requested:
         yield None

@@ -63,7 +63,8 @@ class Recorder:
             self.table = np.empty((rows, slots))
         except (MemoryError, ValueError, OverflowError) as error:
             raise UsageError(
-                f"{rows} rows of {slots} values do not fit into memory: record fewer with --every"
+                f"{rows} rows of {slots} values do not fit into memory: record fewer "
+                "rows with --every"
             ) from error
 
     @property

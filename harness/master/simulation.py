@@ -118,15 +118,16 @@ class Simulation:
         self, system: System, found: Checked, every: int | None = None, recorded: Slots = None
     ) -> None:
         """Allocate the memory of a run. every: macro steps per row (None: the value given to the
-        constructor, or else that in the system); recorded: indices of recorded slots, in order
-        (None: all).
+        constructor, or else the number in the system); recorded: indices of recorded slots, in
+        order (None: all).
         """
         chosen = next(n for n in (every, self.every, system.experiment.every) if n is not None)
         width = len(found.graph.slots if recorded is None else recorded)
         self.recorder = Recorder(found.steps, width, chosen, getattr(self, "recorder", None))
         self.system, (self.graph, self.steps), self.recorded = system, found, recorded
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
-        if len(getattr(self, "bus", ())) != width:  # else reused: arrays of port() remain valid
+        # a bus of the same width is reused, so that arrays returned by port() remain valid
+        if len(getattr(self, "bus", ())) != width:
             self.bus: NDArray[np.float64] = np.zeros(width)
         self.bus[:] = 0.0
         self.pace = math.inf

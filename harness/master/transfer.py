@@ -36,8 +36,8 @@ class Piece(ctypes.Structure):
 class Transfer:
     """Values of one FMI type that one call sets or gets.
 
-    function: Get or Set with the type, as SetReal; wires: variables with their slots on the bus;
-    rows: in FMI 3.0, for every value reference, the names of all elements of the array and the
+    function: Get or Set with the type, such as SetReal; wires: variables with their slots on the
+    bus; rows: in FMI 3.0, for every value reference, the names of all elements of the array and the
     value that each has if it is unconnected; in FMI 2.0 None, because every scalar variable has a
     value reference.
     """

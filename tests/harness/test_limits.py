@@ -52,7 +52,7 @@ def test_a_stop_time_beyond_all_macro_steps_is_rejected(make, stop, step):
 
 
 def test_a_table_beyond_all_memory_is_rejected(make):
-    with pytest.raises(UsageError, match="do not fit into memory: record fewer with --every"):
+    with pytest.raises(UsageError, match="do not fit into memory: record fewer rows with --every"):
         simulate(make({"a": "counter"}, stop=1e15))
 
 
