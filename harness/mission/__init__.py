@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Contents of a mission as data, and the search for missions.
 
-The Python of a mission (`mission.py` in its folder) imports its classes and functions from here and
-defines one Mission.
+The module `mission.py` in the folder of a mission imports the classes and functions that it needs
+from this package and defines one Mission.
 The rest of the harness obtains the mission of a result from library.of_result(), and contains no
 name of a mission.
 """

@@ -172,16 +172,16 @@ class Claim:
 
     def numbers(self, result: Result) -> tuple[float, ...]:
         """Return the numbers of the claim for a result; raise NotJudgedError if the result lacks
-        data, was recorded too rarely, or gives numbers that are not finite.
+        data, has rows more than `interval` apart, or gives numbers that are not finite.
         """
         number = BaseMetric(self.name, self.unit, self.needs, self.compute)
         if missing := number.lacks(result):
             raise NotJudgedError(f"the result holds no {' and no '.join(missing)}")
         if not len(result.time):
-            raise NotJudgedError("nothing was recorded")
+            raise NotJudgedError("the run recorded no row")
         if (interval := np.diff(result.time).max(initial=0.0)) > self.interval + ROUNDING:
             raise NotJudgedError(
-                f"recorded every {interval:g} s, but needed every {self.interval:g} s"
+                f"rows are up to {interval:g} s apart, the claim needs at most {self.interval:g} s"
             )
         with np.errstate(all="ignore"):
             numbers = tuple(np.atleast_1d(number(result)).tolist())
@@ -222,8 +222,8 @@ class Paper:
 
     The claims apply to every result that has all variables of `needs` and all `parameters` and for
     which `meant` returns True. cases: runs that the paper describes (none: the claims apply to
-    every run); differs: function that returns a text for each free parameter (Case.free) of a
-    result whose value is outside of what the paper describes.
+    every run); differs: function that returns a text for each free parameter (Case.free) whose
+    value in a result lies outside the values that the paper describes.
     """
 
     title: str
@@ -251,7 +251,7 @@ def scalar(result: Result, name: str) -> float:
 
 def parameter(result: Result, name: str) -> Array:
     """Return the value of a parameter of the run; raise NotJudgedError if the result does not
-    contain it, like a result that was read from a .csv without its NAME.csv.toml.
+    contain it, for example because it was read from a .csv without its NAME.csv.toml.
     """
     if not result.holds(parameters=(name,)):
         raise NotJudgedError(f"the result does not hold the parameter {name}")
@@ -294,9 +294,9 @@ def at(result: Result, time: float) -> int:
 
 
 class RuleFinding(NamedTuple):
-    """Outcome of a safety rule in a run. name: of the rule; margin: least margin in the run; unit:
-    of the margin; violated: time of the first violation [s] (NaN: none); text: meaning of the
-    margin; limit: limit of the rule in words.
+    """Outcome of a safety rule in a run. name: name of the rule; margin: least margin in the run;
+    unit: unit of the margin; violated: time of the first violation [s] (NaN: none); text: meaning
+    of the margin; limit: limit of the rule in words.
     """
 
     name: str
@@ -347,7 +347,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """Return a word that states whether the values agree."""
+        """Return "agrees" or "DIFFERS"."""
         return "agrees" if self.within else "DIFFERS"
 
 

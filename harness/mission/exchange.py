@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files of other tools that a mission writes from results and from which it reads start values. The
-file formats are known to missions only; this module calls the functions of missions.
+"""Exchange of files with other tools: results are written to such files, and start values are read
+from them. Only missions know the file formats; this module calls the functions of missions.
 """
 
 from __future__ import annotations

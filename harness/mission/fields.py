@@ -38,7 +38,9 @@ def _types(record: Any) -> dict[str, tuple[Any, str]]:
 
 
 def _fits(value: Any, kind: Any) -> bool:
-    """Return whether a value has a type. A list also fits a tuple, any real number a float."""
+    """Return whether a value fits the annotated type `kind`. A list is accepted for a tuple, any
+    real number for a float.
+    """
     origin, parts = get_origin(kind) or kind, get_args(kind)
     if origin is UnionType:
         return any(_fits(value, part) for part in parts)

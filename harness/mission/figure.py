@@ -123,8 +123,8 @@ class Curve(Checked):
 
 @dataclass(frozen=True)
 class Level(Checked):
-    """Horizontal line in a panel. value: height of the line, or names of parameters: the first of
-    these that the run has gives the height.
+    """Horizontal line in a panel. value: height of the line, or names of parameters: the height
+    is the first of these parameters that the run has.
     """
 
     label: str
@@ -207,7 +207,7 @@ class Panel(Checked):
 
 @dataclass(frozen=True)
 class Figure(Checked):
-    """Figure of panels from top to bottom. name: of the file; when: further variables that the
+    """Figure of panels from top to bottom. name: name of the file; when: further variables that the
     result must contain; only: function that returns whether a result has this figure (None: every
     result with all these variables has it).
     """
@@ -267,8 +267,8 @@ class Overlay(Drawing):
 @dataclass(frozen=True)
 class Phase(Checked):
     """Phase plot: a quantity against its rate. x, y: labels of the axes; needs: variables that the
-    result must contain; value, rate: sources of both, (rows,) or (rows, n); after: function that
-    returns the time [s] of the first row to draw (None: all rows).
+    result must contain; value, rate: Source of the quantity and of its rate, each (rows,) or
+    (rows, n); after: function that returns the time [s] of the first row to draw (None: all rows).
     """
 
     title: str
