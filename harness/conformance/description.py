@@ -57,7 +57,7 @@ INITIAL_3 = {
     **{("structuralParameter", v): ("exact",) for v in _FIXED},
     **{("input", v): ("", "exact") for v in _ANY},
 }
-"""Permitted values of `initial` in FMI 3.0 (2.4.7.5), like INITIAL."""
+"""Permitted values of `initial` in FMI 3.0 (2.4.7.5), in the form of INITIAL."""
 
 
 @dataclass(frozen=True, eq=False)

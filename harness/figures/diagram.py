@@ -101,7 +101,9 @@ def draw(system: System, path: Path) -> None:
 
 
 def painted(system: System, ending: str = "svg") -> bytes:
-    """Return the diagram of a system in one of FORMATS. The same system gives the same bytes."""
+    """Return the diagram of a system as the bytes of a file; `ending`, one of FORMATS, selects the
+    format. The same system gives the same bytes.
+    """
     file, undated = io.BytesIO(), {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     with STYLE.used():
         canvas = _canvas(system, lay_out(system))

@@ -87,10 +87,12 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
     def _simulate(
         self, found: System, usual: Steering, every: int, record: int, changes: Mapping[str, Any]
     ) -> None:
-        """Create the simulation, initialise it and save its state, to which reset() returns.
+        """Create the simulation, initialise it and, if all FMUs can save their state, save the
+        state for reset().
 
-        usual: defaults of the mission; every, record: macro steps per action and per recorded row
-        (0: default, for `record` the value of `every`).
+        usual: defaults of the mission; every: macro steps per action (0: default of the mission, or
+        else the longest period of the open components); record: macro steps per recorded row (0:
+        the value of `every`), a divisor of `every`.
         """
         given: Any = {**changes, "open": usual.open}
         self._changes: Changes = joined(self._plan.fixed, given) if self._plan else given

@@ -30,8 +30,8 @@ Bound = float | tuple[float, float]
 """Bounds of an action: x for -x to x, or the smallest and the largest value."""
 
 Limits = Sequence[Mapping[str, Bound]]
-"""Tables of bounds by name: given by the user, of the actuators, and of the mission. The first
-table that has a bound applies.
+"""Three tables of bounds by name: bounds from the user, limits of the actuators, and bounds from
+the mission. The first table that contains a name applies.
 """
 
 
