@@ -33,8 +33,8 @@ SYSTEM = "system.toml"
 
 
 class Place(NamedTuple):
-    """Folder of a mission, and the name by which Python imports it as a package ("": it is not in
-    an installed package).
+    """Folder of a mission, and the dotted name by which Python imports this folder as a package
+    ("": the folder is in no installed package).
     """
 
     folder: Path
@@ -130,8 +130,8 @@ def campaigns() -> dict[str, Path]:
 
 
 def mission(name: str) -> Mission | None:
-    """Return the mission with this name, None if it is not available; raise HarnessError if its
-    Python fails.
+    """Return the mission with this name, None if it is not available; raise HarnessError if the
+    Python code of the mission fails.
     """
     place = _named.get(name) or _ours().get(name) or installed().get(name)
     return None if place is None else _loaded(place)
@@ -175,8 +175,8 @@ def failure(error: BaseException) -> str:
 
 
 def _failure(folder: Path, error: BaseException) -> str:
-    """Return a text of one line about an error in the Python of a mission: file and number of the
-    last executed line of the mission, and the error.
+    """Return a text of one line about an error in the Python code of a mission: file and number of
+    the last executed line of the mission, and the error.
     """
     line, trace = getattr(error, "lineno", None), error.__traceback__
     file = Path(getattr(error, "filename", None) or folder / FILE)
@@ -207,8 +207,8 @@ def of_result(result: Result) -> Mission:
 
 
 def remembered(result: Result) -> str:
-    """Return the name of the mission that the user chose for all results, or else of the mission in
-    the result; "" if there is none.
+    """Return the name of the mission that the user chose for all results; without such a choice,
+    the mission that the result names, "" if it names none.
     """
     if _chosen:
         return _chosen[0]
@@ -221,7 +221,8 @@ def missing(result: Result) -> str:
     if not name or name in places():
         return ""
     return (
-        f"the mission {name} is not available: general figures only; name its folder with --mission"
+        f"the mission {name} is not available, so there are general figures only; name its folder "
+        "with --mission"
     )
 
 

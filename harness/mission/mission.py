@@ -52,11 +52,12 @@ class Metric(BaseMetric):
     the comparison; it returns the value, or an expression that gives the value.
 
     beside: whether the headline values of a run's page leave the metric out; about: function that
-    explains the limits of the metric, in the last line of the column's heading; words: names of the
-    values 0, 1, ..; apart: a comparison warns if values differ by more than this factor; above: a
-    comparison shows the metric, with a warning, only if a value exceeds this number; meaning: a
-    sentence for readers of a page; live: function of result and limits that returns the expression
-    for a live page, if `compute` returns no expression.
+    returns the last line of the column's heading, a text about the limits of the metric; words:
+    names of the values 0, 1, ..; apart: a comparison warns if values differ by more than this
+    factor; above: a comparison shows the metric, with a warning, only if a value exceeds this
+    number; meaning: a sentence that explains the metric to readers of a page; live: function of
+    result and limits that returns the expression for a live page, if `compute` returns no
+    expression.
     """
 
     beside: bool = False
@@ -133,7 +134,8 @@ def exceeding(
             if value > metric.above:
                 yield (
                     f"{label}: {metric.name} {value:.3g} {metric.unit}, more than "
-                    f"{metric.above:g} {metric.unit}: the limit decides, not the control law"
+                    f"{metric.above:g} {metric.unit}: the actuator limit decides, not the control "
+                    "law"
                 )
 
 
@@ -144,7 +146,7 @@ class FinalMetric(BaseMetric):
 
     def text(self, result: Result) -> str:
         """Return the value in the last row with its unit, or the name of the value if the only
-        variable of the metric is a mode.
+        variable of the metric is a mode (a variable whose values 0, 1, .. have names).
         """
         values = self(result)
         try:
@@ -173,9 +175,9 @@ class Exchange:
 
     writers: by ending of the file, the function that writes the file, called with result, path,
     component (None: the function chooses) and UTC of t = 0; start: function that returns start
-    values, called with a system, files (or their text) by component, an epoch or None, and changes
-    of run(); remarks: function that returns lines for the report page of a result, such as
-    eclipses, called with the result.
+    values, called with a system, files (or their text) by component, an epoch or None, and the
+    keyword arguments of run() that change the system; remarks: function that returns lines for the
+    report page of a result, such as eclipses, called with the result.
     """
 
     writers: Mapping[str, Callable[[Result, Path, str | None, str], None]] = field(
@@ -218,7 +220,7 @@ class Scene(NamedTuple):
 
 
 class Steering(NamedTuple):
-    """Task for an agent that replaces components and sets their outputs. open: these components;
+    """Task for an agent that replaces components and sets their outputs. open: replaced components;
     every: macro steps per action (0: period of the components); cost: expression whose increase is
     the cost of a step; ends: conditions that end an episode; bounds: pairs (output, bound), for
     outputs that no actuator limits.
@@ -232,7 +234,7 @@ class Steering(NamedTuple):
 
 
 class Plan(Protocol):
-    """Plan for a run, made before the run, as an answer of `harness plan`."""
+    """Plan for a run, made before the run: the answer of `harness plan`."""
 
     @property
     def histories(self) -> Mapping[str, Result]:
@@ -247,7 +249,7 @@ class Plan(Protocol):
 
 
 class LeastImpulse(Protocol):
-    """Least impulse with which a run would have been possible, as an answer of `harness bound`."""
+    """Least impulse with which a run would have been possible: the answer of `harness bound`."""
 
     @property
     def verified(self) -> Result | None:
@@ -270,15 +272,16 @@ class Mission(Checked):
     metrics: columns of a comparison; claims: papers with claims; final: metrics for the head of a
     page; scene: replays in space; rules: functions that return the findings about safety rules of a
     result; notes: functions that return facts about a result that its values do not show; plans:
-    functions that answer `harness plan` for a system and the changes of run(); bands: functions
-    that complete the limits of a comparison; definitions: functions that return lines below the
-    table of a comparison, which explain its columns; idle: pairs of a variable and the value from
-    which on the variable has no meaning and is not drawn; validations: cases with published
-    reference values; exchange: files of other tools; restarts: triples (p, q, v): the start value
-    of a state in parameter p is used only if parameter q has the value v; examples: sources that
-    can replace a component or extend a system; steering: tasks for agents, the default first;
-    bounds: functions that answer `harness bound` for a system and the options `cost`, `grid` and
-    `without`, or return None for a system of another kind.
+    functions that answer `harness plan`, called with a system and the keyword arguments of run()
+    that change the system; bands: functions that complete the limits of a comparison; definitions:
+    functions that return lines below the table of a comparison, which explain its columns; idle:
+    pairs of a variable and the value from which on the variable has no meaning and is not drawn;
+    validations: cases with published reference values; exchange: files of other tools; restarts:
+    triples (p, q, v): the start value of a state in parameter p is used only if parameter q has the
+    value v; examples: sources that can replace a component or extend a system; steering: tasks for
+    agents, the default first; bounds: functions that answer `harness bound`, called with a system
+    and the options `cost`, `grid` and `without`; they return None for a system that they do not
+    support.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()

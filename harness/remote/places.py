@@ -104,7 +104,7 @@ def _address(written: str, name: str) -> dict[str, str]:
     """Return the settings of the link to a board at an address; raise UsageError if the address is
     wrong. Control characters are rejected, because urlsplit() drops line breaks silently.
     """
-    with suppress(ValueError):  # raised for a wrong host or port
+    with suppress(ValueError):  # urlsplit() and url.port raise it for a wrong host or port
         if not name.isprintable():
             raise ValueError(name)
         url = urlsplit(name)
@@ -196,7 +196,8 @@ def _firmware(parts: Sequence[Part], processor: Processor) -> bytes:
 
 def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
     """Return the path of a link FMU in the cache for the component with this FMU; lines: settings
-    of the link, (name, value); firmware: b"" for a board. Raises UsageError.
+    of the link, (name, value); firmware: b"" for a board. Raises UsageError if this platform has no
+    library of the link, or if a setting contains a line break or NUL.
     """
     library = built("link")
     if library is None:
@@ -206,7 +207,7 @@ def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
     settings = [("guid", root.get("guid")), *lines]
     for _, value in settings:
         if any(c in value for c in "\r\n\0"):
-            raise UsageError(f"--on: {value!r}: expected a text without line breaks and NUL")
+            raise UsageError(f"--on: {value!r}: must not contain a line break or NUL")
     content = {
         "modelDescription.xml": describe(root),
         SETTINGS: "".join(f"{key}={value}\n" for key, value in settings).encode(),
@@ -222,7 +223,7 @@ LACKING = (
     *("providesDirectionalDerivative", "canInterpolateInputs"),
     *("needsExecutionTool", "maxOutputDerivativeOrder"),
 )
-"""Attributes of CoSimulation in a model description for capabilities that a link FMU lacks."""
+"""Attributes of the element CoSimulation that state capabilities which a link FMU does not have."""
 
 
 def describe(root: etree._Element) -> bytes:

@@ -22,11 +22,12 @@ from harness.results.result import Array, Result, Rows
 
 
 class Sample(NamedTuple):
-    """Source of an array that has one value of a variable or expression per instant of a replay.
+    """Source of an array with the values of a variable or expression at the instants of a replay,
+    from which a live page computes the array for another run.
 
-    history: number of the instruction (of Arrays.program) that gives the values in all rows; over:
-    "row" for the value in the row of the instant, or a key of REDUCED for the mean, least or
-    largest value in the rows from this instant up to the next; time: instants [s].
+    history: number of the instruction in Arrays.program that computes the values in all rows of the
+    run; over: "row": the array has the value in the row of each instant; "mean", "least",
+    "largest": it has this value over the rows from each instant up to the next; time: instants [s].
     """
 
     history: int
@@ -35,8 +36,8 @@ class Sample(NamedTuple):
 
 
 class Arrays:
-    """Arrays of a page by short names (`a0`, `a1`, ...), with which curves and bodies refer to
-    them.
+    """Arrays of a page by short names (`a0`, `a1`, ...), with which curves and the bodies of the
+    replay refer to them.
 
     content: shape and base64 data of each array; program: instructions with which a live page
     computes curves and arrays of the replay for another run; samples: sources of the arrays of the
@@ -51,8 +52,8 @@ class Arrays:
 
     def store(self, values: Any, source: Any = None) -> str:
         """Store an array of any shape and return its name. Arrays with equal values and equal
-        `source` are stored once; source: instruction and reduction that give the values (None:
-        none).
+        `source` are stored once; source: pair (history, over) as in Sample, None for an array that
+        no instruction computes.
         """
         with np.errstate(over="ignore"):
             single = np.ascontiguousarray(values, dtype="<f4")

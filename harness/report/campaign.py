@@ -112,8 +112,8 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
     page, the stem of a file name, and the figure.
 
     The figures are: histograms of the metrics; each metric over the two factors of a grid, or over
-    its most influential factors; each metric, grouped by the values of every factor with
-    texts as values; percentile bands over time.
+    its most influential factors; each metric, grouped by the values of every factor whose values
+    are texts; percentile bands over time.
     """
     metrics, factors = _shown(store)
     if metrics:
@@ -188,8 +188,9 @@ def study_plots(canvas: Canvas, study: Study) -> Iterator[Plot]:
 
 
 def confirmed_runs(study: Study) -> dict[str, Result]:
-    """Return the results of the repeated nominal run and worst runs of a search for the worst case,
-    by label; runs without a results file are left out.
+    """Return the results of the nominal run and of the worst run of each requirement, by label,
+    from the files of a search for the worst case. Runs without a results file are left out; a
+    study of another kind gives {}.
     """
     if study.kind != "worst":
         return {}

@@ -132,9 +132,9 @@ def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Da
     """Return the instructions with which the page computes requirements, exercises, curves and
     arrays of the replay from the rows of another run.
 
-    An array of the replay is described by an instruction, a reduction (see arrays.Sample), and an
-    index in the entry `rows`: there a list contains the numbers of the rows at the instants of the
-    array. Arrays with equal lists have the same index.
+    The entry `samples` describes each array of the replay by an instruction, a reduction (see
+    arrays.Sample), and an index in the entry `rows`. The element of `rows` with this index is the
+    list of the rows at the instants of the array; arrays with equal lists share one element.
     """
     known, arrays, lists = result.provenance, canvas.arrays, dict[tuple[int, ...], int]()
     wanted = known.requirements if known else ()

@@ -33,7 +33,9 @@ Shown = tuple[str, str, str, list[Plot]]
 """Figure of a page: section of the page, name and title of the figure, and its plots."""
 
 PAGE = Style(("screen.mplstyle", "page.mplstyle"))
-"""Style in which figures are drawn before their axes are read back for a page."""
+"""Style in which matplotlib draws figures for a page, before painted() reads the curves and texts
+from their axes.
+"""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 """Line styles for the elements of a vector, in their order, so that curves differ in more than
 colour.
@@ -47,8 +49,8 @@ QUATERNION = ("q0", "q1", "q2", "q3")
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
 """Labels by which a time axis is recognised, with the length of the unit of the axis [s]."""
 NOTE = "axes fraction"
-"""Coordinate system of matplotlib for notes in a corner of the axes, which distinguishes them from
-other texts.
+"""Coordinates in which figures place a note in a corner of the axes. painted() recognises notes by
+these coordinates, since other texts have other ones.
 """
 
 
@@ -212,8 +214,8 @@ def _dash(line: Any) -> str:
 
 
 def _corners(outline: Any) -> Any:
-    """Return the points of an outline (points, 2) without the points inside horizontal lines, whose
-    two neighbours have the same y as the point.
+    """Return the points of an outline (points, 2) without those inside a horizontal line: points
+    with the same y as both neighbours.
     """
     y = outline[:, 1]
     inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Expressions over the variables of a result, for metrics of campaigns and for requirements.
 
-An expression names variables as the result does, `last(norm(servicer.r_SN_N - target.r_TN_N))`,
-elements as `servicer.r_SN_N[1]`, and can call only the functions listed in FUNCTIONS. A number may
-have a unit: `guidance.beta_t <= 2 deg`. Names are compared in Unicode's normal form NFKC.
+An expression contains the names of variables of the result, as in `last(norm(servicer.r_SN_N -
+target.r_TN_N))`, or of elements, as in `servicer.r_SN_N[1]`. It can call only the functions listed
+in FUNCTIONS. A number may have a unit: `guidance.beta_t <= 2 deg`. Names are compared in Unicode's
+normal form NFKC.
 """
 
 from __future__ import annotations
@@ -181,7 +182,7 @@ Up to two times, which limit the window, may follow these arguments.
 """
 
 IMPLIES = "implies"
-"""implies(x, y): y must hold in the rows in which x holds."""
+"""Name of the condition implies(x, y): y must hold in the rows in which x holds."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("operator", "+"), ast.Sub: ("operator", "-"), ast.Mult: ("operator", "*"),
@@ -316,7 +317,7 @@ def _tree(text: str) -> ast.expr:
     """Return Python's syntax tree of a text in which a number with a unit, `2 deg`, is replaced by
     the call `quantity(2, 'deg')`.
     """
-    with warnings.catch_warnings(action="error"):  # Python only warns about "1if"
+    with warnings.catch_warnings(action="error"):  # for `1if`, of which Python only warns
         marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
         return ast.parse(marked, mode="eval").body
 

@@ -41,10 +41,10 @@ class Limits:
         self._sides = list(map(self._program.expression, sides))
 
     def applying(self, result: Result) -> Any:
-        """Return the rows in which none of these conditions holds, such that the requirement
-        depends on its other conditions: all rows, a slice, or row numbers. Return None if there is
-        no such row, if one of these conditions has a value per element, or if a quantity in one of
-        them is NaN in any row.
+        """Return the rows in which none of these conditions holds, so that the requirement depends
+        on its other conditions, as an index of an array: ALL, a slice, or an array of row numbers.
+        Return None if there is no such row, if one of these conditions has a value per element, or
+        if a quantity in one of them is NaN in any row.
         """
         if not self._holds:
             return ALL
@@ -101,8 +101,8 @@ class Requirement:
         self.single: Single | None = None
         self.margin_unit = unit_of_margin(tree, unit)
         self.units: list[tuple[str, str]] = []
-        """Units of compared values: the unit of the variables, and the unit as written ("" if none
-        is written).
+        """Units of compared values, a pair each: unit in which the value is computed, and unit that
+        the user wrote ("" if none).
         """
         self.empty: dict[str, int] = {}
         self._inside: list[int] = []
@@ -175,8 +175,8 @@ class Requirement:
         return self._add("least", self._add("==", truth, self._number(1)))
 
     def _by_row(self, node: Node) -> int:
-        """Return the number of the instruction that gives the smallest margin (rows, 1) of all
-        elements in every row; -inf where the margin of an element is NaN.
+        """Return the number of the instruction that gives, for each row, the smallest margin of its
+        elements, as (rows, 1); -inf in a row with a margin of NaN.
         """
         least = self._add("least", self._of(node))
         return self._add("where", self._add("isnan", least), self._number(-math.inf), least)
@@ -204,12 +204,14 @@ class Requirement:
         return self._where(is_true, 1, -1)
 
     def _exercised(self, node: Node, looked: int, negated: bool = False) -> int:
-        """Return the number of the instruction that gives whether every part of a condition that
-        must hold affects the outcome in some row. A part affects the outcome in a row unless a
-        condition on time or the premise of implies() alone decides it.
+        """Return the number of the instruction that gives whether a condition is exercised. A
+        comparison is exercised if it affects the outcome in at least one row; `and`, if all its
+        parts are exercised; `or`, if at least one part is. A row in which a condition on time or
+        the premise of implies() alone decides an `or` does not count for its other parts.
 
         looked: number of the instruction that gives 1 in the rows in which `node` affects the
-        outcome; negated: whether `node` is inside a `not`.
+        outcome, else 0; negated: whether `node` is inside an odd number of `not`, which make an
+        `and` of an `or` and the reverse.
         """
         if node.is_timing:
             return self._number(not self.guarded)

@@ -261,13 +261,13 @@ def _table(given: list[tuple[Any, bool]], _: None) -> Any:
 
 
 def _number(_: Any, constant: float) -> Any:
-    # a double and no Python int, with which 9**9**9 would not end
+    # converted to a double, because 9**9**9 with Python integers would not end
     return constant if isinstance(constant, bool) else np.float64(constant)
 
 
 def _least(table: Any) -> Any:
     """Return the least element of every row as (rows, 1). A table of one column is returned
-    unchanged, because numpy is slow for it.
+    unchanged, because np.min() would take long for it.
     """
     return table if table.shape[1] == 1 else np.min(table, axis=1, keepdims=True)
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Requirements of the user: conditions that must hold in every recorded row, and their evaluation.
+"""Requirements: conditions that must hold in every recorded row of a run, and their evaluation.
 
-A requirement is a name and a text, `guidance.range >= 4 m` or `time < 20 min or norm(controller.e)
-< 5 cm`, see harness.results.expressions. A system contains requirements, and the user adds others.
-A requirement with windows, `eventually(always(guidance.range <= 4 m, 60 s), 20 min)`, must hold at
-the start of the run. The margin of a requirement is its distance to failing, in the unit of the
-compared quantities.
+A requirement has a name and a text, such as `guidance.range >= 4 m`; the text is an expression, see
+harness.results.expressions. Requirements are defined by the system, and further ones by the user
+for a run. A requirement with a window of time, such as `eventually(guidance.range <= 4 m, 20 min)`,
+must hold at the start of the run only. The margin of a requirement is its distance to failing, in
+the unit of the compared quantities.
 """
 
 from __future__ import annotations

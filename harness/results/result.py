@@ -104,7 +104,7 @@ class Result:
 
     def mode_names(self, name: str) -> tuple[str, ...]:
         """Return the names of the values 0, 1, .. of a variable whose values have names (a mode),
-        "" for a value that does not occur; () for other variables.
+        with "" for a number without a name; () for other variables.
         """
         names = self.modes[self._first(name)] if self.modes else ""
         return tuple(names.split("|")) if names else ()
@@ -212,7 +212,9 @@ def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
 
 
 ELEMENTS = "elements"
-"""Name of the attribute with the names of the elements of a vector that are not counted from 1."""
+"""Name of the attribute that lists the names of a variable's elements if their indices are not
+counted from 1.
+"""
 PROVENANCE = "provenance_"
 """Prefix of the names of attributes with the provenance of a result."""
 AXES = {3: "axis"}

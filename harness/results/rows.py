@@ -103,9 +103,9 @@ class RowProgram:
         self._of_used = lru_cache(maxsize=1)(self._computed)
 
     def constants(self, parameters: Iterable[float]) -> list[float]:
-        """Return the elements of all intermediate values of the program that depend on parameters
-        alone, for __call__(). parameters: values of all parameters of a run, in the order of
-        Result.parameters.
+        """Return the argument `constants` of __call__(): the values of all instructions that are no
+        time series, which depend on parameters alone, as one list of elements. parameters: values
+        of all parameters of a run, in the order of Result.parameters.
         """
         given = enumerate(parameters) if self._used else ()
         return self._of_used(tuple(x for i, x in given if i in self._used))
@@ -158,8 +158,8 @@ def _lines(
 def _texts(
     result: Result, instruction: Instruction, given: Sequence[Sequence[str]]
 ) -> Sequence[str]:
-    """Return the Python text of each element of the value of an instruction; given: names of the
-    elements of its parts.
+    """Return, for each element of the value of an instruction, the Python expression that computes
+    the element; given: by operand of the instruction, the names of the operand's elements.
     """
     operation, _, constant, _ = instruction
     if operation == "element":

@@ -28,7 +28,7 @@ def elements(fmu: Path | None, variable: str) -> dict[Index, str]:
     """
     try:
         variables = read_interface(fmu).variables if fmu else {}
-    except FmuError:  # harness.system.graph reports an unreadable FMU
+    except FmuError:  # not reported here: harness.system.graph reports an unreadable FMU
         variables = {}
     names = [] if variable in variables else elements_of(variable, variables)
     found = grid(map(index, names)) if names else None

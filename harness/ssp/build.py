@@ -48,8 +48,8 @@ from harness.system.wiring import split, wire
 
 
 class Time(Struct, frozen=True):
-    """Time span and macro step of a run [s], `[experiment]`. every: each N-th macro step is
-    recorded by default; epoch: UTC at t = 0, a TOML date or its text.
+    """Time span and macro step of a run [s], `[experiment]`. every: default number of macro steps
+    per recorded row; epoch: UTC at t = 0, a TOML date or its text.
     """
 
     start: Number = 0.0
@@ -167,8 +167,8 @@ def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator
 
 
 def _begun(tables: Source, system: System) -> Source:
-    """Return the tables of a system, completed by the parameters and the epoch that come from the
-    files named in its table `[start]`; raise HarnessError.
+    """Return the tables of a system with the parameters and the epoch that the files in its table
+    `[start]` give; raise HarnessError if a file cannot be used.
     """
     values, _, epoch = of_system(system)
     parameters = {c: dict(own) for c, own in tables.parameters.items()}

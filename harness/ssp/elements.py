@@ -165,7 +165,9 @@ class Tree:
             point, real = Point(place, e.get("name")), xml.first(e, "ssc:Real")
             unit = "" if real is None else real.get("unit", "")
             if unit and unit not in self.units:
-                self.notes.append(f"{point}: its unit {unit} is ignored, it has no definition")
+                self.notes.append(
+                    f"{point}: its unit {unit} is ignored, because the file does not define it"
+                )
             self.connectors[point] = Connector(e.get("kind"), self.units.get(unit))
 
     # ---- connections
@@ -180,7 +182,7 @@ class Tree:
             raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
-        is_last = target.point.place in self.components  # then the FMU states the unit
+        is_last = target.point.place in self.components  # the FMU states the unit of its input
         unit = None if is_last else self.connectors[target.point].unit
         return Edge(source, target, hop_of(element, unit))
 
@@ -242,7 +244,7 @@ class Tree:
     def _bound(self, binding: XmlElement, label: str) -> Mapping[str, Parameter]:
         if (root := self._part(binding, VALUES, label)) is None:
             return {}
-        prefix = binding.get("prefix", "")  # a mapping refers to names with the prefix
+        prefix = binding.get("prefix", "")  # added first: a mapping refers to names with it
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
         root = None if found is None else self._part(found, MAPPING, label)

@@ -54,7 +54,7 @@ class Flat:
     def _notes(self) -> Iterator[str]:
         for point in self._unused:
             connector = self.tree.declared(point)
-            # a structural parameter is the size of an array, which is read from the FMU
+            # no note on a structural parameter: it is an array size, which is read from the FMU
             if connector and connector.kind != "structuralParameter":
                 yield f"{point}: no component reads this connector, so its parameter is ignored"
         names = self.names.items()

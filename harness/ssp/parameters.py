@@ -147,12 +147,12 @@ def ssv(
     """Return the .ssv file with the parameters of one component, for version 1 or 2 of SSP.
 
     Values are in the units of the FMU, after all conversions; an enumeration is written as the name
-    of its item. An array of FMI 3.0 (SSP 2 only) is written with all its elements: one without a
-    parameter has the start value of the FMU.
+    of its item. An array of FMI 3.0 (SSP 2 only) is written with all its elements; an element
+    without a parameter gets its start value from the FMU.
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
-    # a file of another tool may have parameters for variables that the FMU lacks: left out
+    # a file of another tool may have parameters for variables that the FMU lacks; omit these
     variables = [interface.variables[name] for name in parameters if name in interface.variables]
     rows = {connector_name(interface, v): v for v in variables}
     for name, variable in rows.items():

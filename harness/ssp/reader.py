@@ -77,7 +77,7 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
     with PrivateFolder() if cached is None else nullcontext(cached) as folder:
         if cached is None:
             unpack(path, folder)
-        try:  # a folder of the cache is named by its content, so one reading is enough
+        try:  # the content of a folder in the cache never changes, so _known() reads it only once
             system, problems, notes = _of_folder(folder) if cached is None else _known(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error

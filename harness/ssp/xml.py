@@ -199,7 +199,7 @@ def as_version_1(root: XmlElement) -> XmlElement:
     copy.set("version", "1.0")
     etree.strip_elements(copy, *_NEW_PARTS)
     for element in copy.iter(*_VALUES):
-        element.set("value", "0")  # 2.0 permits a list, which parameter_set() checks
+        element.set("value", "0")  # SSP 1.0 permits no list of values; parameter_set() checks these
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
     for element in copy.iter(tag("ssd:Component")):

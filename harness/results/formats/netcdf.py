@@ -57,7 +57,7 @@ def write(result: Result, path: Path) -> None:
         file.setncatts(about)
         content["time"] = (("time",), result.time, time_labels(result))
         defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
-        file.set_auto_maskandscale(False)  # no conversions: a third less time
+        file.set_auto_maskandscale(False)  # without conversions, writing takes a third less time
         for variable, data in defined:
             variable[...] = data
 
@@ -128,7 +128,8 @@ def _flat_columns(
     system: str, time: Array, histories: Mapping[str, tuple[Array, Mapping[str, str]]]
 ) -> Result:
     """Return a result with variables as flat columns, one column per element: the inverse of
-    variables(). histories: values (rows, ...) and attributes by name of the variable.
+    harness.results.result.variables(). histories: by name of the variable, its values (rows, ...)
+    and attributes.
     """
     columns, blocks, units, descriptions, modes = [], [np.empty((len(time), 0))], [], [], []
     for name, (values, about) in histories.items():
@@ -146,7 +147,7 @@ def _flat_columns(
 
 
 def _from_lines(text: str) -> list[str]:
-    """Return the names in a text that in_lines() made from them."""
+    """Return the names in a text of in_lines(), which contains one name per line, with escapes."""
     return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
 
 

@@ -52,8 +52,8 @@ class Study(Campaign):
 
     @property
     def verdict(self) -> bool:
-        """Return whether the exit status of the study is 0: `worst` has found neither a failure nor
-        a run without a verdict. It is always 0 for `sensitivity`.
+        """Return whether the exit status of the study is 0: always for `sensitivity`; for `worst`,
+        if the search has found neither a failure nor a run without a verdict.
         """
         if self.kind != "worst":
             return True
@@ -139,7 +139,7 @@ def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
         p = 1 - 0.05 ** (1 / runs)
         by_chance = (
             f"; {runs} random runs without a failure prove a failure probability below "
-            f"{100 * p:.2g} % at 95 %"
+            f"{100 * p:.2g} % at 95 % confidence"
         )
         yield (
             f"{name}: no failure in {runs} runs, worst margin "

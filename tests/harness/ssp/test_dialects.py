@@ -95,7 +95,7 @@ DIALECTS = {
     ),
     "a unit that the file does not define": (
         top(component("gain", "gain", "u< furlong", "y>")),
-        {}, TWICE, ("gain.u: its unit furlong is ignored, it has no definition",),
+        {}, TWICE, ("gain.u: its unit furlong is ignored, because the file does not define it",),
     ),
     "an empty unit": (
         top(component("gain", "gain", "u< X", "y>").replace('"X"', '""')), {}, TWICE, (),
