@@ -48,9 +48,9 @@ def _count(text: str) -> bool:
 OPTIONS = {
     "timeout": ("seconds above 0", _seconds),
     "deadline": ("seconds above 0", _seconds),
-    "retries": ("a number", _count),
-    "slot": ("a number", _count),
-    "baud": ("a number", _count),
+    "retries": ("a whole number", _count),
+    "slot": ("a whole number", _count),
+    "baud": ("a whole number", _count),
     "late": ("wait, hold or stop", LATE.__contains__),
 }
 """Options of a place by name: the expected value in words, and a function that checks a value."""
@@ -116,8 +116,8 @@ def _address(written: str, name: str) -> dict[str, str]:
 
 
 def move(system: System, places: Mapping[str, Place]) -> System:
-    """Return the system with the FMUs of these components replaced by link FMUs. Parameters and
-    connections are unchanged.
+    """Return the system with link FMUs in place of the FMUs of the components in `places`, by name.
+    Parameters and connections are unchanged.
 
     Raises UsageError if tools are missing, FmuError if an FMU cannot be built for its processor.
     """

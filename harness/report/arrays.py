@@ -141,8 +141,8 @@ in base64.
 
 
 def points_of(curves: int, least: int, most: int) -> int:
-    """Return a number of points per curve, between `least` and `most`, with which `curves` curves
-    take about NUMBERS characters in a page.
+    """Return the number of points per curve for a page whose `curves` curves take about NUMBERS
+    characters together; at least `least` and at most `most`.
     """
     return int(np.clip(NUMBERS / PER_POINT / max(1, curves), least, most))
 

@@ -47,9 +47,9 @@ def unit_of(node: Node, unit: Callable[[str], str]) -> str:
 
 
 def resolved(node: Node, unit: Callable[[str], str]) -> Node:
-    """Return the tree of an expression with conversions inserted. After these, both sides of a
-    comparison or sum have the same unit, and so have the arguments of a function that needs them in
-    one unit. Raise ValueError if units are incompatible or unknown. unit: as for unit_of().
+    """Return the tree of an expression with conversions inserted, so that both sides of a sum or
+    comparison have the same unit, and arguments of a function have the units in Function.takes.
+    Raise ValueError if units are incompatible or unknown. unit: as for unit_of().
 
     Factors of a product or quotient are converted to one unit if they measure the same kind of
     quantity, as m and km. The node of a comparison with a number stores the unit in which the user

@@ -117,12 +117,13 @@ def _in_degrees(unit: str) -> str | None:
 class Function(NamedTuple):
     """Function that an expression may call.
 
-    value: implementation; arguments: names of the arguments; unit: unit of the returned value, as a
-    text, as the index of the argument with the same unit, or as a function of the unit of the first
-    argument; takes: by index of an argument, the unit to which the argument is converted, or the
-    index of another argument whose unit is used; per_row: whether the returned value in a row
-    depends on the arguments in that row alone; shifts: whether the returned value in a row is the
-    argument in a neighbouring row.
+    value: implementation (for the names in ROW it returns the index of the selected row);
+    arguments: names of the arguments; unit: unit of the returned value, as a text, as the index of
+    the argument with the same unit, or as a function of the unit of the first argument; takes: by
+    index of an argument, the unit to which the argument is converted, or the index of another
+    argument to whose unit it is converted; per_row: whether the returned value in a row depends on
+    the arguments in that row alone; shifts: whether the returned value in a row is the argument in
+    a neighbouring row.
     """
 
     value: Callable[..., Any]

@@ -86,7 +86,7 @@ class Requirement:
     truth: 1, 0 or NaN for every row and element; margin: margin of every row, -inf where the margin
     of an element is NaN; elements: margin of every row and element; value, which: compared value of
     the comparison that determines the margin, and index of its unit in `units`; exercised: whether
-    every comparison that must hold affects the outcome in some row, see _exercised().
+    the requirement is exercised, as defined in _exercised().
 
     A requirement with windows is evaluated in the first row (`at_start` is True). It has only truth
     (1 or -1), margin, undecided (whether a condition in a window depends on NaN) and empty (by the

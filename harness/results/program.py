@@ -319,8 +319,8 @@ WINDOWED: Mapping[str, Callable[..., Any]] = {
     "until": _over_windows(windows.until),
     "empty": windows.empty,
 }
-"""Operations over the window of every row. The last part of the instruction is the time, its
-constant is begin and end of the window [s], relative to the time of the row.
+"""Operations over the window of every row. The last operand of the instruction is the time; the
+constant of the instruction is begin and end of the window [s], relative to the time of the row.
 """
 SPECIAL: Mapping[str, Callable[..., Any]] = {
     "element": _element,

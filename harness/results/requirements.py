@@ -102,8 +102,7 @@ class Finding:
 def rejected(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:
     """Return the problems of requirements of a system, one line each: texts that are not
     conditions, variables and parameters that do not exist, incompatible units. fixed: whether
-    the conditions may contain parameters but no variables, as conditions on parameters
-    (`consistency`) must.
+    they are conditions on parameters (`consistency`), in which a variable is a problem.
     """
     known = _units(system, fixed)
     return [

@@ -73,9 +73,9 @@ def _of_vectors(name: str, *vectors: Sequence[float]) -> list[float]:
 _QUICK = vars(math) | {"abs": abs, "min": min, "sorted": sorted, "of_vectors": _of_vectors}
 _SAFE = _QUICK | {name: getattr(np, name) for name in MATHS} | {"atan2": np.arctan2,
                                                                 "pow": np.power}  # fmt: skip
-"""Names that a compiled function uses, in two versions: Python functions, which raise an error for
-a division by zero or the root of a negative number, and numpy functions, which return infinity and
-NaN.
+"""Names that a compiled function uses, in two versions: _QUICK has Python functions, which raise an
+error for a division by zero or the root of a negative number; _SAFE has numpy functions, which
+return infinity or NaN.
 """
 
 

@@ -209,7 +209,7 @@ class _Reader:
         if own is not None:
             return round(self._number(own, "every") or 1), round(self._number(own, "latency") or 0)
         if hint and not experiment.step:
-            unused = f"its step of {hint:g} s is not used, the file does not say the macro step"
+            unused = f"its step of {hint:g} s is not used, as the file contains no macro step"
             self.tree.notes.append(f"{name}: {unused}")
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 

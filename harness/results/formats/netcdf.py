@@ -46,7 +46,7 @@ _NAME = re.compile(r"((?a:\w)|[^\x00-\x7f])[^/\x00-\x1f\x7f]*(?<! )")
 
 def write(result: Result, path: Path) -> None:
     """Write the file. All variables are defined before the first is filled, because each switch
-    between defining and filling costs as much as all variables so far.
+    between defining and filling takes time in proportion to the number of variables so far.
     """
     import netCDF4
 

@@ -84,7 +84,7 @@ class Driver:
             self.store.group.attrs.update({"kind": kind})
             self._life.enter_context(self.store.alone())
         pending = np.flatnonzero(self.store.array("status") == PENDING)
-        # number of runs before the first pending one
+        # the dataset contains all runs before the first pending one
         self._stored = int(pending[0]) if len(pending) else self.store.runs
         self._numbers, self._margins = map(self.store.array, ("numbers", "margin"))
         self.unjudged = np.zeros(len(evaluator.names), dtype=int)
@@ -213,15 +213,14 @@ def begun(
 
 
 def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
-    """Notify the user of each requirement that the nominal run does not meet; raise UsageError if
-    the nominal run does not exercise a requirement. of: column of each requirement among the
-    margins.
+    """Notify the user of each requirement that the nominal run does not meet; raise UsageError if a
+    requirement has no verdict in the nominal run. of: column of each requirement among the margins.
     """
     for name, k in of.items():
         margin = driver.nominal[k]
         if np.isnan(margin):
             raise UsageError(
-                f"{name}: the nominal run does not exercise this requirement; name other "
+                f"{name}: not exercised or not judged in the nominal run; name other "
                 "requirements in `of`"
             )
         if margin < 0:
