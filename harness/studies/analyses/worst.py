@@ -29,9 +29,9 @@ LEAST_GENERATION = 12
 SEEDS = 10
 """Number of further seeds with which the worst run is repeated if the campaign has seeds."""
 CLOSE = 0.1
-"""Tolerance for the repetition of a worst run with the macro step of the system. Its margin is
-reported if it differs from the worst margin by more than this share of the difference between worst
-and nominal margin.
+"""Tolerance for the repetition of a worst run with the macro step of the system. The margin of
+the repetition is reported if it differs from the worst margin by more than this share of the
+difference between worst and nominal margin, or if only one of the two margins is negative.
 """
 
 
@@ -46,8 +46,9 @@ class Worst(msgspec.Struct):
 
 
 class Found(NamedTuple):
-    """Worst run that a search found: coordinates (d,), margin, number of the run in the search from
-    0 (place), and number of the first run with a negative margin (first; -1: none).
+    """Worst run that a search found: coordinates (d,), margin, number of the run in the search
+    (place), and number of the first run with a negative margin (first; -1: none). Numbers of runs
+    are counted from 0.
     """
 
     numbers: Array
@@ -82,7 +83,7 @@ def search(
             engine.tell(list(z), _ranked(y))
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
-    if runs > len(margins):  # too few runs for a generation: draw them about the worst
+    if runs > len(margins):  # too few left for a generation: draw them near the worst run
         spread = rng.standard_normal((runs - len(margins), d)) / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
@@ -137,10 +138,12 @@ def _ranked(y: Array) -> list[float]:
 
 def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     """Search for the run with the smallest margin, for each requirement. The worst runs and the
-    nominal run are repeated, and their results with all rows are stored as OUT_worst/NAME.nc.
+    nominal run are repeated with the macro step of the system, and their results with all rows are
+    stored as OUT_worst/REQUIREMENT.nc and OUT_worst/nominal.nc.
 
     definition: path of a campaign TOML with a table [worst], or the table itself; output: OUT.zarr;
-    how: options as for sensitivity(). Raises UsageError, StructureError.
+    how: workers, lanes, resume, progress and notify as for campaign(). Raises UsageError,
+    StructureError.
     """
     installed("cma", "verify")
     entry, evaluator = prepared(Worst, definition, how)
@@ -165,8 +168,8 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
-    """Search for the worst run of one requirement; return the entries about it in the estimate.
-    column: index of the requirement among the margins.
+    """Search for the worst run of one requirement; return the entries that the estimate of the
+    study contains for this requirement. column: index of the requirement among the margins.
     """
     first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
     worst = search(lambda z: driver.evaluate(z)[:, column], d, seed, entry.runs, entry.box)
@@ -185,8 +188,9 @@ def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
 
 def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
     """Repeat the worst runs and the nominal run with the macro step of the system instead of the
-    `step` of the campaign, and write their results beside `output`. Add to `found`, the estimates
-    by requirement, the margin of the repetition and whether it differs from the worst margin.
+    `step` of the campaign, and write their results beside `output`. Add to each estimate
+    in `found` (by requirement) the margin of the repetition and whether it differs from the worst
+    margin.
     """
     evaluator, folder = driver.evaluator, _folder(output)
     folder.mkdir(parents=True, exist_ok=True)

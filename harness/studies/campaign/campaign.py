@@ -130,7 +130,7 @@ def _begun(
     run_blocks = life.enter_context(pool)
     block = task.block(min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // task.steps))
     completed = run_blocks(task, _blocks(plan, block, range(0, plan.runs, block)))
-    store = Store.create(path, plan, block, laid)  # meanwhile the first runs are made
+    store = Store.create(path, plan, block, laid)  # meanwhile workers make the first runs
     life.enter_context(store.alone())
     return store, completed
 
@@ -149,7 +149,9 @@ def _evaluated(found: Campaign, require: Sequence[str], strict: bool) -> Campaig
     """
     problems = [*filter(None, [unjudged(found.store)])]
     if names := differing(found.store.plan().sources):
-        problems.append(f"{some(names)}: changed while the campaign ran, so runs may differ")
+        problems.append(
+            f"{some(names)}: changed while the campaign ran, so runs may have used either version"
+        )
     problems += gate.failures(found.store, require, strict)
     if problems:
         error = RequirementError("\n".join(problems))
@@ -185,8 +187,8 @@ def _write(
 
 
 def _decided(rule: Until, status: Array, success: Array) -> int | None:
-    """Return after how many of the first runs the stopping rule is decided; None if it is not
-    decided yet. Only runs before the first pending run count.
+    """Return the number of runs, from the first run on, after which the stopping rule is decided;
+    None if it is not decided yet. Only runs before the first pending run count.
 
     status, success: status and value of the metric `success` of every run (runs,).
     """

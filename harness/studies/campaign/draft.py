@@ -92,8 +92,8 @@ class _Draft:
 
     @contextmanager
     def _about(self, name: str) -> Iterator[None]:
-        """Add errors raised inside the block to the problems, each after the name of an entry of
-        the table.
+        """Add errors raised inside the block to the problems; `name`, the name of an entry of the
+        table, precedes each.
         """
         try:
             yield
@@ -176,7 +176,9 @@ class _Draft:
                 self.problems += wrong
                 continue
             if len(set(map(_shape, each.choices))) > 1:
-                self.problems.append(f"{place}: values must be all texts, or numbers of one shape")
+                self.problems.append(
+                    f"{place}: values must be all texts, or all numbers or lists of one shape"
+                )
             middle = [each.draw.value(np.full(each.draw.numbers, 0.5))] if each.draw else []
             for value in each.choices or middle:
                 self._applied(place, start, changes_of({each.name: value}))
@@ -241,14 +243,14 @@ class _Draft:
     def _measurable(
         self, structures: Sequence[tuple[System, Checked]], found: Mapping[str, BaseMetric]
     ) -> frozenset[str] | None:
-        """Add a problem for each metric that has a value in no structure (combination of options),
-        and for a `success` that lacks a value in some structure. Return the names of the variables
-        that metrics, requirements and recorded time series read; None if a function of the user may
-        read any variable.
+        """Add a problem for each metric without a value in any structure (combination of options),
+        and for the metric `success` if it has no value in one of the structures. Return the names
+        of the variables that metrics, requirements and recorded time series read; None if a metric
+        is a function of the user, which may read any variable.
 
         structures: system and outcome of its check, for each structure; found: metrics by name.
         """
-        # structures with equal variables and steps have the same metrics, so one of them is tried
+        # metrics depend on variables and steps only, so one structure with each pair is tried
         sizes = {(s.graph.slots, s.steps): (system, s) for system, s in structures}
         results = [_blank(*each, self.table.every) for each in sizes.values()]
         texts = self.table.texts

@@ -42,8 +42,8 @@ class Work(Protocol):
 
 
 class Block(NamedTuple):
-    """Consecutive runs that are stored together: number of the first run, and for each run its
-    order, which is the data that the Work needs to perform it, such as its changes.
+    """Consecutive runs that are stored together: number of the first run, and one order per run. An
+    order is the data from which a Work performs a run, such as the changes of the run.
     """
 
     first: int

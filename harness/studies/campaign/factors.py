@@ -40,8 +40,8 @@ NONE: Any = None
 
 
 class Draw(NamedTuple):
-    """Distribution of a random factor: `value` returns one value of the factor for an array of
-    numbers between 0 and 1, whose length is `numbers`.
+    """Distribution of a random factor: the function `value` takes an array of numbers between 0
+    and 1 and returns one value of the factor; `numbers` is the length of the array.
     """
 
     numbers: int
@@ -110,11 +110,11 @@ class Normal(Struct, frozen=True):
         if self.within is None:
             return 1.0, 0.0, 1.0
         lowest, highest = self.within
-        _demand(lowest < highest, f"the smaller number of within first, not {self.within}")
+        _demand(lowest < highest, f"the smaller limit first in `within`, not {self.within}")
         side = np.where(lowest > m, -1.0, 1.0)
         ends = _normal_below(side * (lowest - m) / s), _normal_below(side * (highest - m) / s)
         low, width = np.minimum(*ends), np.abs(ends[1] - ends[0])
-        _demand(width > LEAST_PROBABILITY, f"within nearer to the mean, not {self.within}")
+        _demand(width > LEAST_PROBABILITY, f"limits `within` nearer to the mean, not {self.within}")
         return side, low, width
 
     def _correlated(self) -> Draw:
@@ -189,9 +189,10 @@ class Rotation(Struct, frozen=True):
 class Inertia(Struct, frozen=True):
     """Random inertia matrix of a body with the nominal principal moments J_i (`principal`).
 
-    The second moments P_i = tr(J)/2 - J_i are multiplied by exp(spread z). The principal axes are
-    turned by a random rotation vector with standard deviation `axes` [rad]. Every drawn inertia is
-    positive definite and satisfies the triangle inequality, because all P_i are positive.
+    The second moments P_i = tr(J)/2 - J_i are multiplied by exp(spread z_i), where the z_i are
+    independent and standard normal. The principal axes are turned by a random rotation vector with
+    standard deviation `axes` [rad]. Every drawn inertia is positive definite and satisfies the
+    triangle inequality, because all P_i are positive.
     """
 
     principal: Vector

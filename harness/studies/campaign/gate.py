@@ -108,7 +108,7 @@ def _demanded(text: str, table: Result, shares: Mapping[str, Share]) -> Outcome:
     named = [shares[name] for kind, _, name in parts if kind != METRIC]
     if any(share.unjudged or not share.evaluated for share in named):
         return _outcome(text, Verdict.NOT_EXERCISED, *named)
-    if len(named) == len(parts):  # only shares, equal in all rows: one row is enough
+    if len(named) == len(parts):  # only shares, which are equal in all rows: use one row
         table = replace(table, time=np.zeros(1), columns=(), units=(), values=np.empty((1, 0)))
     elif not len(table.time):
         return _outcome(text, Verdict.NOT_EXERCISED, "no run has completed")

@@ -190,7 +190,7 @@ def wrong_names(table: Table) -> Iterator[str]:
             if place == "metrics" and (name in taken or axis):
                 yield (
                     f"metrics.{name}: the dataset has another array or axis of this name; choose "
-                    "another"
+                    "another name"
                 )
             elif not _holds(name):
                 rule = f"printable characters without / and \\, at most {LONGEST} bytes"

@@ -44,7 +44,7 @@ def metric(text: str, folder: Path) -> BaseMetric:
 
 
 def read(name: str, text: str, folder: Path) -> BaseMetric:
-    """Return the metric that a text defines, under a name. If the text of the metric `success` is a
+    """Return the metric `name`, which a text defines. If the name is `success` and the text is a
     requirement, the metric is 1 if the requirement is met in every row, else 0.
 
     folder: folder in which the Python file of a user's function is searched.
@@ -169,8 +169,8 @@ def value(
 ) -> tuple[float, str]:
     """Return the value of a metric in a result and "", or NaN and the reason why it has no value.
 
-    each: function of the metric; limits: function that returns the error bands for a built-in
-    metric (None: use _limits()).
+    each: function of the metric; limits: function that returns the errors within which a
+    built-in metric counts an error as settled (None: use _limits()).
     """
     try:
         with np.errstate(all="ignore"), catch_warnings():

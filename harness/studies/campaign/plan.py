@@ -214,8 +214,8 @@ class Plan:
 
     @cached_property
     def groups(self) -> dict[str, range]:
-        """Return for each random factor, by name, the indices of its numbers in the row of numbers
-        of one draw.
+        """Return for each random factor, by name, the indices of its numbers among all numbers
+        between 0 and 1 of one draw.
         """
         places, first = {}, 0
         for each in self.factors:
@@ -262,9 +262,9 @@ class Plan:
         return {n: run_seed(self.table.seed, draw, k) for k, n in enumerate(self.table.seeds)}
 
     def structures(self) -> list[int]:
-        """Return the numbers of runs that together have every combination of values of all listed
-        factors that are options, such as swaps. In these runs, listed parameters have their first
-        values; all runs belong to the first draw.
+        """Return the numbers of runs, one for each combination of values of those listed factors
+        that are options, such as swaps. These runs belong to the first draw, and listed parameters
+        have their first values in them.
         """
         shape = [len(f.choices) for f in self.listed]
         ways = [range(len(f.choices)) if kind_of(f.name) else (0,) for f in self.listed]

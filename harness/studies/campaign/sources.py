@@ -106,7 +106,8 @@ def _imported(file: Path) -> Iterator[Path]:
 
 def _names(file: Path, folders: Sequence[Path]) -> Iterator[tuple[str, Sequence[Path]]]:
     """Yield the dotted names that a Python file imports, each with the folders in which the module
-    is to be searched. A name from `from module import name` may also be an attribute of a module.
+    is to be searched. `from module import name` gives `module.name`, even if this is an attribute
+    of a module, not a module.
     """
     try:
         tree = ast.parse(file.read_bytes() if file.suffix == ".py" else b"")

@@ -14,8 +14,8 @@ from msgspec import Meta, Struct
 from harness.system.tables import Count, Flag
 
 LEAST = 1e-6
-"""Smallest probability p that `until` accepts. For a much smaller p, 1 - p would be rounded to 1,
-but the test needs log(1 - p).
+"""Smallest `success` and `confidence` that `until` accepts. The tests compute with 1 - p,
+where p is such a value; for a much smaller p it would be rounded to 1, as for p = 0.
 """
 Share = Annotated[
     float, Meta(ge=LEAST, lt=1, description=f"a number between 0 and 1, at least {LEAST:g}")
@@ -73,8 +73,9 @@ class Until(Struct, frozen=True):
         return least if self.fixed else self.most or 20 * least
 
     def decided(self, failed: Sequence[bool]) -> int | None:
-        """Return after how many of the first runs Wald's test is decided; None if it is not decided
-        after all runs. failed: whether each run failed, in the order of the runs.
+        """Return the number of runs, from the first on, after which Wald's test is decided; None if
+        it is not decided after all runs. failed: whether each run failed, in the order of the
+        runs.
         """
         if self.fixed:
             return None
@@ -86,8 +87,10 @@ class Until(Struct, frozen=True):
         return None
 
     def verdict(self, failures: int, runs: int) -> str:
-        """Return one line that states the rule and whether the runs prove it."""
-        needed = f"success above {100 * self.success:g} % at {100 * self.confidence:g} %"
+        """Return one line that states the required success, whether the runs prove it, and the
+        test. failures: number of failed runs; runs: number of all runs.
+        """
+        needed = f"success above {100 * self.success:g} % at {100 * self.confidence:g} % confidence"
         if self.fixed:
             word = "shown" if failures == 0 and runs >= self.runs else "NOT shown"
             rule = f"Wilks: {self.runs} runs without a failure"

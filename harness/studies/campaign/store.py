@@ -69,8 +69,9 @@ class About(Struct, frozen=True):
 
 
 class Labels(Struct, frozen=True):
-    """Attributes of an array of a dataset; role: factor, metric, history (time series) or band;
-    whole: whether all values of a factor are whole numbers.
+    """Attributes of an array of a dataset; role: factor, metric, history (time series) or band
+    (percentiles of a time series over all runs); whole: whether all values of a factor are whole
+    numbers.
     """
 
     role: str = ""
@@ -84,7 +85,7 @@ class Store:
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
-        self._seen: dict[str, Any] = {}  # opened once: opening takes as long as writing
+        self._seen: dict[str, Any] = {}  # open arrays: opening takes as long as writing
 
     # ---- create and open
 
@@ -434,7 +435,8 @@ class Store:
         band = self._lay_out(field, self.block)
         step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # 32 MB at a time
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # rows of NaN, which no run reached
+            # numpy warns about rows that no run reached, which contain only NaN
+            warnings.simplefilter("ignore", RuntimeWarning)
             for first in range(0, rows, step):
                 part = np.asarray(source[:, first : first + step])
                 band[:, first : first + step] = np.nanpercentile(part, PERCENTILES, axis=0)

@@ -191,8 +191,8 @@ def text(store: Store, shown: str) -> str:
     factors = {name: x for name, x in varying_factors(store).items() if name not in seeds}
     if metrics and factors:
         head = (
-            "rank correlation with factors (change of the metric from 5 to 95 % of the factor, "
-            "relative to its mean)"
+            "rank correlation with factors (change of the metric from the 5th to the 95th "
+            "percentile of the factor, relative to the mean of the metric)"
         )
         lines += ["", head, *_ranks(metrics, factors)]
     lines += _failures(store, shown)

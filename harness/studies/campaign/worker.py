@@ -32,7 +32,7 @@ from harness.studies.campaign.plan import SUCCESS, Table
 from harness.studies.reuse import Reading, ReusedSimulation, alike, quietly, retained
 
 PENDING, COMPLETE, FAILED = 0, 1, 2
-"""Values of the array `status` of a dataset: the run is not done, complete, or has failed."""
+"""Values of the array `status` of a dataset: the run is not made yet, is complete, or failed."""
 VERDICTS = (Verdict.NOT_JUDGED, Verdict.MET, Verdict.NOT_MET, Verdict.NOT_EXERCISED)
 """Verdicts on a requirement; the array `verdict` of a dataset contains indices of this tuple."""
 

@@ -119,7 +119,7 @@ def test_normal_log_normal_uniform_and_truncated_draws_have_their_distributions(
         cut = sample("normal", mean=0.0, sigma=1.0, within=[a, b])
         assert a <= cut.min() < cut.max() <= b
         assert stats.kstest(cut, stats.truncnorm(a, b).cdf).pvalue > 1e-3
-    with pytest.raises(ValueError, match="within nearer to the mean"):
+    with pytest.raises(ValueError, match="limits `within` nearer to the mean"):
         sample("normal", mean=0.0, sigma=1.0, within=[50.0, 60.0])
 
 
@@ -147,7 +147,7 @@ def test_larger_numbers_give_larger_draws():
 NOT_TO_BE_DRAWN = [
     ("normal", {"mean": 1.0, "sigma": 0.0}, "expected a positive sigma, not 0.0"),
     ("normal", {"mean": 1.0}, "expected either sigma or covariance"),
-    ("normal", {"mean": [1.0], "sigma": [1.0, 2.0], "within": [2.0, 1.0]}, "the smaller number"),
+    ("normal", {"mean": [1.0], "sigma": [1.0, 2.0], "within": [2.0, 1.0]}, "the smaller limit"),
     ("log_normal", {"median": 1.0, "sigma": 0.0}, "expected a positive sigma, not 0.0"),
     ("log_normal", {"median": 0.0, "sigma": 1.0}, "expected a positive median, not 0.0"),
     ("uniform", {"low": 1.0, "high": 1.0}, "expected a low that is smaller than high, not 1.0"),

@@ -207,7 +207,7 @@ def test_a_file_that_changes_while_the_campaign_runs_is_reported(place):
     def meanwhile(_):
         (place / "parts/one.py").write_text("ONE = 2.0\n")
 
-    line = "one.py: changed while the campaign ran, so runs may differ"
+    line = "one.py: changed while the campaign ran, so runs may have used either version"
     with pytest.raises(RequirementError, match=line) as caught:
         campaign("c.toml", "d.zarr", workers=0, progress=meanwhile)
     assert caught.value.partial.store.runs == 4

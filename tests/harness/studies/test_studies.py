@@ -530,7 +530,7 @@ def test_a_campaign_ends_when_it_is_decided(system, tmp_path, limit):
     assert (failed[-1] > 0) == (limit < 20)
     assert ratio[-1] >= np.log(10)
     assert (ratio[:-1] < np.log(10)).all()
-    assert "success above 90 % at 90 %: shown by" in found.summary()
+    assert "success above 90 % at 90 % confidence: shown by" in found.summary()
     again = campaign(given, tmp_path / "c.zarr", workers=0, resume=True)
     assert again.store.runs == len(failed)
 
