@@ -160,7 +160,7 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
     yield from size_problems(system, interfaces)
     first, *others = chosen
     yield from graph_problems(first, interfaces)
-    for each in others:  # sets change values only, not the checked structure
+    for each in others:  # other parameter sets change values only, not the structure
         yield from value_problems(each, interfaces, each.components)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
     for error in (*rejected(chosen), *unreachable(system, boards)):
@@ -201,7 +201,7 @@ def _complaints(test: Callable[[], object]) -> list[str]:
     return []
 
 
-# ---- rejected values and boards, before any run
+# ---- rejected values and unreachable boards, found before any run
 
 
 def rejected(
@@ -263,7 +263,7 @@ def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessEr
             in_child(_begin, _alone(system, name))
         except (FmuError, RejectedValueError) as error:
             yield error
-        except RunError:  # a failure with unconnected inputs is no problem of the whole system
+        except RunError:  # unconnected inputs can cause a failure that no run has
             continue
 
 

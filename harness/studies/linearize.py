@@ -66,7 +66,7 @@ class LinearModel:
             arrays[f"{key}_names"] = np.array(names, dtype=str)
             arrays[f"{key}_units"] = np.array([self.units[n] for n in names], dtype=str)
             arrays[f"{key}_0"] = np.array([self.point[n] for n in names])
-        with path.open("wb") as file:  # savez would append .npz to another name
+        with path.open("wb") as file:  # given a path, savez would append .npz
             np.savez(file, **arrays)
 
 
@@ -209,15 +209,18 @@ class _Differences:
         return RunError(self.component.name, self.at, text, variable)
 
     def model(self, steps: int) -> LinearModel:
-        """Return the linear model at the operating point that is reached after `steps` steps. The
-        derivatives of y(t+h) by x(t) and u(t) are converted to C and D of y(t+h) = C x(t+h) + D u.
+        """Return the linear model at the operating point that the FMU reaches after `steps` steps.
+        C and D of y(t+h) = C x(t+h) + D u(t) are computed from the derivatives of y(t+h) with
+        respect to x(t) and u(t).
         """
         outputs = dict(zip(self.names, self._run({}, 0.0, steps).tolist(), strict=True))
         state = {name: outputs[name] for name in self.starts}
         again = dict(zip(self.names, self._run(self._restart(state), self.at, 0), strict=True))
         for name, value in state.items():
             if abs(again[name] - value) > 1e-9 * max(1.0, abs(again[name])):
-                raise self._no_model("a restart of the FMU at its state changes this state", name)
+                raise self._no_model(
+                    "the FMU has another value of this state after a restart at its state", name
+                )
         self.state = {name: value for name, value in state.items() if self._follows(name, state)}
         by_state = self._matrix(self.state, RELATIVE_STATE, True)
         by_input = self._matrix(self.inputs, RELATIVE_INPUT, False)

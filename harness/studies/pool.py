@@ -185,7 +185,7 @@ class _Worker:
         return value
 
     def terminate(self) -> None:
-        """Terminate the process, and prevent that another one is started."""
+        """Terminate the process, and prevent the start of another one."""
         with self._starts:
             self._over = True
             if self._process is not None:
@@ -311,7 +311,7 @@ def _own_start() -> Iterator[None]:
         life.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])
         sys.modules["__main__"] = ModuleType("__main__")
         if os.name == "posix":
-            resource_tracker.ensure_running()  # now, because its start unblocks SIGINT
+            resource_tracker.ensure_running()  # before SIGINT is blocked: this start unblocks it
             before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             life.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
         for name in ENVIRONMENT.keys() - os.environ.keys():

@@ -38,14 +38,14 @@ from harness.system.model import Origin, System
 from harness.system.swap import find_fmu
 
 PATIENCE = 600.0
-"""Limit for one answer of an emulator [s], long enough for guidance that plans a trajectory, which
-takes longest, on a busy machine.
+"""Limit for one answer of an emulator [s]. Guidance that plans a trajectory takes longest; the
+limit is long enough for this on a busy machine.
 """
 
 
 class Place(NamedTuple):
-    """Component of a system in whose place an FMU is run; swapped: whether the FMU replaces another
-    FMU, which this component has in the system.
+    """Place of an FMU in a system, as the component `component`; swapped: whether this component
+    has another FMU in the system, which the FMU replaces.
     """
 
     system: str
@@ -177,8 +177,8 @@ def digest(fmu: Path) -> str:
 
 
 def groups(fmus: Sequence[str], place: str | None) -> list[list[Place]]:
-    """Return the components in whose place the FMUs run, in groups that share one run: the FMUs of
-    one system run together, but an FMU that replaces another FMU runs alone.
+    """Return the place of every FMU, in groups that share one run: the FMUs of one system form a
+    group, but an FMU that replaces another FMU is a group by itself.
 
     fmus: names or paths; place: `SYSTEM.COMPONENT` (default: a component that has this FMU). Raises
     UsageError.
@@ -201,7 +201,9 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
         with load(system) as found:
             there = {c.name: c.fmu for c in found.components}
             if component not in there:
-                raise UsageError(f"--as {place}: {found.name} has only {', '.join(there)}")
+                raise UsageError(
+                    f"--as {place}: {found.name} has only the components {', '.join(there)}"
+                )
             yield Place(system, component, path, there[component].read_bytes() != path.read_bytes())
 
 

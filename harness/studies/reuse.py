@@ -157,7 +157,7 @@ class ReusedSimulation:
     """System with a simulation that is created for the first run and reused for all later runs.
 
     pace: computing time per macro step in the fastest part of the last run [us]; _alone, _in_lanes:
-    the same time for the last single run and for the last run made in a lane [s].
+    computing time per macro step of the last single run and of the last run made in a lane [s].
     """
 
     def __init__(self, system: str | Path, executor: str = "c") -> None:
@@ -247,7 +247,7 @@ class ReusedSimulation:
         for place, changes in enumerate(part):
             with suppress(HarnessError):  # the run is then made alone and reports the error
                 changed = rest(self._changed(changes))
-                if begun or isolated.all_ours(changed):  # one check: all runs have equal FMUs
+                if begun or isolated.all_ours(changed):  # checked once: all runs have equal FMUs
                     begun[place] = self._begun(place, changed, every, needed)
         compiled = self._lanes() if begun else None
         complete = [] if compiled is None else compiled.advance([*begun.values()])
