@@ -29,8 +29,8 @@ _log = logging.getLogger("harness")
 
 
 class Slot(NamedTuple):
-    """Place of one number on the bus. name: of the output, `component.variable[i]`; unit: "" if
-    undeclared; modes: names of the values 0, 1, .., separated by `|`, if the output is a mode
+    """Place of one number on the bus. name: name of the output, `component.variable[i]`; unit: ""
+    if undeclared; modes: names of the values 0, 1, .., separated by `|`, if the output is a mode
     (its values have names), else "".
     """
 
@@ -181,7 +181,7 @@ def rebuilt(system: System, known: System, graph: Graph) -> Graph:
     changed = [new for node, c in others if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     lost = any(node.component.parameters.keys() - c.parameters.keys() for node, c in others)
-    # open inputs are looked for only if a value was removed
+    # an input can only become open if its value was removed; else open inputs are not searched
     looked = system if lost else replace(system, strict=False)
     if any(value_problems(looked, interfaces, changed)):
         return build_graph(system)  # raises an error with all problems of the system

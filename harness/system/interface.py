@@ -194,7 +194,7 @@ def unpacked_sources(fmu: Path, folder: Path) -> list[Path]:
     found = [(place / each).resolve() for each in listed]
     for each, path in zip(listed, found, strict=True):
         if not (path.is_relative_to(root) and is_file(path)):
-            raise FmuError(f"{fmu.name}: {name} lists the source {each!r}, which it does not hold")
+            raise FmuError(f"{fmu.name}: {name} lists the source {each!r}, which the FMU lacks")
     return found
 
 
@@ -235,7 +235,7 @@ def units_agree(a: str | None, b: str | None) -> bool:
 
 
 def _variables(path: Path, description: Description) -> tuple[list[Variable], tuple[str, ...]]:
-    """Return the variables in the order of the file, and a line per omitted variable (a clock);
+    """Return the variables in the order of the file, and a line per clock, which is omitted;
     raise FmuError if an input or output has a clock.
     """
     found, left_out = list[Variable](), list[str]()

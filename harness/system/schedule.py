@@ -176,8 +176,8 @@ def _time_problem(start: float, stop: float | None, step: float | None, cycle: i
         needed = f"must lie after the start time {start:g} s, not at {stop}"
         return f"the stop time {needed}: give one with --stop"
     if not (stop - start) / cycle / step < 2**53:
-        reason = f"is too many macro steps of {step:.12g} s away"
-        return f"the stop time {stop:.12g} s {reason}: give others with --step and --stop"
+        reason = f"is too many macro steps of {step:.12g} s after the start"
+        return f"the stop time {stop:.12g} s {reason}: give other values by --step and --stop"
     return None
 
 

@@ -179,7 +179,7 @@ class _Exchange:
     def _renamed(self) -> Iterator[Connection]:
         """Yield the connections of the system with the names of ports in the new FMU. A connection
         to an input of the former FMU is repeated for every input of the new FMU that is mapped to
-        this input, and dropped if no input is.
+        this input, and dropped if the new FMU has no such input.
         """
         outputs = self.interface.outputs()
         theirs = {our: their for their, our in self.names.items() if their in outputs}

@@ -233,9 +233,9 @@ def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, S
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:
-    """Return the end of an error message about a value with a wrong number of elements. For a
-    number or text it states how to write the value as a list, if that is possible (else ""), and
-    for a list that the FMU fixes the number of elements.
+    """Return the end of an error message about a value with a wrong number of elements: for a
+    number or text, how to write the value as a list ("" if that is not possible); for a list, that
+    the FMU fixes the number of elements.
     """
     if isinstance(value, str):
         return f"; write [{value}]" if "," in value else ""

@@ -94,7 +94,8 @@ def ports(interfaces: Interfaces, name: str, *causalities: str) -> list[Port]:
     """
     component, variable = split(name, interfaces)
     first, *others = map(interfaces[component].named, causalities)
-    known = ChainMap(dict(first), *map(dict, others)) if others else first  # a single one: no copy
+    # the variables of a single causality are used without a copy
+    known = ChainMap(dict(first), *map(dict, others)) if others else first
     if not (elements := elements_of(variable, known)):
         close = did_you_mean(variable, with_arrays(known))
         raise ValueError(f"{name}: there is no such {' or '.join(causalities)}{close}")

@@ -56,7 +56,7 @@ def problem(result: Result, grid: float) -> Problem:
 def speed(name: str, nodes: Rows, rate: Array, most: float) -> Cone:
     """Return the constraint |v - rate x rho| <= most on the speed seen in a rotating frame.
 
-    name: of the constraint; nodes: indices of the grid points at which the constraint applies;
+    name: name of the constraint; nodes: indices of the grid points at which the constraint applies;
     rate: angular velocity of the frame at all grid points, N axes, (n + 1, 3) [rad/s]; most:
     largest speed [m/s].
     """

@@ -111,7 +111,7 @@ APPROACH = Paper(
     claims=(
         Claim(
             "within reach",
-            "the range shrinks until the target is within reach of the arm and then remains",
+            "the range shrinks until the target is within reach of the arm and is then maintained",
             "abstract",
             (MODE, GRIP, *BODIES),
             within_reach,

@@ -56,7 +56,7 @@ def reach() -> str:
     """Return a table of the claims about what is in reach of the arm after the approach."""
     runs = {"nominal": "arm_capture", "`fast`": "arm_capture --params fast"}
     return of_runs("claim", runs, [
-        Column('"within reach of the arm, and then remains"', approach("within reach")),
+        Column('"within reach of the arm, and is then maintained"', approach("within reach")),
         Column('"can be grasped at any time"', approach("grasped at any time")),
     ], across=True)  # fmt: skip
 

@@ -316,7 +316,7 @@ def test_a_listed_source_outside_the_archive_is_not_compiled(models, tmp_path, n
     )
     assert files["modelDescription.xml"] != xml
     pack(path, files)
-    with pytest.raises(FmuError, match=r"lists the source '.*', which it does not hold"):
+    with pytest.raises(FmuError, match=r"lists the source '.*', which the FMU lacks"):
         unpacked_sources(path, tmp_path / "unpacked")
 
 
