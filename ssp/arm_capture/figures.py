@@ -20,11 +20,11 @@ ARM = (
     ),
     Figure(
         "tip",
-        "End effector: error from its reference, and place in axes of the grapple fixture",
+        "End effector: error from its reference, and position in axes of the grapple fixture",
         (
             Panel("position error [m]", (Curve("arm_guidance.position_error"),)),
             Panel("angle error [deg]", (Curve("degrees(arm_guidance.angle_error)"),)),
-            Panel("place, Q axes [m]", (Curve("arm_guidance.tip_Q"),)),
+            Panel("position, Q axes [m]", (Curve("arm_guidance.tip_Q"),)),
             Panel("mode", (Curve("arm_guidance.arm_mode"),)),
         ),
     ),

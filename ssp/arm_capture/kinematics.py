@@ -25,9 +25,10 @@ ARM = tuple(f"servicer.{name}" for name in NAMES)
 class Arm(NamedTuple):
     """Geometry of an arm with n joints, lengths in m.
 
-    axis: axis of each joint at zero angles (n, 3); offset: position of each joint from the joint
-    before, the first one from S (n, 3); tip: position of the end effector E from the last joint
-    (3,); frame: axes of E as columns, in axes of the last link (3, 3); radius: of each link (n,).
+    axis: axis of each joint (n, 3); offset: position of each joint from the joint before it, of the
+    first joint from S (n, 3); both in base axes, with all joint angles 0. tip: position of the end
+    effector E from the last joint (3,); frame: axes of E as columns (3, 3); both in axes of the
+    last link. radius: radius of each link (n,).
     """
 
     axis: Array

@@ -17,7 +17,7 @@ DEPLOY, ALIGN, CLOSE, REST = 1, 2, 3, 4
 
 
 def during(result: Result, *modes: int) -> NDArray[np.bool_]:
-    """Return a mask of the rows in which the arm is in one of these modes."""
+    """Return a mask of the rows in which `arm_guidance.arm_mode` is one of `modes`."""
     return np.isin(result[MODE], modes)
 
 
@@ -31,22 +31,22 @@ def late(result: Result) -> NDArray[np.bool_]:
 
 
 def largest(values: NDArray[np.float64]) -> float:
-    """Return the largest value (rows,), NaN if there are no rows."""
+    """Return the largest of the values (rows,), NaN if there are no rows."""
     return float(values.max()) if len(values) else float("nan")
 
 
 def rms(values: NDArray[np.float64]) -> float:
-    """Return the root mean square of values (rows,), NaN if there are no rows."""
+    """Return the root mean square of the values (rows,), NaN if there are no rows."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def turned(result: Result) -> NDArray[np.float64]:
-    """Return the attitude error of the base in every row (rows,) [rad]."""
+    """Return the angle of the base from its reference attitude in every row (rows,) [rad]."""
     return np.asarray(4 * np.arctan(np.linalg.norm(result[ATTITUDE], axis=1)))
 
 
 def off(result: Result) -> NDArray[np.float64]:
-    """Return the position error of the base in every row (rows,) [m]."""
+    """Return the distance of the base from its reference position in every row (rows,) [m]."""
     return np.asarray(np.linalg.norm(result[PLACE], axis=1))
 
 

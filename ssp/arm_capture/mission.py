@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: capture by arm. It adds figures, metrics, claims and plan of the arm to an approach."""
+"""Mission: capture by arm, which is the Mission of an approach with additional figures, metrics,
+claims and a plan for the arm.
+"""
 
 from __future__ import annotations
 

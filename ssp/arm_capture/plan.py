@@ -7,6 +7,10 @@ Only guidance and target are run. The position of the fixture relative to a base
 position is
 
     r_QS = C_DN (C_TN^T p_QT_T - rho_ref_N),   X_E = -X_Q
+
+in axes of the reference attitude D of the base. p_QT_T: position of the fixture Q from the centre
+of the target T, target axes; rho_ref_N: reference position of the base from T, N axes; X_E, X_Q: X
+axes of the end effector, which must be opposite to each other on the fixture, and of the fixture.
 """
 
 from __future__ import annotations
@@ -80,7 +84,10 @@ class Plan:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
-        yield "place      from S, base axes [m]   reached   least singular value, direction of E"
+        yield (
+            "place      from S, base axes [m]   reached   "
+            "least singular value, slowest direction of E"
+        )
         for name, r in self.histories.items():
             row = int(np.argmin(r["plan.singular"]))
             place = " ".join(f"{round(x, 3) + 0.0:7.3f}" for x in r["plan.place"][row])
@@ -102,13 +109,16 @@ class Plan:
             return "the arm reaches no point on the axis of the fixture"
         if not held[seat]:
             off = LINE[held][np.argmin(np.abs(LINE[held]))]
-            return f"the arm would reach the seat from a base {abs(off):.2f} m {_way(off)}"
+            return (
+                f"the arm would reach the seat from a base {abs(off):.2f} m {_way(off)} "
+                "than planned"
+            )
         gaps = np.flatnonzero(np.logical_not(held))
         low, high = gaps[gaps < seat], gaps[gaps > seat]
         near = LINE[low[-1] + 1] if len(low) else LINE[0]
         far = LINE[high[0] - 1] if len(high) else LINE[-1]
         return (f"the arm reaches the seat from a base between {abs(near):.2f} m {_way(near)} and "
-                f"{abs(far):.2f} m {_way(far)}")  # fmt: skip
+                f"{abs(far):.2f} m {_way(far)} than planned")  # fmt: skip
 
     def _reasons(self) -> Iterator[str]:
         for name, r in self.histories.items():
@@ -122,7 +132,7 @@ class Plan:
 
 
 def _way(off: float) -> str:
-    return "farther off" if off > 0 else "nearer"
+    return "farther from the target" if off > 0 else "nearer to the target"
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
@@ -162,7 +172,9 @@ def _parameters(system: System) -> Result:
         known, time=np.zeros(0), values=np.zeros((0, len(known.columns))), parameters=known
     )
     if not (names.issuperset(ALONE) and table.holds(parameters=KNOWN)):
-        raise UsageError(f"{system.name}: the system has no arm with a guidance; try arm_capture")
+        raise UsageError(
+            f"{system.name}: lacks guidance, target or an arm with arm_guidance; try arm_capture"
+        )
     if table.parameter(ARM[0]) < 1:
         raise UsageError(f"{system.name}: servicer.joints is 0: there is no arm to plan for")
     return table
@@ -193,8 +205,8 @@ def _fixture(run: Result, known: Result) -> tuple[Array, Array, Array]:
     directions of the X axis of the end effector (rows, 3), both in base axes.
 
     run: of guidance and target; known: parameters. The times begin when the arm starts to track the
-    fixture. The guidance publishes a reference one row after the state from which it has computed
-    it, so the reference of the next row is used with the target of a row.
+    fixture. The guidance computes a reference from the target in one row and publishes this
+    reference in the next row, so each target is combined with the reference of the next row.
     """
     rho, late = run["guidance.rho_ref_N"], float(known.parameter(GOALS[2]))
     new = np.array([0, *np.flatnonzero(np.diff(rho, axis=0).any(axis=1))])

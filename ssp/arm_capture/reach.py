@@ -18,7 +18,7 @@ STEPS, FREE, STRIDE = 80, 50, 0.3
 largest change of position and attitude of E in one iteration [m, rad].
 """
 DAMPING = 0.01
-"""Damping of the least-squares steps, with which they are finite at singular poses."""
+"""Damping of the least-squares steps, so that the steps are finite at singular poses."""
 POSTURE = 0.2
 """Share of the way to the preferred posture by which the joints move in one iteration, as far as
 this motion does not move E.

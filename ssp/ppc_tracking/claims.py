@@ -95,7 +95,7 @@ SMOOTH = Claim(
 )
 OSCILLATION = Claim(
     name="oscillation",
-    text="great oscillation while it converges; the safety of the servicer is not guaranteed",
+    text="great oscillation during the convergence; the safety of the servicer is not guaranteed",
     where="figures 4, 7, section 5",
     needs=(ELEVATION, RANGE),
     compute=metrics.overshoot,
@@ -107,7 +107,7 @@ OSCILLATION = Claim(
 )
 SLOW = Claim(
     name="convergence",
-    text="still slow",
+    text="the convergence of the range is still slow",
     where="section 4.3, figure 7",
     needs=(RANGE,),
     compute=metrics.convergence,
@@ -134,7 +134,7 @@ CHATTER = Claim(
     where="section 4.3, figure 8",
     needs=(COMMAND,),
     compute=metrics.chatter,
-    value="total variation {0:.1f} times the span after 60 s: it follows the manoeuvre",
+    value="total variation after 60 s {0:.1f} times the span of the command, due to the manoeuvre",
     unit="",
     reproduced=at_least(20.0),
     partly=at_least(10.0),

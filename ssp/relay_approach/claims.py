@@ -25,7 +25,7 @@ CLAIMS = (
     ),
     Claim(
         name="constant speed",
-        text="on the first leg it moves at a constant speed ...",
+        text="on the first leg the servicer moves at a constant speed",
         where="figure 6",
         needs=(RANGE, *VELOCITIES),
         compute=metrics.speed_ripple,
@@ -36,7 +36,7 @@ CLAIMS = (
     ),
     Claim(
         name="approach speed",
-        text="... v = 2 v_tar = 0.02 m/s",
+        text="on the first leg the speed is twice the speed of the target, 2 v_tar = 0.02 m/s",
         where="figure 6",
         needs=(RANGE, *VELOCITIES),
         compute=metrics.approach_speed,
@@ -58,7 +58,7 @@ CLAIMS = (
     ),
     Claim(
         name="speed of the target",
-        text="then it moves at the speed of the target",
+        text="from point r2 on the servicer moves at the speed of the target",
         where="figure 6",
         needs=(RANGE, *VELOCITIES),
         compute=metrics.hold_speed,
@@ -69,7 +69,7 @@ CLAIMS = (
     ),
     Claim(
         name="direction of the target",
-        text="with its velocity aligned with the velocity of the target",
+        text="from point r2 on the servicer moves in the direction of the target's velocity",
         where="figures 6, 7",
         needs=(RANGE, *VELOCITIES),
         compute=metrics.heading,

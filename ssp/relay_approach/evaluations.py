@@ -98,8 +98,8 @@ def speed_ripple(result: Result) -> tuple[float, ...]:
 
 
 def approach_speed(result: Result) -> tuple[float, ...]:
-    """Return the mean speed of the servicer in the first leg divided by its value in the paper,
-    twice the mean speed of the target; and the mean speed of the servicer [m/s].
+    """Return the mean speed of the servicer in the first leg, divided by twice the mean speed of
+    the target (the value in the paper), and the mean speed of the servicer [m/s].
     """
     servicer, target = speeds(result)
     leg = servicer[first_leg(result)].mean()

@@ -33,7 +33,9 @@ switching line crosses this axis.
 
 
 def _origin(result: Result) -> Array:
-    """Return the origin of drawn paths (rows, 3) [m]: the target in orbit, else the origin of N."""
+    """Return the origin of the drawn paths (rows, 3) [m]: the position of the target if it is in
+    orbit, otherwise the origin of N.
+    """
     target = result[TARGET]
     return target if np.abs(target).max() > IN_ORBIT else np.zeros_like(target)
 

@@ -91,7 +91,7 @@ def test_from_a_metre_farther_off_nothing_is_planned(tmp_path, capsys):
     assert "not planned: the stand is outside the reach of the arm" in reported
     assert "not planned: the seat is outside the reach of the arm" in reported
     least = np.ceil((3.05 - FARTHEST) / 0.05) * 0.05
-    assert f"the seat is reached from a base {least:.2f} m nearer" in reported
+    assert f"reach the seat from a base {least:.2f} m nearer to the target" in reported
     assert {p.name for p in tmp_path.iterdir()} == {"planned_reach.png", "planned_joints.png"}
 
 
