@@ -130,8 +130,9 @@ def _line(part: Result, time: Array) -> Array:
 
 
 def along(problem: Problem, way: Array) -> Problem:
-    """Return the problem with its constraint on the least range stated along the directions of
-    another path `way`, positions relative to the target (n + 1, 3).
+    """Return the problem with its constraint on the least range stated along the directions from
+    the target to the positions of another path; way: these positions relative to the target
+    (n + 1, 3) [m].
     """
     inside = np.arange(len(problem.time)) > 0
     name, least = problem.cones[0].name, -float(problem.cones[0].limit[0])
@@ -149,8 +150,9 @@ def _directions(way: Array) -> Array:
 
 
 def _ends(result: Result, time: Array, phase: str) -> Iterator[Cone]:
-    """Yield the constraints at the end of a phase: the position is near the position at which the
-    run left the phase, and the speed, as seen in H or T, is small.
+    """Yield the constraints at the end of a phase: the distance from the position at which the run
+    left the phase, and the speed as seen in H or T, are within the tolerances ENDS. The end of the
+    phase "mating" is exactly the position and velocity of the run.
     """
     last, one, nothing = np.arange(len(time)) == len(time) - 1, np.eye(3)[None], np.zeros((1, 3))
     r, v = (bounds.at(result, bounds.BODIES[k], time[-1:]) for k in (0, 1))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims about the events of the mission. The published values are from an independent simulation
-of the same laws with ideal thrust of at most 2, 1, 1 N along x, y, z and a lag of 0.3 s.
+"""Claims about the events of the mission. Their reference values are from an independent simulation
+of the guidance and control laws of this mission, with ideal thrust of at most 2, 1, 1 N along x, y,
+z and a lag of 0.3 s.
 """
 
 from __future__ import annotations
@@ -141,20 +142,21 @@ def after(phase: str, before: str, there: str, low: float, high: float) -> Claim
 CLAIMS = (
     claim("hold 1", "1421 s", reached("hold 1"), "{0:.0f} s", "s", Band(1100, 2200)),
     claim("range at hold 1", "103.8 m", range_at("hold 1"), "{0:.1f} m", "m", Band(95, 105)),
-    after("closing", "hold 1", "60 s after", 60, 70),
-    after("hold 2", "closing", "509 s after, 20.7 m", 350, 900),
-    after("fly-around", "hold 2", "30 s after", 30, 90),
-    after("final", "fly-around", "435 s after (depends on the grasp axis)", 200, 800),
-    after("hold 3", "final", "329 s after", 320, 400),
+    after("closing", "hold 1", "60 s after hold 1", 60, 70),
+    after("hold 2", "closing", "509 s after closing, at 20.7 m", 350, 900),
+    after("fly-around", "hold 2", "30 s after hold 2", 30, 90),
+    after("final", "fly-around", "435 s after fly-around (depends on the grasp axis)", 200, 800),
+    after("hold 3", "final", "329 s after final", 320, 400),
     claim("soft capture", "52 s after mating", soft_after_mating, "{0:.1f} s", "s", Band(45, 75)),
     claim("speed at soft capture", "0.029 m/s", at_soft("mechanism.dtip_Q"), "{0:.3f} m/s", "m/s",
           at_most(0.06), "mechanism.dtip_Q"),
     claim("off the axis at soft capture", "0.2 mm", at_soft("mechanism.offset"), "{0:.2g} m", "m",
           at_most(0.02), "mechanism.offset"),
-    claim("hard capture", "30 s after soft", hard_after_soft, "{0:.1f} s", "s", Band(30, 32)),
+    claim("hard capture", "30 s after soft capture", hard_after_soft, "{0:.1f} s", "s",
+          Band(30, 32)),
     claim("peak contact force", "4.8 N", largest(PEAK), "{0:.2f} N", "N", Band(3, 40), PEAK),
     claim("peak load", "3.8 N", largest(LOAD), "{0:.2f} N", "N", at_most(60), LOAD),
-    after("stack", "detumble", "110 s after", 60, 300),
+    after("stack", "detumble", "110 s after detumble", 60, 300),
     claim("rate at the end", "1e-5 rad/s and falling", rate_at_end, "{0:.2g} rad/s", "rad/s",
           at_most(2e-4), RATE),
     claim("velocity increments", "5.9 m/s", all_increments, "{0:.2f} m/s", "m/s", Band(4, 10)),
@@ -165,7 +167,7 @@ CLAIMS = (
 )  # fmt: skip
 
 PAPER = Paper(
-    title="A mission by its events (independent simulation of the same laws, ideal thrust)",
+    title="Events of a mission (independent simulation of the same laws, ideal thrust)",
     needs=NEEDS,
     claims=CLAIMS,
     parameters=(ISP,),

@@ -71,9 +71,9 @@ def escape(result: Result, rho: Array, drho: Array, n: float, along: Array | Non
     """Return the escape for a burn without errors at position rho [m] and velocity drho [m/s] in
     Hill axes, with the rate n of the frame [rad/s].
 
-    Without `along`, the burn leads to the speed of the abort, directed away from the target,
-    relative to the Hill frame. With `along` it adds that speed in the direction of this unit
-    vector, as the monitor does with abort_relative = 0.
+    Without `along`, the velocity relative to the Hill frame after the burn is monitor.abort_speed
+    away from the target. With `along`, the burn adds monitor.abort_speed in the direction of this
+    unit vector, as the monitor does with abort_relative = 0.
     """
     mass, force, speed = (float(result.parameter(f"monitor.{name}")) for name in ABORT[:3])
     dv = speed * rho / np.linalg.norm(rho) - drho if along is None else speed * along

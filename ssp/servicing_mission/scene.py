@@ -2,7 +2,7 @@
 """3D replay of a mission: an approach with phases and events, and either probe and drogue on the
 two bodies or an arm on the servicer.
 
-After capture both bodies are still drawn at their positions, which then form the stack.
+After capture both bodies, which then form the stack, are still drawn, each at its own position.
 """
 
 from __future__ import annotations

@@ -29,10 +29,10 @@ class Outfit(NamedTuple):
     servicer, target: parts drawn on these bodies; links: moving parts of the servicer; reach:
     largest distance of the links from S [m]; root, seat: points on the surfaces of servicer and
     target [m], from which the sizes of the drawn bodies follow (for a servicer with thrusters, the
-    size follows from their positions instead); numbers, phases, events: values shown during the
-    replay; course: time series of the phase, the names of its values, and those names that are
-    alarms; paths: name, position and attitude of points whose path is drawn; spot: label of the
-    seat.
+    size follows from their positions instead); numbers: values shown during the replay; phases,
+    events: entries of its timeline; course: time series of the phase of the mission, the names of
+    the phases, and the names of the phases that are alarms; paths: for each point whose path is
+    drawn, its name and the variables of its position and attitude; spot: label of the seat.
     """
 
     servicer: list[Part]

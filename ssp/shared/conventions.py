@@ -27,8 +27,9 @@ BODIES = Bodies(
 )
 ORBITS = orbits(BODIES)
 RESTARTS = (("r_0_N[1]", "a", 0.0),)
-"""A triple (start value of a state, parameter, value): a plant uses its start position r_0_N (and
-its start velocity v_0_N) only if its parameter `a`, the semi-major axis, is 0.
+"""Triples (p, q, v): parameter p, the start value of a state, has an effect only if parameter q has
+the value v. A plant uses its start position r_0_N (and its start velocity v_0_N) only if its
+parameter `a`, the semi-major axis, is 0.
 """
 CONTROLLER = Example(
     place="sync_approach.controller",
@@ -50,7 +51,7 @@ ADDED = tuple(
 )  # fmt: skip
 
 DELTA_V = "total(propulsion.impulse) / servicer.mass"
-# largest wheel acceleration [rad/s2]: wheels of 0.2 to 0.3 N m, as in the sets `limited`
+# largest wheel acceleration [rad/s2]: torques of 0.2 to 0.3 N m, as in parameter sets `limited`
 WHEELS = ("controller.wheel_accel_cmd", 0.02)
 FLAGS = tuple((f"controller.{name}", (0.0, 1.0)) for name in ("throttle", "translation_firing"))
 LIMITS = tuple((f"controller.{n}", x) for n, x in (("F_cmd_S", 1.0), ("M_cmd_S", 0.5)))

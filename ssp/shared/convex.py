@@ -115,7 +115,9 @@ def solve(problem: Problem, cost: str = "sum") -> Optimum:
     task = cp.Problem(cp.Minimize(step @ size), rules)
     task.solve(solver=cp.CLARABEL)
     if task.status != cp.OPTIMAL:
-        raise HarnessError(f"the convex problem has no optimum ({task.status}); try --without NAME")
+        raise HarnessError(
+            f"the convex problem has no optimum ({task.status}); try --without CONSTRAINT"
+        )
     return Optimum(problem.time, rho.value, v.value, force.value, float(task.value))
 
 

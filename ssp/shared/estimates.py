@@ -119,7 +119,8 @@ def innovations(result: Result, filter_: str, name: str, stamp: str) -> tuple[Ar
     """Return the times (n,) [s] of the measurements that a filter has used, and the normalised
     innovation squared of each.
 
-    name: measurement; stamp: variable with the time stamp of the latest measurement.
+    name: name of the measurement in the outputs of the filter, such as `pose`; stamp: variable with
+    the time stamp of the latest measurement.
     """
     nis = result[f"{filter_}.{name}_nis"]
     new = np.flatnonzero(np.diff(result[stamp]) > 0) + 1

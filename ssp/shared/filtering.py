@@ -81,14 +81,15 @@ def notes(result: Result) -> Iterator[str]:
     found = episodes(result)
     changed = int(np.count_nonzero(result[CHANGE]))
     yield (
-        f"filter: {changed} of {len(result.time)} rows changed, by {impulses(result).sum():.4g} N s"
-        f" at an impulse of {passed(result):.4g} N s"
+        f"filter: force changed in {changed} of {len(result.time)} rows, "
+        f"by {impulses(result).sum():.4g} N s in total; impulse after the filter "
+        f"{passed(result):.4g} N s"
     )
     largest = sorted(found, key=lambda e: -e.impulse)[:SHOWN]
     for e in sorted(largest, key=lambda e: e.begin):
         yield (
-            f"filter: {e.begin:.1f} to {e.end:.1f} s, {e.rule}: up to {e.largest:.3g} N, "
-            f"{e.impulse:.3g} N s"
+            f"filter: {e.begin:.1f} to {e.end:.1f} s, {e.rule}: change of up to {e.largest:.3g} N, "
+            f"{e.impulse:.3g} N s in total"
         )
     if len(found) > SHOWN:
         yield f"filter: {len(found) - SHOWN} further episodes"

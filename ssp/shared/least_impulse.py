@@ -109,7 +109,7 @@ class Answer:
         best = self.optimum.impulse
         ratio = f"{self.spent / best:.3g} times the optimum of {best:.4g} N s"
         yield f"{self.run.system}: {self.spent:.4g} N s, {ratio}{self._late()}"
-        yield f"open loop in the simulation: {1e3 * self.miss:.0f} mm off the plan at the end"
+        yield f"optimal force, open loop: {1e3 * self.miss:.0f} mm off the optimal path at the end"
         yield from (f"{f.name}: {f.statement}" for f in findings(self.verified))
 
     def store(self) -> Path:
@@ -129,7 +129,7 @@ class Answer:
         late = time[1:] > since
         best = _sizes(self.optimum.force, self.cost)[late] @ np.diff(time)[late]
         spent = _spent(self.run, self.offered.force, self.cost, since)
-        return f"; after {since:g} s {best:.3g} N s (the run: {spent:.3g} N s)"
+        return f"; after {since:g} s: optimum {best:.3g} N s, run {spent:.3g} N s"
 
     @property
     def miss(self) -> float:

@@ -84,8 +84,8 @@ def _attitude_settles(result: Result, limits: Limits) -> float:
 
 def _steady(error: Callable[[Result, slice], Array], result: Result, begin: float) -> float:
     """Return the largest error in the last fifth of the time after `begin`; NaN without such rows.
-    The error is also computed for the row before these, because the function `error` may give the
-    last of its rows the error of the previous one.
+    The rows for which `error` is called begin one row earlier, because `error` may give the last
+    row the error of the row before, which must then be among its rows.
     """
     time = result.time[result.time >= begin]
     if not len(time):

@@ -118,7 +118,7 @@ class PhaseAnswer:
         found = [
             (name, p.spent / p.mass, p.optimum.impulse / p.mass) for name, p in self.phases.items()
         ]
-        ends = [f"; open loop {1e3 * r:.2g} mm, {1e3 * v:.1g} mm/s off the plan"
+        ends = [f"; open loop {1e3 * r:.2g} mm, {1e3 * v:.1g} mm/s off the optimum"
                 for r, v in (p.miss for p in self.phases.values())]  # fmt: skip
         total = ("sum", sum(f[1] for f in found), sum(f[2] for f in found))
         for (name, spent, best), end in zip((*found, total), (*ends, ""), strict=True):

@@ -102,17 +102,17 @@ def _corridor(p: Parameter) -> str:
 
 def _speed(p: Parameter) -> str:
     slope = p("speed_slope")
-    return f"at most {p('speed_at_zero'):g} m/s" + (f" + {slope:.4g} 1/s range" if slope else "")
+    return f"at most {p('speed_at_zero'):g} m/s" + (f" + {slope:.4g} 1/s * range" if slope else "")
 
 
 def _passive(p: Parameter) -> str:
-    return f"the drift of {p('passive_time'):g} s without thrust does not enter the zone"
+    return f"a drift of {p('passive_time'):g} s without thrust does not enter the keep-out zone"
 
 
 def _plume(p: Parameter) -> str:
     return (
-        f"no exhaust within {np.degrees(p('plume_half_angle')):g} deg of the target "
-        f"nearer than {p('plume_range'):g} m"
+        f"no exhaust within {np.degrees(p('plume_half_angle')):g} deg of the direction "
+        f"to the target below a range of {p('plume_range'):g} m"
     )
 
 
@@ -122,8 +122,8 @@ def _navigation(p: Parameter) -> str:
 
 def _escape(p: Parameter) -> str:
     return (
-        f"an abort ordered at any time stays outside {p('escape_radius')[0]:g} m "
-        f"for {p('escape_time'):g} s"
+        f"after an abort ordered at any time the servicer stays outside "
+        f"{p('escape_radius')[0]:g} m for {p('escape_time'):g} s"
     )
 
 

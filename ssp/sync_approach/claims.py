@@ -91,7 +91,7 @@ CLAIMS = (
     ),
     Claim(
         name="mass settles",
-        text="the estimated mass converges to a constant ...",
+        text="the estimated mass converges to a constant",
         where="section 3, figure 8",
         needs=(MASS_ESTIMATE,),
         compute=metrics.mass_drift,
@@ -104,7 +104,7 @@ CLAIMS = (
     ),
     Claim(
         name="mass is not the truth",
-        text="... which is not the true mass",
+        text="the constant to which the estimated mass converges is not the true mass",
         where="section 3, figure 8",
         needs=(MASS_ESTIMATE, MASS),
         compute=metrics.mass_offset,
@@ -154,12 +154,13 @@ CLAIMS = (
     ),
     Claim(
         name="inertias settle",
-        text="all inertia estimates converge to constants ...",
+        text="all inertia estimates converge to constants",
         where="section 3, figure 11",
         needs=(ESTIMATES, RATE),
         compute=metrics.inertia_drift,
         value=(
-            "move by up to {0:.1f} % of their matrix in the last 100 s: J {1:.2f}, A {2:.2f} kg m2"
+            "move by up to {0:.1f} % of the largest element in the last 100 s: J {1:.2f}, "
+            "A {2:.2f} kg m2"
         ),
         unit="%",
         reproduced=at_most(0.5),
@@ -172,8 +173,8 @@ CLAIMS = (
         needs=(ESTIMATES, RATE),
         compute=metrics.inertia_offset,
         value=(
-            "up to {0:.0f} % of their matrix from the truth of the paper: J {1:.1f}, A "
-            "{2:.1f} kg m2"
+            "up to {0:.0f} % of the largest element from the true values of the paper: J {1:.1f}, "
+            "A {2:.1f} kg m2"
         ),
         unit="%",
         reproduced=at_least(5.0),

@@ -3,7 +3,7 @@
 
 The evaluation of a claim returns first the value that decides on the verdict, then further values
 that the report shows. "Saturation" is the momentum H_sat at which the plan assumes that the gyros
-saturate, and the window is the time in which the guidance plans; the patent states neither.
+saturate; the window is the time span that the plan covers. The patent states neither.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def module_motion(result: Result) -> tuple[Array, Array, Array]:
 
 
 def peak_share(result: Result) -> tuple[float, ...]:
-    """Return the largest momentum of the gyros relative to saturation, the same momentum [N m s],
-    and its time [s].
+    """Return the momentum of the gyros: its largest share of their capacity (the largest momentum
+    in its direction), its largest magnitude [N m s], and the time of the largest share [s].
     """
     rows = since(result, 0.0, window(result))
     share, momentum = result[SHARE][rows], size(result[MOMENTUM][rows])

@@ -25,7 +25,9 @@ from harness.ssp.library import load
 
 
 class Port:
-    """Vector of an FMU with the arguments of the FMI calls that read and set it, built once."""
+    """Vector variable of an FMU, with the arguments of the FMI calls that get and set its value.
+    They are built once, for all calls.
+    """
 
     def __init__(self, references: list[int]) -> None:
         self.references = (ctypes.c_uint32 * len(references))(*references)

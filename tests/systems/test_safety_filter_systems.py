@@ -111,9 +111,9 @@ def test_the_switching_filters_hold_it_off_too(reckless, law):
 # ---- reports ----
 def test_the_notes_say_when_how_much_and_which_rule(held):
     lines = list(filtering.notes(held))
-    assert lines[0].startswith("filter: 18001 of 18001 rows changed")
-    assert any("speed: up to" in line for line in lines)
-    assert any("to 1800.0 s, keep-out: up to 2.5" in line for line in lines)
+    assert lines[0].startswith("filter: force changed in 18001 of 18001 rows")
+    assert any("speed: change of up to" in line for line in lines)
+    assert any("to 1800.0 s, keep-out: change of up to 2.5" in line for line in lines)
 
 
 def test_episodes_add_up_to_the_whole_impulse(held):

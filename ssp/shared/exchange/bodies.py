@@ -107,7 +107,7 @@ def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
     begin, end = (np.datetime64(f"{year}-01-01", "s") for year in (FIRST, LAST + 1))
     here = start.astype("datetime64[s]")
     least, most = ((limit - here).astype(np.float64) for limit in (begin, end))
-    # 64 bits of nanoseconds end at 9.2e9 s
+    # 9e9 s: nanoseconds in 64 bits overflow at 9.2e9 s
     if not ((seconds >= least) & (seconds < min(most, 9e9))).all():
         raise ResultsError(
             f"times of the result, from {here} on, leave the range of years {FIRST} to {LAST}"
@@ -173,7 +173,8 @@ def shadow(r_N: Array, towards: Array) -> Array:
 
     r_N: positions about the Earth (rows, 3) [m]; towards: unit vectors to the Sun (rows, 3).
     Montenbruck & Gill, Satellite Orbits, 3.4.2: two discs of apparent radii a (Sun) and b (Earth),
-    c apart, overlap in the area A = a^2 arccos(x / a) + b^2 arccos((c - x) / b) - c y.
+    c apart, overlap in the area A = a^2 arccos(x / a) + b^2 arccos((c - x) / b) - c y. x: distance
+    from the centre of the Sun to the common chord, y: half its length, all as angles [rad].
     """
     to_sun = AU * towards - r_N
     distance, range_ = np.linalg.norm(to_sun, axis=-1), np.linalg.norm(r_N, axis=-1)

@@ -184,7 +184,7 @@ def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -
     others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
     for component in sorted(others - states.keys()):
         size = f"{component}.{names.semi_major_axis}"
-        # neither estimates, which have no semi-major axis, nor bodies in deep space, where it is 0
+        # skips estimates, which have no semi-major axis, and bodies in deep space, where it is 0
         if size in parameters and parameters[size][0] > 0:
             yield component
 
