@@ -70,7 +70,7 @@ typedef struct {
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),   \
         INPUT(F_cmd_S, "N", "commanded force, servicer axes"),        \
         INPUT(approaching, "1", "1: corridor and speed limit apply"), \
-        INPUT(relative_valid, "1", "1: the states of target and servicer can be relied on")
+        INPUT(relative_valid, "1", "1: the estimates of target and servicer are valid")
 
 static inline void check_points(const FilterParameters *p, Problems *problems)
 {

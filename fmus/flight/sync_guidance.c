@@ -193,7 +193,8 @@ static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H
                     tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
-/* (10) and A.4-5: L(t) and its derivatives; with range_input the inputs L_ref, dL_ref, ddL_ref */
+/* (10): L(t) and its derivatives; with range_input the inputs L_ref, dL_ref, ddL_ref */
+/* A.4-5 */
 static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {
     if (p->range_input) return (Radius){u->L_ref, u->dL_ref, u->ddL_ref};

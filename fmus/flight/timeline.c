@@ -42,8 +42,8 @@ static const Variable variables[] = {
     FLAG(go_2, "1: go for the fly-around"),
     FLAG(go_3, "1: go for mating"),
     FLAG(retreat, "1: ground orders the retreat"),
-    FLAG(resume, "1: ground lets a servicer that drifts safely resume"),
-    FLAG(relative_valid, "1: the states of target and servicer can be relied on"),
+    FLAG(resume, "1: the ground permits a safely drifting servicer to resume the approach"),
+    FLAG(relative_valid, "1: the estimates of target and servicer are valid"),
 };
 
 /* J.6-3 */

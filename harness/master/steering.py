@@ -118,7 +118,7 @@ class Ports:
         variables = self._interfaces[component].named("input")
         if not set(elements) <= variables.keys() - wired:
             hint = (
-                f"open=[{component!r}]" if elements[0] not in variables else "the connected output"
+                f"open=[{component!r}]" if elements[0] not in variables else "the output that drives it"
             )
             text = "is neither an output of an open component nor an unconnected input"
             raise UsageError(f"{name}: {text}; set {hint}")

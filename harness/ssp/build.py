@@ -349,7 +349,10 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     system = read(source, known)
     if system.without:
         left_out = ", ".join(system.without)
-        line = f"{source.name}: leaves out {left_out}; write such a system with `harness export`"
+        line = (
+            f"{source.name}: the system has components that it leaves out ({left_out}), which this "
+            "program does not support; write it with `harness export`"
+        )
         raise StructureError([line])
     write_ssp(system, output)
 

@@ -66,7 +66,7 @@ def test_an_id_belongs_to_one_requirement_and_to_a_function(tool, tree):
     with pytest.raises(ValueError, match=r"J\.1-1 exists twice"):
         tool.texts(tree)
     (tree / "fmus/flight/manager.c").write_text("/* J.1-1 */\nenum { A, B };\n")
-    with pytest.raises(ValueError, match="not directly above a function"):
+    with pytest.raises(ValueError, match="must be above a function"):
         tool.code(tree)
 
 

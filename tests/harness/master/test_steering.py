@@ -108,7 +108,7 @@ def test_restoring_returns_to_what_was_set(steered):
 def test_names_and_shapes_that_do_not_fit_are_errors(steered):
     with pytest.raises(UsageError, match=r"open=..servicer.."):
         steered.set("servicer.r_SN_N", [0, 0, 0])
-    with pytest.raises(UsageError, match="set its source"):
+    with pytest.raises(UsageError, match="set the output that drives it"):
         steered.set("servicer.F_S", [0, 0, 0])
     with pytest.raises(UsageError, match=r"expected shape .3,., got .2,."):
         steered.set("controller.F_cmd_S", [0, 0])

@@ -180,7 +180,7 @@ def test_a_range_of_a_slider_is_two_numbers_or_the_one_of_the_fmu():
     source["live"] = {"sliders": {"controller.use_wheels": [], **wrong}}
     with pytest.raises(StructureError) as rejected:
         system_of(source, paths.fmus())
-    line = "live.sliders.{}: must be [least, largest] or [], not {}"
+    line = "live.sliders.{}: must be [least, largest], or [] for the range in the FMU, not {}"
     assert list(rejected.value.problems) == [line.format(*each) for each in wrong.items()]
 
 

@@ -175,7 +175,9 @@ def test_runs_requested_by_another_version_are_rejected(system, tmp_path):
     given = table(system, worst={"of": "small", "runs": 60})
     study = worst(given, tmp_path / "a.zarr", workers=0)
     study.store.group["numbers"][20, 0] = 7.0
-    with pytest.raises(UsageError, match="run 20 was generated with different package versions"):
+    with pytest.raises(
+        UsageError, match="draws run 20 with other values, as after a change of a package"
+    ):
         worst(given, tmp_path / "a.zarr", workers=0, resume=True)
 
 
