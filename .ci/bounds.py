@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Compute the least impulses of the runs in docs/how_good.md, print the tables of this page, and
-write the optima to ssp/shared/optima.json, from which the metric `x optimum` of `harness compare`
-is computed.
+"""Compute the least impulses of the runs in docs/how_good.md, print the tables of that page, and
+write the optima to ssp/shared/optima.json, from which `harness compare` computes its metric
+`x optimum`.
 
     python .ci/bounds.py                                          # 6 minutes
 """
@@ -43,7 +43,10 @@ def laws(cases: dict[str, list[optima.Leg]]) -> None:
     """Print a row per entry of LAWS. Store the optimum of the first controller of each system and
     parameter set in `cases`, by the hash optima.case().
     """
-    print("| case | law | impulse | optimum [N s] | ratio | norm optimum | ratio | off plan [mm] |")
+    print(
+        "| case | controller | impulse | optimum [N s] | ratio | optimum of the norm | ratio | "
+        "open loop off the plan [mm] |"
+    )
     for system, params, law in LAWS:
         found = {cost: _bound(system, params, law, cost) for cost in ("sum", "norm")}
         cells = [x for a in found.values() for x in (a.spent, a.optimum.impulse)]
@@ -85,7 +88,7 @@ def prices() -> None:
 def iterations() -> None:
     """Print, for several numbers of iterations of the optimal controller, the impulse [N s], the
     least corridor margin, the least range [m] and the largest violation of a position constraint
-    by its planned path [m].
+    by the path that the controller plans [m].
     """
     for count in ITERATIONS:
         changes = {"controller.iterations": count, "controller.iterations_first": count}
@@ -101,9 +104,9 @@ def iterations() -> None:
 
 
 def cold() -> None:
-    """Print the impulse [N s] and the largest violation of the corridor [m] of the plan at the
-    start of the synchronised approach, after several numbers of iterations of the optimal
-    controller without an earlier plan, and those values of the optimum.
+    """Print the impulse [N s] and the largest violation of the corridor [m] of the first plan of
+    the synchronised approach: a row per number of iterations of the optimal controller, which
+    begins without an earlier plan, and a row for the optimum.
     """
     for count in (5, 10, 20, 50, 200, 5000):
         print("| {} | {:.1f} | {:.3f} |".format(count, *optimal_start.iterated(count)))

@@ -37,8 +37,8 @@ def shares(data: Any) -> list[tuple[float, int, int]]:
 
 def limits() -> dict[str, float]:
     """Return the largest tumble rates [rad/s] that the servicer can follow with its wheels and with
-    its force; the keys are texts of the legend. Above the rate whose text ends with "retreat" the
-    manager orders a retreat.
+    its force, by their texts in the legend of the picture. Above the rate of the text that ends
+    with "retreat", the manager orders a retreat.
     """
     result = run(SYSTEM, stop=0.1)
     names: tuple[str, ...] = ("budget", "F_axis", "R_around", "steer_least", "J_S", "A_w")

@@ -43,8 +43,8 @@ def plain(name: str) -> str:
 
 
 def column_of(name: str, columns: dict[str, Any]) -> str | None:
-    """Return the column that is named after a variable, if need be with a prefix (of several, the
-    shortest name); None if no column is.
+    """Return the name of the column for a variable: `name`, or `name` after a prefix; if several
+    columns match, the shortest; None if no column matches.
     """
     found = [c for c in columns if plain(c) == name or plain(c).endswith(f".{name}")]
     return min(found, key=len) if found else None

@@ -4,10 +4,11 @@
     python .ci/component_faults.py FILE [--seed N] [--count N] [--jobs N] [COMPONENT...]
                                                                                   (make faults)
 
-Draws `count` faults per component from its C file and the headers that only this component
-includes. For each fault, runs the tests of the component until one fails (tests/mutation contains
-the functions for both). FILE has a line of JSON per fault. The faults of a component are drawn anew
-if its code has changed since, or if FILE has fewer than `count` of them.
+Draws `count` faults per component, each in its C file or in a header that only this component
+includes. For each fault, runs the tests of the component until one fails. tests/mutation contains
+the functions that draw a fault and that run the tests. FILE has a line of JSON per fault. The
+faults of a component are drawn anew if its code has changed since, or if FILE has fewer than
+`count` faults of the component.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ def prepare(folder: str) -> None:
 
 
 def outcomes(name: str, source: str, seed: int, count: int) -> list[dict[str, object]]:
-    """Return a row of FILE for each of the first `count` faults of a component that compile;
-    source: hash of the sources of the component.
+    """Return the rows of FILE for a component: its first `count` faults that compile, without
+    faults in code that no program contains. source: hash of the sources of the component.
     """
     files = evidence.owners()[name]
     return list(islice(_outcomes(name, files, source, seed, count), count))

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Collect the evidence for every component of flight software: structural coverage, absence of
-run-time errors, requirements, complexity, deliberate faults, random inputs, equal bits, MISRA C.
+run-time errors, requirements, complexity, deliberate faults, random inputs, equal bits on emulated
+processors, MISRA C.
 
     python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md      (make evidence)
 
-The first folder has the libraries with counters and the counts of the tests (profiles/). The
-command writes a JSON file per component into the second folder, and the page with a row per
-component. Deliberate faults and random inputs come from lab/component_faults.jsonl (make faults)
-and lab/component_fuzz.jsonl (make fuzz). Exits with 1 if tests do not reach a part of the code and
-.ci/unreached.toml has no reason for it, if a reason there does not match the code, if Frama-C Eva
-reports an alarm or does not end, if the deviations from MISRA C differ from .ci/misra.toml, or if
-faults or random inputs are older than the code.
+The first folder has the libraries of the FMUs, compiled with coverage counters, and the counts that
+the tests have written (profiles/). The command writes a JSON file per component into the second
+folder, and the page with a row per component. Deliberate faults and random inputs come from
+lab/component_faults.jsonl (make faults) and lab/component_fuzz.jsonl (make fuzz). Exits with 1 if
+tests do not reach a part of the code and .ci/unreached.toml has no reason for it, if a reason there
+does not match the code, if Frama-C Eva reports an alarm or does not end, if the deviations from
+MISRA C differ from .ci/misra.toml, or if faults or random inputs are older than the code.
 """
 
 import argparse
@@ -44,9 +45,10 @@ HEAD = """# Evidence, measured
 its runs. [Evidence](evidence.md) states what they mean and what is missing.
 
 * Statements, branches, conditions: reached by the tests of the FMUs and of the core headers
-  (`tests/fmu`, `tests/unit`, without the long ones), counted by {clang}. A condition of a decision
-  with several is counted if it is shown to change the decision alone (MC/DC). A row counts the C
-  file and the headers that only this component includes; `{shared}` counts the headers of several.
+  (`tests/fmu`, `tests/unit`, without the long ones), counted by {clang}. In a decision with
+  several conditions, a condition is counted if it is shown to change the decision alone (MC/DC). A
+  row counts the C file and the headers that only this component includes; `{shared}` counts the
+  headers that several components include.
 * Reasoned: what the tests do not reach, each with a reason below.
 * Eva: alarms of {frama_c} for all parameters and inputs that a component's table of
   variables allows
@@ -64,9 +66,9 @@ MORE = """
 * Requirements: [traced](evidence_requirements.md) to a function of the component and to tests.
 * Complexity: the largest cyclomatic complexity of a function in the files of the row (lizard).
 * Faults: deliberate faults that a test catches, of those that change the machine code. A small draw
-  per component ({draw}, seed {seed}): it shows that the tests of a component look at its numbers,
-  and is no estimate of a share. `make faults` repeats it, `make faults COUNT=40`
-  draws more.
+  per component ({draw}, seed {seed}): it shows that the tests of a component check its
+  numbers, but is too small to estimate the share of faults that tests catch. `make faults`
+  repeats it, `make faults COUNT=40` draws more.
 * Random inputs: libFuzzer with the address and undefined behaviour sanitizers: seconds, steps,
   edges of the code that were reached, findings. `make fuzz` repeats it, `make fuzz SECONDS=60` for
   a night.
@@ -103,8 +105,8 @@ class Row(NamedTuple):
     statements, branches and conditions; missing: lines that are not reached; proof: outcome of Eva;
     sources: hash of the sources of the component; requirements: ids of its requirements;
     complexity: largest cyclomatic complexity of a function; faults: outcomes of deliberate faults;
-    fuzz: outcome of random inputs; processors: number with equal bits, as text; systems: systems
-    that contain the component.
+    fuzz: outcome of random inputs; processors: text of equal_on(); systems: systems that contain
+    the component.
     """
 
     name: str
@@ -188,7 +190,7 @@ def systems() -> dict[str, tuple[str, ...]]:
 
 
 def equal_on() -> dict[str, str]:
-    """Return the number of processors with equal bits by component, as text: `4 of 4`."""
+    """Return, by component, on how many processors its run has equal bits, as text: `4 of 4`."""
     text = PROCESSORS.read_text(encoding="utf-8")
     found = re.findall(r"^\| (\w+) \|.*\| yes, .* rows.* \| (\w+) \|$", text, re.MULTILINE)
     counts, old = Counter(fmu for fmu, _ in found), {fmu for fmu, at in found if at == "older"}

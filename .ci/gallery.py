@@ -31,7 +31,7 @@ compare` draw these figures and more, with `--style paper` for print.
 class Scene(NamedTuple):
     """Section of the gallery with the runs of one system.
 
-    figures: captions by name of the figure, each of which shows all runs; runs: arguments of
+    figures: captions by name of the figure; each figure shows all runs; runs: arguments of
     Simulation.run() for each run, by its label; every: macro steps per recorded row.
     """
 

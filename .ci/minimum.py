@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Print requirements for pip: the oldest accepted version of every dependency in pyproject.toml,
-also of each in the extra `test`, which includes the extra `all`. The nightly workflow runs the
-tests with these versions (lab/minimum.md).
+"""Print requirements for pip: the oldest version that pyproject.toml accepts of every dependency,
+including the dependencies of the extra `test`, which contains the extra `all`. The nightly workflow
+runs the tests with these versions (lab/minimum.md).
 """
 
 from __future__ import annotations

@@ -3,8 +3,9 @@
 
     python .ci/misra.py                                                              (make misra)
 
-Prints the number of violations per rule. Exits with 1 if cppcheck finds a rule that .ci/misra.toml
-does not list, or does not find a rule that it lists: an obsolete deviation must be removed.
+Prints the number of violations per rule. Exits with 1 if cppcheck finds a violation of a rule that
+.ci/misra.toml does not list, or none of a rule that .ci/misra.toml lists: an obsolete deviation
+must be removed.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def places(sources: Iterable[Path]) -> dict[str, set[tuple[str, int]]]:
 
 
 def report(source: Path) -> str:
-    """Return the output of cppcheck for a C file: a line FILE:LINE: misra-c2012-RULE each."""
+    """Return the output of cppcheck for a C file: lines FILE:LINE: misra-c2012-RULE, a violation each."""
     options = ["--addon=misra", "--quiet", "--std=c99", "--platform=unix64"]
     options += ["--suppress=missingIncludeSystem", "--template={file}:{line}: {id}"]
     with tempfile.TemporaryDirectory() as folder:
@@ -50,10 +51,10 @@ def report(source: Path) -> str:
 
 
 def differences(found: Mapping[str, Iterable], known: Mapping[str, str]) -> Iterator[str]:
-    """Yield a message per rule that is found and not listed, or listed and not found."""
+    """Yield a message per rule that is violated but not listed, or listed but not violated."""
     for rule in sorted(found.keys() - known.keys(), key=order):
         shown = ", ".join(f"{file}:{line}" for file, line in sorted(found[rule])[:5])
-        yield f"rule {rule}: {shown}: no deviation in .ci/misra.toml\n"
+        yield f"rule {rule}: {shown}: change the code, or state a deviation in .ci/misra.toml\n"
     for rule in sorted(known.keys() - found.keys(), key=order):
         yield f"rule {rule}: found nowhere; remove its deviation from .ci/misra.toml\n"
 

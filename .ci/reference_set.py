@@ -35,8 +35,8 @@ STEPS, EVERY = 200, 10
 DIGITS = 1e-11
 """Tolerance of a vector, as a share of the largest absolute value of its elements in the trace."""
 REASONS = {
-    True: "equal bits at every instant; allows for a CSV file of twelve digits",
-    False: "zero at every instant: no other value is right",
+    True: "bits should be equal at every instant; wide enough for a CSV file of twelve digits",
+    False: "the trace is zero at every instant, and no other value is right",
 }
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)
 README = """Reference systems of servicing-fmus
@@ -44,8 +44,9 @@ README = """Reference systems of servicing-fmus
 ssp1/NAME.ssp        SSP 1.0, FMUs of FMI 2.0
 ssp2/NAME.ssp        SSP 2.0, FMUs of FMI 2.0
 ssp2-fmi3/NAME.ssp   SSP 2.0, FMUs of FMI 3.0 (SSP 1.0 cannot hold them)
-traces/NAME.csv      what all three give: Jacobi (all FMUs read, then all step), every FMU at every
-                     macro step, {steps} macro steps, each {every}th row
+traces/NAME.csv      values that each of the three files must give: order Jacobi (all FMUs read,
+                     then all step), every FMU steps at every macro step, {steps} macro steps, a
+                     row every {every} macro steps
 traces/tolerances.csv  per trace and variable: tolerance and its reason
 compare.py           python compare.py traces/NAME.csv ROWS_OF_YOUR_TOOL.csv
 specimens/           FMUs of FMI 3.0 with Event Mode and early return, clocks, a table of vectors, a

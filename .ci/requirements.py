@@ -146,9 +146,9 @@ def gaps(t: Trace) -> Iterator[str]:
         if name not in t.tests:
             yield f"{name}: no test verifies it; mark one with @pytest.mark.verifies"
     for name in t.code.keys() - t.texts.keys():
-        yield f"{name}: {t.code[name][0][0]} names it, and no requirement has this id"
+        yield f"{name}: no requirement has this id, which is in a comment of {t.code[name][0][0]}"
     for name in t.tests.keys() - t.texts.keys():
-        yield f"{name}: {t.tests[name][0]} names it, and no requirement has this id"
+        yield f"{name}: no requirement has this id, which is in a marker of {t.tests[name][0]}"
 
 
 # ---- functions that a test enters ----

@@ -74,8 +74,8 @@ def table() -> Rows:
 
 
 def binary() -> Rows:
-    """Return the trace of `binary`: rows of time, received and checksum. The output message is
-    connected to the input reply; the order is Jacobi.
+    """Return the trace of `binary`: rows of time, received and checksum. The output `message`
+    is connected to the input `reply`; the order is Jacobi.
     """
     return [(k * STEP, k, sum(k - 1 + i for i in range(k))) for k in range(9)]
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 REASONS = Path(__file__).with_name("unreached.toml")
 CODE = 0
-"""Number of the kind of region in llvm-cov that is code, not a macro or a skipped part."""
+"""Number that llvm-cov gives to a region of code, in contrast to a macro or a skipped part."""
 
 Span = tuple[int, int, int, int]
 """First line and column, last line and column."""
@@ -40,7 +40,9 @@ class Counters(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """Line of a file with parts that tests do not reach; line: its code; what: a text per part."""
+    """Line of a file with parts that tests do not reach; line: its code; what: description of each
+    part.
+    """
 
     file: str
     line: str
@@ -146,4 +148,7 @@ def differences(found: Iterable[Missing], known: Mapping[Missing, str]) -> Itera
     for m in sorted(there - set(known)):
         yield f"{m.file}: lacks a reason: {m.line}\n" + "".join(f"    {what}\n" for what in m.what)
     for m in sorted(set(known) - there):
-        yield f"{m.file}: .ci/unreached.toml does not match what the tests reach: {m.line}\n"
+        yield (
+            f"{m.file}: .ci/unreached.toml does not match what the tests reach: "
+            f"correct its entry {m.line}\n"
+        )

@@ -21,7 +21,7 @@ NO_VERB = re.compile("A|An|The|This|That|These|It|Its|All|Every|Each|New|No|Some
 VERBS = ("Bias", "Bring", "Embed", "Focus", "String")
 """Imperatives that are accepted although they end like another form of a verb."""
 GENERATED = ("Merge ", "Revert ", "fixup! ", "squash! ")
-"""First words of subjects that git writes."""
+"""First words of subjects that git writes; such subjects are not checked."""
 
 
 def problems(subject: str) -> Iterator[str]:

@@ -79,8 +79,8 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
 
 def sought(page: str, text: str) -> str:
     """Return the text of a page, with a larger weight in the search if the page answers questions
-    of users: without it, reference pages and decisions would come first, because they contain
-    the words of the search more often.
+    of users: with equal weights, pages of the reference and of design decisions would come
+    first, because they contain the words of the search more often.
     """
     answers = page.startswith("how_to/") or "/" not in page
     return f"---\nsearch:\n  boost: {WEIGHT}\n---\n{text}" if answers else text

@@ -71,8 +71,8 @@ SYSTEM: Keys = {
         "replaces": ("text", "Component that the FMU replaces"),
     },
 }  # fmt: skip
-OF = "Requirements; default: all"
-RUNS = "Runs in all"
+OF = "Requirements to study; default: all"
+RUNS = "Number of all runs of the study"
 CAMPAIGN: Keys = {
     "": {
         "system": ("text", "Name of a system, or path of an .ssp from this file"),
@@ -86,7 +86,8 @@ CAMPAIGN: Keys = {
         "success": ("text", "Expression that is true for a successful run"),
         "worst": ("text or table", "Metric that ranks the worst runs; `-NAME`: smallest first; "
                   "as a table, the study `harness worst`"),
-        "until": ("table", "Instead of `runs`: end when `success` is shown with `confidence`"),
+        "until": ("table", "Instead of `runs`: end when the share `success` of successful runs is "
+                  "shown with `confidence`"),
         "requirements": ("table", "Further requirements, by name"),
         "sensitivity": ("table", "Study `harness sensitivity`"),
         "coordinates": ("whole number", "Written by a study: coordinates per run"),

@@ -238,12 +238,12 @@ def claims(facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def claiming() -> list[str]:
-    """Return the missions with a paper that has a case of a system in the folder of the mission."""
+    """Return the missions of which a paper has a case whose system is in the mission's folder."""
     return [name for name in names() if any(c.system in _own(name) for c in _papers(name))]
 
 
 def _papers(name: str) -> list[Any]:
-    """Return the first case of each paper that has one."""
+    """Return the first case of each paper of a mission, except papers without a case."""
     found = mission(name)
     assert found is not None
     return [paper.cases[0] for paper in found.claims if paper.cases]

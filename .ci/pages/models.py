@@ -36,7 +36,7 @@ def writer(name: str) -> Any:
 
 
 def sides() -> dict[str, list[str]]:
-    """Return the names of the FMUs of both sides, plant and flight."""
+    """Return the names of the FMUs by side: `plant`, `flight`."""
     return {
         side: sorted(p.stem for p in (ROOT / "fmus" / side).glob("*.c") if p.stem in paths.fmus())
         for side in ("plant", "flight")

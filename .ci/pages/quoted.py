@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Values that pages quote from runs: <!--=NAME-->TEXT<!---->. NAME is one of VALUES, or
-`claims_MISSION` for the table of the claims of a mission, which its page in the site shows, too.
+`claims_MISSION` for the table of the claims of a mission. The page of the mission in the site shows
+the same table.
 
 `make quoted-values` does these runs and writes the texts into the pages. `make site` does the runs,
 too, and fails if a page quotes another text or a name that no run gives.
@@ -46,7 +47,8 @@ def plain(text: str, values: Mapping[str, str], source: str) -> str:
             raise ValueError(f"{source}: no run gives {name!r}; there are {', '.join(values)}")
         if quoted != values[name]:
             raise ValueError(
-                f"{source}: {name} is {values[name]!r}, the page has {quoted!r}: make quoted-values"
+                f"{source}: {name} is {values[name]!r}, the page has {quoted!r}: "
+                "run make quoted-values"
             )
         return quoted
 
@@ -166,7 +168,7 @@ NOTED = ("adaptive_controller", "cortex-m7")
 
 
 def compared() -> str:
-    """Return how many flight FMUs have been compared, on how many processors."""
+    """Return the numbers of flight FMUs and of processors whose bits were compared, as text."""
     found = list(rows())
     assert all(r["equal bits"].startswith("yes") for r in found)
     fmus, processors = ({r[key] for r in found} for key in ("FMU", "processor"))

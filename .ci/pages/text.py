@@ -30,7 +30,7 @@ def between(page: str, target: str) -> str:
 
 
 def counted(kind: str, names: Iterable[str]) -> Iterator[str]:
-    """Yield names, each after a printed line with its number, as `live page 5 of 9: NAME`."""
+    """Yield names; print before each a line with its number, such as `live page 5 of 9: NAME`."""
     every = list(names)
     for k, name in enumerate(every, start=1):
         print(f"{kind} {k} of {len(every)}: {name}", flush=True)
@@ -51,9 +51,9 @@ def relinked(text: str, source: str, page: str, homes: Mapping[str, str]) -> str
             return found[0]
         path = os.path.normpath(PurePosixPath(source).parent / target).replace(os.sep, "/")
         if path not in homes and path.startswith("docs/"):
-            return found[0]  # a generated page; mkdocs checks that it exists
+            return found[0]  # perhaps a generated page: mkdocs reports it if it is missing
         if path not in homes:
-            raise ValueError(f"{source}: the link to {target} leads out of the site")
+            raise ValueError(f"{source}: the site has no page for the link to {target}")
         return f"{opening}{between(page, homes[path])}{place}{closing}"
 
     parts = FENCE.split(text)  # code is at the odd indices

@@ -77,7 +77,7 @@ def _head(family: str) -> str:
         f"# {TITLES.get(family, family)}\n\nDifference between the FMUs and published numbers."
         " Dashed: the tolerance. A vector differs by its Euclidean norm, the attitude matrix `C`"
         " by an angle. Each case also names wrong models; a test shows that every one of them"
-        " misses the tolerance.\n"
+        " exceeds the tolerance.\n"
     )
 
 
@@ -99,7 +99,7 @@ def _section(case: Mapping[str, Any]) -> str:
             table(("Quantity", "Largest difference", "Tolerance"), rows),
             f"* Computed by: {source['name']} ({source['licence']}). Where: {source['where']}.",
             f"* Reason for the tolerance: {case['why']}.",
-            f"* Wrong models that miss it: {'; '.join(case['wrong'])}.",
+            f"* Wrong models that exceed it: {'; '.join(case['wrong'])}.",
             f"* Repeat it: `harness validate {case['name']}`\n",
         ]
     )

@@ -68,7 +68,7 @@ def test_a_page_loses_its_markers_and_retains_its_values(quoted):
     ("figures", "line"),
     [
         ({"mass": "1 kg"}, "x.md: no run gives 'wait'; there are mass"),
-        ({"wait": "4 s"}, "x.md: wait is '4 s', the page has '3 s': make quoted-values"),
+        ({"wait": "4 s"}, "x.md: wait is '4 s', the page has '3 s': run make quoted-values"),
     ],
 )
 def test_a_figure_that_no_run_gives_ends_the_build_of_the_site(quoted, figures, line):

@@ -82,7 +82,7 @@ def options(command: str) -> dict[str, Any]:
 
 
 def value(what: str | Callable[[Any], Any], result: Any) -> Any:
-    """Return the value of a result: of an expression, a metric or a function."""
+    """Return a value of a result; what: expression, name of a metric, or function of the result."""
     from harness.studies.campaign import metrics
 
     return what(result) if callable(what) else metrics.value(metrics.metric(what, ROOT), result)[0]

@@ -53,7 +53,7 @@ def approach(name: str) -> Any:
 
 
 def reach() -> str:
-    """Return a table of the claims about what is in reach of the arm after the approach."""
+    """Return a table of the claims that the arm can reach the target after the approach."""
     runs = {"nominal": "arm_capture", "`fast`": "arm_capture --params fast"}
     return of_runs("claim", runs, [
         Column('"within reach of the arm, and is then maintained"', approach("within reach")),

@@ -29,7 +29,7 @@ def _least_range(result: Any) -> float:
 
 
 def _impulse(result: Any) -> float:
-    """Return the impulse that leaves the filter [N s]."""
+    """Return the impulse of the force that the filter commands [N s]."""
     from ssp.shared.filtering import passed
 
     return passed(result)
@@ -44,8 +44,8 @@ def _arrival(result: Any) -> float:
 
 
 def controllers() -> str:
-    """Return a table with a row per controller and filter behind it, for the parameter set
-    `limited`.
+    """Return a table with a row per pair of a controller and the filter behind it, for the
+    parameter set `limited`.
     """
     base = "ppc_tracking_filtered --params limited"
     runs = {
@@ -76,7 +76,7 @@ def aiming() -> str:
         [
             Column("least range [m]", _least_range, "{:.3f}"),
             Column("least barrier of the sphere [m]", "keep-out barrier", "{:.3f}"),
-            Column("of the speed limit [m/s]", "speed barrier", "{:.4f}"),
+            Column("least barrier of the speed limit [m/s]", "speed barrier", "{:.4f}"),
             *WORK,
             Column("impulse [N s]", _impulse, "{:.0f}"),
             Column("at the sphere after [s]", _arrival, "{:.0f}"),

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables of the flexible servicer: panels and slosh in several systems, with thrusters beside the
-rigid servicer, and with notch filters.
+"""Tables of the flexible servicer: panels and slosh in several systems; comparison with the rigid
+servicer on thrusters; effect of notch filters.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def on_thrusters() -> str:
 
 
 def notched(hertz: float, torque: bool, force: bool) -> str:
-    """Return the command of a run with wings of the frequency `hertz` on a held hub [Hz]; torque:
-    with a notch in the torque at the free antisymmetric mode; force: with a notch in the force at
+    """Return the command of a run. hertz: frequency of a wing on a held hub [Hz]; torque: whether
+    the torque has a notch at the free antisymmetric mode; force: whether the force has a notch at
     the free symmetric mode.
     """
     wing = 2 * np.pi * hertz

@@ -31,7 +31,9 @@ def errors(result: Any) -> tuple[float, ...]:
 
 
 def tracking(result: Any) -> float:
-    """Return the rms distance of the true position from the true reference [mm]."""
+    """Return the rms distance of the true position from the reference that the true states
+    would give, from 600 to 1800 s [mm].
+    """
     case = of_the_tests("navigated_case")
     late = (result.time >= 600.0) & (result.time <= 1800.0)
     return float(1e3 * case.rms(case.tracking(result)[late]))

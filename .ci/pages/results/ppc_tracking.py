@@ -30,7 +30,7 @@ def converged(result: Any) -> float:
 
 
 def after_a_minute(error: str) -> Any:
-    """Return a function for the largest error of range [m] or attitude [deg] after 60 s."""
+    """Return a function for the largest error after 60 s; error: `range` [m], `attitude` [deg]."""
     from ssp.ppc_tracking import evaluations
     from ssp.shared.relative_motion import attitude_error
 
@@ -63,7 +63,7 @@ def by_law() -> str:
 
 
 def by_bound() -> str:
-    """Return a table of the largest range error by final bound, at 100 Hz and at 20 Hz."""
+    """Return a table of the largest range error by its final bound, at 100 Hz and at 20 Hz."""
     error = after_a_minute("range")
 
     def line(title: str, rate: str) -> list[str]:
@@ -78,8 +78,8 @@ def by_bound() -> str:
 
 
 def settles(error: str) -> Any:
-    """Return a function for the time [s] from which the error of position or attitude stays within
-    2 % of its largest value.
+    """Return a function for the time [s] from which an error stays within 2 % of its largest value;
+    error: `position` or `attitude`.
     """
     from harness.results.expressions import settling_time
     from ssp.shared import relative_motion as motion

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables of the relay approach: parameter sets, and a latency of one macro step; and of thrusters
-in the synchronised approach.
+"""Tables of the relay approach, by parameter set and with a latency of one macro step, and a table
+of thrusters in the synchronised approach.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ THRUSTERS = {
 
 
 def runs(latency: int = 0) -> dict[str, str]:
-    """Return the command of a run by parameter set."""
+    """Return commands of runs by parameter set; latency: of the controller, in macro steps."""
     late = f" --latency controller={latency}" if latency else ""
     return {name: f"relay_approach --params {name} --every 10{late}" for name in SETS}
 
 
 def arrived(result: Any) -> float:
-    """Return the time when 50 m are reached [s]."""
+    """Return the first time at which the range is at most 50 m [s]; NaN if there is none."""
     there = result.time[result["guidance.range"] <= 50.0]
     return float(there[0]) if len(there) else float("nan")
 
@@ -53,7 +53,7 @@ def leg_speed(result: Any) -> float:
 
 
 def pointed(result: Any) -> float:
-    """Return the time when X of the servicer first points within 2 deg at the target [s]."""
+    """Return the first time when axis X of the servicer points within 2 deg at the target [s]."""
     from harness.results.histories import turned
 
     axis = turned(result["servicer.q_SN"], np.tile([1.0, 0.0, 0.0], (len(result.time), 1)))

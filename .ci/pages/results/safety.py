@@ -34,7 +34,9 @@ GUARDED = {
 
 
 def finding(rule: str) -> Any:
-    """Return a function for the least margin of a rule and the time of the first violation."""
+    """Return a function for the text `MARGIN UNIT from TIME s`: least margin of a rule and, if the
+    rule is violated, the time of its first violation.
+    """
 
     def evaluate(result: Any) -> str:
         from ssp.shared.safety import findings

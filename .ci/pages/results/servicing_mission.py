@@ -14,11 +14,13 @@ from text import table
 
 ESTIMATES = "servicing_mission_navigated --every 10"
 RUNS = {"on estimates": ESTIMATES, "by arm": "servicing_mission_by_arm --every 10"}
-"""Commands; every 10: a row per sample of the software."""
+"""Commands of the runs, by title of the column; with `--every 10`, a result has a row per sample of
+the flight software.
+"""
 ZONE = 12.0
 """Radius of the keep-out zone of the mission [m]."""
 LISTED = 6
-"""Largest number of phases that the end of a run is shown with."""
+"""Largest number of phases in the text of ending()."""
 PHASES = {
     "100 to 20 m": "closing",
     "fly-around": "fly-around",
@@ -138,8 +140,9 @@ def shown(least: float, inside: float) -> str:
 
 
 def instants() -> str:
-    """Return a table by phase of the least ranges of drifts of an hour, one of which begins every
-    10 s of the mission on truth: without a burn, and after the burn of each kind of abort.
+    """Return a table of the least range of drifts, with a row per phase. A drift begins every 10 s
+    of the mission on truth and lasts an hour. The columns are: drifts without a burn, and drifts
+    after the burn of an abort with the monitor's parameter `abort_relative` = 0, and with 1.
     """
     from ssp.servicing_mission import escapes
 
