@@ -41,7 +41,7 @@ def places(sources: Iterable[Path]) -> dict[str, set[tuple[str, int]]]:
 
 
 def report(source: Path) -> str:
-    """Return the output of cppcheck for a C file: lines FILE:LINE: misra-c2012-RULE, a violation each."""
+    """Return the output of cppcheck for a C file: FILE:LINE: misra-c2012-RULE per violation."""
     options = ["--addon=misra", "--quiet", "--std=c99", "--platform=unix64"]
     options += ["--suppress=missingIncludeSystem", "--template={file}:{line}: {id}"]
     with tempfile.TemporaryDirectory() as folder:

@@ -49,7 +49,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     union {
         fmi2String read;
         char *own;
-    } text = {name}; /* without const, but never written: new_instance() copies it */
+    } text = {name}; /* own is not const, but never written: new_instance() copies it */
     caller.name = text.own;
     if (!can_instantiate(&caller, type, guid)) return NULL;
     Instance *instance = new_instance(&caller);

@@ -161,9 +161,9 @@ typedef struct {
     void (*initialize)(void *model, double t);
     void (*step)(void *model, double t, double h);
     /* for a system as one model (fused.h), else NULL and 0: */
-    double (*macro_step)(const void *model); /* s; divides every communication step */
-    const char *structure;   /* digest of part connections; guid and states depend on it */
-    const Variable *checked; /* rows whose rules every result must satisfy, as the outputs do */
+    double (*macro_step)(const void *model); /* s; every communication step is a multiple */
+    const char *structure;   /* digest of connections and schedule; guid and states depend on it */
+    const Variable *checked; /* further rows whose rules every result must satisfy */
     size_t checked_count;
 } ModelInterface;
 

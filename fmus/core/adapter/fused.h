@@ -152,7 +152,7 @@ static inline bool initialize_parts(const Part *parts, size_t count, bool stale[
         for (const Part *p = parts; p < end; p++) {
             if (!stale[p - parts]) continue;
             changed |= evaluate_outputs(p, m, work, t);
-            if (!satisfies_rules(p, m)) return true; /* no more rounds: the adapter rejects this */
+            if (!satisfies_rules(p, m)) return true; /* ends: the adapter rejects these values */
         }
         for (const Part *p = parts; p < end; p++) stale[p - parts] = set_driven_inputs(p, m);
     }

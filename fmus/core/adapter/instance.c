@@ -69,7 +69,7 @@ void release(const Instance *instance, void *memory)
 
 enum { FINDING_SIZE = NAME_SIZE + 400 }; /* a name, a value, a rule and the text of the row */
 
-/* row i of the outputs, followed by the further rows that are checked */
+/* row i of the table of variables, followed by the further rows that are checked */
 static const Variable *checked_row(size_t i) /* NULL: i is beyond the last row */
 {
     const size_t beyond = i - fmu_model.variable_count;
@@ -186,10 +186,10 @@ static void evaluate_first_outputs(const Instance *instance, void *model)
     fmu_model.initialize(model, instance->now.start);
 }
 
-/* initializes a model some of whose inputs have no values yet: some masters begin with zeros for
- * all inputs. Where zeros give no valid outputs, the first outputs are computed with the start
- * values of the inputs that are zero; before the first step the master must set these inputs.
- * False: no input lacks a value, or the outputs are not valid with start values either. */
+/* initializes a model for a master that begins with zeros for all inputs, if zeros give no valid
+ * outputs: computes the first outputs with the start values of the inputs that are zero. Before the
+ * first step the master must set these inputs. False: no input lacks a value, or the outputs are
+ * not valid with start values either. */
 RARE static bool initialize_without_inputs(const Instance *instance, void *model)
 {
     char text[NAME_SIZE + 120];
@@ -206,7 +206,9 @@ RARE static bool initialize_without_inputs(const Instance *instance, void *model
     memcpy(model, inputs, fmu_model.state_offset);
     release(instance, inputs);
     snprintf(text, sizeof text,
-             "the input %s is zero: the first outputs follow from its start value", lacking->name);
+             "the input %s is zero: the first outputs follow from its start value; set it before "
+             "the first step",
+             lacking->name);
     log_message(instance, STATUS_WARNING, LOG_WARNINGS, text);
     return result_is_valid(instance, model);
 }

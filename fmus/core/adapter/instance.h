@@ -28,7 +28,7 @@ typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR } Status;
 
 typedef struct {
     Phase phase;
-    int stale; /* 1: values were set in initialization mode after the outputs were evaluated */
+    int stale; /* 1: the first outputs are outdated: values have been set since their evaluation */
     double start, time, stop,
         step; /* s; stop: infinite if undefined; step: size of the last step, 0 before the first */
     double grid; /* s; shortest internal step or sample period, 0 if there is none */

@@ -11,7 +11,7 @@
 
 #include "interface.h"
 
-#ifndef LONGEST_CALL /* references of a stored call at most; firmware defines fewer */
+#ifndef LONGEST_CALL /* most references of a stored call; firmware defines fewer */
 #define LONGEST_CALL 1024
 #endif
 enum { KNOWN_CALLS = 2, MOST_RUNS = LONGEST_CALL < 256 ? 16 : 64 };
@@ -55,8 +55,8 @@ static inline Part part_of(const ModelInterface *m, unsigned vr, bool rows)
 }
 
 /* Adds the elements of p to run[0 .. *runs-1]. A Run is a group of neighbouring elements with
- * the same rule: p extends the last Run if it continues it, and is a new Run otherwise, for
- * which the array must have space. */
+ * the same rule: p extends the last Run if p begins at its end and has its rule; otherwise p
+ * becomes a new Run, for which the array must have space. */
 static inline void add_to_runs(Run run[], size_t *runs, Part p, Rule rule)
 {
     size_t at = p.first.row->offset / sizeof(double) + p.first.element;

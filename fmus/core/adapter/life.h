@@ -130,7 +130,7 @@ static inline bool leave_initialization(Instance *instance, const char *function
     instance->now.grid = finest_grid(instance->model);
     instance->now.phase = STEPPING;
     memcpy(instance->last_good, tail_const(fmu_model.start),
-           tail_size()); /* start values: all alarms are 0 before the first outputs */
+           tail_size()); /* in start values alarms are 0: an alarm of the first outputs is new */
     report_alarms(instance, instance->now.start);
     log_message(instance, STATUS_OK, LOG_EVENTS, "initialized");
     return true;

@@ -1,4 +1,5 @@
-/* rules.h - rules of the rows of a model: bounds, texts, and whether inputs and results satisfy them.
+/* rules.h - rules of the rows of a model: bounds, texts, and whether inputs and results satisfy
+ * them.
  *
  * The adapter of FMI, a fused system and the C interface without FMI reject values by these
  * functions only. */
@@ -28,7 +29,8 @@ static inline const char *violated_rule(Rule rule, double value) /* NULL: the va
     if (value < lowest(rule)) return "must be >= 0";
     return value > highest(rule) ? "must be <= pi" : NULL;
 }
-/* true if all of several finite values satisfy a rule; these functions give no reason */
+/* true if all of several finite values satisfy a rule; unlike violated_rule(), this function and
+ * the next three give no reason */
 static inline bool all_flags(const double value[], size_t count)
 {
     for (size_t i = 0; i < count; i++)

@@ -60,15 +60,15 @@ const char *read_snapshot(const Instance *instance, const void *bytes, size_t si
 }
 
 /* ---- directional derivatives ----
- * After initialization: derivatives of the outputs at the end of the next step (of the size of the
- * last one, 0.1 s before the first; in a fused system a macro step) with respect to the inputs,
- * which are constant over the step.
+ * After initialization: derivatives of the outputs at the end of the next step with respect to the
+ * inputs, which are constant over the step. The step has the size of the last one, 0.1 s before the
+ * first; in a fused system it is a macro step.
  * In initialization mode: derivatives of the first outputs with respect to parameters and inputs.
- * Central differences at d and d/2 with Richardson extrapolation, so that the error is of fourth
- * order in d. At the first d no known moves by more than 1 % of its scale; d is halved until two
- * estimates agree, so that a contact or a limit beside the operating point has no effect. Where
- * the slopes on both sides differ however small d is, the derivative is the slope of the side to
- * which the seed points. */
+ * The knowns move by a distance d along the seed (ahead) and against it (behind). Central
+ * differences at d and d/2 with Richardson extrapolation have an error of fourth order in d. At the
+ * first d no known moves by more than 1 % of its scale; d is halved until two estimates agree, so
+ * that a contact or a limit beside the operating point has no effect. Where the slopes ahead and
+ * behind differ however small d is, the derivative is the slope ahead. */
 static double next_step(const Instance *instance)
 {
     if (fmu_model.macro_step) return fmu_model.macro_step(instance->model);
@@ -88,15 +88,15 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
 
 enum { MOST_HALVINGS = 16 };
 /* agreement: largest difference between two estimates that agree; clear_bend: least difference
- * between the slopes of both sides that counts as a kink; both relative to the largest slope of the
- * row of the unknown */
+ * between the slopes ahead and behind that counts as a kink; both relative to the largest slope of
+ * the row of the unknown */
 static const double agreement = 1e-6;
 static const double clear_bend = 1e-3;
 
-/* finite differences of one unknown over a distance along the seed */
+/* finite differences of one unknown, from its values behind, here (operating point) and ahead */
 typedef struct {
-    double central, ahead; /* slopes: from behind to ahead of the seed, and ahead only */
-    double bend;           /* slope ahead minus slope behind */
+    double central, ahead; /* slopes: from behind to ahead, and from here to ahead */
+    double bend;           /* slope from here to ahead minus slope from behind to here */
     double largest;        /* largest central slope in the row of the unknown */
     double rounding;       /* rounding error to expect in a slope: 64 units in the last place */
 } Slope;
@@ -140,8 +140,9 @@ static bool measure_slopes(const Instance *instance, const Direction *d, double 
     return true;
 }
 
-/* true if the slopes ahead and behind differ by the same amount at all distances. A difference
- * by curvature shrinks with the distance, a difference by rounding errors grows. */
+/* true if the slopes ahead and behind differ by about the same amount at all distances. When
+ * the distance is halved, a difference due to curvature shrinks, and one due to rounding errors
+ * grows. */
 static bool has_kink(const Derivative *f)
 {
     const double bend = fabs(f->slope.bend);
@@ -149,7 +150,8 @@ static bool has_kink(const Derivative *f)
            fabs(f->slope.bend - f->wider.bend) < 0.25 * bend && bend < 2 * fabs(f->first_bend);
 }
 
-/* sets `settled` if the change by the last halving of the distance is within the tolerance */
+/* sets `settled` if the last halving of the distance changed the estimate by no more than the
+ * tolerance and there is no kink */
 static void settle(Derivative *f, int halvings)
 {
     const double before = f->estimate;
@@ -162,7 +164,7 @@ static void settle(Derivative *f, int halvings)
         f->best = f->estimate;
     }
     f->settled = change <= larger(agreement * f->slope.largest, f->slope.rounding) && !has_kink(f);
-    if (f->settled) f->best = before; /* the longer distance has less rounding */
+    if (f->settled) f->best = before; /* the longer distance has smaller rounding errors */
 }
 
 RARE static void report_one_side(const Instance *instance, const Direction *d, size_t i)
@@ -210,8 +212,9 @@ static bool find_derivatives(const Instance *instance, const Direction *d, doubl
     return true;
 }
 
-/* scale on which a variable is moved for differences: for a parameter its value; for an input, and
- * a parameter of 0, one unit, or 1e-6 of the value if this is more, as for a position in N */
+/* scale of a known, of which its first move is at most 1 %: for a parameter its absolute value; for
+ * an input, or a parameter of value 0, one unit, or 1e-6 of the value if this is more, as for a
+ * position in N */
 static double scale_of(Scalar s, double value)
 {
     if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);

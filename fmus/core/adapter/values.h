@@ -95,8 +95,8 @@ static inline bool acceptable(const Instance *instance, const Access *a, const u
     return true;
 }
 
-/* sets the values of a stored call without further checks if they satisfy their rules; only while
- * stepping, when stored calls set inputs only. False: nothing was set */
+/* while stepping, sets the values of a stored call if they satisfy their rules; the other checks of
+ * acceptable() are not needed, because stored calls set inputs only. False: nothing was set */
 static inline bool set_known(Instance *instance, const unsigned vr[], size_t count,
                              const double value[], size_t values)
 {

@@ -91,7 +91,7 @@ typedef struct {name}_Scratch {{ double memory[{count}]; }} ANY_ALIAS {name}_Scr
 HEADER = """/* {name}.h - {about}.
  *
  * C interface without FMI, generated from the rows of {name}.c. The functions allocate nothing and
- * have no variables, so any number of instances are independent. Memory belongs to the caller.
+ * have no static variables, so any number of instances are independent. The caller owns all memory.
  *
  *     {name}_defaults(&p, &u);                        then set parameters and first inputs
  *     if ({name}_check(&p, text, sizeof text) > 0)    rejected parameters, with reasons in text
@@ -161,7 +161,7 @@ double {name}_time(double start, double k, double h);
 #endif
 """
 
-SOURCE = """/* {name}_api.c - the functions of {name}.h over the unedited model. */
+SOURCE = """/* {name}_api.c - the functions of {name}.h for the unedited model. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "{name}.h"
 
@@ -280,7 +280,7 @@ static const struct {{
 }};
 """
 
-TEST = """/* {name}_test.c - compares {name} with the reference vectors of the FMU, all bits. */
+TEST = """/* {name}_test.c - compares all bits of {name} with the reference vectors of the FMU. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "{name}_parameters.h"
 

@@ -84,8 +84,8 @@ def without_link_time(dll: bytes) -> bytes:
 
 
 def all_platforms(fmus: Sequence[Path], compiler: list[str]) -> list[dict[str, bytes]]:
-    """Return, for each of the archives `fmus` of one model, its files as bytes by name, in which
-    newly compiled binaries of all platforms in TARGETS replace the binaries of the archive.
+    """Return, for each of the archives `fmus` of one model, the bytes of its files by name. Newly
+    compiled binaries of all platforms in TARGETS replace the binaries of the archive.
     """
     with tempfile.TemporaryDirectory() as folder:
         archives = [_without_binaries(fmu) for fmu in fmus]
