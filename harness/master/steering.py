@@ -117,9 +117,8 @@ class Ports:
         wired = {w.variable.name for w in self._nodes[component].inputs}
         variables = self._interfaces[component].named("input")
         if not set(elements) <= variables.keys() - wired:
-            hint = (
-                f"open=[{component!r}]" if elements[0] not in variables else "the output that drives it"
-            )
+            connected = elements[0] in variables
+            hint = "the output that drives it" if connected else f"open=[{component!r}]"
             text = "is neither an output of an open component nor an unconnected input"
             raise UsageError(f"{name}: {text}; set {hint}")
         chosen = [variables[e] for e in elements]

@@ -224,6 +224,7 @@ def report_nominal(driver: Driver, of: Mapping[str, int]) -> None:
                 "requirements in `of`"
             )
         if margin < 0:
+            unit = str(driver.store.array("margin_units")[k])
             driver.evaluator.notify(
-                f"{name}: the nominal run fails, with a margin of {of_unit(margin, '')}"
+                f"{name}: the nominal run fails, with a margin of {of_unit(margin, unit)}"
             )

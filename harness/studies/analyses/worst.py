@@ -194,10 +194,11 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
     """
     evaluator, folder = driver.evaluator, _folder(output)
     folder.mkdir(parents=True, exist_ok=True)
-    rows = {"nominal": (np.zeros(evaluator.d), 0)}
-    rows |= {n: (np.array(each["numbers"]), each["run"]) for n, each in found.items()}
+    rows: list[tuple[Any, int]] = [(np.zeros(evaluator.d), 0)]
+    rows += [(np.array(each["numbers"]), each["run"]) for each in found.values()]
+    files = _files(found).items()
     with closing(ReusedSimulation(evaluator.plan.system)) as reused:
-        for name, (z, run) in rows.items():
+        for (name, file), (z, run) in zip(files, rows, strict=True):
             changes: Any = {k: v for k, v in evaluator.changes(z, run).items() if k != "step"}
             result: Any = None
             try:
@@ -207,8 +208,8 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
             except HarnessError as error:  # a run with a rejected value counts as failed
                 result = getattr(error, "partial", result)
             if result is not None:
-                save(result, folder / f"{_file(name)}.nc")
-            if name in found:
+                save(result, folder / file)
+            if name is not None:
                 text, then = evaluator.task.requirements[name], found[name]["margin"]
                 own = -math.inf if result is None else margin(result, text)
                 span = abs(float(then) - float(found[name]["nominal"]))
@@ -226,13 +227,20 @@ def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
     """Return the existing results files of the nominal run and of the worst run of each
     requirement, by label (`nominal`, `worst NAME`); path: OUT.zarr of the search.
     """
-    files = {"nominal": "nominal"} | {f"worst {n}": _file(n) for n in requirements}
-    found = {label: _folder(path) / f"{name}.nc" for label, name in files.items()}
-    return {label: file for label, file in found.items() if file.is_file()}
+    labels = ("nominal", *(f"worst {name}" for name in requirements))
+    files = (_folder(path) / file for file in _files(requirements).values())
+    return {label: file for label, file in zip(labels, files, strict=True) if file.is_file()}
 
 
-def _file(name: str) -> str:
-    """Return the name of a requirement, with `_` in place of each character that is unsafe in a
-    file name.
+def _files(requirements: Iterable[str]) -> dict[str | None, str]:
+    """Return the name of the results file of the worst run by requirement, and of the nominal run
+    with the key None, the first one. A name has `_` in place of each character that is unsafe in a
+    file name, and a number if the name would otherwise be taken.
     """
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+    found: dict[str | None, str] = {None: "nominal.nc"}
+    for name in requirements:
+        stem = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+        taken = {file.casefold() for file in found.values()}
+        names = (f"{stem}{end}.nc" for end in ("", *(f"_{k}" for k in range(2, len(found) + 2))))
+        found[name] = next(file for file in names if file.casefold() not in taken)
+    return found

@@ -103,6 +103,21 @@ def test_worst_finds_the_corner_and_its_run_repeats(system, tmp_path):
     )
 
 
+def test_every_requirement_has_a_results_file_of_its_own(system, tmp_path):
+    """Also one called nominal, and names that differ only in characters unsafe in file names."""
+    names = {"nominal": "twice.y <= 20", "a b": "twice.y <= 21", "a_b": "twice.y >= 1"}
+    given = table(system, requirements=names, worst={"of": list(names), "runs": 24})
+    study = worst(given, tmp_path / "w.zarr", workers=0)
+    files = searches.confirmed(tmp_path / "w.zarr", study.estimate["of"])
+    assert list(files) == ["nominal", "worst nominal", "worst a b", "worst a_b"]
+    assert {file.name for file in files.values()} == {
+        "nominal.nc", "nominal_2.nc", "a_b.nc", "a_b_2.nc"}  # fmt: skip
+    highest = [read(file)["twice.y"].max() for file in files.values()]
+    assert highest[0] == pytest.approx(12)
+    assert min(highest[1:3]) > 20
+    assert highest[3] < 12
+
+
 def interrupted(monkeypatch, after):
     """Ctrl-C in the runs after so many parts of generations."""
     count, simulate_case = [0], Evaluator.run
