@@ -100,7 +100,7 @@ ERRORS = {
     "size 0": (M, '<Dimension start="3"/>', '<Dimension start="0"/>', "has 0 elements"),
     "too large": (M, '<Dimension start="3"/>', '<Dimension start="3000000"/>', "has 3000000"),
     "two starts for three": (M, 'start="1 2 3"', 'start="1 2"', "3 elements and 2 start values"),
-    "unknown clock": (M, 'clocks="9"', 'clocks="99"', "clock is variable 99"),
+    "unknown clock": (M, 'clocks="9"', 'clocks="99"', "clocks names variable 99"),
     "alias of a name": (M, '<Alias name="other"/>', '<Alias name="k"/>', "two variables"),
     "start is no number": (M, 'start="1 2 3"', 'start="1 2 x"', "line "),
     "unknown element": (M, "<LogCategories>", "<Logs/><LogCategories>", "Logs"),

@@ -49,7 +49,7 @@ REJECTED = {
     "sum of slosh_draw = 1.1: must be at most 1": {"slosh_draw": (0.6, 0.5, 0, 0)},
     "mass of the hub, from mass_0, panel_mass, slosh_mass_0 = 0: must be > 0": {"mass_0": 22},
     "inertia of the hub, from J_S": {"J_S": np.diag([20, 25, 15]), "A_w": np.eye(3)},
-    "inertia of the hub without wheels, from A_w, J_S": {"A_w": np.diag([180, 15, 10])},
+    "inertia of the hub - A_w, from J_S": {"A_w": np.diag([180, 15, 10])},
     "substeps, from max_step, panel_frequency": {"panel_frequency": (4e3, 1, 1, 1)},
     "J_S = 400: must satisfy the triangle inequality": {"J_S": np.diag([400, 200, 150])},
     "e = 1: must be in [0, 1)": {"e": 1},

@@ -322,7 +322,7 @@ def rebuilt(target, change):
 @needs("cortex-m7")
 def test_an_fmu_without_sources_is_rejected(tmp_path):
     bare = rebuilt(tmp_path / "bare.fmu", lambda n, c: None if n.startswith("sources/") else c)
-    unlisted = r"bare.fmu: .*adaptive_controller.c.*does not hold"
+    unlisted = r"bare.fmu: .*adaptive_controller.c.*which the FMU lacks"
     with load(SYSTEM) as system, pytest.raises(FmuError, match=unlisted):
         apply(system, swap={"controller": bare}, on={"controller": "cortex-m7"})
 

@@ -210,7 +210,7 @@ def test_a_file_without_optima_is_an_error(near, tmp_path, monkeypatch, capsys):
     with pytest.raises(ResultsError, match=r"optima.json: contains no optima of `harness bound`"):
         optima.METRIC(near, Limits())
     assert main(["bound", "sync_approach", "--stop", "2", "--cost", "norm", "--store"]) == 2
-    assert "--store: is valid only with" in capsys.readouterr().err
+    assert "--store: needs --cost sum and all constraints" in capsys.readouterr().err
 
 
 NEAR = {

@@ -100,7 +100,7 @@ static inline void check_hub(const FlexibleParameters *p, Problems *problems)
         reject(problems, "inertia of the hub, from " PARTS_OF_J_S, most,
                "must satisfy the triangle inequality" TOO_MUCH_INERTIA);
     else if (!is_positive_definite(minus(I_hc, p->base.A_w)))
-        reject(problems, "inertia of the hub without wheels, from A_w, " PARTS_OF_J_S, least,
+        reject(problems, "inertia of the hub - A_w, from " PARTS_OF_J_S, least,
                "must be positive definite" TOO_MUCH_INERTIA);
     else if (substeps(p, &v) > 1000)
         reject(problems, "substeps, from max_step, panel_frequency, slosh_frequency",

@@ -105,7 +105,11 @@ def test_worst_finds_the_corner_and_its_run_repeats(system, tmp_path):
 
 def test_every_requirement_has_a_results_file_of_its_own(system, tmp_path):
     """Also one called nominal, and names that differ only in characters unsafe in file names."""
-    names = {"nominal": "twice.y <= 20", "a b": "twice.y <= 21", "a_b": "twice.y >= 1"}
+    names = {
+        "nominal": "twice.y <= 20",
+        "a b": "twice.y <= 21",
+        "a_b": "time < 5 s or twice.y >= 1",
+    }
     given = table(system, requirements=names, worst={"of": list(names), "runs": 24})
     study = worst(given, tmp_path / "w.zarr", workers=0)
     files = searches.confirmed(tmp_path / "w.zarr", study.estimate["of"])
