@@ -32,7 +32,8 @@ ARCHIVES = {
         "equations, sources, validation and verdicts of FMUs and parameter sets", "SRMD 1.1",
     ),
     "reference-ssps.zip": (
-        "systems with expected traces, a script that compares a tool's rows, and specimens",
+        "systems with expected traces, a script that compares the rows of a tool with them, and "
+        "test FMUs of FMI 3.0 with Event Mode, clocks, a table and a binary port",
         "SSP 1.0 and 2.0, FMI 2.0 and 3.0",
     ),
 }  # fmt: skip

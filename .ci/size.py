@@ -22,7 +22,7 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def docstrings(tree: ast.AST) -> set[int]:
-    """Return the numbers of the lines of docstrings and of other texts that are statements."""
+    """Return the numbers of the lines of docstrings and of other strings that are statements."""
     texts = (
         node
         for node in ast.walk(tree)

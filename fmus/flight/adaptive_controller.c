@@ -82,9 +82,9 @@ static const Variable variables[] = {
     NONNEGATIVE(P_rho, "1/s", "velocity gain, per Hill axis"),
     NONNEGATIVE(Gamma_m, "kg.s2/m2", "adaptation gain of the mass estimate"),
     POSITIVE(m_hat_0, "kg", "start value of the mass estimate"),
-    NONNEGATIVE(
-        K_att, "N.m",
-        "attitude gain, per body axis; with equal gains the Lyapunov function is continuous"),
+    NONNEGATIVE(K_att, "N.m",
+                "attitude gain, per body axis; if equal, the Lyapunov function has no jump at MRP "
+                "switches"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
     NONNEGATIVE(Gamma_eta, "kg.m2.s2",
                 "adaptation gains of the inertia estimates, order of eta_hat"),
@@ -256,7 +256,7 @@ static void project(const Parameters *p, State *x)
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double t,
                     double period)
 {
-    State unchanged = *x; /* before t_att this copy is adapted, and x is not */
+    State unchanged = *x; /* before t_att the adaptation changes this copy, not x */
     control_translation(p, u, x, y, period);
     control_attitude(p, u, reached(t, p->t_att) ? x : &unchanged, y, period);
     if (!reached(t, p->t_att)) y->wheel_accel_cmd = y->M_cmd_S = vec(0, 0, 0);

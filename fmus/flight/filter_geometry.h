@@ -1,5 +1,5 @@
-/* filter_geometry.h - relative motion at a sample of the safety filter, and the acceleration that
- * one gap needs for braking under a held force.
+/* filter_geometry.h - relative motion at a sample of the safety filter, and the acceleration
+ * needed at a distance (gap) from the edge of a rule to brake, constant for a sample period.
  *
  *   rho = r_S - r_T,   v = v_S - v_T,   g = gravity(r_S) - gravity(r_T)                        (1)
  *   W = C_TN^T omega_TN_T,   v_T = v - W x rho,   a_T = g - 2 W x v_T - W x (W x rho)          (2)
@@ -16,8 +16,8 @@
 #include "tracking.h"
 
 typedef struct {
-    /* P: sample period; R: range; a_F, e_p', e_v' of (4); turn: largest change of F/m in a hold by
-     * the rotation of S [m/s2] */
+    /* P: sample period; R: range; a_F, e_p', e_v' of (4); turn: largest change of F/m in a sample
+     * period by the rotation of S [m/s2] */
     double P, R, a_F, e_p, e_v, turn;
     vec3 rho, v, out, g; /* out: unit vector from the target to the servicer */
     vec3 W, v_T, a_T, w_H, v_H, a_H;
@@ -83,7 +83,7 @@ static inline double barrier_of(const Gap *x)
     return x->w < 0 ? x->d - x->w * x->w / (2 * x->a_b) : x->d;
 }
 
-/* (7): least acceleration away from the edge with which the gap is >= 0 during the hold and the
+/* (7): least acceleration away from the edge with which the gap is >= 0 during the period and the
  * barrier of (6) is >= 0 at its end */
 static inline double least_acceleration(const Gap *x, double P, double recover_speed)
 {

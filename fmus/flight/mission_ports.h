@@ -44,7 +44,7 @@ typedef struct {
     mat3 A_w;
     double wheel_speed_max, bias_max, bias_tol;
     double await_axis, spin_time, spin_accel, use_optimal, far_time;
-    double by_arm, momentum_max, mass_T; /* momentum_max: limit for both bodies at the grasp */
+    double by_arm, momentum_max, mass_T; /* momentum_max: limit for both bodies when they mate */
     mat3 J_T, J_S;
     double abort_relative, axis_radius, aim_radius, monitor_stack;
     double sample_period;
@@ -94,13 +94,17 @@ typedef struct {
         NONNEGATIVE(R_safe, "m", "the retreat is over beyond this range"),                         \
         NONNEGATIVE(drift_time, "s", "time for which the drift after a retreat is predicted"),     \
         POSITIVE(drift_step, "s", "step of the predicted drift"),                                  \
-        NONNEGATIVE(dwell, "s", "time that the condition of a phase must hold; phases 0 to 14"),   \
-        NONNEGATIVE(time_out, "s", "longest duration of a phase; 0 = none; phases 0 to 14"),       \
+        NONNEGATIVE(dwell, "s",                                                                    \
+                    "time that the condition of a phase must hold; elements: phases 0 to 14"),     \
+        NONNEGATIVE(time_out, "s",                                                                 \
+                    "longest duration of a phase; 0 = no limit; elements: phases 0 to 14"),        \
         NONNEGATIVE(attempts, "1", "attempts to mate before the retreat"),                         \
         NONNEGATIVE(mass_dry, "kg", "mass of the servicer without propellant"),                    \
         NONNEGATIVE(reserve, "kg", "propellant below which the servicer retreats"),                \
-        NONNEGATIVE(nav_far, "s", "longest time without a valid state, phases 0 to 4"),            \
-        NONNEGATIVE(nav_near, "s", "longest time without a valid state, phases 5, 6, 7, 11"),      \
+        NONNEGATIVE(nav_far, "s",                                                                  \
+                    "time without a valid state that leads to a retreat, phases 0 to 4"),          \
+        NONNEGATIVE(nav_near, "s",                                                                 \
+                    "time without a valid state that leads to a retreat, phases 5 to 7, 11"),      \
         NONNEGATIVE(d_abort, "m",                                                                  \
                     "largest distance off the grasp axis, phases 5 to 7, 11; elements: at L_3, "   \
                     "rise per m beyond"),                                                          \
@@ -121,14 +125,14 @@ typedef struct {
                     "largest angular momentum of both bodies at which they mate; 0 = no limit"),   \
         NONNEGATIVE(budget, "1",                                                                   \
                     "share of F_axis and wheel_speed_max for turning with the target; 0: no "      \
-                    "limit, no bias"),                                                             \
+                    "limit, no wheel bias"),                                                       \
         POSITIVE(F_axis, "N", "thrust along +X, towards the target in the fly-around"),            \
         POSITIVE(R_around, "m", "least range of the fly-around (needs budget > 0)"),               \
         NONNEGATIVE(w_steer, "rad/s",                                                              \
                     "largest rate of steering about the target in the fly-around"),                \
-        NONNEGATIVE(                                                                               \
-            steer_least, "rad/s",                                                                  \
-            "least steering rate that the force must permit for a capture (needs budget > 0)"),    \
+        NONNEGATIVE(steer_least, "rad/s",                                                          \
+                    "capture only if thrust permits this rate of steering about the target "       \
+                    "(needs budget > 0)"),                                                         \
         NONNEGATIVE(rate_2, "rad/s", "largest relative rate after the fly-around; 0: no limit"),   \
         NONNEGATIVE(rate_probe, "rad/s",                                                           \
                     "largest tumble rate for mating by probe (needs budget > 0); 0 = no limit"),   \
@@ -145,20 +149,23 @@ typedef struct {
         MATRIX(J_T, "kg.m2", "inertia of the target as known to the software, target axes"),       \
         MATRIX(J_S, "kg.m2", "inertia of the servicer as known to the software, servicer axes"),   \
         NONNEGATIVE(await_axis, "rad",                                                             \
-                    "turning with the target begins with the angle off the axis this near its "    \
-                    "least; 0: at once"),                                                          \
-        POSITIVE(spin_time, "s", "time of change from turning with H to T, as in sync_guidance"),  \
-        NONNEGATIVE(spin_accel, "rad/s2", "largest acceleration of that change; 0: no limit"),     \
+                    "turning with T begins within this angle of the least angle off the grasp "    \
+                    "axis; 0: at once"),                                                           \
+        POSITIVE(                                                                                  \
+            spin_time, "s",                                                                        \
+            "duration of the change from turning with H to turning with T, as in sync_guidance"),  \
+        NONNEGATIVE(spin_accel, "rad/s2",                                                          \
+                    "largest acceleration of the change to turning with T; 0: no limit"),          \
         SWITCH(use_optimal, "1: the fuel-optimal law commands the force from far to hold 3"),      \
         POSITIVE(far_time, "s", "duration of the fuel-optimal far approach, at most 1200 s"),      \
         SWITCH(abort_relative,                                                                     \
-               "1: the last valid state drifts until the retreat, which near T leaves "            \
-               "along the grasp axis; 0: neither"),                                                \
+               "1: retreat planned from the drifted last valid state, near T along "               \
+               "the grasp axis; 0: neither"),                                                      \
         NONNEGATIVE(axis_radius, "m",                                                              \
                     "range up to which a retreat from phases 5, 6, 7, 11 follows the grasp axis"), \
         NONNEGATIVE(aim_radius, "m",                                                               \
-                    "sphere along whose tangent the closing aims until near R_2; 0: aims at "      \
-                    "the hold"),                                                                   \
+                    "radius of the sphere to which the closing aims tangentially until near R_2; " \
+                    "0: at hold 2"),                                                               \
         SWITCH(monitor_stack,                                                                      \
                "1: the safety monitor uses the state in phases 8 to 10 too (its abort has "        \
                "no effect there)"),                                                                \

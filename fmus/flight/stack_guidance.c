@@ -1,5 +1,5 @@
 /* stack_guidance.c - detumbling of the docked stack: the rate decreases to 0 along a smooth
- * profile, about its axis at the start, as fast as a share of the wheels' torque allows; wheels are
+ * profile, about its initial axis, as fast as a share of the wheels' torque allows; wheels are
  * unloaded.
  *
  *   T = max(duration_min, 1.875 max_i |(J w_0)_i| / max(lim_i - g_i, 0.1 lim_i))
@@ -71,7 +71,7 @@ static const Variable variables[] = {
                    "gain of unloading: torque per wheel momentum to remove"),
     NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
                    "largest torque of unloading, per body axis"),
-    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "wheel speeds at which unloading aims"),
+    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "wheel speeds that unloading approaches"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -84,7 +84,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(duration, "s", "duration of the profile"),
     NONNEGATIVE_OUTPUT(progress, "1", "elapsed share of the profile"),
     FLAG(done, "1: the profile is over"),
-    FLAG(unloading, "1: the wheels are unloaded"),
+    FLAG(unloading, "1: thrusters unload the wheels"),
     OUTPUT(momentum_S, "N.m.s", "angular momentum of stack and wheels, servicer axes"),
 };
 

@@ -1,21 +1,22 @@
 /* transposition_guidance.c - attitude reference along which a docked assembly swings its module
  * without saturating its gyros.
  *
- * The attitude history is planned in `initialize` (transposition_plan.h) from parameters only, in
- * working memory of fixed size that is separate from the model and no part of its state. The state
- * contains the nodes of the history and the total momentum at the nodes. Published at a sample:
- * attitude, rate and acceleration of the history, the momentum h that the gyros will have, and its
- * mean rate over the coming sample,
+ * The attitude history (attitude over time, relative to the flight attitude, which has X along the
+ * velocity and Z to the Earth) is planned in `initialize` (transposition_plan.h) from parameters
+ * only, in working memory of fixed size that is separate from the model and no part of its state.
+ * The state contains the nodes of the history and the total momentum at the nodes. Published at a
+ * sample: attitude, rate and acceleration of the history, the momentum h that the gyros will have,
+ * and its mean rate over the coming sample,
  *
  *   h = C_DN H_N - (J_A omega + h_m),   H_N = H_N(t_k) + integral(C_ND tau) from node t_k,
  *   dh = (h(t+T) - h(t))/T,
  *
  * the integral by two-point Gauss quadrature with 16 steps per node interval, so that a controller
  * with the same model follows h within 1e-6 of the saturation momentum. D: reference axes of the
- * base; J_A, h_m, tau, flight attitude: assembly.h; T: sample period. Outside the time window of
- * the plan the reference is the flight attitude and h is constant. If no history satisfies the
- * limits, the reference is the flight attitude, with a status and an alarm. Source: patent
- * CN106020225A, corrected (docs/models.md E). */
+ * base; J_A, h_m, tau: assembly.h; T: sample period. Outside the time window of the plan the
+ * reference is the flight attitude and h is constant. If no history satisfies the limits, the
+ * reference is the flight attitude, with a status and an alarm. Source: patent CN106020225A,
+ * corrected (docs/models.md E). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
@@ -61,20 +62,22 @@ static const Variable variables[] = {
     PARAMETER(h_0_S, "N.m.s", "momentum of the gyros at the start of the window, body axes"),
     PARAMETER(window_start, "s", "start of the time window in which the attitude follows the plan"),
     POSITIVE(window, "s", "length of the window, which must contain the swing"),
-    POSITIVE(nodes, "1", "intervals between the nodes of the history, a whole number, 8 to 120"),
+    POSITIVE(nodes, "1", "intervals between the nodes of the plan, a whole number, 8 to 120"),
     POSITIVE(H_sat, "N.m.s", "momentum at which the gyros saturate"),
     POSITIVE(momentum_share, "1",
              "part of H_sat below which the planned momentum remains, at most 1"),
     POSITIVE(rotation_max, "rad", "largest rotation from the flight attitude, at most 3.05 rad"),
-    SWITCH(use_plan, "1: attitude by plan; 0: flight attitude all the time"),
+    SWITCH(use_plan,
+           "1: attitude by plan; 0: flight attitude (X forward, Z to the Earth) all the time"),
     NONNEGATIVE(
         scheme, "1",
         "discretisation: 0 spline, 1 patent with corrected second difference, 2 patent as printed"),
-    POSITIVE(alpha, "1", "part of the computed change of the history that an iteration applies"),
+    POSITIVE(alpha, "1", "part of the computed change of the plan that an iteration applies"),
     NONNEGATIVE(lambda, "N2.m2.s6",
-                "weight on the second differences of the change in an iteration"),
+                "weight on the second differences of the change of the plan in an iteration"),
     NONNEGATIVE(weight, "1",
-                "exponent of |h|/max |h| in the weight of a node, whole number up to 8"),
+                "weight of a node: |h|/max |h| to this power, whole number up to 8; h: momentum of "
+                "the gyros"),
     NONNEGATIVE(iterations_max, "1",
                 "largest number of iterations of the plan, whole number up to 30"),
     SAMPLE_PERIOD,
@@ -87,7 +90,7 @@ static const Variable variables[] = {
          "planned|flight attitude requested|momentum not below the limit|rotation would exceed "
          "rotation_max"),
     ALARM(no_plan,
-          "1: no history satisfies the limits (see status), the reference is the flight attitude"),
+          "1: no planned attitude satisfies the limits (see status): flight attitude instead"),
     NONNEGATIVE_OUTPUT(iterations, "1", "iterations of the plan"),
     NONNEGATIVE_OUTPUT(momentum_max, "N.m.s", "largest predicted momentum of the gyros"),
     ANGLE_OUTPUT(rotation_largest, "largest angle between reference attitude and flight attitude"),

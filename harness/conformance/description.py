@@ -295,7 +295,9 @@ class Description:
             yield from ((kind, e, int(e.get(name))) for e in self.every(path))
 
     def listed(self, name: str) -> list[Declared]:
-        """Return the variables in a list of the model structure that exist in the description."""
+        """Return the variables to which a list of the model structure refers, without the ones
+        that the description lacks.
+        """
         found = (self.numbered(number) for kind, _, number in self.entries() if kind == name)
         return [v for v in found if v is not None]
 

@@ -23,6 +23,8 @@ from harness.results.result import Array
 def environments(num_envs: int, system: str | Path, **how: Any) -> VectorEnv[Array, Array, Array]:
     """Return a vector of environments of one system. If the system has third-party FMUs, each
     environment runs in a child process.
+
+    how: arguments as for harness.environment().
     """
     if trusted(system, how):
         return Environments(num_envs, system=system, **how)
@@ -40,6 +42,8 @@ class Environments(VectorEnv[Array, Array, Array]):
     def __init__(self, num_envs: int, **arguments: Any) -> None:
         """Create the environments. With a campaign (`factors`), the episodes of environment i start
         as the runs i, i + num_envs, i + 2 num_envs, ... of the campaign.
+
+        arguments: as for harness.environment().
         """
         self.num_envs = num_envs
         self.envs = [Environment(**arguments, stride=num_envs) for _ in range(num_envs)]

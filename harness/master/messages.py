@@ -88,8 +88,8 @@ def logger(instance: str) -> Any:
 
 
 def take_error(instance: str) -> str | None:
-    """Return the newest error message of an instance, or of an FMU that does not state its name,
-    None if there is none. All stored error messages are removed.
+    """Return the newest error message of an instance, or a message that names no instance if it is
+    newer; None if there is none. All stored error messages are removed.
     """
     candidates = [text for name, text in _errors if name in (instance, "")]
     _errors.clear()
@@ -251,7 +251,7 @@ def rejections(message: str, parameters: Collection[str]) -> tuple[Rejection, ..
 
 def as_typed(error: RejectedValueError, given: Mapping[str, Any], prefix: str) -> HarnessError:
     """Return a UsageError about the options --set that the user typed, if all rejections are about
-    their values; else return the error unchanged.
+    values of these options; else return the error unchanged.
 
     given: values of --set by name `component.parameter`; prefix: `component.` of the failed
     component.

@@ -54,7 +54,7 @@ gain 1/2 settles to the last bit in half as many rounds.
 _log = logging.getLogger("harness")
 
 Slots = tuple[int, ...] | None
-"""Indices of the slots that are recorded, in order; None: all slots."""
+"""Indices of the recorded slots (places of single values on the bus), in order; None: all slots."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,9 @@ class Snapshot:
     bus: NDArray[np.float64]
     states: tuple[Any, ...]
     held: tuple[bytes, ...] = ()
-    """Buffers of open components, with the outputs that these components publish next."""
+    """Buffers of open components (components whose outputs the user sets), with the outputs that
+    they publish next.
+    """
 
 
 class Simulation:
@@ -195,8 +197,8 @@ class Simulation:
     def begin(
         self, system: System, every: int | None = None, recorded: Collection[str] | None = None
     ) -> None:
-        """Prepare a run of `system`, which replaces the present system; the next step is
-        initialize().
+        """Prepare a run of `system`, which replaces the present system; initialize() must
+        follow.
 
         FMUs of the project that are already loaded are reset; all other FMUs are loaded. Raises the
         errors of the constructor and of the beginning of the `with` block.
@@ -335,7 +337,9 @@ class Simulation:
             if self._files is None:
                 raise UsageError("a Simulation can advance inside its `with` block only")
             if to is not None and not isinstance(to, int | np.integer):
-                raise UsageError(f"advance(to={to!r}): expected a whole number of macro steps")
+                raise UsageError(
+                    f"advance(to={to!r}): expected a whole number of macro steps since the start"
+                )
             self._in_words(self.steps if to is None else min(int(to), self.steps), progress)
         except KeyboardInterrupt:
             raise self._partial(InterruptionError(self.system.name, self.time)) from None

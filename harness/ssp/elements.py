@@ -182,7 +182,7 @@ class Tree:
             raise ValueError(f"connects two {both}")
         forward = takes is not True if gives is None else gives
         source, target = (start, end) if forward else (end, start)
-        is_last = target.point.place in self.components  # the FMU states the unit of its input
+        is_last = target.point.place in self.components  # the FMU states the target's unit
         unit = None if is_last else self.connectors[target.point].unit
         return Edge(source, target, hop_of(element, unit))
 
@@ -237,14 +237,16 @@ class Tree:
         self.given[point] = given
 
     def declared(self, point: Point) -> Connector | None:
-        """Return the declaration of a connector, or of the array to which it belongs."""
+        """Return the declaration of a connector, or of the array to which it belongs; None if there
+        is neither.
+        """
         whole = point._replace(connector=base(point.connector))
         return self.connectors.get(point) or self.connectors.get(whole)
 
     def _bound(self, binding: XmlElement, label: str) -> Mapping[str, Parameter]:
         if (root := self._part(binding, VALUES, label)) is None:
             return {}
-        prefix = binding.get("prefix", "")  # added first: a mapping refers to names with it
+        prefix = binding.get("prefix", "")  # before the mapping, which refers to prefixed names
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
         root = None if found is None else self._part(found, MAPPING, label)
@@ -269,7 +271,9 @@ class Tree:
         return xml.parse(path, part.schema) if is_file(path) else None
 
     def _file(self, source: str | None, label: str) -> Path:
-        """Return a file inside the archive; record a problem if it is missing."""
+        """Return the path of a file inside the archive; if there is no such file, record a problem
+        and return a path that is no file.
+        """
         name = source or ""
         if urlsplit(name).scheme:
             self.problems.append(f"{label}: {name} is outside of the archive and is not read")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Claims about the arm: two of the paper about the synchronised approach, which states what an arm
-can do after that approach, and the results of an independent simulation of the laws of arm_capture.
+"""Claims about the arm in two groups: two claims of the paper about the synchronised approach, on
+what an arm can do after this approach, and results of an independent simulation of the laws of
+arm_capture.
 """
 
 from __future__ import annotations

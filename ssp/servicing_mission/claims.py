@@ -111,7 +111,7 @@ def least_before_mating(result: Result) -> tuple[float, ...]:
 
 def least_margin(result: Result) -> tuple[float, ...]:
     """Return the smallest of the least margins of the rules keep-out, corridor and speed, then each
-    of the three [m, m, m/s].
+    of these three margins [m, m, m/s].
     """
     margins = result[LEAST][-1, :3]
     return (float(margins.min()), *map(float, margins))

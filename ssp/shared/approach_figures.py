@@ -36,7 +36,7 @@ from .relative_motion import (
 )
 
 ETA = "controller.eta_hat"
-"""Estimated inertia: elements 11, 12, 13, 22, 23, 33 of the body, then of the wheels."""
+"""Output of estimated inertias: elements 11, 12, 13, 22, 23, 33 of the body, then of the wheels."""
 MAIN, OFF = (0, 3, 5), (1, 2, 4)
 """Indices of the diagonal elements, and of the other elements, among 11, 12, 13, 22, 23, 33."""
 BODY, WHEELS = "servicer.J_S", "servicer.A_w"
@@ -58,8 +58,8 @@ largest thrust of several rows.
 def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) -> Panel:
     """Return a panel titled `what` with estimated inertia elements and, dashed, their true values.
 
-    first: index in ETA of the first of six elements; elements: indices of the shown ones among
-    these; parameter: matrix of the true values.
+    first: index in ETA of the first of the six elements of the body or of the wheels; elements:
+    indices, among these six, of the elements to show; parameter: matrix of the true values.
     """
     places = [f"{i}{j}" for i in (1, 2, 3) for j in range(i, 4)]
     estimates = [Curve(f"{ETA}[{first + k + 1}]", places[k]) for k in elements]

@@ -157,7 +157,9 @@ def availability(result: Result, name: str, begin: float = 1.0) -> float:
 
 
 def tracking(result: Result) -> tuple[Array, Array]:
-    """Return the distances from the reference position, true and estimated, (rows,) each [m]."""
+    """Return the distances of the servicer from its reference position, true and estimated,
+    (rows,) each [m].
+    """
     true, sampled = rows(result)
     reference = result["guidance.rho_ref_N"][sampled]
     actual = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[true]

@@ -357,7 +357,7 @@ def test_an_impossible_task_is_reported_in_the_log(tmp_path):
         texts = [m.text for m in instance.host.messages if m.category == "logStatusWarning"]
     assert len(texts) == 1
     assert "no_plan" in texts[0]
-    assert "no history satisfies the limits" in texts[0]
+    assert "no planned attitude satisfies the limits" in texts[0]
 
 
 @pytest.mark.verifies("E.4-5")

@@ -17,8 +17,8 @@ INSTANCES = {
 
 
 def box(result: Any) -> tuple[float, ...]:
-    """Return the least distance to the box around the target that the drift must not enter [m],
-    negative inside, and the time after which there is no thrust [min].
+    """Return the least distance of the servicer to the box around the target that it must not
+    enter while it drifts [m], negative inside, and the time after which there is no thrust [min].
     """
     from ssp.arch_rendezvous import claims
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Transposition: parameter sets, finite differences of the patent, steps of the plan."""
+"""Transposition: parameter sets, finite differences of the patent, iterations of the plan."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def by_set() -> str:
 
 
 def planned(result: Any) -> tuple[float, float]:
-    """Return the planned peak of the momentum [N m s] and the rotation of the plan [deg]."""
+    """Return the planned peak of the momentum [N m s] and the largest planned rotation [deg]."""
     last = int(result["guidance.iterations"][-1])
     return result["guidance.peak"][-1][last], np.degrees(result["guidance.rotation"][-1][last])
 
 
 def by_scheme() -> str:
-    """Return a table with a row per scheme of finite differences of the plan: as in E.4, as printed
-    in the patent, and as printed with the second difference corrected.
+    """Return a table with a row per scheme of finite differences of the plan: as in E.4 of
+    docs/models.md, as printed in the patent, and as printed with the second difference corrected.
     """
     return of_runs("differences", SCHEMES, [
         Column("peak as planned [N m s], at a rotation of [deg]", planned, "{:.0f}, {:.1f}"),

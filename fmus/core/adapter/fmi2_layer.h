@@ -1,5 +1,5 @@
-/* fmi2_layer.h - declarations shared by the files of FMI 2.0, and its status for a rejected
- * call. */
+/* fmi2_layer.h - declarations shared by the files that implement FMI 2.0, and the status that
+ * they return for a rejected call. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMI2_LAYER_H
 #define FMI2_LAYER_H

@@ -67,10 +67,11 @@ void release(const Instance *instance, void *memory)
     else instance->call.release(memory);
 }
 
-enum { FINDING_SIZE = NAME_SIZE + 400 }; /* a name, a value, a rule and the text of the row */
+enum { FINDING_SIZE = NAME_SIZE + 400 }; /* name, value, rule and description of an output */
 
-/* row i of the table of variables, followed by the further rows that are checked */
-static const Variable *checked_row(size_t i) /* NULL: i is beyond the last row */
+/* returns row i of the table of variables, followed by the further rows that are checked; NULL if i
+ * is beyond the last row */
+static const Variable *checked_row(size_t i)
 {
     const size_t beyond = i - fmu_model.variable_count;
     if (i < fmu_model.variable_count) return &fmu_model.variables[i];

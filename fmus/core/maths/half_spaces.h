@@ -1,10 +1,11 @@
 /* half_spaces.h - the point nearest to a given one in the intersection of half spaces n.u >= c.
  *
- * Half spaces are added one after the other. If the new one excludes the point, the nearest point
- * lies on its plane. If an earlier half space excludes the nearest point of this plane, the point
- * lies on the line in which both planes meet; on this line the half spaces give two bounds
- * (Seidel's incremental method in three dimensions, in a fixed order). The work is bounded: at most
- * n planes, n^2/2 lines and n^3/6 points for n half spaces. Equations: docs/models.md M.5. */
+ * Half spaces are added one after the other. If a new half space excludes the point found so far,
+ * the next point lies on the plane of this half space. If an earlier half space excludes the point
+ * of this plane nearest to the given one, the next point lies on the line in which the planes of
+ * both half spaces meet; on this line the earlier half spaces leave an interval (Seidel's
+ * incremental method in three dimensions, in a fixed order). The work is bounded: at most n planes,
+ * n^2/2 lines and n^3/6 points for n half spaces. Equations: docs/models.md M.5. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef HALF_SPACES_H
 #define HALF_SPACES_H

@@ -18,7 +18,7 @@
 
 /* ---- H x = y ---- */
 typedef struct {
-    int turns, joints;     /* turns: 1 if the base turns; joints: number that move */
+    int turns, joints;     /* turns: 1 if the base turns; joints: how many move */
     double moves[COLUMNS]; /* 1: the joint moves, 0: it is locked */
 } DegreesOfFreedom;
 
@@ -101,8 +101,8 @@ static inline TidalField tidal_field_about(vec3 c, double g, vec3 a)
     return (TidalField){G, neg(mul(G, c))};
 }
 
-/* w~ w~ + alpha~ - G: derivative of a' minus the tidal acceleration with respect to the position of
- * the point in a body; ~: matrix of the vector product */
+/* w~ w~ + alpha~ - G: derivative of (a' minus the tidal acceleration) with respect to the position
+ * of the point in a body; ~: matrix of the vector product */
 static inline mat3 acceleration_gradient(vec3 w, vec3 alpha, mat3 G)
 {
     double xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;

@@ -104,15 +104,18 @@ typedef struct {
         PORT_POSITIVE(draw_time, "s", "duration of the retraction of the probe"),                  \
         NONNEGATIVE(hard_distance, "m",                                                            \
                     "hard capture: largest distance of the tip from its seated position"),         \
-        NONNEGATIVE(hard_angle, "rad", "hard capture: largest rotation from the rest attitude"),   \
+        NONNEGATIVE(hard_angle, "rad",                                                             \
+                    "hard capture: largest rotation from the rest attitude of the latch"),         \
         NONNEGATIVE(hard_speed, "m/s", "hard capture: largest speed of the tip"),                  \
         NONNEGATIVE(hard_rate, "rad/s", "hard capture: largest relative angular rate"),            \
         LATCH_ROWS(hard, "hard capture"),                                                          \
-        NONNEGATIVE(break_force, "N", "the latch breaks above this mean force of a step"),         \
-        NONNEGATIVE(break_moment, "N.m", "the latch breaks above this mean couple of a step"),     \
+        NONNEGATIVE(break_force, "N", "the latch breaks above this force, averaged over a step"),  \
+        NONNEGATIVE(break_moment, "N.m",                                                           \
+                    "the latch breaks above this couple, averaged over a step"),                   \
         PORT_POSITIVE(k_sep, "N/m", "stiffness of the separation spring"),                         \
         PORT_NONNEGATIVE(stroke_sep, "m", "stroke of the separation spring"),                      \
-        SWITCH(latency, "1: outputs one step ahead, for masters that transfer late (Jacobi)"),     \
+        SWITCH(latency,                                                                            \
+               "1: outputs are one step ahead, as Jacobi masters transfer them a step late"),      \
         GRID(max_step, "longest internal step of the prediction")
 
 static inline void check_nonzero_quaternion(Problems *problems, const char *name, quat q)

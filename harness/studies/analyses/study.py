@@ -138,12 +138,13 @@ def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
     else:
         p = 1 - 0.05 ** (1 / runs)
         by_chance = (
-            f"; {runs} random runs without a failure prove a failure probability below "
+            f"; {runs} random runs without a failure would prove a failure probability below "
             f"{100 * p:.2g} % at 95 % confidence"
         )
         yield (
             f"{name}: no failure in {runs} runs, worst margin "
-            f"{of_unit(found['margin'], unit)}, nominal {nominal}: the search proves nothing"
+            f"{of_unit(found['margin'], unit)}, nominal {nominal}: "
+            "a search cannot prove that no run fails"
             f"{'' if study.estimate['unjudged'][name] else by_chance}"
         )
     system = study.store.group.attrs["system"]

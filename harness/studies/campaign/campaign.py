@@ -116,7 +116,7 @@ def _begun(
     dataset and the iterator of completed blocks.
 
     read: plan and task of the campaign; pool: context manager of the function that performs blocks;
-    life: stack that unlocks the dataset and ends the workers at its end.
+    life: stack that unlocks the dataset and ends the workers when it is closed.
     """
     plan, task = read
     laid = list(fields(plan, task))

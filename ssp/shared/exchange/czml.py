@@ -59,8 +59,10 @@ class _Clock(NamedTuple):
 
 
 def write_czml(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
-    """Write all bodies of a result, or the named one, into a .czml file; raise UsageError or
-    ResultsError. epoch: UTC at t = 0.
+    """Write all bodies of a result into a .czml file; raise UsageError or ResultsError.
+
+    names: names of the variables of bodies; body: name of the only body to write (None: all);
+    epoch: UTC at t = 0.
     """
     rows = slice(None, None, -(-len(result.time) // ROWS))
     times = instants(result, epoch)[rows]
