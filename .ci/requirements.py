@@ -142,7 +142,7 @@ def gaps(t: Trace) -> Iterator[str]:
     """Yield a message for each id without code or tests, and for each id of no requirement."""
     for name in t.texts:
         if name not in t.code:
-            yield f"{name}: no comment in fmus/ has this id"
+            yield f"{name}: no comment in fmus/ has this id; put one above the function"
         if name not in t.tests:
             yield f"{name}: no test verifies it; mark one with @pytest.mark.verifies"
     for name in t.code.keys() - t.texts.keys():

@@ -5,14 +5,14 @@
  *
  * w: angular velocity of D, r: its roll rate. D follows a rule: an attitude with the same axis i
  * that may roll at any rate, or jump. As long as the rule satisfies the limits, D is equal to the
- * rule. If the rule violates the limits, or the caller holds it, D moves on its own: k follows i on
- * the shortest arc and rolls at the rate r, which is controlled towards r_d: the roll rate r* of
+ * rule. If the rule violates the limits, or the caller sets `held`, D moves on its own: k follows i
+ * on the shortest arc and rolls at the rate r, which is controlled towards r_d: the roll rate r* of
  * the rule plus a rate v that removes the roll angle psi from D to the rule,
  *
  *   r_d = r* + v(psi),   v = psi/tau,  beyond |psi| = a tau^2:  +-sqrt(2 a (|psi| - a tau^2/2)),
  *
- * a = acceleration_max/2, tau = ten samples; while the rule is held r_d = 0. D follows the rule
- * again when both agree. Derivation: docs/models.md A.4.6. */
+ * a = acceleration_max/2, tau = ten samples; with `held`, r_d = 0. D follows the rule again
+ * when both agree. Derivation: docs/models.md A.4.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LIMITED_ROLL_H
 #define LIMITED_ROLL_H

@@ -3,8 +3,8 @@
  *
  *   w = |w_T| as estimated,  a = budget F_axis/mass
  *   R_f     = clip(a/(w + w_steer)^2, R_around, R_2)                   range of the fly-around
- *   steer   = clip(sqrt(a/R) - w, 0, w_steer)                       steering that force leaves at R
- *   w_m     = (w_T.h_T)/(h_T.h_T) h_T,  h_T = J_T w_T:  mean rate, at rest while the target nutates
+ *   steer   = clip(sqrt(a/R) - w, 0, w_steer)                     steering rate that a permits at R
+ *   w_m     = (w_T.h_T)/(h_T.h_T) h_T,  h_T = J_T w_T:  mean rate, constant in N despite nutation
  *   beta    = (w_m.J_S w_m)/(2 w_m.w_m),   h = beta w_m, wheels at most bias_max wheel_speed_max
  *   momentum = |J_T w_T| + w (max J_S + mass mass_T/(mass + mass_T) L_3^2)   of the pair at L_3
  *   dv      = w^2 (R_f pi/steer + L_3 T_3 + (R_f + L_3)/2 T_5)      for turning with the target

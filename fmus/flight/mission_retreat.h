@@ -1,15 +1,15 @@
-/* mission_retreat.h - retreat: a velocity outwards, and along the track for a drift that does not
- * return.
+/* mission_retreat.h - retreat: velocity outwards and along the track, so that the servicer drifts
+ * away and does not return.
  *
  *   v = v_retreat rho/|rho| +- v_drift y_H
  *
  * The sign with the larger least distance of the drift from the target is chosen, by the
- * equations of Clohessy and Wiltshire (hill_drift.h), n = |w_H|. With abort_relative the state is
- * the last valid one after its drift until now, and near the target the direction outwards is the
- * grasp axis.
+ * equations of Clohessy and Wiltshire (hill_drift.h), n = |w_H|. The retreat is planned from the
+ * last valid state. With abort_relative this state is first propagated to the present time, and
+ * near the target the direction outwards is the grasp axis.
  *
- * A purely outward velocity returns after an orbit. A component along the track causes a permanent
- * drift of 3 |v_y| per unit of time. */
+ * With a purely outward velocity the servicer returns after an orbit. A component along the track
+ * causes a permanent drift of 3 |v_y| per unit of time. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_RETREAT_H
 #define MISSION_RETREAT_H

@@ -129,7 +129,8 @@ typedef struct {
     double tide;
 } Rotation;
 
-/* A_th,th = -w~,   A_w,th = B^-1 tide (e~ B - (B e)~) e~,   A_w,w = B^-1 ((B w)~ - w~ B) */
+/* A_th,th = -w~,   A_w,th = B^-1 tide (e~ B - (B e)~) e~,   A_w,w = B^-1 ((B w)~ - w~ B);
+ * tide = 3 mu/r^3 */
 static inline Rotation rotation_of(const MotionModel *model, const Estimate *x, vec3 r_T)
 {
     mat3 B = inertia_of_ratios(1, x->kappa);

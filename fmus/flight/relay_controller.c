@@ -68,8 +68,8 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    SWITCH(law, "speed law of the guidance: 0 scalar, derivative of servicer speed; 1 "
-                "vector, of speed error"),
+    SWITCH(law, "speed law of the guidance: 0 scalar (Kd_v acts on the servicer speed), 1 "
+                "vector (on e_v)"),
     NONNEGATIVE(Kp_v, "1", "gain of the speed error"),
     NONNEGATIVE(Kd_v, "s", "gain of the derivative of the speed error"),
     NONNEGATIVE(rho1, "m/s", "value of the switching function at which translation switches off"),
@@ -89,7 +89,8 @@ static const Variable variables[] = {
     INPUT(translate, "1", "1: translational thrust permitted"),
     OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
-    NONNEGATIVE_OUTPUT(throttle, "1", "0 or 1; elements: P1..P8, P'1..P'4, P'5; the rest is 0"),
+    NONNEGATIVE_OUTPUT(throttle, "1",
+                       "0 or 1; P1..P8 attitude, P'1..P'4 brakes, P'5 main engine; the rest is 0"),
     FLAG(translation_firing, "1: main engine or brakes are commanded"),
     OUTPUT(sigma_w, "1", "switching functions of rotation, body axes"),
     OUTPUT(sigma_v, "m/s", "switching function of translation"),

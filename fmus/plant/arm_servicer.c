@@ -55,7 +55,7 @@ typedef struct {
 } Vehicle;
 typedef struct {
     Motion now;
-    Vehicle vehicle; /* evaluated for the motion `now`; the next step starts with it */
+    Vehicle vehicle; /* evaluated for the motion `now`, used at the start of the next step */
 } State;
 typedef struct {
     BaseOutput base;

@@ -168,7 +168,7 @@ def _definitions(d: Description) -> Iterator[str]:
             yield f"{v}: its type {v.type_name} is not defined"
         for number in (*([] if v.derivative is None else [v.derivative]), *v.clocks):
             if d.numbered(number) is None:
-                yield f"{v}: derivative or clocks names variable {number}, which does not exist"
+                yield f"{v}: attribute derivative or clocks: variable {number} does not exist"
     for kind, e, number in d.entries():
         for each in (number, *map(int, e.get("dependencies", "").split())):
             if d.numbered(each) is None:

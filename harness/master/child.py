@@ -119,7 +119,7 @@ class Child:
     def __exit__(self, *_: object) -> None:
         self.kill()
         self._code = self.process.exitcode
-        # closed here and not by the garbage collector: an error may refer to this Child for longer
+        # not left to the garbage collector: an error that refers to this Child would delay it
         self.process.close()
         self._messages.close()
         self._terminal.close()

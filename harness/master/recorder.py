@@ -46,7 +46,7 @@ class Recorder:
         raise UsageError if every < 1 or the table does not fit into memory.
 
         earlier: recorder of a completed run, whose table is reused if it has the same shape and
-        nothing else refers to it. Fresh memory costs as much as the steps themselves.
+        nothing else refers to it. First use of new memory takes as long as the steps themselves.
         """
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")

@@ -88,7 +88,8 @@ class Flat:
     def _follow(self, edge: Edge, shape: Index | None, index: Index, variable: Point) -> None:
         """Follow an input of a component back from its last connection `edge`, and connect it with
         the output that drives it, if there is one. Raise ValueError if several connections lead to
-        one connector, arrays have other sizes or elements, or the way is longer than MAX_CHAIN.
+        one connector, if connected arrays differ in shape, if an array lacks the selected element,
+        or if the way passes more than MAX_CHAIN connectors.
 
         shape: shape of the array to which the scalar belongs, None if a connection has selected a
         single element; index: indices of the scalar in the array.

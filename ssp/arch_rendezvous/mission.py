@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: rendezvous benchmark."""
+"""Mission: rendezvous benchmark SPRE of ARCH-COMP."""
 
 from __future__ import annotations
 

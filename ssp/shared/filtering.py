@@ -120,7 +120,7 @@ def findings(result: Result) -> Iterator[RuleFinding]:
             continue
         broken = (result[BARRIER][:, rule] < 0) & (exact | (result[RELAXED] == rule + 1))
         when = float(result.time[np.argmax(broken)]) if broken.any() else float("nan")
-        text, limit = "distance or speed left after braking", "at least 0"
+        text, limit = "distance or speed that remains to the limit after braking", "at least 0"
         yield RuleFinding(f"{name} (filter)", least, unit, when, text, limit)
 
 

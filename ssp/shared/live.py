@@ -76,12 +76,12 @@ def first_time(condition: str) -> str:
     return f"min({since}) + first(time) - 1 s"
 
 
-# ---- since the release of the attitude
+# ---- from release_time() on; before, the attitude of the servicer is frozen
 
 
 def released(result: Result) -> str:
-    """Return the expression that is true in rows in which the attitude of the servicer is not
-    frozen.
+    """Return the expression that is true in rows from release_time() on, in which the attitude of
+    the servicer is not frozen.
     """
     known = result.holds(parameters=(RELEASE,))
     release = f"parameter({RELEASE})" if known else f"{min(release_time(result), 1e300)!r} s"
@@ -89,15 +89,15 @@ def released(result: Result) -> str:
 
 
 def since_release(result: Result) -> str:
-    """Return the expression of the time from the first row in which the attitude is free to the
-    last row [s].
+    """Return the expression of the time from the first row in which the attitude of the servicer
+    is not frozen to the last row [s].
     """
     return f"max((last(time) - time) * ({released(result)}))"
 
 
 def attitude_settles(result: Result, limits: Limits) -> str:
-    """Return the expression of the time after the release from which the attitude error stays
-    within its band [s].
+    """Return the expression of the time after which the attitude error stays within its band
+    [s], counted from the end of the time in which the attitude of the servicer is frozen.
     """
     error = f"degrees({attitude_error(result)}) * ({released(result)})"
     frozen = f"(last(time) - first(time) - {since_release(result)})"
@@ -106,8 +106,8 @@ def attitude_settles(result: Result, limits: Limits) -> str:
 
 
 def attitude_steady(result: Result, _: Limits) -> str:
-    """Return the expression of the largest attitude error [deg] in the last fifth of the time since
-    the release of the attitude.
+    """Return the expression of the largest attitude error [deg] in the last fifth of the time in
+    which the attitude of the servicer is not frozen.
     """
     late = f"(last(time) - time <= 0.2 * {since_release(result)})"
     error = f"max(degrees({attitude_error(result)}) * {late})"
@@ -127,7 +127,9 @@ def delta_v(result: Result, _: Limits) -> str:
 
 
 def acting(result: Result) -> str:
-    """Return the expression that is true if the attitude is free in a row and in the row before."""
+    """Return the expression that is true if the attitude of the servicer is not frozen in a row and
+    in the row before.
+    """
     return f"(time > last(time) - {since_release(result)}) * ({released(result)})"
 
 
@@ -146,8 +148,8 @@ def wheel_torque(result: Result) -> list[str]:
 
 
 def torque_impulse(result: Result, _: Limits) -> str:
-    """Return the expression of the integral of the torque of thrusters and wheels on the body since
-    the release of its attitude, summed over the axes [N m s].
+    """Return the expression of the integral of the torque of thrusters and wheels on the body while
+    its attitude is not frozen, summed over the axes [N m s].
     """
     thrusters = f"({TORQUE_IMPULSE} - previous({TORQUE_IMPULSE}))"
     if TORQUE_IMPULSE not in result:
@@ -158,8 +160,8 @@ def torque_impulse(result: Result, _: Limits) -> str:
 
 
 def peak_torque(result: Result, _: Limits) -> str:
-    """Return the expression of the largest torque of thrusters and wheels on the body since the
-    release of its attitude [N m].
+    """Return the expression of the largest torque of thrusters and wheels on the body while
+    its attitude is not frozen [N m].
     """
     axes = enumerate(wheel_torque(result), 1)
     square = " + ".join(f"({TORQUES[0]}[{axis}] + {wheels}) ** 2" for axis, wheels in axes)

@@ -24,7 +24,9 @@ from . import relative_motion as derived
 from .relative_motion import DISTANCE, attitude_error, initial_range, release_time
 
 APART = 10.0
-"""Ratio of the peaks of two runs above which their controllers cannot have the same actuators."""
+"""Ratio of the peak forces, or peak torques, of two runs above which their controllers cannot have
+the same actuators.
+"""
 BAND = 1e-3
 """Default band of the position error as a share of the largest initial range of all runs."""
 
@@ -43,10 +45,10 @@ def definitions(limits: Limits) -> Iterator[str]:
     """Yield the notes below a table of comparison, which define columns that need a definition."""
     if not limits.position:
         return
-    yield "settles: time after which the error stays within the band (attitude: since its release);"
-    yield "  -: it does not stay. error: largest in the last fifth of the run. inside reference:"
-    yield "  largest shortfall of the range against the reference. saturated: share of rows with a"
-    yield "  limit reached. margin: least margin of a rule of the safety monitor, also between rows"
+    yield "settles: time after which the error stays within the band (attitude: since it is free"
+    yield "  to turn); -: it does not stay. error: largest in the last fifth of the run. inside"
+    yield "  reference: largest shortfall of the range against the reference. saturated: share of"
+    yield "  rows with a limit reached. margin: least margin of a safety rule, also between rows"
 
 
 # ---- errors against the reference
@@ -56,7 +58,9 @@ ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
 
 
 def _controlled(result: Result) -> tuple[Array, Array]:
-    """Return times [s] and attitude errors [deg] of the rows since the release of the attitude."""
+    """Return times [s] and attitude errors [deg] of the rows in which the attitude of the servicer
+    is not frozen.
+    """
     begun = result.time >= release_time(result)
     return result.time[begun], np.degrees(attitude_error(result)[begun])
 
@@ -84,8 +88,9 @@ def _attitude_settles(result: Result, limits: Limits) -> float:
 
 def _steady(error: Callable[[Result, slice], Array], result: Result, begin: float) -> float:
     """Return the largest error in the last fifth of the time after `begin`; NaN without such rows.
-    The rows for which `error` is called begin one row earlier, because `error` may give the last
-    row the error of the row before, which must then be among its rows.
+
+    `error` is called for these rows and the row before them: it may repeat, in the last row, the
+    error of the row before, which must then be among the rows.
     """
     time = result.time[result.time >= begin]
     if not len(time):
@@ -166,21 +171,23 @@ def _delta_v(result: Result, _: Limits) -> float:
 
 
 def _acting(result: Result) -> slice:
-    """Return the rows from the release of the attitude on. Earlier torques have no effect."""
+    """Return the rows in which the attitude of the servicer is not frozen. Torques in earlier rows
+    do not turn the servicer.
+    """
     return slice(int(np.searchsorted(result.time, release_time(result))), None)
 
 
 def _wheel_torque_steps(result: Result) -> Array:
-    """Return the change of the momentum of the wheels from row to row since the release,
-    (rows - 1, 3) [N m s].
+    """Return the change of the momentum of the wheels from row to row while the attitude
+    of the servicer is not frozen, (rows - 1, 3) [N m s].
     """
     speed = result["servicer.wheel_speed"][_acting(result)]
     return np.asarray(np.diff(speed, axis=0) @ result.parameter("servicer.A_w").T)
 
 
 def _torque_impulse(result: Result, _: Limits) -> float:
-    """Return the integral of the torque of thrusters and wheels on the body since the release of
-    its attitude, summed over the axes [N m s].
+    """Return the integral of the torque of thrusters and wheels on the body while its attitude is
+    not frozen, summed over the axes [N m s].
 
     The propulsion publishes the integral for thrusters; without that output it is computed from the
     recorded torques. The integral for wheels is computed from the recorded wheel speeds.
@@ -197,8 +204,8 @@ def _torque_impulse(result: Result, _: Limits) -> float:
 
 
 def _peak_torque(result: Result, _: Limits) -> float:
-    """Return the largest torque of thrusters and wheels on the body since the release of its
-    attitude [N m]; the torque of the wheels is the mean from row to row.
+    """Return the largest torque of thrusters and wheels on the body while its attitude is not
+    frozen [N m]; the torque of the wheels is the mean from row to row.
     """
     acting = _acting(result)
     steps = np.diff(result.time[acting])[:, None]
@@ -237,7 +244,7 @@ def _within(limits: Limits, _: Mapping[str, Result]) -> str:
 
 
 def _turned_within(limits: Limits, results: Mapping[str, Result]) -> str:
-    """Return the band of the attitude error, and the time from which it counts, as text."""
+    """Return as text the band of the attitude error, and the time from which errors count."""
     begins = {release_time(r) for r in results.values() if r.holds(*ATTITUDE)}
     since = f"from {begins.pop():g} s" if len(begins) == 1 else "from release"
     return f"{limits.attitude:.3g} deg {since}"

@@ -3,6 +3,6 @@
 results are compared with the published ones.
 
 Input: data only (cases/*.json: parameters, expected rows, tolerance, source and licence of each
-number, deliberately wrong models). Output: one row per case and quantity. The code is separate from
-the FMUs, because no expected value may be computed by the code under test.
+number, wrong models that the comparison must detect). Output: one row per case and quantity. The
+code is separate from the FMUs, because no expected value may be computed by the code under test.
 """

@@ -34,8 +34,9 @@ GUARDED = {
 
 
 def finding(rule: str) -> Any:
-    """Return a function for the text `MARGIN UNIT from TIME s`: least margin of a rule and, if the
-    rule is violated, the time of its first violation.
+    """Return a function of a result that returns `MARGIN UNIT from TIME s`: the least margin of the
+    rule and, only if the rule is violated, the time of the first violation; "-" if the monitor has
+    not evaluated the rule.
     """
 
     def evaluate(result: Any) -> str:
@@ -65,7 +66,9 @@ def aborted(result: Any) -> str:
 
 
 def guarded() -> str:
-    """Return a table of the same runs without and with the monitor in the path of the force."""
+    """Return a table of the time of the abort and the minimum range, for runs without and with the
+    monitor between controller and actuators.
+    """
     return of_runs("run", GUARDED, [
         Column("abort", aborted),
         Column("minimum range [m]", "minimum range", "{:.3g}"),

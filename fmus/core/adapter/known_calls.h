@@ -2,16 +2,16 @@
  * call.
  *
  * A master reads and writes the same variables at every step. The references of its last calls are
- * stored with the runs of consecutive doubles that they name. A call is known if number and values
- * of the references are equal; the address of the array does not matter. An unknown call is
- * resolved reference by reference. */
+ * stored with the runs of consecutive doubles that they name. A call is known if it has the same
+ * references in the same order as a stored call; the address of the array does not matter. An
+ * unknown call is resolved reference by reference. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef KNOWN_CALLS_H
 #define KNOWN_CALLS_H
 
 #include "interface.h"
 
-#ifndef LONGEST_CALL /* most references of a stored call; firmware defines fewer */
+#ifndef LONGEST_CALL /* most references of a stored call; firmware sets a lower limit */
 #define LONGEST_CALL 1024
 #endif
 enum { KNOWN_CALLS = 2, MOST_RUNS = LONGEST_CALL < 256 ? 16 : 64 };

@@ -1,5 +1,5 @@
-/* state.h - states of an instance (plain copies of the model) and directional derivatives
- * (differences of copies) for all versions of FMI. */
+/* state.h - states of an instance (copies of the memory of the model) and directional derivatives
+ * (finite differences between such copies) for all versions of FMI. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef STATE_H
 #define STATE_H

@@ -1,15 +1,15 @@
 /* runs.h - macro steps of several runs of a fused system at once: checks, recorded rows.
  *
  * The memory of the system (fused.h) has a vector in the place of every double. Every macro step is
- * checked in every lane as fmi2DoStep of the FMU checks it. A run whose result would be rejected is
- * lost: its lane is no longer computed, and the caller repeats the run alone. */
+ * checked in every lane as fmi2DoStep of the FMU checks it. A run that fails a check is lost: its
+ * lane is no longer computed, and the caller repeats the run alone. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RUNS_H
 #define RUNS_H
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
-#define STRETCH 64 /* largest number of macro steps that are repeated */
+#define STRETCH 64 /* most macro steps between two saves, repeated after a split */
 
 using lanes::Mask;
 using lanes::Vector;

@@ -12,8 +12,8 @@
 
 enum { TEXT_SIZE = 2000 };
 
-/* one request at a time: one buffer for frames that arrive and one for frames that are sent
- * suffice */
+/* As requests are processed one at a time, one buffer for frames that arrive and one for frames
+ * that are sent suffice. */
 static unsigned char incoming[FRAME_LIMIT], outgoing[FRAME_LIMIT];
 static union {
     fmi2Real real[PAYLOAD_LIMIT / 8];
@@ -95,7 +95,7 @@ static unsigned initialize(const Board *board, size_t slot, Reader *in, Writer *
     (void)in, (void)out;
     unsigned status =
         (unsigned)board->software[slot].exit_initialization(board->slot[slot].instance);
-    if (board->paint_stack) board->paint_stack(); /* so that only steps are measured */
+    if (board->paint_stack) board->paint_stack(); /* from here on: the stack of steps only */
     return status;
 }
 

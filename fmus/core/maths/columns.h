@@ -1,7 +1,7 @@
 /* columns.h - eight vectors, matrices or symmetric matrices, stored as one array per component.
  *
  * In a loop over all eight, compilers then process two at once; the results have the same bits as
- * without this. */
+ * if they were processed one by one. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef COLUMNS_H
 #define COLUMNS_H

@@ -46,7 +46,7 @@ typedef struct {
     double asymmetry; /* (I1 - I3)/I_h */
     double gyroscopic_t, gyroscopic_e; /* I1 + I2 - I3, I1 - I2 - I3 */
     vec3 I_axis;                       /* I2 a */
-    double stiffness, damping;         /* divided by M: w^2 and 2 z w */
+    double stiffness, damping;         /* of the coordinate, divided by M: w^2, 2 z w */
     double draw;                       /* share of the propellant consumption from this mass */
 } Part;
 /* sums of p p^T/M, p l^T/M and l l^T/M over parts, as in (7) */
@@ -168,7 +168,7 @@ typedef struct {
 } PlacedPart;
 typedef struct {
     double m, used, hub_mass; /* mass of the vehicle; consumed propellant U; mass of the hub */
-    vec3 s, c, dc;            /* first moment about S; centre of mass; its velocity in the hub */
+    vec3 s, c, dc;            /* first moment about S; centre of mass; its derivative in S axes */
     int count;
     PlacedPart part[PARTS]; /* the parts that exist */
 } Placement;

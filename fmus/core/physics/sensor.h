@@ -79,10 +79,11 @@ typedef struct {
     double cone;    /* half angle [rad] */
 } Sun;
 
-#define SUN_ROWS(member)                                                            \
-    PARAMETER_AS("sun_N", member.direction, "1", "unit vector to the Sun, N axes"), \
-        NONNEGATIVE_AS("sun_cone", member.cone, "rad",                              \
-                       "no measurement with the Sun this close to the boresight; 0 = no limit")
+#define SUN_ROWS(member)                                                                  \
+    PARAMETER_AS("sun_N", member.direction, "1", "unit vector to the Sun, N axes"),       \
+        NONNEGATIVE_AS("sun_cone", member.cone, "rad",                                    \
+                       "no measurement with the Sun within this angle of the boresight; " \
+                       "0 = no limit")
 
 static inline int in_outage(const Outage *o, double t)
 {

@@ -250,7 +250,8 @@ class _Draft:
 
         structures: system and outcome of its check, for each structure; found: metrics by name.
         """
-        # metrics depend on variables and steps only, so one structure with each pair is tried
+        # metrics depend only on the variables and the number of steps, so of all structures with
+        # the same variables and number of steps, only one is tried
         sizes = {(s.graph.slots, s.steps): (system, s) for system, s in structures}
         results = [_blank(*each, self.table.every) for each in sizes.values()]
         texts = self.table.texts
