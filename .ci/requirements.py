@@ -205,8 +205,9 @@ def replace_library(archive: Path, library: Path) -> None:
 
 
 def entered(file: Path, folder: Path) -> dict[str, set[tuple[str, str]]]:
-    """Return the pairs (component, function) by test; file: lines of the recorder; folder: the
-    libraries, whose symbols give the names of the functions.
+    """Return the pairs (component, function) by test. file: output of the recorder, a line `test,
+    library, offset` per entered function, separated by tabs; folder: the libraries, whose symbols
+    give the names of the functions.
     """
     names: dict[str, dict[int, str]] = {}
     found: dict[str, set[tuple[str, str]]] = {}

@@ -26,7 +26,7 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 def line(work: Mapping[str, Any]) -> str:
-    """Return the line of one reference."""
+    """Return the list item of one reference in Markdown; work: its entry in CITATION.cff."""
     authors = ", ".join(f"{a['family-names']} {a['given-names']}" for a in work["authors"])
     place = work.get("journal") or work.get("collection-title") or work.get("number", "")
     volume = f" {work['volume']}" if "volume" in work else ""

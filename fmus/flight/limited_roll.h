@@ -22,7 +22,7 @@
 #include "portable_math.h"
 
 #define ROLL_SAMPLES 10   /* tau */
-#define AGREED       1e-6 /* largest differences between D and the rule that count as equal */
+#define AGREED       1e-6 /* rad, rad/s: D and rule agree if they differ by less */
 #define NEARLY_BACK  3.0  /* rad: beyond this angle from the rule, D retains its sense of roll */
 
 typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;

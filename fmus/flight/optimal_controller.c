@@ -325,7 +325,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
     int first = x->seconds == 0;
     learn_disturbance(p, u, &x->d, t);
     y->d_hat_N = x->d.d_hat;
-    if (x->seconds > 1) { /* the first plan takes several seconds */
+    if (x->seconds > 1) { /* the first plan to a goal is still being computed */
         x->seconds -= 1;
         return;
     }

@@ -246,7 +246,7 @@ def _within(limits: Limits, _: Mapping[str, Result]) -> str:
 def _turned_within(limits: Limits, results: Mapping[str, Result]) -> str:
     """Return as text the band of the attitude error, and the time from which errors count."""
     begins = {release_time(r) for r in results.values() if r.holds(*ATTITUDE)}
-    since = f"from {begins.pop():g} s" if len(begins) == 1 else "from release"
+    since = f"from {begins.pop():g} s" if len(begins) == 1 else "once free to turn"
     return f"{limits.attitude:.3g} deg {since}"
 
 

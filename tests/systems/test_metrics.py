@@ -155,7 +155,7 @@ def test_the_definition_of_the_columns_names_the_bands():
     limits = Limits(position=0.02, attitude=0.5)
     about = {m.name: m.about(limits, {}) for m in METRICS if m.about}
     assert about["range settles"] == about["position settles"] == "within 0.02 m"
-    assert about["attitude settles"] == "0.5 deg from release"
+    assert about["attitude settles"] == "0.5 deg once free to turn"
     assert "settles: time after which the error stays" in " ".join(definitions(limits))
 
 
