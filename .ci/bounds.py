@@ -40,8 +40,10 @@ ITERATIONS = (9, 20, 50, 60)
 
 
 def laws(cases: dict[str, list[optima.Leg]]) -> None:
-    """Print a row per entry of LAWS. Store the optimum of the first controller of each system and
-    parameter set in `cases`, by the hash optima.case().
+    """Print a row per entry of LAWS: impulse, optimum and ratio for the sum of the absolute force
+    components as cost; optimum and ratio for the norm of the force as cost; distance between the
+    end of the optimal path and the end of a simulation with the optimal force. Store the optimum of
+    the first controller of each system and parameter set in `cases`, under the key optima.case().
     """
     print(
         "| case | controller | impulse | optimum [N s] | ratio | optimum of the norm | ratio | "
@@ -63,7 +65,8 @@ def _bound(system: str, params: str, law: str, cost: str) -> Answer:
 def phases(cases: dict[str, list[optima.Leg]]) -> None:
     """Print, for three parameter sets of the servicing mission, the velocity increments of its
     phases beside their optima, then the optimum of each phase without one of its constraints, one
-    row per constraint [m/s]. Store the optima of the phases in `cases`, by the hash optima.case().
+    row per constraint [m/s]. Store the optima of the phases in `cases`, under the key
+    optima.case().
     """
     for params in (None, "optimal", "limited"):
         found = bound("servicing_mission", params=params)
@@ -76,8 +79,8 @@ def phases(cases: dict[str, list[optima.Leg]]) -> None:
 
 
 def prices() -> None:
-    """Print the least impulses [N s] of the systems of CONSTRAINTS with all constraints, without
-    each one of them, without all but the first, and without any.
+    """Print the least impulses [N s] of the systems in CONSTRAINTS: with all constraints, without
+    each single one, with the first one only, and with none.
     """
     for system, names in CONSTRAINTS.items():
         for without in ((), *((name,) for name in names), names[1:], names):

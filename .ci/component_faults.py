@@ -37,8 +37,8 @@ def prepare(folder: str) -> None:
 
 
 def outcomes(name: str, source: str, seed: int, count: int) -> list[dict[str, object]]:
-    """Return the rows of FILE for a component: its first `count` faults that compile, without
-    faults in code that no program contains. source: hash of the sources of the component.
+    """Return the rows of FILE for a component: its first `count` faults that compile and lie
+    in a file from which a tested program is compiled. source: hash of the sources of the component.
     """
     files = evidence.owners()[name]
     return list(islice(_outcomes(name, files, source, seed, count), count))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages of the FMUs, one each, from the contents of the .fmu, with the checks it has passed."""
+"""Pages of the FMUs, one each: contents of the .fmu, and the checks that the FMU has passed."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def sides() -> dict[str, list[str]]:
 
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
-    """Yield path and content of the pages and pictures of all FMUs; parts: page of each part of the
-    equations by the letter of the part.
+    """Yield path and content of the pages and pictures of all FMUs; parts: path of the page
+    with each part of the equations, by the letter of the part.
     """
     chapters, found = writer("package_fmu").chapters, []
     for side, names in sides().items():
@@ -66,7 +66,7 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
 
 
 def index(found: Sequence[tuple[str, str, str]]) -> str:
-    """Return the page that lists all FMUs."""
+    """Return the page that lists all FMUs; found: triples (side, name, description)."""
     lines = [INDEX]
     for side, title in (("plant", "Plants, actuators, sensors"), ("flight", "Flight software")):
         rows = [(f"[`{name}`]({name}.md)", text) for s, name, text in found if s == side]
@@ -115,7 +115,7 @@ def components() -> list[tuple[str, str, str]]:
 def _uses(name: str) -> Iterator[str]:
     """Yield a line with the components that use an FMU."""
     uses = [f"`{system}.{place}`" for system, place, fmu in components() if fmu == name]
-    yield (", ".join(uses) if uses else f"By `--swap COMPONENT={name}`.") + "\n"
+    yield (", ".join(uses) if uses else f"No system; use `--swap COMPONENT={name}`.") + "\n"
 
 
 def _checks(name: str, facts: Mapping[str, Any]) -> Iterator[str]:
@@ -144,7 +144,9 @@ COMPLIANCE = "the life cycle and interface tests of every FMU (`tests/compliance
 
 
 def _processors(name: str) -> list[tuple[str, str, str, str]]:
-    """Return the rows of an FMU in docs/processor_figures.md, which `make processors` writes."""
+    """Return the rows of an FMU in the table of docs/processor_figures.md, which `make processors`
+    writes: processor, instructions per step, stack [bytes], whether the bits are equal.
+    """
     lines = (ROOT / "docs/processor_figures.md").read_text(encoding="utf-8").splitlines()
     rows = [[c.strip() for c in line.strip("|").split("|")] for line in lines if line[:1] == "|"]
     titles = next((row for row in rows if "processor" in row), [])

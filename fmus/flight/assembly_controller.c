@@ -9,13 +9,13 @@
  * the gyros; h' is the command. omega_0, omega_ref: rates of base and reference; A_e: rotation
  * matrix of q_e; J_A, h_m: inertia of the assembly and momentum of the module relative to the base.
  * The command is constant over a sample, while h'_ff changes: with use_plan_rate the feed-forward
- * is the mean rate of the plan over the coming sample, plus the rate of the model at the measured
- * state, minus its rate at the reference state. Without errors the momentum then equals the planned
- * momentum at every sample, without a delay of half a sample. law = 0 is the law of the patent as
- * printed: h' = k1 J_A (omega_0 - omega_orb) + k2_printed (eps - eps_b), with eps, eps_b: vector
- * parts of attitude and reference, omega_orb: orbital rate. Sampled controller: one sample reads
- * the inputs once and holds the command. Source: patent CN106020225A, corrected (docs/models.md
- * E.5). */
+ * is the mean momentum rate of the plan over the coming sample, plus the momentum rate of the model
+ * at the measured state, minus the one at the reference state. Without errors the momentum then
+ * equals the planned momentum at every sample, without a delay of half a sample. law = 0 is the law
+ * of the patent as printed: h' = k1 J_A (omega_0 - omega_orb) + k2_printed (eps - eps_b), with eps,
+ * eps_b: vector parts of attitude and reference, omega_orb: orbital rate. Sampled controller: one
+ * sample reads the inputs once and holds the command. Source: patent CN106020225A, corrected
+ * (docs/models.md E.5). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"

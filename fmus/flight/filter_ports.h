@@ -34,7 +34,7 @@ typedef struct {
     PARAMETER(filter, "1", "0 none, 1 explicit simplex, 2 implicit simplex, 3 least change"),    \
         NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),       \
         POSITIVE(mass, "kg", "mass of the servicer, as known to the filter"),                    \
-        NONNEGATIVE(mass_error, "1", "share by which the true mass may differ, below 1"),        \
+        NONNEGATIVE(mass_error, "1", "true mass may differ from mass by this share, below 1"),   \
         POSITIVE(F_max, "N", "force that is always available, per body axis"),                   \
         NONNEGATIVE(a_dist, "m/s2", "bound on every acceleration that is not modelled"),         \
         NONNEGATIVE(position_error, "m", "bound on the error of the relative position"),         \
@@ -44,7 +44,7 @@ typedef struct {
         NONNEGATIVE(reaction, "s", "delay of the force plus the time constant of its lag"),      \
         NONNEGATIVE(keep_out_radius, "m", "radius of the keep-out sphere; 0 = rule off"),        \
         POSITIVE(brake_keep_out, "m/s2", "deceleration planned before the keep-out sphere"),     \
-        SWITCH(keep_out_opens, "1: sphere and drift rules off if approaching = 1 (berthing)"),   \
+        SWITCH(keep_out_opens, "1: keep-out and drift rules off if approaching = 1 (berthing)"), \
         SWITCH(use_corridor, "1: corridor rule applies if approaching = 1"),                     \
         POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),              \
         PARAMETER(corridor_axis, "1", "unit vector from the apex outwards, target axes"),        \
@@ -57,13 +57,13 @@ typedef struct {
         NONNEGATIVE(speed_slope, "1/s", "rise of the speed limit with the range"),               \
         NONNEGATIVE(speed_max, "m/s", "largest value of the speed limit, at any range"),         \
         NONNEGATIVE(passive_time, "s",                                                           \
-                    "time for which drift without thrust must miss the sphere; 0 = rule off"),   \
+                    "time for which free drift must miss the keep-out sphere; 0 = rule off"),    \
         PARAMETER(passive_points, "1", "number of intervals of the predicted drift, 2 to 32"),   \
-        NONNEGATIVE(passive_margin, "m", "least distance of the drift from the sphere"),         \
+        NONNEGATIVE(passive_margin, "m", "least distance of drift from the keep-out sphere"),    \
         NONNEGATIVE(plume_range, "m", "range below which plume_force applies"),                  \
         NONNEGATIVE(plume_force, "N", "largest thrust away from the target within plume_range"), \
-        POSITIVE(recover_speed, "m/s", "return speed of a servicer beyond the edge of a rule"),  \
-        NONNEGATIVE(dwell, "s", "simplex: time for which a command must be safe to pass again"), \
+        POSITIVE(recover_speed, "m/s", "speed of return where a rule is violated"),              \
+        NONNEGATIVE(dwell, "s", "simplex: a command passes again once safe for this time"),      \
         SAMPLE_PERIOD
 
 #define FILTER_INPUTS                                                 \
@@ -78,7 +78,7 @@ static inline void check_points(const FilterParameters *p, Problems *problems)
     if (!(K >= 2 && K <= MOST_POINTS && K == nearest_whole(K)))
         reject(problems, "passive_points", K, "must be a whole number from 2 to 32");
     if (p->passive_time > 0 && p->keep_out_radius == 0)
-        reject(problems, "passive_time", p->passive_time, "needs a sphere (keep_out_radius)");
+        reject(problems, "passive_time", p->passive_time, "needs keep_out_radius > 0");
 }
 
 static inline void check_filter(const FilterParameters *p, Problems *problems)

@@ -113,8 +113,8 @@ static inline EscapePath escape_path(const SafetyParameters *p, const RelativeSt
 
 static inline double sum_of_sizes(vec3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
 
-/* (4) to (6): point c of the path at time tau, and h: largest displacement towards the target by
- * errors within e_r, e_v, k_p, k_n, e_model; nt: sine and cosine of n tau */
+/* G.11 (4) to (6): point c of the path at time tau, and h: largest displacement towards the target
+ * by errors within e_r, e_v, k_p, k_n, e_model; nt: sine and cosine of n tau */
 static inline PathPoint path_point(const SafetyParameters *p, const EscapePath *e, double tau,
                                    SineCosine nt)
 {
@@ -143,8 +143,8 @@ static inline double least_of_burn(const SafetyParameters *p, const EscapePath *
     return (least - p->e_r * sum_of_sizes(e->rho)) / (sqrt(square) + LEAST_RANGE);
 }
 
-/* constants of all steps of length D: sagitta (7) and longest chord, squared, of a path that is
- * nowhere faster than e->speed; sine and cosine of n D */
+/* constants of all steps of length D, for a path that is nowhere faster than e->speed: sagitta,
+ * G.11 (7), and square of the longest chord; sine and cosine of n D */
 typedef struct {
     double D, sagitta, longest_2;
     SineCosine turn;
@@ -157,13 +157,13 @@ static inline Stride stride(const EscapePath *e, double D)
                     sine_and_cosine(e->n * D)};
 }
 
-/* sagitta (7) of a path faster than e->speed, from the speed along its chord */
+/* sagitta, G.11 (7), of a path faster than e->speed, from the speed along its chord */
 static inline double fast_sagitta(const EscapePath *e, double D, double length_2)
 {
     return D * D / 8 * (2 * e->n * CURVED * sqrt(length_2) / D + e->bend);
 }
 
-/* (8) without R_k: lower bound of the range on the path from point a to point b, which becomes
+/* G.11 (8) without R_k: lower bound of the range on the path from point a to point b, which becomes
  * `least` if it is less; tau: time at a */
 static inline void compare_path(const EscapePath *e, const Stride *s, const PathPoint *a,
                                 const PathPoint *b, double tau, EscapeBound *least)
@@ -176,7 +176,7 @@ static inline void compare_path(const EscapePath *e, const Stride *s, const Path
         distance =
             toward < length_2 ? sqrt(fabs(a->square - toward * toward / length_2)) : b->range;
     double ahead = distance - arc - least->margin;
-    if (along > 0 && ahead >= 1.5 * h) return; /* not less than `least`: k < 1.5 if along > 0 */
+    if (along > 0 && ahead >= 1.5 * h) return; /* k < 1.5, so the bound is not below `least` */
     double ranges = a->range * b->range, cosine_2 = ranges > 0 ? 1 + along / ranges : 1;
     double between = sqrt(2 / larger(cosine_2, 1e-6));
     if (ahead >= between * h) return;

@@ -7,7 +7,8 @@
  *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
- *                 that disagrees with an independent range is invalid (range_alone: only this)
+ *                 that disagrees with an independent range is invalid; with range_alone only
+ *                 such states violate the rule
  *   7 escape      after an abort ordered now the drift stays outside escape_radius for escape_time,
  *                 for all states and burns within the bounds e_r, e_v, k_p, k_n
  *
@@ -121,7 +122,7 @@ static const Variable variables[] = {
            "time until a drift without thrust enters the zone; -1: it does not"),
     NONNEGATIVE_OUTPUT(passive_age, "s", "time since the drift of passive_margin was predicted"),
     OUTPUT(escape_time_least, "s",
-           "time after the abort at which the range of escape_margin occurs; -1: none"),
+           "time after the abort at which escape_margin is reached; -1: rule does not apply"),
     NONNEGATIVE_OUTPUT(escape_dv, "m/s", "velocity increment of an abort ordered now"),
     ALARM(abort, "1: a rule with abort_on was violated, or abort_time reached; stays 1"),
     FLAG(violated, "per rule, 1: it has been violated; stays 1"),
@@ -187,8 +188,8 @@ static int is_armed(const Parameters *p, double t)
     return p->t_armed == 0 || reached(t, p->t_armed);
 }
 
-/* true if the flag of their source declares the states valid and, with use_range, the independent
- * range does not disagree */
+/* true if relative_valid declares the states valid and, with use_range, the independent range does
+ * not disagree */
 /* G.2-4 */
 static int has_valid_states(const Parameters *p, const Input *u, State *x, double t)
 {

@@ -108,10 +108,10 @@ typedef struct {
         NONNEGATIVE(k_p, "1",                                                                      \
                     "largest error of the burn along its increment, as a share of the increment"), \
         NONNEGATIVE(k_n, "1",                                                                      \
-                    "largest error of the burn across its increment, as a share of the "           \
+                    "largest error of the burn normal to its increment, as a share of the "        \
                     "increment"),                                                                  \
         NONNEGATIVE(r_max, "m",                                                                    \
-                    "range up to which the bound of a path between two instants holds"),           \
+                    "range up to which rule escape bounds the path between two instants"),         \
         NONNEGATIVE(e_model, "m/s2", "largest acceleration that the equations of drift neglect"),  \
         SAMPLE_PERIOD,                                                                             \
         SWITCH(use_range,                                                                          \
@@ -124,15 +124,15 @@ typedef struct {
                  "time constant with which dead reckoning by the estimated velocity follows "      \
                  "the range"),                                                                     \
         SWITCH(range_alone,                                                                        \
-               "1: rule navigation counts only states that are flagged valid but disagree "        \
-               "with the range")
+               "1: rule navigation counts a state as lost only if it is flagged valid but "        \
+               "disagrees with the range")
 
 #define SAFETY_INPUTS                                                                           \
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                             \
         INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                                  \
         INPUT(approaching, "1",                                                                 \
-              "1: corridor and speed limit apply (0: after the approach was "                   \
-              "given up)"),                                                                     \
+              "1: corridor and speed limit apply; 0: they do not, for example after the "       \
+              "approach was given up"),                                                         \
         INPUT(relative_valid, "1", "1: the states of target and servicer are valid"),           \
         OPTIONAL_INPUT(range_meas, "m", "independent range (needs use_range = 1)"),             \
         OPTIONAL_INPUT(range_time, "s", "time at which the range was measured; -1 = none yet"), \
@@ -152,11 +152,11 @@ static inline void check_safety(const SafetyParameters *p, Problems *problems)
         reject(problems, "keep_out_shape", shape, "must be 0, 1 or 2");
     check_unit_vector(problems, "corridor_axis", p->corridor_axis);
     if (p->passive_time > 0 && shape == NO_ZONE)
-        reject(problems, "passive_time", p->passive_time, "needs a keep-out zone (keep_out_shape)");
+        reject(problems, "passive_time", p->passive_time, "needs keep_out_shape = 1 or 2");
     if (p->passive_time > MOST_STEPS * p->passive_step)
         reject(problems, "passive_step", p->passive_step, "must not be below passive_time / 1e5");
     if (p->use_range && p->lost_time == 0)
-        reject(problems, "use_range", p->use_range, "needs the rule on navigation (lost_time)");
+        reject(problems, "use_range", p->use_range, "needs lost_time > 0 (rule navigation)");
     check_acute(problems, "corridor_half_angle", p->corridor_half_angle);
     check_acute(problems, "plume_half_angle", p->plume_half_angle);
 }

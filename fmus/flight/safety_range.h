@@ -26,7 +26,7 @@
 #define RANGE_CHECK .range_at_zero = 1, .range_slope = 0.01, .range_patience = 5, .range_tau = 10
 
 typedef struct {
-    double begun, t, rate, reckoned; /* t, R' and D (`reckoned`) of the last sample */
+    double begun, t, rate, reckoned; /* 1: D is set; t, R' and D (`reckoned`) of the last sample */
     double stamp,
         since; /* times of the last range and of the first of consecutive ranges that disagree */
     double distrusted;

@@ -51,7 +51,7 @@ static const Variable variables[] = {
     NONNEGATIVE(T2up, "s", "time constant of the rise; no lag if it is below T0 and exact_lag = 0"),
     NONNEGATIVE(T2dn, "s", "time constant of the fall; no lag if it is below T0 and exact_lag = 0"),
     SWITCH(exact_lag,
-           "lag: 0 Euler step (its definition in the paper), 1 exact for a command held over T0"),
+           "lag: 0 Euler step, as the paper defines it, 1 exact for a command held over T0"),
     SWITCH(latch,
            "1: delay counter as printed: always runs, adopts the command every Tl/T0 + 1 calls"),
     NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),

@@ -130,7 +130,7 @@ SHOWN = ("observation_space", "action_space", "observation_names", "action_names
 
 def _serve(_: Send, pipe: Connection, system: Any, how: dict[str, Any]) -> None:
     """Create the environment in the child process, and perform the calls that arrive in the pipe
-    until the parent process closes it. Answers are pairs of an error or None, and a value.
+    until the parent process closes it. Answers are pairs (error or None, value).
     """
 
     def answer(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
@@ -140,7 +140,7 @@ def _serve(_: Send, pipe: Connection, system: Any, how: dict[str, Any]) -> None:
             value = function(*arguments, **named)
         except HarnessError as found:
             error = found
-        except Exception as found:  # other exceptions may not be picklable
+        except Exception as found:  # sent as text: it may not be picklable
             error = RuntimeError(f"{type(found).__name__}: {found}")
         pipe.send((error, None if isinstance(value, Environment) else value))
         return value

@@ -32,11 +32,11 @@ def bound(
     stated: Callable[[Result, float], Problem],
     grid: float = 2.0,
 ) -> Bound:
-    """Return the Bound of an approach with ideal propulsion.
+    """Return the Bound, which computes least impulses, of an approach with ideal propulsion.
 
-    needs, parameters: variables and parameters besides the common ones; stated: function of a
-    result and a time step [s] that returns the convex problem of the run; grid: default time step
-    [s].
+    needs: variables of the problem besides BODIES and IMPULSE; parameters: parameters of the
+    problem; stated: function of a result and a time step [s] that returns the convex problem of the
+    run; grid: default time step [s].
     """
     return Bound(
         (*BODIES, IMPULSE, *needs),
@@ -155,8 +155,8 @@ def about(name: str, mask: Mask, axis: Array, half_angle: float) -> Cone:
 
 
 def beyond(name: str, mask: Mask, axis: Array, least: float) -> Cone:
-    """Return the constraint axis . rho >= least, a half space outside of the keep-out sphere with
-    radius `least` [m].
+    """Return the constraint axis . rho >= least: rho is beyond the plane that touches the keep-out
+    sphere with radius `least` [m]; axis: unit vectors (n + 1, 3).
     """
     nodes, (a,) = _part(mask, axis)
     none = np.zeros((len(nodes), 0, 3))

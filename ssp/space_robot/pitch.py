@@ -54,8 +54,8 @@ def _crossings(result: Result, course: Callable[..., Array]) -> Array:
 
 
 def rotation_number(result: Result) -> float:
-    """Return the rotation number: mean turn of the strobe points about their centre per orbit, in
-    [0, 1); NaN for a run of less than two orbits.
+    """Return the rotation number: turns of the strobe points about their centre per orbit
+    (mean), in [0, 1); NaN for a run of less than two orbits.
 
     A rational number means resonant motion, any other number quasi-periodic motion. If all points
     coincide, the motion is periodic with the orbit.

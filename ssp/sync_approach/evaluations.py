@@ -24,9 +24,10 @@ ARM = 1200.0
 SLEW = 600.0
 """Time from the start of attitude control to the end of the paper's simulation [s]."""
 ETA_S = np.array([200, 0, 0, 250, 0, 150, 12, 0, 0, 15, 0, 10])
-"""True J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33 in the paper's case [kg m2]."""
+"""True J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33 in the paper's case: elements of the inertia
+matrices J of the body and A of the wheels [kg m2]."""
 LARGEST = np.array([250.0] * 6 + [15.0] * 6)
-"""Largest element of the inertia matrix (J or A) to which each element of ETA_S belongs [kg m2]."""
+"""For each element of ETA_S, the largest element of its matrix, J or A [kg m2]."""
 
 RANGE, REFERENCE, BETA_T, BETA_P = (
     "guidance.range",
@@ -192,16 +193,18 @@ def wheel_speed(result: Result) -> tuple[float, ...]:
 
 
 def inertia_drift(result: Result) -> tuple[float, ...]:
-    """Return the largest change of an inertia estimate in the last 100 s, in percent of the largest
-    element of its matrix; the largest change for J and for A [kg m2].
+    """Return three changes of inertia estimates in the last 100 s: the largest change of an element
+    in percent of the largest element of its matrix, then the largest change of an element of J and
+    the largest change of an element of A [kg m2].
     """
     moved = np.ptp(result[ESTIMATES][final(result, 100.0, attitude_start(result) + SLEW)], axis=0)
     return 100 * (moved / LARGEST).max(), moved[:6].max(), moved[6:].max()
 
 
 def inertia_offset(result: Result) -> tuple[float, ...]:
-    """Return the largest error of an inertia estimate at the end, in percent of the largest element
-    of its matrix; the largest error for J and for A [kg m2].
+    """Return three errors of inertia estimates at the end: the largest error of an element in
+    percent of the largest element of its matrix, then the largest error of an element of J and the
+    largest error of an element of A [kg m2].
     """
     off = np.abs(result[ESTIMATES][final(result, 0.0, attitude_start(result) + SLEW)][-1] - ETA_S)
     return 100 * (off / LARGEST).max(), off[:6].max(), off[6:].max()

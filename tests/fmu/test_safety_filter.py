@@ -250,7 +250,7 @@ REJECTED = (
     ({"passive_points": 1}, "passive_points", "must be a whole number from 2 to 32"),
     ({"passive_points": 7.5}, "passive_points", "must be a whole number from 2 to 32"),
     ({"passive_points": 33}, "passive_points", "must be a whole number from 2 to 32"),
-    ({"passive_time": 600, "keep_out_radius": 0}, "passive_time", "needs a sphere"),
+    ({"passive_time": 600, "keep_out_radius": 0}, "passive_time", "needs keep_out_radius > 0"),
     (
         {"use_speed_limit": 1, "sample_period": 1, "F_max": (2, 1, 1), "speed_at_zero": 0.02},
         "speed_at_zero",

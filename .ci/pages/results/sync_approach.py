@@ -10,12 +10,12 @@ from results import Column, of_runs, value_of
 
 ETA = "controller.eta_hat_0=[200,0,0,250,0,150,12,0,0,15,0,10]"
 ADAPTATION = {
-    "nothing: as printed": "sync_approach",
+    "no option: gains as printed": "sync_approach",
     "`--set controller.Gamma_scale=0.1`": "sync_approach --set controller.Gamma_scale=0.1",
     "`--set controller.Gamma_scale=0`": "sync_approach --set controller.Gamma_scale=0",
-    "the same and the true inertias, `--set 'controller.eta_hat_0=ETA'`":
+    "`--set controller.Gamma_scale=0 --set 'controller.eta_hat_0=ETA'`: true inertias":
         f"sync_approach --set controller.Gamma_scale=0 --set {ETA}",
-    "`--params informed`: also the true mass, and `M_dist` known to the guidance":
+    "`--params informed`: in addition the true mass, and `M_dist` known to the guidance":
         "sync_approach --params informed",
 }  # fmt: skip
 POINTING = "degrees(last(angle(guidance.q_DN, servicer.q_SN)))"
@@ -23,7 +23,9 @@ LONG = "sync_approach --stop 14400 --every 10"
 
 
 def adaptation() -> str:
-    """Return a table of the attitude error with adaptation as printed, with less and without."""
+    """Return a table of the attitude error with the printed adaptation gains, with lower gains,
+    without adaptation, and without adaptation but with true values of inertias and mass.
+    """
     return of_runs("`harness run sync_approach` with", ADAPTATION,
                    [Column("attitude error at 1800 s", POINTING, "{:.2g} deg")])  # fmt: skip
 

@@ -28,7 +28,7 @@ typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR } Status;
 
 typedef struct {
     Phase phase;
-    int stale; /* 1: the first outputs are outdated: values have been set since their evaluation */
+    int stale; /* 1: outputs at the start are outdated: values have been set since */
     double start, time, stop,
         step; /* s; stop: infinite if undefined; step: size of the last step, 0 before the first */
     double grid; /* s; shortest internal step or sample period, 0 if there is none */
@@ -52,7 +52,7 @@ struct Instance {
     Progress now;
     void *model;                     /* memory_of(&fmu_model) bytes */
     void *last_good;                 /* states and outputs before the step: tail_size() bytes */
-    Run *ruled;                      /* outputs that a rule limits further than to finite values */
+    Run *ruled;                      /* outputs whose rule rejects some finite values */
     size_t ruled_count, alarm_count; /* alarms come first in `ruled` */
     KnownCalls written, read;
 };
@@ -80,7 +80,7 @@ bool initialize_checked(const Instance *instance, const char *function, void *mo
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
 /* fills `ruled` with one entry for each group of neighbouring outputs that have the same rule;
- * `ruled` needs memory for as many entries as the model has outputs and further checked rows */
+ * `ruled` needs memory for one entry per row in `variables` and `checked` of the model */
 void list_ruled_outputs(Instance *instance);
 
 /* logs a warning for every alarm that has changed to 1 since the last valid state */

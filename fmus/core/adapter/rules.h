@@ -1,5 +1,5 @@
-/* rules.h - rules of the rows of a model: bounds, texts, and whether inputs and results satisfy
- * them.
+/* rules.h - rules of the rows of a model: bounds, texts of messages, and checks whether inputs
+ * and results satisfy the rules.
  *
  * The adapter of FMI, a fused system and the C interface without FMI reject values by these
  * functions only. */

@@ -63,7 +63,8 @@ const char *read_snapshot(const Instance *instance, const void *bytes, size_t si
  * After initialization: derivatives of the outputs at the end of the next step with respect to the
  * inputs, which are constant over the step. The step has the size of the last one, 0.1 s before the
  * first; in a fused system it is a macro step.
- * In initialization mode: derivatives of the first outputs with respect to parameters and inputs.
+ * In initialization mode: derivatives of the outputs at the start time with respect to parameters
+ * and inputs.
  * The knowns move by a distance d along the seed (ahead) and against it (behind). Central
  * differences at d and d/2 with Richardson extrapolation have an error of fourth order in d. At the
  * first d no known moves by more than 1 % of its scale; d is halved until two estimates agree, so
@@ -88,8 +89,8 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
 
 enum { MOST_HALVINGS = 16 };
 /* agreement: largest difference between two estimates that agree; clear_bend: least difference
- * between the slopes ahead and behind that counts as a kink; both relative to the largest slope of
- * the row of the unknown */
+ * between the slopes ahead and behind that counts as a kink; both relative to `largest`
+ * of the Slope */
 static const double agreement = 1e-6;
 static const double clear_bend = 1e-3;
 
@@ -97,7 +98,7 @@ static const double clear_bend = 1e-3;
 typedef struct {
     double central, ahead; /* slopes: from behind to ahead, and from here to ahead */
     double bend;           /* slope from here to ahead minus slope from behind to here */
-    double largest;        /* largest central slope in the row of the unknown */
+    double largest;        /* largest central slope among the elements of the unknown's row */
     double rounding;       /* rounding error to expect in a slope: 64 units in the last place */
 } Slope;
 
@@ -164,7 +165,7 @@ static void settle(Derivative *f, int halvings)
         f->best = f->estimate;
     }
     f->settled = change <= larger(agreement * f->slope.largest, f->slope.rounding) && !has_kink(f);
-    if (f->settled) f->best = before; /* the longer distance has smaller rounding errors */
+    if (f->settled) f->best = before; /* rounding errors are smaller at the longer distance */
 }
 
 RARE static void report_one_side(const Instance *instance, const Direction *d, size_t i)
@@ -186,8 +187,8 @@ static double largest_known(const Instance *instance, const Direction *d)
     return largest;
 }
 
-/* finds the derivatives of all unknowns, from `distance` on; work: space for two models; false:
- * an evaluation is rejected */
+/* finds the derivatives of all unknowns; distance: the first along the seed; work: space for two
+ * models; false: an evaluation is rejected */
 static bool find_derivatives(const Instance *instance, const Direction *d, double distance,
                              void *work, Derivative found[])
 {
@@ -212,9 +213,9 @@ static bool find_derivatives(const Instance *instance, const Direction *d, doubl
     return true;
 }
 
-/* scale of a known, of which its first move is at most 1 %: for a parameter its absolute value; for
- * an input, or a parameter of value 0, one unit, or 1e-6 of the value if this is more, as for a
- * position in N */
+/* scale of a known (the first move is at most 1 % of the scale): absolute value of a parameter; for
+ * an input, or a parameter with the value 0, one unit, but at least 1e-6 of the value, which is
+ * more than one unit for a position in N */
 static double scale_of(Scalar s, double value)
 {
     if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);

@@ -57,8 +57,8 @@ def driven(whole: Whole, part: Part) -> list[Transfer]:
 
 
 def late(part: Part) -> list[Transfer]:
-    """Return the copies that publish the outputs of a part whose outputs are late; [] for other
-    parts.
+    """Return the copies that publish the outputs of a part if a later action of the schedule than
+    its step publishes these outputs; otherwise [].
     """
     if not part.late:
         return []

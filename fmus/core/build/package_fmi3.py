@@ -31,7 +31,8 @@ estimate.
 """
 
 WRENCH = re.compile(r"([FM])_((?:[a-z]+_)?[A-Z])")
-"""Regular expression for the name of a force or torque. Groups: 1 quantity, 2 purpose and axes."""
+"""Regular expression for the name of a force or torque. Groups: 1 quantity, 2 purpose and axes,
+such as `cmd_S`."""
 
 AXES = {"r": 3, "v": 3, "omega": 2, "q": 0}
 """Group of BODY with the letter that the axes must have, by quantity (0: the name has no axes).

@@ -30,7 +30,7 @@ typedef struct {
     bool log_warnings, log_statistics; /* log categories that are switched on */
     Entry *entry;
     size_t entries, capacity;
-    bool stepping, behind;    /* initialization has ended; steps after `time` are not sent */
+    bool stepping, behind;    /* initialization has ended; steps after `time` are not sent yet */
     double start, stop, time; /* s; time: end of the last step sent to the board */
     fmi2Boolean bounded;
     size_t late;

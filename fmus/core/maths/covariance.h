@@ -76,8 +76,8 @@ static inline void transition_times(const double *F, size_t moving, const double
 
 /* P <- (I + F) P (I + F)^T, computed as (I + F) ((I + F) P)^T of a symmetric P; the caller makes
  * P symmetric after adding noise. Only the first `moving` rows of F are not zero: the other states
- * are constant. Their covariance with the moving states is taken from (I + F) P, and their own
- * covariance does not change. */
+ * are constant. The covariance between constant and moving states is taken from (I + F) P; the
+ * covariance of the constant states does not change. */
 static inline void propagate_covariance(double *P, const double *F, size_t moving, size_t n)
 {
     double half[MOST_STATES * MOST_STATES], transposed[MOST_STATES * MOST_STATES];

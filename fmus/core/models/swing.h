@@ -1,4 +1,4 @@
-/* swing.h - prescribed swing of the module: angle, rate and acceleration of the hinge (the arm)
+/* swing.h - prescribed swing of the arm (module about its hinge): angle, rate and acceleration
  * over time.
  *
  * u = (t - start)/duration, limited to 0 .. 1, angle = angle_f f(u):

@@ -168,8 +168,9 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
 
 
 def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
-    """Search for the worst run of one requirement; return the entries that the estimate of the
-    study contains for this requirement. column: index of the requirement among the margins.
+    """Search for the worst run of one requirement; return the run's margin, number, coordinates and
+    further entries, which the estimate of the study contains. column: index of the requirement
+    among the margins.
     """
     first, seed, d = driver.completed, driver.evaluator.plan.table.seed, driver.evaluator.d
     worst = search(lambda z: driver.evaluate(z)[:, column], d, seed, entry.runs, entry.box)

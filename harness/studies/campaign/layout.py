@@ -57,7 +57,9 @@ def of_variable(name: str, kinds: Result | None) -> Labels:
 
 
 def _of_metric(name: str, task: Task) -> Labels:
-    """Return the attributes of the array of a metric: its role, its unit if known, and its text."""
+    """Return the attributes of the array of a metric: the role "metric", the unit if known, and as
+    long_name the text that defines the metric.
+    """
     text = task.table.texts.get(name, "all requirements are met")
     unit = "1" if name == SUCCESS else metrics.unit(text, task.kinds)
     return {"role": "metric", **_known({"units": unit, "long_name": text})}
