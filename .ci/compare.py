@@ -44,7 +44,7 @@ def plain(name: str) -> str:
 
 def column_of(name: str, columns: dict[str, Any]) -> str | None:
     """Return the name of the column for a variable: `name`, or `name` after a prefix; if several
-    columns match, the shortest; None if no column matches.
+    columns match, the one with the shortest name; None if no column matches.
     """
     found = [c for c in columns if plain(c) == name or plain(c).endswith(f".{name}")]
     return min(found, key=len) if found else None
@@ -84,7 +84,10 @@ def verdicts(expected: Path, given: Path) -> dict[str, str]:
 
 
 def main(arguments: list[str]) -> int:
-    """Print what differs and a summary; return the exit status."""
+    """Print each variable that differs or is missing, and a summary; return the exit status.
+
+    arguments: path of the expected trace, path of the CSV file to compare.
+    """
     if len(arguments) != 2:
         print(__doc__)
         return 2

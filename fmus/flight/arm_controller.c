@@ -9,14 +9,15 @@
  *   Q_0 = [F_sum; M_sum - A_w wheel_accel_sum - w x A_w Omega],   du_0 = H_00^-1 (Q_0 - b_0 - H_0m v)
  *   tau = H_0m^T du_0 + H_mm v + b_m + damping dq_ref + friction dq_ref/sqrt(dq_ref^2 + r^2)
  *
- * H_00, H_0m, H_mm and b_0, b_m: blocks of the mass matrix and of the loads by velocity, 0 for the
- * base, m for the joints; w: rate of the base; c: position of C, the centre of mass of base and
- * arm, from S; r: friction_rate; Q_0: load of the commands on the base; Omega: wheel speeds; zeta,
- * A_w: parameters. Without wheels M_sum = M_cmd + M_ff, wheel_accel_sum = wheel_accel_cmd. Every
- * joint error obeys e'' + 2 zeta o e' + o^2 e = 0 for any command of the base, and the planned
- * motion does not turn the base: the term with c balances the torque about C of forces that act at
- * S. The feed-forward does not contain the feedback, so that a joint held by friction does not
- * turn the base. Sampled. Equations: docs/models.md K.4. */
+ * q: joint angles; tau: joint torques; du_0: acceleration of the base; H_00, H_0m, H_mm and b_0,
+ * b_m: blocks of the mass matrix and of the velocity-dependent loads, 0 for the base, m for the
+ * joints; w: rate of the base; c: position of C, the centre of mass of base and arm, from S; r:
+ * friction_rate; Q_0: load of the commands on the base; Omega: wheel speeds; zeta, A_w: parameters.
+ * Without wheels M_sum = M_cmd + M_ff, wheel_accel_sum = wheel_accel_cmd. Every joint error obeys
+ * e'' + 2 zeta o e' + o^2 e = 0 for any command of the base, and the planned motion does not turn
+ * the base: the term with c balances the torque about C of forces that act at S. The feed-forward
+ * contains ddq_ref, not v with its feedback, so that a joint held by friction does not turn the
+ * base. Sampled. Equations: docs/models.md K.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_dynamics.h"
 #include "arm_rows.h"

@@ -67,8 +67,8 @@ static inline void tumble_on(const Inertia *i, double h, Tumble *x)
     x->q = canonical(x->q);
 }
 
-/* propagates the free rotation of the target over a node of dt seconds, in the least number of
- * steps that are no longer than `longest`, but in at most four */
+/* propagates the free rotation of the target over a node (interval) of dt seconds, in the least
+ * number of steps that are no longer than `longest`, but in at most four */
 static inline void tumble_over_node(const Inertia *i, double dt, double longest, Tumble *x)
 {
     double ratio = dt / longest;
@@ -78,7 +78,7 @@ static inline void tumble_over_node(const Inertia *i, double dt, double longest,
 }
 
 /* ---- start from the last solve, (23) ---- */
-typedef struct { double t, dt; } Grid; /* start [s] and length of a node [s] */
+typedef struct { double t, dt; } Grid; /* start [s], length of each of its nodes (intervals) [s] */
 
 /* place of node k of a new grid on an old grid, for linear interpolation in time; `at`: instant to
  * which a value belongs, as a fraction of its node: 1/2 for accelerations, 1 for states */
@@ -131,7 +131,7 @@ static inline void start_from_last(Iterates *it, Grid old, Grid new)
     move_path(it->p, old, new, horizon * horizon);
 }
 
-/* ---- first path of a goal ---- */
+/* ---- first path to a goal ---- */
 
 /* point at the fraction `part` of the way from a to b: on a straight line or, with is_arc, on an
  * arc about the target, on which direction and range change at constant rates */

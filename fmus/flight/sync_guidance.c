@@ -1,12 +1,12 @@
 /* sync_guidance.c - synchronised approach: reference position on the grasp axis of a tumbling
- * target, reference attitude that looks back along it.
+ * target, reference attitude with axis X along it, towards the target.
  *
  *   rho* = L(t) C_HT p_T,     L = rho_M - (rho_M - rho_0) exp(-beta t)
  *   D:  i = -C_HT p_T,   u = i x z_H,   k = u/|u|,   j = k x i
  *
  * p_T: grasp axis in T; i, j, k: axes of D; z_H: orbit normal. rho* and the attitude of D are
- * published with two derivatives as seen in N. With range_input = 1 L and its derivatives are
- * inputs; with frame = 1 D is the carried frame of carried_frame.h, which begins at the direction
+ * published with two derivatives as seen in N. With range_input = 1, L and its derivatives are
+ * inputs; with frame = 1, D is the carried frame of carried_frame.h, which begins at the direction
  * of the servicer and is steered to the grasp axis. A sample with active = 0 resets the state: the
  * next active sample is a first sample. While the grasp axis is within guard_angle of the orbit
  * normal, k is the k of the last sample outside this guard, constant in H and made perpendicular to
@@ -105,7 +105,7 @@ static const Variable variables[] = {
         "carried frame: rate of change of the integral steering per angle off the grasp axis"),
     NONNEGATIVE_AS(
         "spin_accel", steering.spin_accel, "rad/s2",
-        "carried frame: largest acceleration of the spin-up, by a longer spin_time; 0 = no limit"),
+        "carried frame: largest spin-up acceleration, lengthens spin_time; 0 = no limit"),
     SWITCH(steer_input, "1: the steering rate is also limited to steer_max (needs frame = 1)"),
     SWITCH(spin_input, "1: the carried frame turns with H until spin is 1 (needs frame = 1)"),
     SWITCH(use_inertia_hat, "1: the inertia of the target is inertia_hat, 0: J_T"),

@@ -1,7 +1,8 @@
 /* transposition_history.h - attitude history of the assembly: eps, the vector part of the
- * quaternion relative to the flight attitude, at the nodes of an equidistant grid in time, between
- * them a cubic spline with zero slope at both ends. Outside the times of the grid the assembly is
- * at rest in the flight attitude. Source: docs/models.md E.4. */
+ * quaternion relative to the flight attitude (attitude zero of assembly.h: X along the velocity, Z
+ * to the Earth). eps is given at the nodes of an equidistant grid in time, with a cubic spline
+ * between them that has zero slope at both ends of the grid. Outside the times of the grid the
+ * assembly is at rest in the flight attitude. Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_HISTORY_H
 #define TRANSPOSITION_HISTORY_H
@@ -48,7 +49,8 @@ static inline Motion fine_motion(const History *y, int m)
     return spline_at(y->dt, y->eps, y->curvature, k, (double)(m - FINE * k) / FINE);
 }
 
-static inline double largest_eps(const History *y) /* largest |eps| at nodes and quarters between */
+/* largest |eps| at the nodes and the quarter points between them */
+static inline double largest_eps(const History *y)
 {
     double largest = 0;
     for (int m = 0; m <= FINE * intervals(y); m++)

@@ -8,21 +8,22 @@
  *   I = integral F_N,  A_S = integral d_S x F_N + M_N,  A_T = -integral d_T x F_N + M_N
  *   F = I/h,   M_S = A_S/h - g/2,   M_T = A_T/h - g/2,   g = (A_S + A_T)/h + m x F
  *
- * The first three lines are the load in each phase. F_N, M_N: force at the tip and couple, both on
- * the servicer, N axes; d_S, d_T: tip from the centres of mass; m: mean of r_S - r_T; the integrals
- * are over the step h. The outputs are the mean loads F, M_S on the servicer and -F, M_T on the
- * target.
+ * The first three lines state the load in each phase. In contact, the tip of the probe is a point
+ * that touches the cone, its floor, or the flat face around its mouth. F_N, M_N: force at the tip
+ * and couple, both on the servicer, N axes; d_S, d_T: tip from the centres of mass; m: mean of
+ * r_S - r_T; the integrals are over the step h. The outputs are the mean loads F, M_S on the
+ * servicer and -F, M_T on the target.
  *
- * The force of a spring of frequency omega, held over a step at its value from the start of the
- * step, would multiply the energy by 1 + theta^2/2, theta = omega h. The mechanism therefore
- * integrates both bodies over the step under its own load only (gravity, thrust and wheels move
- * them by less than 1e-6 m), and its outputs are the mean wrench of the step: the factor is then 1
- * - theta^4/24. Force and reaction act at one point, the tip. The term g shifts the mean forces to
- * one line of action, so that the total momentum is conserved. The phase can change once per call,
- * at its start, before the step. This is the only plant for which two steps of h differ from one of
- * 2 h. latency = 1: outputs are for the step after the next communication point, for masters that
- * transfer them one step late (Jacobi). Equations: docs/models.md I. Sources: Hunt & Crossley 1975
- * (contact). */
+ * If the force of a spring of frequency omega were held over each step at its value from the start
+ * of the step, each step would multiply the energy by 1 + theta^2/2, theta = omega h. The mechanism
+ * therefore integrates both bodies over the step under its own load only (gravity, thrust and
+ * wheels move them by less than 1e-6 m), and its outputs are the mean wrench of the step: the
+ * factor is then 1 - theta^4/24. Force and reaction act at one point, the tip. The term g shifts
+ * the mean forces to one line of action, so that the total momentum is conserved. The phase can
+ * change once per call, at its start, before the step. This is the only plant for which two steps
+ * of h differ from one of 2 h. With latency = 1, the outputs are for the step after the next
+ * communication point, for masters that transfer them one step late (Jacobi). Equations:
+ * docs/models.md I. Sources: Hunt & Crossley 1975 (contact). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "docking_events.h"
@@ -237,7 +238,7 @@ static void publish_loads(const TwoBodies *b, const TwoBodies *end, const Wrench
                           Output *y)
 {
     mat3 C_SN = mean_attitude(b, end, BODY_S, h), C_TN = mean_attitude(b, end, BODY_T, h);
-    vec3 none = vec(0, 0, 0); /* 0 + x: a zero load is +0, never -0 */
+    vec3 none = vec(0, 0, 0); /* added to each load, so that a load of -0 becomes +0 */
     y->F_contact_S = add(none, mul(C_SN, w->F));
     y->M_contact_S = add(none, mul(C_SN, vec_of(&w->M, BODY_S)));
     y->F_T = sub(none, mul(C_TN, w->F));

@@ -80,7 +80,7 @@ def build_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ] = False,
     place: PlaceOfFmuOption = None,
 ) -> None:
-    """Build an FMU from a C or Python file or a learned policy, or the C interface of FMUs."""
+    """Build an FMU from C, Python or a learned policy, or write the C interface of FMUs."""
     from harness.authoring.build import build
     from harness.authoring.c_api import write_components
     from harness.system.interface import read_interface
@@ -111,7 +111,10 @@ SspOption = Annotated[
 
 HintsOption = Annotated[
     bool,
-    option("--hints", "Write step sizes of slow components for libcosim, ecos (not OMSimulator)"),
+    option(
+        "--hints",
+        "Write step sizes of slow components for libcosim, ecos; OMSimulator rejects the file",
+    ),
 ]
 
 

@@ -74,8 +74,8 @@ def leave_out(path: Path, reason: str) -> None:
 def _usable(configured: str | None, caches: str | None) -> Path | None:
     """Return the cache folder, created if missing; log a warning and return None if it is unsafe.
 
-    configured: value of HARNESS_CACHE; caches: value of XDG_CACHE_HOME, used without
-    HARNESS_CACHE.
+    configured: value of HARNESS_CACHE; caches: value of XDG_CACHE_HOME, used if
+    HARNESS_CACHE has no value.
     """
     path = Path(configured or Path(caches or "~/.cache") / "servicing-fmus")
     try:
@@ -95,7 +95,8 @@ def _usable(configured: str | None, caches: str | None) -> Path | None:
 
 def _unusable(path: Path) -> str:
     """Return the reason why a folder must not be the cache: others could read or replace its
-    content, it cannot be written, or no library can be loaded from it; "" if it may.
+    content, it cannot be written, or no library can be loaded from it; "" if it may
+    be the cache.
     """
     about = path.lstat()
     reasons = {

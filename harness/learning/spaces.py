@@ -123,9 +123,11 @@ def _bounded(name: str, wire: Wire, reader: tuple[str, Any], limits: Limits) -> 
     """Return an output that the agent sets, with its bounds; raise UsageError if it has none.
 
     The bounds are the intersection of the limits that the FMUs declare for the output and for the
-    input that reads it, and of the first entry in `limits` for this output. An entry has the name
-    of the output, or the name of the input with the ending `_max` in place of `_cmd` or `_safe`,
-    with or without its component.
+    input that reads it, and of the first entry in `limits` for this output. The name of such an
+    entry is the name of the output with its component, or it is derived from the name of the input:
+    `_max` replaces `_cmd` or `_safe` and all that follows, or is appended, and the component may be
+    omitted. So `propulsion.F_max` or `F_max` limits an output that drives `propulsion.F_cmd_S`. An
+    entry for a vector applies to each of its elements.
 
     reader: component that reads the output ("": none), and its input.
     """

@@ -263,7 +263,7 @@ def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessEr
             in_child(_begin, _alone(system, name))
         except (FmuError, RejectedValueError) as error:
             yield error
-        except RunError:  # unconnected inputs can cause a failure that no run has
+        except RunError:  # ignored: unconnected inputs can cause a failure that no run has
             continue
 
 

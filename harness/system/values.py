@@ -183,8 +183,8 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 def expand(name: str, value: Value, first: Index = ()) -> dict[str, Scalar]:
     """Return a dictionary with the scalars in a value, by name: `name` for a number, `name[i]` for
-    a list, `name[i,j]` for a list of lists; first: indices of the first element; default: 1, or
-    1,1.
+    a list, `name[i,j]` for a list of lists; first: indices of the first element of the
+    list; () means 1, or 1,1.
     """
     elements = list(_elements(value, (), first))
     if not elements:
@@ -263,8 +263,9 @@ def coerce(value: Scalar, kind: str, access: str = "") -> Scalar:
     """Return a value in an FMI type (`kind`: Real, Integer, Enumeration, Boolean, String); raise
     ValueError if it does not fit.
 
-    access: type in the names of the FMI functions (Integer, UInt8, Float32, ...), whose number of
-    bits limits a whole number; without such a number, as in Integer or "", the limit is 32 bits.
+    access: type in the names of the FMI functions that set the variable, such as UInt8 in
+    fmi3SetUInt8. A whole number must fit into the number of bits in this type, or into 32 bits if
+    the type has no number (Integer or "").
     """
     if kind == "String":
         return _checked_text(str(value).lower() if isinstance(value, bool) else str(value))

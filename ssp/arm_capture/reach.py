@@ -27,7 +27,7 @@ REACHED = 1e-3
 """Largest errors of position and attitude at which E counts as having reached a place [m, rad]."""
 APART = 3
 """Smallest difference between the numbers of two links whose distance is checked. Links with closer
-numbers are not checked, because they belong to one block of joints.
+numbers are not checked, because the joints between them form one mechanical unit.
 """
 
 

@@ -90,8 +90,8 @@ def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
 
 
 def _course(result: Result, outfit: Outfit | None) -> Scene:
-    """Return the entries of a scene for the phases and events of a run. The release of the attitude
-    and an abort by the monitor are events in addition to the events of the outfit.
+    """Return the entries of a scene for the phases and events of a run. The start of the
+    attitude control and an abort by the monitor are events in addition to those in the outfit.
     """
     events = list(outfit.events) if outfit else []
     phases = list(outfit.phases) if outfit else []

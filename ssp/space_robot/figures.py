@@ -40,8 +40,8 @@ ECCENTRICITY = "robot.e"
 
 
 def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
-    """Draw the Poincare sections of all runs together, and the pitch in them over the eccentricity
-    (bifurcation diagram).
+    """Draw the Poincare sections of all runs together, and the pitch at their points against the
+    eccentricity of the run (bifurcation diagram).
     """
     section, diagram = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     for label, result in results.items():

@@ -52,8 +52,8 @@ def saturation(result: Result) -> float:
 
 
 def tracking(result: Result) -> Array:
-    """Return the angle between the attitude at every sample and its reference, which is in the next
-    row [deg].
+    """Return the angle between the attitude at every sample and the reference for this sample,
+    which the result contains in the next row [deg].
     """
     if len(result.time) < 2:
         raise NotJudgedError("nothing was recorded after the start")
@@ -146,7 +146,8 @@ def tracking_error(result: Result) -> tuple[float, ...]:
 
 def end_attitude(result: Result) -> tuple[float, ...]:
     """Return the rotation from the nominal attitude [deg], the rate relative to H [deg/s] and the
-    angle of the arm [deg] in the last row of a run that completes the window.
+    angle of the arm [deg], in the last row. Raise NotExercisedError if the run ends before the
+    window.
     """
     rows = final(result, 0.0, window(result))
     rate = np.degrees(size(result[RELATIVE_RATE][rows]))
@@ -199,7 +200,9 @@ def printed_equation_error(result: Result) -> tuple[float, ...]:
 
 
 def gains(result: Result) -> tuple[float, ...]:
-    """Return the smaller of the gains k1 and k2 of the law in the run, then k1 and k2."""
+    """Return the smaller of the gains k1 and k2 of the control law that the run uses (corrected, or
+    as printed in the patent), then k1 and k2.
+    """
     k1 = scalar(result, "controller.k1")
     corrected = scalar(result, "controller.law") != 0
     k2 = scalar(result, "controller.k2" if corrected else "controller.k2_printed")

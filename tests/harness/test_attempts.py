@@ -182,7 +182,7 @@ ATTEMPTS = [
         "ephemeris in SCLK",
         f"{RUN} --start target=target.oem",
         2,
-        "harness: --start target: target.oem: its times are SCLK",
+        "harness: --start target: target.oem: its time system is SCLK",
         ephemeris("SCLK"),
     ),
     Attempt("ephemeris in GPS time", f"{RUN} --start target=target.oem", 0, "", ephemeris("GPS")),

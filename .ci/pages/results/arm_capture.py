@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Capture by the arm: parameter sets on truth and on estimates, compensation, reach."""
+"""Tables of the capture by the arm: runs with each parameter set, on truth and on estimates; effect
+of the compensation on the base; reach of the arm.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ CAPTURE = [
 
 
 def by_set(system: str) -> str:
-    """Return a table of the parameter sets of a system."""
+    """Return a table of the runs of a system with each parameter set."""
     return of_runs("set", {f"`{s}`": f"{system} --params {s}" for s in SETS}, CAPTURE)
 
 

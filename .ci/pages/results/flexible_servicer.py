@@ -30,10 +30,10 @@ THRUSTERS = {
 }  # fmt: skip
 LATE = "ppc_tracking_notched --swap servicer=flexible_servicer --latency controller=1"
 WINGS = (3.0, 4.0, 5.5)
-"""Frequencies of a wing on a held hub [Hz]."""
+"""Frequencies of a wing on a fixed hub [Hz]."""
 TURNING, SHIFTING = 1.3427, 1.0687
 """Frequencies of the free antisymmetric and symmetric modes of two wings, divided by the frequency
-of a wing on a held hub (docs/models.md L.4).
+of a wing on a fixed hub (docs/models.md L.4).
 """
 VIBRATION = [
     Column("wings, largest [mrad]", "panel angle", "{:.2g}"),
@@ -65,7 +65,7 @@ def on_thrusters() -> str:
 
 
 def notched(hertz: float, torque: bool, force: bool) -> str:
-    """Return the command of a run. hertz: frequency of a wing on a held hub [Hz]; torque: whether
+    """Return the command of a run. hertz: frequency of a wing on a fixed hub [Hz]; torque: whether
     the torque has a notch at the free antisymmetric mode; force: whether the force has a notch at
     the free symmetric mode.
     """
@@ -92,7 +92,9 @@ def last_quarter(result: Any) -> float:
 
 
 def notches() -> str:
-    """Return a table of wings of three frequencies with notches in torque and force."""
+    """Return a table of runs with wings of three frequencies, each with no notch, and with notches
+    in torque, in force, and in both.
+    """
     words = {"none": (False, False), "torque": (True, False), "force": (False, True),
              "both": (True, True)}  # fmt: skip
     runs = {f"{hertz:g} Hz: {word}": notched(hertz, *chosen)

@@ -35,7 +35,7 @@ def arrived(result: Any) -> float:
 
 
 def held(result: Any) -> tuple[float, ...]:
-    """Return the least and largest range [m] from 1000 s after the arrival at 50 m."""
+    """Return the least and largest range [m] from 1000 s after the arrival at 50 m to the end."""
     late = result["guidance.range"][result.time >= arrived(result) + 1000.0]
     return (float(late.min()), float(late.max())) if len(late) else (float("nan"),)
 
@@ -53,7 +53,9 @@ def leg_speed(result: Any) -> float:
 
 
 def pointed(result: Any) -> float:
-    """Return the first time when axis X of the servicer points within 2 deg at the target [s]."""
+    """Return the first time at which axis X of the servicer points to the target within 2 deg [s];
+    the time of the first row if it never does.
+    """
     from harness.results.histories import turned
 
     axis = turned(result["servicer.q_SN"], np.tile([1.0, 0.0, 0.0], (len(result.time), 1)))
@@ -99,7 +101,7 @@ def tracking(result: Any) -> float:
 
 
 def thrusters() -> str:
-    """Return a table of real thrusters in the synchronised approach."""
+    """Return a table that compares ideal propulsion and thrusters in the synchronised approach."""
     return of_runs("`sync_approach_thrusters`", THRUSTERS, [
         Column("position error, rms from 600 to 1200 s [cm]", tracking),
         Column("impulse [N s]", "total(last(propulsion.impulse))", "{:.1f}"),

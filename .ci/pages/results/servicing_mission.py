@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tables of the servicing mission: events of the runs on estimates and by the arm, velocity
-increments, parameter sets, aborts. The events of the run on truth are claims.
+increments, parameter sets, aborts. The events of the run on truth have no table, since they
+are claims of the mission.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def events() -> str:
 
 
 def estimates() -> str:
-    """Return the rms error of the relative position by phase."""
+    """Return as text the rms error of the relative position [mm] in each of PHASES."""
     from ssp.servicing_mission.events import stays
     from ssp.shared.estimates import errors, rows
 
@@ -67,7 +68,9 @@ def estimates() -> str:
 
 
 def ending(result: Any) -> str:
-    """Return the phases after the last approach, with time, reason and range, as text."""
+    """Return as text the first LISTED phases back-off, retreat, safe, aborted or stack of a run,
+    each with its reason, start time and range, and then the outcome of the mission.
+    """
     from ssp.servicing_mission.events import outcome, stays
     from ssp.shared.relative_motion import range_
 
@@ -133,8 +136,8 @@ def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
 
 
 def shown(least: float, inside: float) -> str:
-    """Return, as text, a least range [m] of drifts and the share (0 to 1) of the drifts that come
-    `inside` the keep-out zone, if there are any.
+    """Return as text the least range of drifts [m], and in parentheses the share of the drifts that
+    enter the keep-out zone; without the parentheses if none does. inside: this share, 0 to 1.
     """
     return f"{least:.2f} m" + (f" ({100 * inside:.0f} % inside)" if inside else "")
 
@@ -171,7 +174,9 @@ def instants() -> str:
 
 
 def of_arm(expression: str, show: str) -> Any:
-    """Return a function for a value of the run by the arm, as text."""
+    """Return a function without arguments that returns the value of an expression in the run by the
+    arm as text; show: format of the value.
+    """
     return lambda: cell(Column("", expression, show), result_of(RUNS["by arm"]))
 
 

@@ -1,5 +1,5 @@
-/* fmi3_layer.h - declarations shared by the files of FMI 3.0, its logger, and its status for a
- * rejected call. */
+/* fmi3_layer.h - declarations shared by the files of FMI 3.0; call of the logger, and status that
+ * a rejected call returns. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMI3_LAYER_H
 #define FMI3_LAYER_H

@@ -5,8 +5,9 @@
 
 alpha .. Omega are Greek; `_` begins subscripts, `^` a superscript; `_hat` a hat, `s~` a tilde, `q*`
 a star, `h'` a prime. `a/b` without blanks is a fraction, ` / ` stays in the line; ` x ` between two
-operands is the vector product, `.` the scalar one, `[R]x` the matrix of a vector product, ` (x) `
-and ` (o) ` are the products of Kronecker (or quaternions) and of elements; ` * ` is a product.
+operands is the vector product, `.` the scalar one, `[R]x` the matrix of a vector product. ` (x) `
+is the Kronecker product or the product of quaternions, ` (o) ` the product element by element,
+` * ` any other product.
 `|a|`, `sqrt(...)`, `sum_k`, `integral` become symbols. Names of three letters and more are upright:
 functions, parameters, words. Two or more blanks remain a gap, and a line remains a line.
 """

@@ -446,8 +446,8 @@ using lanes::arc_tangent, lanes::exponential, lanes::SineCosine;
     void single_object(State *); \
     void single_object(Output *)
 
-/* the lanes need neither the table of a model nor its checks and initialization, which the FMU of
- * each run performs before */
+/* the lanes need neither the table of a model nor its checks and initialization: the FMU of each
+ * run performs these before the lanes begin */
 #undef FMU_MODEL_OF
 #define FMU_MODEL_OF(...) extern "C" void this_model_has_no_table(void)
 
@@ -611,10 +611,10 @@ template <class C, class F, class... T> INLINE void where(C c, const F &function
     } else if (c) function();
 }
 
-/* Performs a step of a component in all lanes. Saving states and outputs takes longer than many
- * steps: a component is saved before its steps only after its first split. At the first split,
- * runs.h restores the memory of the system that it has saved and repeats the macro steps made since
- * then. */
+/* Performs a step of a component in all lanes. Saving the states and outputs of a component often
+ * takes longer than its step, so they are saved before each step only after the first split of the
+ * component. At the first split, runs.h restores the memory of the system that it has saved and
+ * repeats the macro steps made since then. */
 template <class X, class Y>
 void step_in_lanes(void (*step)(void *), void *given, X *x, Y *y, int64_t *splits)
 {

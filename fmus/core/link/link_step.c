@@ -2,7 +2,8 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
-/* sends the request of a step to t + h from t, or from an earlier time if the board is behind */
+/* sends the request of a step from t to t + h; if earlier steps were not sent (`behind`), the
+ * request begins at the end of the last step that was sent */
 static bool send_exchange(Link *l, double t, double h, fmi2Boolean final)
 {
     Writer w = new_request(&l->client);
@@ -46,7 +47,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     Link *l = component;
     unsigned status = fmi2OK;
     if (l->client.outstanding) {
-        status = wait_for_step(l); /* for the late answer to an earlier step */
+        status = wait_for_step(l); /* waits for the late answer to an earlier step */
         l->behind |= l->client.outstanding;
     }
     lock_stream(&l->client.stream);

@@ -2,10 +2,11 @@
  * with them.
  *
  * A private folder contains three named pipes: `to_board` and `from_board` carry the frames, `life`
- * controls its lifetime. A supervisor process, forked here, starts the emulator and reads `life`:
- * links join (j) and leave (q) by a byte, and if the whole program is killed, the pipe is closed.
- * Then the supervisor ends the emulator and removes the folder. The supervisor calls only functions
- * that are safe after a fork of a program with threads. */
+ * controls the lifetime of the emulator. A supervisor process, forked here, starts the emulator and
+ * reads `life`: a link writes the byte j when it joins and q when it leaves, and the pipe is closed
+ * if the whole program is killed. When all links have left or the pipe is closed, the supervisor
+ * ends the emulator and removes the folder. The supervisor calls only functions that are safe after
+ * a fork of a program with threads. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #define _GNU_SOURCE
 #include "stream.h"
@@ -228,7 +229,7 @@ bool start_processor(Stream *s, const Config *c)
     name_paths(&p, s);
     if (first ? !start_supervisor(s, &p, c) : !open_life_pipe(s, &p, now_s() + c->timeout)) {
         if (first && s->supervisor <= 0)
-            remove_folder(&p, s->folder); /* no supervisor exists that would remove it */
+            remove_folder(&p, s->folder); /* no supervisor exists to remove the folder */
         return false;
     }
     if (write(s->life, "j", 1) != 1 || !open_pipes(s, &p, now_s() + c->timeout)) return false;

@@ -12,7 +12,7 @@ enum { REASON_SIZE = 1600 };
 
 typedef struct {
     int in, out;              /* file descriptors; equal for sockets and serial lines */
-    int life, lock;           /* files of an emulator (processor.c); -1: none */
+    int life, lock;           /* emulator: pipe `life`, lock file (processor.c); -1: none */
     pid_t supervisor;         /* process that ends the emulator; 0: another link started it */
     char folder[PATH_SIZE];   /* folder of the pipes */
     char reason[REASON_SIZE]; /* reason of the last failure */

@@ -1,4 +1,4 @@
-/* index.h - index into an array from a number of steps. */
+/* index.h - index into an array from a real number. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef INDEX_H
 #define INDEX_H

@@ -39,8 +39,8 @@ TOKEN = re.compile(
 `lower(NAME)`; or a name, which may be the name of a metric.
 """
 MET, LOWER, METRIC = "parameter met", "parameter lower", "metric"
-"""Prefixes of the variables in a condition that has been translated into a requirement: shares of
-runs, lower bounds of such shares, metrics.
+"""Prefixes of the names that variables have in a condition after it has been translated into a
+requirement and parsed: shares of runs (`parameter met.NAME`), lower bounds of such shares, metrics.
 """
 
 

@@ -132,8 +132,8 @@ class Table(Struct, frozen=True):
 
     @property
     def texts(self) -> dict[str, str]:
-        """Return the texts of all metrics by name of the metric, including `success` if the table
-        defines it.
+        """Return the definitions of all metrics, as the texts in the table, by name of the metric;
+        `success` is included if the table defines it.
         """
         return {**self.metrics, **({SUCCESS: self.success} if self.success else {})}
 

@@ -3,7 +3,7 @@
 elements.
 
 States are given in N axes: EME2000, GCRF and ICRF are taken as N (they differ by 23 mas), TEME of
-two-line elements is converted by way of Earth-fixed axes with the IAU models. For this UT1 is set
+two-line elements is converted by way of Earth-fixed axes with the IAU models. For this, UT1 is set
 to UTC; the error cancels, because both conversions use the same UT1. SGP4 accepts any text in its
 columns, so two-line elements are checked first.
 """
@@ -153,10 +153,12 @@ def _time_system(text: str) -> str:
     systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
     if unknown := systems - {*SYSTEMS}:
         raise ValueError(
-            f"its times are {' and '.join(sorted(unknown))}, expected {', '.join(SYSTEMS)}"
+            f"its time system is {' and '.join(sorted(unknown))}, expected {', '.join(SYSTEMS)}"
         )
     if len(systems) > 1:
-        raise ValueError(f"its times are {' and '.join(sorted(systems))}, expected one system")
+        raise ValueError(
+            f"its segments have the time systems {' and '.join(sorted(systems))}, expected only one"
+        )
     return next(iter(systems), "")
 
 

@@ -433,7 +433,7 @@ def test_other_times_of_an_ephemeris_are_rejected_by_name(out, tmp_path, system)
     path = convert(out, tmp_path / "target.oem", "target", EPOCH)
     text = path.read_text(encoding="utf-8").replace("= UTC", f"= {system}")
     path.write_text(text, encoding="utf-8")
-    problem = f"its times are {system}, expected GPS, TAI, TT, UT1, UTC"
+    problem = f"its time system is {system}, expected GPS, TAI, TT, UT1, UTC"
     with pytest.raises(UsageError, match=problem):
         source_of("target", path)
 
