@@ -187,8 +187,8 @@ class Spaces:
         self.variables = list(dict.fromkeys(base(s.name) for s in acted))
 
     def seen(self, buses: Array) -> Array:
-        """Return the observations (..., n) of n variables for the values of all signals (...,
-        slots) of simulations.
+        """Return the observations (..., n) of n variables for the values (..., m) of all m signals
+        of simulations.
         """
         found: Array = buses[..., self._slots] * self._factors + self._offsets
         return found
@@ -213,7 +213,7 @@ class Spaces:
     def of_policy(self, simulation: Simulation, values: Array, period: float) -> Ports:
         """Return the inputs and outputs of a policy that replaces the open component.
 
-        values: values of all signals at the start (slots,); period: time between two actions [s].
+        values: values of all m signals at the start (m,); period: time between two actions [s].
         Raises UsageError if there are several open components, or if a name is not a valid name in
         C.
         """

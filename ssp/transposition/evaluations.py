@@ -95,8 +95,9 @@ def module_motion(result: Result) -> tuple[Array, Array, Array]:
 
 
 def peak_share(result: Result) -> tuple[float, ...]:
-    """Return the momentum of the gyros: its largest share of their capacity (the largest momentum
-    in its direction), its largest magnitude [N m s], and the time of the largest share [s].
+    """Return the momentum of the gyros: its largest share of their capacity, which is the largest
+    momentum that they can have in the same direction; its largest magnitude [N m s]; and the time
+    of the largest share [s].
     """
     rows = since(result, 0.0, window(result))
     share, momentum = result[SHARE][rows], size(result[MOMENTUM][rows])

@@ -123,8 +123,8 @@ def spending() -> str:
 
 
 def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
-    """Return a function for the table of parameter sets: how each run ends, its least range and its
-    velocity increments.
+    """Return a function that returns a table with a row per parameter set: how the run ends, its
+    least range and its velocity increments.
     """
     runs = {f"`{name}`": f"{system} --params {name} --every 10" for name in names}
     columns = [

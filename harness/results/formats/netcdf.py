@@ -147,7 +147,7 @@ def _flat_columns(
 
 
 def _from_lines(text: str) -> list[str]:
-    """Return the names in a text of in_lines(), which contains one name per line, with escapes."""
+    """Return the names in a text from in_lines(), which has one name per line, with escapes."""
     return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
 
 

@@ -258,7 +258,7 @@ class Plan:
         }
 
     def seeds_of(self, draw: int) -> Values:
-        """Return the seeds in a draw, by the parameter that receives each."""
+        """Return the seeds in a draw, by the name of the parameter that is set to the seed."""
         return {n: run_seed(self.table.seed, draw, k) for k, n in enumerate(self.table.seeds)}
 
     def structures(self) -> list[int]:

@@ -116,8 +116,8 @@ def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
 
 
 def days_since_j2000(instants: Any) -> Any:
-    """Return the days of 86 400 s since J2000 of UTC instants, as erfa and SGP4 need them. They are
-    computed in two parts, because a difference in nanoseconds may exceed 64 bits.
+    """Return the time from J2000 to UTC instants in days of 86 400 s, as erfa and SGP4 need it. It
+    is computed in two parts, because a difference in nanoseconds may exceed 64 bits.
     """
     days = instants.astype("datetime64[D]")
     part = (instants - days.astype("datetime64[ns]")) / np.timedelta64(1, "D")
