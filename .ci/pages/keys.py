@@ -23,7 +23,7 @@ SYSTEM: Keys = {
                        "Gauss-Seidel, components run in this order; in a file that extends, "
                        "`controller = false` adds a component to `without`"),
         "without": ("list", "Components that another tool runs: their outputs are inputs of the "
-                    "system, with start values from the whole system"),
+                    "system and start with their initial values in the whole system"),
         "schedule": ("table", "`[schedule.COMPONENT]`: rate and delay of a component"),
         "connections": ("table", "Connections between signals of different names: "
                         "`\"target.r_TN_N\" = \"filter.r_N\"`; signals of the same name are "

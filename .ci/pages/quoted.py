@@ -147,7 +147,7 @@ def rows() -> Iterator[dict[str, str]]:
 
 
 def row(fmu: str, processor: str) -> dict[str, str]:
-    """Return the row of an FMU on a processor."""
+    """Return the row of an FMU on a processor in the table of docs/processor_figures.md."""
     return next(r for r in rows() if (r["FMU"], r["processor"]) == (fmu, processor))
 
 
@@ -168,7 +168,9 @@ NOTED = ("adaptive_controller", "cortex-m7")
 
 
 def compared() -> str:
-    """Return the numbers of flight FMUs and of processors whose bits were compared, as text."""
+    """Return, as text, the numbers of flight FMUs and of processors whose bits were compared with
+    the simulation.
+    """
     found = list(rows())
     assert all(r["equal bits"].startswith("yes") for r in found)
     fmus, processors = ({r[key] for r in found} for key in ("FMU", "processor"))

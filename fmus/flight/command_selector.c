@@ -52,7 +52,7 @@ typedef struct {
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
-    double started, force, torque; /* 1 after the first sample; selected laws of the last one */
+    double started, force, torque; /* 1 after the first sample; laws selected at the last sample */
     Command out, D;                /* last command without the push; fading difference D */
     double unloading;
 } State;
@@ -74,9 +74,12 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    NONNEGATIVE(main_thrust, "N", "force of the virtual main engine, along +X"),
-    NONNEGATIVE(brake_thrust, "N", "force of the four virtual brakes together, along -X"),
-    NONNEGATIVE(relay_torque, "N.m", "torque of the virtual attitude engines, per body axis"),
+    NONNEGATIVE(main_thrust, "N",
+                "force along +X at full throttle of the main engine, which thrusters emulate"),
+    NONNEGATIVE(brake_thrust, "N",
+                "force along -X at full throttle of all four brakes, which thrusters emulate"),
+    NONNEGATIVE(relay_torque, "N.m",
+                "full torque of the attitude engines per axis, emulated by thrusters or wheels"),
     MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, body axes"),
     SWITCH(far_wheels, "1: the wheels give the torque of law 1 (far approach), 0: the thrusters"),
     NONNEGATIVE(push_force, "N", "force along +X if push = 1, after contact"),
@@ -84,20 +87,23 @@ static const Variable variables[] = {
     SAMPLE_PERIOD,
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     NONNEGATIVE_AS("unload_on", unload.on, "1",
-                   "begin of unloading: share of wheel_speed_max from wheel_speed_ref "
-                   "(laws 2, 3; law 1 with far_wheels)"),
+                   "unloading begins at this share of wheel_speed_max off wheel_speed_ref "
+                   "(in law 1 needs far_wheels = 1)"),
     NONNEGATIVE_AS("unload_off", unload.off, "1",
-                   "end of unloading: share of wheel_speed_max from wheel_speed_ref (laws 1 to 3)"),
+                   "unloading ends at this share of wheel_speed_max off wheel_speed_ref "
+                   "(laws 1 to 3)"),
     NONNEGATIVE_AS("k_unload", unload.k, "1/s", "gain of the unloading in laws 1 to 3; 0: none"),
     NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
                    "largest torque of unloading in laws 1 to 3, per body axis"),
     PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s",
                  "wheel speeds to which the unloading leads"),
 
-    MODE_INPUT(select_force, "source of the force", "none|far|close|sync|none|retreat|optimal"),
+    MODE_INPUT(select_force, "source of the force, none in law 4 (stack)",
+               "none|far|close|sync|none|retreat|optimal"),
     MODE_INPUT(select_torque, "source of the torque", "none|far|close|sync|stack"),
     INPUT(push, "1", "1: push_force acts in law 3, after contact"),
-    INPUT(throttle, "1", "throttles of the relay controller: P1..P8, P'1..P'4, P'5, 3 unused"),
+    INPUT(throttle, "1",
+          "throttles of the relay controller: 8 attitude, 4 brakes, 1 main engine, 3 unused"),
     INPUT(F_close_S, "N", "force commanded by law 2 (closing), servicer axes"),
     INPUT(M_close_S, "N.m", "torque commanded by law 2 (closing), servicer axes"),
     INPUT(wheel_close, "rad/s2", "wheel acceleration commanded by law 2 (closing)"),
@@ -115,7 +121,8 @@ static const Variable variables[] = {
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
     OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),
-    MODE(force_law, "source of the commanded force; an invalid selection is rejected",
+    MODE(force_law,
+         "source of the commanded force, none in law 4 (stack); an invalid selection is rejected",
          "none|far|close|sync|none|retreat|optimal"),
     MODE(torque_law, "source of the commanded torque; an invalid selection is rejected",
          "none|far|close|sync|stack"),

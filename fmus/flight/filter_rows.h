@@ -4,8 +4,8 @@
  *   n.u >= m beta (1 + mass_error) if beta > 0, else m beta (1 - mass_error),
  *   beta = alpha + D - n.a                                                                      (9)
  * c: right-hand side; n: unit vector away from the edge of the rule; beta: acceleration that the
- * force must give along n; alpha: least acceleration of the gap; a: known acceleration; D: bound
- * on the unknown acceleration; m: mass. docs/models.md M.3 */
+ * force must give along n; alpha: least total acceleration along n that the rule needs; a: known
+ * acceleration; D: bound on the unknown acceleration; m: mass. docs/models.md M.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_ROWS_H
 #define FILTER_ROWS_H
@@ -19,8 +19,8 @@ static inline void add_row(Rows *rows, int rule, vec3 n, double c)
     rows->row[rows->count++] = (Row){n, c, rule, 0};
 }
 
-/* force for the acceleration beta. beta > 0 is required: the mass is the largest possible.
- * beta <= 0 is permitted: the mass is the least possible. */
+/* force that gives at least the acceleration beta with every possible mass: computed with the
+ * largest mass if beta > 0, with the least mass if beta <= 0 (the force may point to the edge) */
 static inline double force_of(const FilterParameters *p, double beta)
 {
     return beta * p->mass * (beta > 0 ? 1 + p->mass_error : 1 - p->mass_error);
@@ -44,8 +44,8 @@ static inline void add_box(const FilterParameters *p, Rows *rows)
     }
 }
 
-/* (10), (11): adds the row of the keep-out sphere, with its tangent plane at the direction of
- * the servicer; returns the barrier */
+/* (10), (11): adds the row of the keep-out sphere, replaced by its tangent plane in the direction
+ * of the servicer; returns the barrier */
 static inline double add_keep_out(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
     double T_r = p->reaction, falling = dot(g->out, g->g), rate = dot(g->out, g->v);
@@ -62,8 +62,9 @@ static inline double speed_limit(const FilterParameters *p, double range)
     return smaller(p->speed_at_zero + p->speed_slope * range, p->speed_max);
 }
 
-/* (12), (13): speed limit at the range at the end of the hold, minus terms for velocity gained
- * sideways in the hold, for the error of the velocity and for unknown accelerations */
+/* (12), (13): speed limit at the range at the end of the sample period in which the force is held,
+ * minus terms for velocity gained sideways in this period, for the error of the velocity and for
+ * unknown accelerations */
 static inline double limit_after_hold(const FilterParameters *p, const Geometry *g, double sideways)
 {
     double T = p->reaction + g->P, closing = smaller(0, dot(g->out, g->v));
@@ -72,9 +73,9 @@ static inline double limit_after_hold(const FilterParameters *p, const Geometry 
     return speed_limit(p, larger(range, 0)) - sideways * sideways / p->speed_at_zero - unknown;
 }
 
-/* (14): because of velocity errors, a servicer below its speed limit may seem to be 2 e_v' above
- * the limit. The deceleration for these 2 e_v' may use only the smallest axis of F_max divided by
- * sqrt(3), which leaves as much for two other rules. */
+/* (14): because of velocity errors of at most g->e_v, a servicer below its speed limit may seem to
+ * be 2 g->e_v above the limit. The deceleration for this part may use only the smallest element of
+ * F_max divided by sqrt(3), which leaves as much for two other rules. */
 static inline double speed_force(const FilterParameters *p, const Geometry *g, double beta)
 {
     double share = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z)) / sqrt(3.0);
@@ -173,8 +174,8 @@ static inline double add_plume(const FilterParameters *p, const Geometry *g, Row
     return g->R - p->plume_range;
 }
 
-/* rows of all rules except drift; sets barrier[rule - 1] of the rules in force, and no other one;
- * slope: as in corridor_faces() */
+/* rows of all rules except drift; sets barrier[rule - 1] of the rules that apply, and no other
+ * element; slope: as in corridor_faces() */
 static inline Rows all_rows(const FilterParameters *p, const FilterInput *u, const Geometry *g,
                             double slope, double barrier[])
 {

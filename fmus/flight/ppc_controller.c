@@ -97,26 +97,27 @@ static const Model start = {
            POSITIVE_VALUE)
 #define CHANNEL_ROWS(member, unit, gain_unit)                                                  \
     CHANNEL_ROW(member, k, gain_unit,                                                          \
-                "gain, angles in rad; law 0: its unit is this one times (unit of alpha_0)^2"), \
+                "gain, angles in rad; with law 0, unit: this unit times (unit of alpha_0)^2"), \
         CHANNEL_ROW(member, eta, "1", "weight of the mapped state"),                           \
         CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"),       \
         CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                              \
         CHANNEL_ROW(member, alpha_inf, unit, "final bound"),                                   \
         CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                     \
-        CHANNEL_ROW(member, delta, "1", "allowed overshoot over the bound, in (0, 1]")
+        CHANNEL_ROW(member, delta, "1",                                                        \
+                    "overshoot that the funnel allows, as a share of the bound, in (0, 1]")
 
-#define TELEMETRY_ROWS(member, suffix, whose)                                                      \
-    TRACKING_OUTPUT("theta" suffix, member.theta, "1", whose ": generalised state over its bound", \
-                    ANY_VALUE),                                                                    \
-        TRACKING_OUTPUT("s" suffix, member.s, "1", whose ": mapped state", ANY_VALUE),             \
-        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1", whose ": barrier, below 1 by design",   \
-                        NONNEGATIVE_VALUE),                                                        \
-        TRACKING_OUTPUT("violation" suffix, member.violation, "1",                                 \
-                        whose ": 1: outside the funnel or kappa >= 1", ALARM_VALUE),               \
-        TRACKING_OUTPUT("start_margin" suffix, member.start_margin, "1",                           \
-                        whose                                                                      \
-                        ": lesser of 1 - kappa(t_0) and distance of theta(t_0) to the nearer "     \
-                        "bound; must be > 0",                                                      \
+#define TELEMETRY_ROWS(member, suffix, whose)                                                    \
+    TRACKING_OUTPUT("theta" suffix, member.theta, "1",                                           \
+                    whose ": generalised state divided by its bound", ANY_VALUE),                \
+        TRACKING_OUTPUT("s" suffix, member.s, "1", whose ": mapped state", ANY_VALUE),           \
+        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1", whose ": barrier, below 1 by design", \
+                        NONNEGATIVE_VALUE),                                                      \
+        TRACKING_OUTPUT("violation" suffix, member.violation, "1",                               \
+                        whose ": 1: outside the funnel or kappa >= 1", ALARM_VALUE),             \
+        TRACKING_OUTPUT("start_margin" suffix, member.start_margin, "1",                         \
+                        whose                                                                    \
+                        ": lesser of 1 - kappa(t_0) and distance of theta(t_0) to the nearer "   \
+                        "bound; must be > 0",                                                    \
                         POSITIVE_VALUE)
 
 static const Variable variables[] = {
@@ -124,7 +125,7 @@ static const Variable variables[] = {
     POSITIVE(wheel_scale, "kg.m2", "torque per wheel acceleration (needs use_wheels = 1)"),
     SWITCH(position, "1: control of the position; 0: no force, its channels are not evaluated"),
     PARAMETER(law, "1",
-              "position, factor of the gain: 0 = r = ds/dz, 1 = 1/r, 2 = r (alpha (1 + "
+              "position: factor of the gain; 0: r = ds/dz, 1: 1/r, 2: r (alpha (1 + "
               "delta)/4)^2"),
     PARAMETER(law_att, "1",
               "law of the attitude, values as for parameter law; 1 is not proven for attitude"),
@@ -177,9 +178,9 @@ static void check(const Parameters *p, Problems *problems)
 }
 
 /* ---- one channel ---- */
-typedef struct {
-    double theta, s, alpha, gain, margin, unkept_s;
-} Mapped; /* u = -gain s/(1 - kappa); margin: > 0 inside the funnel; unkept_s: s of true theta */
+/* u = -gain s/(1 - kappa); margin: > 0 inside the funnel; unkept_s: s of theta before map() limits
+ * it */
+typedef struct { double theta, s, alpha, gain, margin, unkept_s; } Mapped;
 
 /* s of (15); 0 for a theta outside the funnel. The law uses a theta that map() limits to the
  * inside: only Mapped.margin shows a violation. */
@@ -224,7 +225,7 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
            d = map(c[2], law, x->rising.z, z.z, age);
     double kappa = c[0]->eta * a.s * a.s + c[1]->eta * b.s * b.s + c[2]->eta * d.s * d.s;
     double inside = smaller(a.margin, smaller(b.margin, d.margin));
-    if (first) { /* start_margin, (18), by the theta that map() does not limit */
+    if (first) { /* start_margin, (18), from theta before map() limits it */
         vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s),
              eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
         x->margin = smaller(1 - dot(s, times(eta, s)), inside);

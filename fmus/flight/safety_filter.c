@@ -33,7 +33,8 @@ typedef FilterParameters Parameters;
 typedef FilterInput Input;
 
 typedef struct {
-    double slope; /* faces of a pyramid inscribed in the corridor: tan(half angle) cos(pi/8) */
+    /* slope of the faces of a pyramid inscribed in the corridor: tan(half angle) cos(pi/8) */
+    double slope;
     /* filters 1 and 2: 1 while braking, time for which the command has been safe */
     double backup, passed;
     double least[BARRIERS];
@@ -85,7 +86,7 @@ static const Variable variables[] = {
     FLAG(feasible, "0: no force satisfies all rules"),
     MODE(relaxed, "first rule that was relaxed", "none|keep-out|corridor|speed|drift|plume|box"),
     OUTPUT(barrier, "1",
-           "left after braking: keep-out, corridor, speed [m/s], drift; range - "
+           "gap left after braking: keep-out, corridor, speed [m/s], drift; range - "
            "plume_range; 1e9: off"),
     ROW_AS(OUTPUT_ROW, y, "least_barrier", least, 1, "1",
            "per barrier: least value since the start", ANY_VALUE),

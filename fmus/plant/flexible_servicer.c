@@ -89,7 +89,7 @@ static const Variable variables[] = {
     TRIPLES("slosh_position_S", slosh.position_S, "m",
             "positions of the sloshing masses at rest from S, one row each"),
     TRIPLES("slosh_axis_S", slosh.axis_S, "1",
-            "directions of the sloshing masses, any length, one row each"),
+            "directions in which the masses slosh, any length, one row each"),
     PARAMETER_AS("slosh_frequency", slosh.frequency, "rad/s",
                  "natural frequency of the sloshing masses in a fixed hub"),
     PARAMETER_AS("slosh_damping_ratio", slosh.damping_ratio, "1",
@@ -294,7 +294,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         integrate(&constant, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
         if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0)
-            break; /* the FMI adapter rejects a negative rate_margin */
+            break; /* the FMI adapter rejects the step for this negative rate_margin */
     }
     publish(p, x, y, t + h);
 }

@@ -160,8 +160,9 @@ def _entry(name: str) -> zipfile.ZipInfo:
 
 
 def _reject_unsafe(path: Path, entries: list[zipfile.ZipInfo]) -> None:
-    """Raise ArchiveError for an archive that must not be unpacked, and BadZipFile for a truncated
-    archive, where zipfile may list a nested archive instead: the first entry is not at offset 0.
+    """Raise ArchiveError for an archive that must not be unpacked, and BadZipFile if the first
+    entry is not at offset 0: for a truncated archive, zipfile may list the entries of an archive
+    nested in it.
     """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")

@@ -138,7 +138,7 @@ class Level(Checked):
         return float(result.parameter(held[0])) if held else None
 
 
-IDLE = "attitude frozen: acts on nothing"
+IDLE = "attitude frozen: no effect"
 
 
 @dataclass(frozen=True)

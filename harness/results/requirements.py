@@ -204,8 +204,8 @@ def _check(tree: Node) -> None:
             )
         if tree.has_window and not inside:
             raise ValueError(
-                f"`{leaf.text}` beside a window is evaluated at the start of the run only; "
-                f"write always({leaf.text})"
+                f"`{leaf.text}` is outside of every window, so it would be evaluated at the start "
+                f"of the run only; write always({leaf.text})"
             )
     for node in tree.walk():
         unit(node.unit or "1")

@@ -93,8 +93,8 @@ def rejected_before(
     executor: str,
 ) -> list[HarnessError]:
     """Check systems before their runs: return an error for each component whose FMU rejects values
-    in every run. If there is no error, log the warnings about the systems, and compile them if the
-    executor is `fused`.
+    that are the same in every run. If there is no error, log the warnings about the systems, and
+    compile them if the executor is `fused`.
 
     ready: each system with the outcome of its check; fixed: values that are the same in all runs,
     by parameter, as typed; varied: names of the parameters that vary; patience: limit for one call

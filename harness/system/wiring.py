@@ -94,7 +94,7 @@ def ports(interfaces: Interfaces, name: str, *causalities: str) -> list[Port]:
     """
     component, variable = split(name, interfaces)
     first, *others = map(interfaces[component].named, causalities)
-    # the variables of a single causality are used without a copy
+    # for a single causality the mapping is used directly, because a copy takes time
     known = ChainMap(dict(first), *map(dict, others)) if others else first
     if not (elements := elements_of(variable, known)):
         close = did_you_mean(variable, with_arrays(known))

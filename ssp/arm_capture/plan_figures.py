@@ -48,8 +48,8 @@ def _line(arm: Arm, q: Array, up: int) -> tuple[Array, Array]:
 
 
 def _reach(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
-    """Draw a map of the least singular value of J_m where the arm reaches, the stowed arm, and the
-    arm at its planned positions.
+    """Draw a map of the least singular value of the Jacobian J_m for the places that the arm
+    reaches, the stowed arm, and the arm at its planned positions.
     """
     first = next(iter(results.values()))
     arm = arm_of(first)
@@ -66,7 +66,7 @@ def _reach(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Co
             axes.plot(path[:, 0], path[:, up], "o", color=colours[label], label=label)
         axes.set(xlabel="x [m]", ylabel=f"{name} [m]", aspect="equal")
     panels[0].legend(loc="lower left")
-    canvas.colorbar(drawn, ax=panels, label="least singular value of J_m", shrink=0.8)
+    canvas.colorbar(drawn, ax=panels, label="least singular value of Jacobian J_m", shrink=0.8)
 
 
 OVERLAYS: tuple[Figure | Overlay, ...] = (

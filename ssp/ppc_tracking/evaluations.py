@@ -70,7 +70,7 @@ def convergence(result: Result) -> tuple[float, ...]:
 
 def hovering(result: Result) -> tuple[float, ...]:
     """Return the largest range error after 60 s [m], and the largest angle after 60 s between the
-    line of sight and the axis of the feature on the target [deg].
+    line of sight and the axis of the feature of the target above which the servicer hovers [deg].
     """
     rows = since(result, SETTLED, SETTLED)
     return np.abs(range_error(result)[rows]).max(), np.degrees(result[FEATURE][rows]).max()

@@ -80,7 +80,7 @@ class PhaseOptimum(NamedTuple):
 
     spent: impulse of the phase in the run [N s]; optimum: solution of its convex problem; mass: at
     the beginning [kg]; miss: distances of position [m] and velocity [m/s] between a simulation of
-    the optimal force and the optimum at the end of the phase.
+    the optimal force and the optimal path at the end of the phase.
     """
 
     spent: float
@@ -103,7 +103,7 @@ class PhaseAnswer:
 
     @property
     def verified(self) -> None:
-        """Return None: each phase has a simulation of its own optimum instead."""
+        """Return None, because each phase is simulated alone, and there is no run of all phases."""
 
     def store(self) -> Path:
         """Store the optima for later reports and comparisons, and return the path of the file;
@@ -112,13 +112,14 @@ class PhaseAnswer:
         return optima.store(self.run, [phase.optimum for phase in self.phases.values()])
 
     def lines(self) -> Iterator[str]:
-        """Yield a line per phase, and one for their sum: velocity increment in the run relative to
-        the optimum, and distance between the simulation of the optimal force and the optimum.
+        """Yield a line per phase, and one for their sum: velocity increment in the run [m/s] and
+        its ratio to the least one. The line of a phase also states `miss`, the distances [mm, mm/s]
+        between a simulation of the optimal force and the optimal path at the end of the phase.
         """
         found = [
             (name, p.spent / p.mass, p.optimum.impulse / p.mass) for name, p in self.phases.items()
         ]
-        ends = [f"; open loop {1e3 * r:.2g} mm, {1e3 * v:.1g} mm/s off the optimum"
+        ends = [f"; open loop ends {1e3 * r:.2g} mm, {1e3 * v:.1g} mm/s off the optimal path"
                 for r, v in (p.miss for p in self.phases.values())]  # fmt: skip
         total = ("sum", sum(f[1] for f in found), sum(f[2] for f in found))
         for (name, spent, best), end in zip((*found, total), (*ends, ""), strict=True):
@@ -152,8 +153,8 @@ def phase_verified(
     system: System, offered: PhaseBounds, phase: Phase, optimum: Optimum
 ) -> tuple[float, float]:
     """Return the distances of position [m] and velocity [m/s] between a simulation of the optimal
-    force and the optimum at the end of a phase. The simulation contains only the plants of both
-    bodies. The force is constant in frame N during each step of the grid.
+    force and the optimal path at the end of a phase. The simulation contains only the plants of
+    both bodies. The force is constant in frame N during each step of the grid.
     """
     begin, end = (float(phase.problem.time[k]) for k in (0, -1))
     bodies = {name.partition(".")[0] for name in offered.positions}

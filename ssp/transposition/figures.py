@@ -157,7 +157,7 @@ def _length(name: str) -> Curve:
 
 def _iterations(canvas: Axes, result: Result) -> None:
     """Draw the largest momentum and the largest rotation of every attitude history that the planner
-    tried.
+    tried, by the number of its iterations.
     """
     count = int(result[ITERATIONS][0]) + 1
     left, right = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
@@ -166,10 +166,10 @@ def _iterations(canvas: Axes, result: Result) -> None:
     for (label, share), style in zip(limits.items(), ("-", "--"), strict=True):
         level = float(share * result.parameter(SATURATION))
         left.axhline(level, color="k", linestyle=style, linewidth=1, label=label)
-    left.set(xlabel="step of the plan", ylabel="largest momentum [N m s]")
+    left.set(xlabel="iterations of the planner", ylabel="largest momentum [N m s]")
     legend_above(left)
     right.bar(range(count), np.degrees(result["guidance.rotation"][0, :count]))
-    right.set(xlabel="step of the plan", ylabel="largest rotation [deg]")
+    right.set(xlabel="iterations of the planner", ylabel="largest rotation [deg]")
     for axes in (left, right):
         axes.set_xticks(range(count))
 
@@ -197,7 +197,7 @@ def _planned_momentum(
 FIGURES: tuple[Figure | Drawing, ...] = (
     Drawing(
         "plan",
-        "Histories that the planner tried; 0: flight attitude all the time",
+        "Attitude histories of the planner; after 0 iterations: flight attitude all the time",
         (ITERATIONS, "guidance.peak", "guidance.rotation"),
         _iterations,
         shows=lambda result: bool(result["guidance.peak"].any()),

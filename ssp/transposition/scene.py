@@ -16,9 +16,9 @@ from .figures import SHAPE
 ASSEMBLY = ("assembly.q_SN", "assembly.q_SH", "assembly.arm_angle")
 NUMBERS = {
     "arm_angle": "angle of the hinge",
-    "rotation": "rotation",
+    "rotation": "rotation from the flight attitude",
     "h_cmg": "momentum of the gyros",
-    "momentum_share": "share of their largest momentum",
+    "momentum_share": "share of the largest momentum of the gyros",
 }
 """Outputs of the assembly whose values the replay shows, with their labels."""
 

@@ -33,7 +33,7 @@ def rendezvous(case: Case, library: Library) -> list[dict[str, Array]]:
     los: least -x tan 30 deg - |y| in the attempt [m]; speed: largest speed in the attempt [m/min];
     box: least max(|x|, |y|) after the abort [m].
     """
-    del library  # unused: the master loads the whole system
+    del library  # unused, but an argument of all SIMULATIONS: the master loads the FMUs
     stop = case.rows[-1]["t"]
     result = run_system(SYSTEM, stop=stop, every=EVERY, set=_changes(case))
     keep_out, corridor, speed = result["monitor.least_margin"][-1][:3]

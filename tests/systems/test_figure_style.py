@@ -235,7 +235,7 @@ def test_torque_on_a_frozen_attitude_is_shaded():
     result = run("ppc_tracking", set={"servicer.t_att": 12.0}, stop=20.0)
     (axes,) = painted("torque", result).axes
     (frozen,) = axes.patches
-    assert frozen.get_label() == "attitude frozen: acts on nothing"
+    assert frozen.get_label() == "attitude frozen: no effect"
     assert (frozen.get_x(), frozen.get_width()) == (0.0, 12.0)
     assert not painted("torque", recording("ppc_tracking")).axes[0].patches
 

@@ -237,7 +237,7 @@ def test_phases_of_a_mission_cost_more_than_their_optima(near, capsys, tmp_path)
     less = phase_optimum(servicing_mission.phases(near, 3.0)["closing"], "sum", ("speed",))
     assert less.impulse < closing.optimum.impulse - 0.1
     _, hold_1, closing, _, last = found.lines()
-    assert "the optimum is 0; open loop" in hold_1 and "mm/s off the optimum" in closing
+    assert "the optimum is 0; open loop" in hold_1 and "mm/s off the optimal path" in closing
     assert last.startswith("servicing_mission, sum: ")
     words = [x for name, value in NEAR.items() for x in ("--set", f"{name}={value}")]
     output = ["--stop", "5", "-o", str(tmp_path / "x.nc")]

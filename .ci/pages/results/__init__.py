@@ -32,8 +32,8 @@ for one, kind in (("params", str), ("algorithm", str), ("stop", float), ("step",
     OPTIONS.add_argument(f"--{one}", type=kind)
 OPTIONS.add_argument("--every", type=int)
 HELD = 4
-"""Number of results that stay in memory, because several tables use the same run; the result of a
-mission takes 250 MB.
+"""Number of results that stay in memory, because several tables use the same run; a result of
+servicing_mission takes 250 MB.
 """
 
 

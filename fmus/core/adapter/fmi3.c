@@ -33,7 +33,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     union {
         fmi3String read;
         char *own;
-    } text = {name}; /* own is not const, but never written: new_instance() copies it */
+    } text = {name}; /* new_instance() copies the name and does not write to own */
     caller.name = text.own;
     if (!has_name_and_guid(&caller, function, "instantiation token", token)) return NULL;
     const char *rule = why_no_instance(event_mode, intermediates);

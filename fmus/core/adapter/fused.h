@@ -104,7 +104,7 @@ static inline bool outputs_differ(const ModelInterface *model, const double whol
     return false;
 }
 
-/* evaluates the first outputs of a part at time t; returns true if an output has changed */
+/* evaluates the initial outputs of a part at time t; returns true if an output has changed */
 static inline bool evaluate_outputs(const Part *part, double m[], double work[], double t)
 {
     assemble_part(part, m, work);
@@ -135,7 +135,8 @@ static inline void reset_part(const Part *part, double m[])
     memset(m + part->tail, 0, tail_count(part->model) * sizeof *m);
 }
 
-/* initializes all parts at time t; false: the outputs have not converged. work: space for the
+/* initializes all parts at time t; false: the outputs have not converged. It ends early with true
+ * if a value violates its rule, because the adapter then rejects this value. work: space for the
  * largest part with its workspace; stale: one element per part, true if the part must be
  * evaluated again */
 static inline bool initialize_parts(const Part *parts, size_t count, bool stale[], double m[],
@@ -152,7 +153,7 @@ static inline bool initialize_parts(const Part *parts, size_t count, bool stale[
         for (const Part *p = parts; p < end; p++) {
             if (!stale[p - parts]) continue;
             changed |= evaluate_outputs(p, m, work, t);
-            if (!satisfies_rules(p, m)) return true; /* ends: the adapter rejects these values */
+            if (!satisfies_rules(p, m)) return true; /* the adapter rejects the value */
         }
         for (const Part *p = parts; p < end; p++) stale[p - parts] = set_driven_inputs(p, m);
     }

@@ -5,7 +5,7 @@
  * cyclic order, the axes of frame L are, with ce = cos(elevation), sb = sin(azimuth) and so on,
  *   x_l = [ ce cb,  se, -ce sb] = r/|r|,   y_l = [-se cb,  ce,  se sb],
  *   z_l = x_l x y_l = [ sb,  0,  cb]
- * elevation is counted from the plane normal to "up", azimuth from its first axis, and
+ * elevation is counted from the plane normal to y, azimuth in this plane from x, and
  *   rho' = x_l.v,   eps' = y_l.v/rho,   bet' = -z_l.v/(rho ce)
  *   rho'' = x_l.a + rho (eps'^2 + bet'^2 ce^2)
  *   eps'' = (y_l.a - 2 rho' eps')/rho - bet'^2 se ce
@@ -38,7 +38,7 @@ enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 typedef struct {
     Motion q;                         /* range, elevation, azimuth with derivatives; m, rad */
     mat3 C_LN;                        /* rows x_l, y_l, z_l */
-    double ce, se, ce_safe, rho_safe; /* cosine, sine of the elevation; ce, rho as divisors */
+    double ce, se, ce_safe, rho_safe; /* cosine, sine of elevation; ce, rho bounded as divisors */
 } LineOfSight;
 
 static inline void check_up_axis(Problems *problems, double up)

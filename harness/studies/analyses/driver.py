@@ -184,8 +184,8 @@ def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T,
     """Return the entries of the table of an analysis, and the evaluator that performs its runs;
     raise StructureError with all problems of the entries.
 
-    kind: class of the entries, in lower case the name of the table; definition: path of a campaign
-    TOML or its table; how: options workers, lanes and notify as for campaign().
+    kind: class of the entries, whose name in lower case is the name of the table; definition: path
+    of a campaign TOML or its table; how: options workers, lanes and notify as for campaign().
     """
     name = kind.__name__.lower()
     given = table_of(definition).get(name, {})

@@ -32,8 +32,9 @@ effects of the factors from the margins of a requirement in these runs (rows,).
 Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
 
 LEVELS, STEP = np.array([0.125, 0.375]), 0.5
-"""Method of Morris: a factor is drawn from numbers from 0 to 1, each in LEVELS or LEVELS + STEP. A
-move of the factor adds STEP to each of these numbers or subtracts STEP from it.
+"""Method of Morris: each coordinate of a factor, before it is converted to a standard normal
+coordinate, is a number between 0 and 1, one of LEVELS or of LEVELS + STEP. A move of the factor
+adds STEP to each of these numbers or subtracts STEP from it.
 """
 RESAMPLED = 200
 """Number of resamples of a bootstrap."""
