@@ -95,21 +95,23 @@ static const Model start = {
 #define CHANNEL_ROW(member, constant, unit, text)                                                \
     ROW_AS(PARAMETER_ROW, p, #member "." #constant, member.constant, 1, unit, #member ": " text, \
            POSITIVE_VALUE)
-#define CHANNEL_ROWS(member, unit, gain_unit)                                                  \
-    CHANNEL_ROW(member, k, gain_unit,                                                          \
-                "gain, angles in rad; with law 0, unit: this unit times (unit of alpha_0)^2"), \
-        CHANNEL_ROW(member, eta, "1", "weight of the mapped state"),                           \
-        CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"),       \
-        CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                              \
-        CHANNEL_ROW(member, alpha_inf, unit, "final bound"),                                   \
-        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                     \
-        CHANNEL_ROW(member, delta, "1",                                                        \
+#define CHANNEL_ROWS(member, unit, gain_unit)                                             \
+    CHANNEL_ROW(member, k, gain_unit,                                                     \
+                "gain, angles in rad; law 0 multiplies the unit by (unit of alpha_0)^2"), \
+        CHANNEL_ROW(member, eta, "1", "weight of the mapped state s"),                    \
+        CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"),  \
+        CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                         \
+        CHANNEL_ROW(member, alpha_inf, unit, "final bound"),                              \
+        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                \
+        CHANNEL_ROW(member, delta, "1",                                                   \
                     "overshoot that the funnel allows, as a share of the bound, in (0, 1]")
 
 #define TELEMETRY_ROWS(member, suffix, whose)                                                    \
     TRACKING_OUTPUT("theta" suffix, member.theta, "1",                                           \
                     whose ": generalised state divided by its bound", ANY_VALUE),                \
-        TRACKING_OUTPUT("s" suffix, member.s, "1", whose ": mapped state", ANY_VALUE),           \
+        TRACKING_OUTPUT("s" suffix, member.s, "1",                                               \
+                        whose ": mapped state, theta mapped from its bounds to all numbers",     \
+                        ANY_VALUE),                                                              \
         TRACKING_OUTPUT("kappa" suffix, member.kappa, "1", whose ": barrier, below 1 by design", \
                         NONNEGATIVE_VALUE),                                                      \
         TRACKING_OUTPUT("violation" suffix, member.violation, "1",                               \

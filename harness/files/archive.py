@@ -217,7 +217,9 @@ def _unsafe(entry: zipfile.ZipInfo) -> str | None:
 _BOMS = (b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")
 _DECLARED = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)["']""")
 _PLAIN = re.compile(rb"(utf-?8|utf-?16([bl]e)?|us-ascii|ascii|iso-?8859-?\d+|(windows|cp)-?125\d)")
-"""Encodings in which ASCII characters have their ASCII bytes, apart from zero bytes (UTF-16)."""
+"""Encodings in which ASCII characters have their ASCII bytes, apart from zero bytes (UTF-16), so
+that a document type can be recognised.
+"""
 
 
 _SAFELY = {

@@ -178,7 +178,7 @@ def _planned_momentum(
     canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]
 ) -> None:
     """Draw the predicted momentum, with the level of saturation, and the rotation of the reference
-    over time, for several plans by label.
+    over time, with a line for each plan; results: by label of the plan.
     """
     momentum, rotation = canvas.subplots(2, 1, sharex=True)
     clock = time_axis(*(r.time for r in results.values()))
