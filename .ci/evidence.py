@@ -157,8 +157,8 @@ def owners() -> dict[str, tuple[str, ...]]:
 
 
 def lines_of(file: Path) -> dict[str, list[dict]]:
-    """Return the objects in a file with one line of JSON per object, by component; {} if the file
-    does not exist.
+    """Return the JSON objects in a file with one object per line, as a list by component; {} if the
+    file does not exist.
     """
     found: dict[str, list[dict]] = {}
     for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
@@ -177,7 +177,7 @@ def complexity(files: Iterable[str]) -> int:
 
 
 def systems() -> dict[str, tuple[str, ...]]:
-    """Return the systems of the project that contain a component, by its name."""
+    """Return, by name of a component, the systems of the project that contain this component."""
     from harness.files import paths
     from harness.ssp.library import load
 
@@ -190,7 +190,9 @@ def systems() -> dict[str, tuple[str, ...]]:
 
 
 def equal_on() -> dict[str, str]:
-    """Return, by component, on how many processors its run has equal bits, as text: `4 of 4`."""
+    """Return, by component, on how many emulated processors its run has the same bits as in the
+    simulation, as text: `4 of 4`.
+    """
     text = PROCESSORS.read_text(encoding="utf-8")
     found = re.findall(r"^\| (\w+) \|.*\| yes, .* rows.* \| (\w+) \|$", text, re.MULTILINE)
     counts, old = Counter(fmu for fmu, _ in found), {fmu for fmu, at in found if at == "older"}
@@ -290,7 +292,7 @@ def older(row: Row) -> Iterator[str]:
         ("random inputs", "fuzz", (row.fuzz,)),
     ):
         if not lines or any(not x or x["sources"] != row.sources for x in lines):
-            yield f"{row.name}: {what} are older than the code: make {target}\n"
+            yield f"{row.name}: {what} are missing or older than the code: run make {target}\n"
 
 
 def code(text: str) -> str:
@@ -335,7 +337,7 @@ def page(evidence: Iterable[Row], known: Mapping[structure.Missing, str], places
 
 
 def as_json(row: Row, known: Mapping[structure.Missing, str]) -> str:
-    """Return the evidence of a component as JSON."""
+    """Return the evidence of a component as JSON; known: reasons for lines that are not reached."""
     names = ("statements", "branches", "conditions")
     document = {
         "component": row.name,

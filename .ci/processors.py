@@ -60,7 +60,8 @@ other rounding errors. `make test-processors` runs the numerical tests with each
 one machine, and writes this page from the results.
 
 * kernel: `OPENBLAS_CORETYPE`; several names have the same code in the wheels of numpy.
-* numpy without dispatch: `NPY_DISABLE_CPU_FEATURES` names all that numpy dispatches there.
+* numpy without dispatch: `NPY_DISABLE_CPU_FEATURES` disables all code of numpy for features of the
+  processor that numpy detects when it is loaded.
 * C library without FMA: `GLIBC_TUNABLES` disables the fused sin, cos, exp, atan2, pow.
 * FMUs: FMUs and C executor compiled with `-march` of this name, `-ffp-contract=off` as always.
 * emulated: `qemu-x86_64 -cpu Nehalem`, which has no AVX. It takes about thirty times as long, so
@@ -168,7 +169,9 @@ def build(level: str) -> None:
 
 
 def counted(outcome: Outcome, status: int, junit: Path) -> Outcome:
-    """Return an outcome with the counts of pytest's report, given its exit status."""
+    """Return an outcome with the counts of tests in the report `junit` of pytest; status: exit
+    status of pytest.
+    """
     cases = ET.parse(junit).getroot().findall(".//testcase") if junit.exists() else []
     failed, skipped, passed = [], 0, 0
     for case in cases:
@@ -212,8 +215,9 @@ def page(outcomes: Sequence[Outcome]) -> str:
 
 
 def main(file: str, *names: str) -> int:
-    """Run the tests with the settings of the named processors; without names, of all processors,
-    and write the page. Return 1 if a test fails, otherwise 0.
+    """Run the tests with the settings of the named processors and print the outcomes; without
+    names, run them with the settings of all processors and write also the page to `file`. Return 1
+    if a test fails, otherwise 0.
     """
     FOLDER.mkdir(parents=True, exist_ok=True)
     outcomes: list[Outcome] = []

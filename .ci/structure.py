@@ -16,7 +16,9 @@ from typing import NamedTuple
 
 REASONS = Path(__file__).with_name("unreached.toml")
 CODE = 0
-"""Number that llvm-cov gives to a region of code, in contrast to a macro or a skipped part."""
+"""Value of the kind of a region, in the output of llvm-cov, that means code; other values mean,
+for example, a macro or a skipped part.
+"""
 
 Span = tuple[int, int, int, int]
 """First line and column, last line and column."""
@@ -141,12 +143,15 @@ def reasons(file: Path = REASONS) -> dict[Missing, str]:
 
 
 def differences(found: Iterable[Missing], known: Mapping[Missing, str]) -> Iterator[str]:
-    """Yield a message per line that is not reached and has no reason, and per reason whose parts
-    differ from the parts that tests do not reach.
+    """Yield a message per line that is not reached and has no reason, and per entry of
+    .ci/unreached.toml whose line or parts differ from what the tests do not reach.
     """
     there = set(found)
     for m in sorted(there - set(known)):
-        yield f"{m.file}: lacks a reason: {m.line}\n" + "".join(f"    {what}\n" for what in m.what)
+        yield (
+            f"{m.file}: tests do not reach {m.line}: add a test, or a reason to "
+            ".ci/unreached.toml\n"
+        ) + "".join(f"    {what}\n" for what in m.what)
     for m in sorted(set(known) - there):
         yield (
             f"{m.file}: .ci/unreached.toml does not match what the tests reach: "

@@ -1,14 +1,15 @@
-/* filter_drift.h - drift without thrust after one held force, by the equations of Clohessy and
- * Wiltshire, and rows (half spaces) of the forces after which it misses the keep-out sphere.
+/* filter_drift.h - drift without thrust after a force that is held for one sample, by the equations
+ * of Clohessy and Wiltshire, and rows: half spaces of forces after which the drift misses the
+ * keep-out sphere.
  *
  *   q_j = Phi_rr(j Delta) x_1 + Phi_rv(j Delta) v_1,   j = 0..K,   Delta = passive_time/K       (18)
- * q_j: point j of the drift relative to the target, at the time j Delta after the hold; Phi_rr,
- * Phi_rv: parts of the transition matrix; x_1, v_1: position and velocity at the end of the hold
- * of P seconds without force, which a force u changes by P^2/2 a and P a, a = C_HN C_SN^T u/m; n:
- * orbital rate; m: mass. Chord j leads from q_j to q_(j+1); sag: distance of the curved drift from
- * a chord. The margin of a chord is its distance from the target minus the larger sag at its ends,
- * the radius of the sphere and passive_margin (19). Vectors are in Hill axes.
- * docs/models.md M.4 */
+ * q_j: point j of the drift relative to the target, at the time j Delta after the end of the
+ * sample, which lasts P seconds; Phi_rr, Phi_rv: parts of the transition matrix; x_1, v_1: position
+ * and velocity at the end of the sample without force; a force u adds P^2/2 a to x_1 and P a to
+ * v_1, a = C_HN C_SN^T u/m; n: orbital rate; m: mass. Chord j leads from q_j to q_(j+1); sag:
+ * distance of the curved drift from a chord. The margin of a chord is its distance from the target
+ * minus the larger sag at its ends, the radius of the sphere and passive_margin (19). Vectors are
+ * in Hill axes. docs/models.md M.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_DRIFT_H
 #define FILTER_DRIFT_H

@@ -1,5 +1,5 @@
 /* mission_aim.h - aim of the phase CLOSING if aim_radius > 0: first along a line that is tangent to
- * a sphere about the target, then at the hold point, which is the second hold in this file.
+ * a sphere about the target, then at the second hold point (below: the hold).
  *
  *   R_t: aim_radius,  R_0, d_0: range and direction from the target at the start
  *   phi(R) = acos(R_t/R),   theta = phi(R_0) - phi(R),   theta' = -R_t R'/(R sqrt(R^2 - R_t^2))
@@ -38,8 +38,8 @@ static inline vec3 hold_direction(const MissionParameters *p)
     return vec(psi.c, psi.s, 0);
 }
 
-/* phi(R): angle between the tangent and the direction to the target's centre, for a range beyond
- * aim_radius */
+/* phi(R): angle at the target's centre between the directions to a servicer on the tangent at range
+ * R > aim_radius and to the point where the tangent touches the sphere */
 static inline double tangent_angle(const MissionParameters *p, double R)
 {
     return arc_tangent(sqrt(R * R - p->aim_radius * p->aim_radius), p->aim_radius);
@@ -63,7 +63,7 @@ static inline AimFrame turned_frame(const Aim *aim, double angle, double rate)
     return (AimFrame){matmul(turn, aim->C_VH), scale(rate, aim->axis_H)};
 }
 
-/* aim (mode, phi, axes) at the start of the closing */
+/* aim at the start of the closing: ON_TANGENT, or AT_HOLD near the hold or if aim_radius = 0 */
 static inline Aim aim_from(const MissionParameters *p, vec3 rho_H, double R)
 {
     if (p->aim_radius == 0 || R <= p->R_2 + NEAR_HOLD) return (Aim){AT_HOLD};

@@ -13,8 +13,8 @@
  *          and the modes COAST (thrust off), ALIGN (turn X to the velocity error), BURN (thrust on)
  *          v_close > 0:  s = clip(k_r (range - zeta1), -v_close/2, v_close)
  *
- * zeta1: range to hold; rho_ref, drho_ref: reference position and velocity of the servicer relative
- * to the target; v_close > 0 replaces the first s of law 1 by the last line. A sample with
+ * zeta1: required range; rho_ref, drho_ref: reference position and velocity of the servicer
+ * relative to the target; v_close > 0 replaces the first s of law 1 by the last line. A sample with
  * active = 0 resets the state and permits no thrust.
  * The controller needs only (v_T + drho_ref - v_S) . X from drho_ref. |v_T| is relative to the
  * frame of the law: N in deep space, else a frame that moves with a point on a circular orbit.
@@ -78,13 +78,13 @@ static const Variable variables[] = {
     SWITCH(att, "required attitude: 0 two turns as in the paper, 1 shortest arc"),
     POSITIVE(k_q, "1/s", "gain from the transition quaternion q_DS to the required rate"),
     NONNEGATIVE(omega_max, "rad/s", "largest required rate; 0 = no limit"),
-    NONNEGATIVE(zeta1, "m", "range to hold"),
+    NONNEGATIVE(zeta1, "m", "required range"),
     NONNEGATIVE(zeta2, "m", "scalar law: range up to which the required speed is the target's"),
     NONNEGATIVE(zhys, "m", "scalar law: hysteresis about zeta1"),
-    SWITCH(text_speed, "scalar law within zeta1: 0 half the target's speed (formula of the "
-                       "paper), 1 all (its text)"),
+    SWITCH(text_speed, "scalar law within zeta1: 0 half (formula of the paper), 1 full target "
+                       "speed (its text)"),
     NONNEGATIVE(v_close, "m/s",
-                "vector law: largest closing speed (backing: half); 0: limited by the "
+                "vector law: largest closing speed, half to move away; 0: limited by the "
                 "target's speed"),
     NONNEGATIVE(k_r, "1/s", "vector law: gain from range error to closing speed"),
     NONNEGATIVE(rho1, "m/s", "vector law: velocity error below which align returns to coast"),
@@ -93,10 +93,10 @@ static const Variable variables[] = {
     POSITIVE(omega_fire, "rad/s", "vector law: ignition below this angular rate"),
     NONNEGATIVE(t_burn_min, "s", "vector law: a burn lasts longer than this time"),
     POSITIVE(main_thrust, "N",
-             "vector law: nominal thrust along +X; an engine burns above 1 % thereof"),
+             "vector law: nominal thrust along +X; above 1 % of this force the engine burns"),
     POSITIVE(brake_thrust, "N",
-             "vector law: nominal thrust along -X, all brakes; they burn above 1 % "
-             "thereof"),
+             "vector law: nominal thrust of all brakes along -X; above 1 % of this force "
+             "they burn"),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
     NONNEGATIVE(frame_radius, "m",
                 "if mu > 0, the target's speed is relative to a point on a circular orbit "
@@ -195,8 +195,8 @@ static void publish_pointing(const Parameters *p, quat q_SN, vec3 d, Output *y)
 
 /* ---- velocity ---- */
 
-/* B.4.4: required speed by range; the state `far` changes at range zeta1, after the first sample
- * with the hysteresis zhys */
+/* B.4.4: required speed by range; the state `far` changes at range zeta1 in the first sample, later
+ * at zeta1 + zhys or zeta1 - zhys */
 /* B.4-3 */
 static double scalar_speed(const Parameters *p, State *x, double range, double v_T)
 {

@@ -8,8 +8,9 @@
  *   eps <- eps - alpha (J^T W J + lambda S)^-1 J^T W h,   J = dh/deps,
  *   S = D2^T D2 (x) 1_3/dt^4,   D2: second difference
  *
- * h: momentum of the gyros at the nodes; W: diagonal matrix of the weights (|h|/max |h|)^weight of
- * the nodes; (x): Kronecker product. h and J are computed by spline and balance of momentum
+ * eps: attitude relative to the flight attitude, vector part of the quaternion; h: momentum of the
+ * gyros at the nodes; W: diagonal matrix of the weights (|h|/max |h|)^weight of the nodes; (x):
+ * Kronecker product. h and J are computed by spline and balance of momentum
  * (transposition_momentum.h) or by the patent's own differences (transposition_patent.h). Source:
  * docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -27,7 +28,8 @@ typedef enum { PLANNED, FLIGHT_ATTITUDE, NOT_BELOW_LIMIT, ROTATION_TOO_LARGE } S
 typedef struct {
     Status status;
     int iterations;
-    /* largest |h| and rotation before each iteration, then after the last one */
+    /* largest |h|, and largest rotation from the flight attitude: before each iteration, then
+     * after the last one */
     double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1];
 } Result;
 
@@ -93,8 +95,8 @@ static inline Result iterate(const Task *task, History *y, Workspace *w)
     }
 }
 
-/* plans a history whose momentum stays below the limit, starting from the flight attitude; if none
- * is found, the history is the flight attitude */
+/* plans an attitude history along which the momentum of the gyros stays below the limit. The
+ * iteration starts from a constant flight attitude, which is also the result if it fails. */
 static inline Result plan(const Task *task, History *y, Workspace *w)
 {
     stay_in_flight_attitude(y);

@@ -79,8 +79,9 @@ static const Variable variables[] = {
     SWITCH(use_aero, "1: drag acts on the surfaces"),
     GRID(max_step, "internal integration step"),
 
-    INPUT(hdot_cmd_S, "N.m", "rate of change of the momentum of the ideal device, body axes"),
-    INPUT(gimbal_rate_cmd, "rad/s", "gimbal rates of the cluster"),
+    INPUT(hdot_cmd_S, "N.m",
+          "commanded rate of change of h_cmg_S, body axes; used if use_cluster = 0"),
+    INPUT(gimbal_rate_cmd, "rad/s", "commanded gimbal rates; used if use_cluster = 1"),
 
     OUTPUT(q_SH, "1",
            "attitude of the base relative to H, scalar first; (1,-1,-1,1)/2 is the flight "

@@ -205,7 +205,7 @@ def new_mission(name: str, base: str | None = None) -> Path:
 
 
 def _words(system: System) -> dict[str, str]:
-    """Return the words by which the templates of a mission are filled, by name: properties of the
+    """Return the words that replace $NAME in the templates of a mission, by NAME: properties of the
     extended system, such as its mission and the first output of its last component.
     """
     component = system.components[-1].name

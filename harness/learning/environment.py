@@ -166,8 +166,8 @@ class Environment(gymnasium.Env[Array, Array], EzPickle):
         return self._observation(), reward, lost, over and not lost, info
 
     def ending(self, values: Sequence[float]) -> dict[str, Any]:
-        """Return a dict with the reasons why the episode ended (`ended`, only if it did not reach
-        the stop time), and the verdicts by requirement (`requirements`).
+        """Return a dict with the reasons why the episode ended (`ended`; no such key if it only
+        reached the stop time), and the verdicts by requirement (`requirements`).
 
         values: values of Scoring in the last row.
         """

@@ -47,7 +47,7 @@ typedef struct {
     int kind, every, phase;              /* due in macro step k if k % every == phase */
     int no_rollback;                     /* noSetFMUStatePriorToCurrentPoint of a step */
     int type;                            /* FMI 3.0: index of the values' type in `conversion` */
-    int finite;                          /* 1: FMU of the project: its outputs are finite */
+    int finite;                          /* 1: outputs are finite (FMU of the project): no check */
     size_t count, pieces, wires, values; /* lengths of reference, piece, slot (and at), value */
     void (*function)(void);              /* fmi2SetReal, fmi2DoStep, ... of the FMU's library */
     void *component;
@@ -64,7 +64,8 @@ typedef struct {
     long every, steps;
     double *bus;
     double *table; /* recorded rows: row r after r * every macro steps, the last row at the end */
-    volatile int64_t *progress; /* completed macro steps, index of present call; parent reads it */
+    /* completed macro steps, index of present call; read by the parent process, if there is one */
+    volatile int64_t *progress;
 } Run;
 
 typedef struct {

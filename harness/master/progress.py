@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 Show = Callable[[int], None]
-"""Function that is called repeatedly with the number of complete steps."""
+"""Function that is called repeatedly with the number of completed steps."""
 MINUTE = 60.0
 
 

@@ -119,8 +119,8 @@ class RowProgram:
 
     def __call__(self, row: Any, constants: Sequence[float], time: float) -> tuple[float, ...]:
         """Return the values of the wanted instructions in one row. row: values of all columns;
-        constants: list that constants() returned for the parameters of the run; time: of the row
-        [s].
+        constants: list that constants() returned for the parameters of the run; time: time of the
+        row [s].
         """
         try:
             found: tuple[float, ...] = self._quick(row, constants, time)

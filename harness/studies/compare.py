@@ -192,9 +192,9 @@ class Comparison:
         return "\n".join(line if "\n" in line else _wrapped(line) for line in lines)
 
     def findings(self) -> list[str]:
-        """Return the lines of a table of runs and requirements, then the lines about requirements
-        that are not met or have no verdict, each after the labels of the runs with this line; []
-        without requirements.
+        """Return the lines of a table of runs and requirements, then one line per finding about a
+        requirement that is not met or has no verdict, which begins with the labels of the runs with
+        this finding; [] without requirements.
         """
         found = {label: findings(result) for label, result in self.results.items()}
         lines: dict[str, list[str]] = {}

@@ -23,8 +23,8 @@ MOST = 2**31 - 1
 
 NOT_FINITE, TOO_WIDE, TERMINATION, EARLY_RETURN = -1, -2, -3, -4
 """Statuses of loop.c besides the statuses of FMI. NOT_FINITE: an output is not a finite number.
-TOO_WIDE: an output is a whole number outside the range of the bus. TERMINATION: a step requests
-termination. EARLY_RETURN: a step has returned early.
+TOO_WIDE: an output is a whole number that a double on the bus cannot represent. TERMINATION: a step
+requests termination. EARLY_RETURN: a step has returned early.
 """
 
 

@@ -7,7 +7,7 @@
 
 typedef struct {
     const char *set, *get; /* names of the functions of FMI, for messages */
-    bool rows;             /* a value reference names a whole row, not one element */
+    bool rows; /* a value reference names a whole row (FMI 3.0), not one element (2.0) */
 } Access;
 
 /* value reference of time, the independent variable, which FMI 3.0 requires as a variable and no
@@ -95,8 +95,9 @@ static inline bool acceptable(const Instance *instance, const Access *a, const u
     return true;
 }
 
-/* while stepping, sets the values of a stored call if they satisfy their rules; the other checks of
- * acceptable() are not needed, because stored calls set inputs only. False: nothing was set */
+/* while stepping, sets the values if a call with the same references is stored (known_calls.h) and
+ * the values satisfy their rules; the other checks of acceptable() are not needed, because stored
+ * calls set inputs only. False: nothing was set */
 static inline bool set_known(Instance *instance, const unsigned vr[], size_t count,
                              const double value[], size_t values)
 {

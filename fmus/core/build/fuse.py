@@ -122,7 +122,7 @@ def _names(name: str) -> Iterator[str]:
 # ---- build ----
 class Build:
     """Build of a fused FMU in an empty folder: it compiles the models, lays out the memory, writes
-    system.c, links the library, prints the description and packs the archive.
+    system.c, links the library, writes the model description and packs the archive.
     """
 
     def __init__(

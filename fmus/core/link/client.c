@@ -232,8 +232,8 @@ static bool find_component(Client *c)
     size_t first = c->config.slot >= 0 ? (size_t)c->config.slot : 0;
     for (size_t i = first; i < d.components || i == first; i++) {
         c->slot = (uint8_t)i;
-        c->sequence =
-            (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28); /* differs from earlier sessions */
+        /* number before the first request: another one than in earlier sessions */
+        c->sequence = (uint32_t)(1e6 * now_s()) ^ (uint32_t)(i << 28);
         if (read_description(c, &d) > 1) return false;
         if (strcmp(d.guid, c->config.guid) == 0) return true;
         if (c->config.slot >= 0) break;

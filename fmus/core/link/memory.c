@@ -1,8 +1,8 @@
 /* memory.c - memcpy by words for the processors of boards.
  *
- * The library of a board (picolibc, made small) copies a byte in five instructions. An FMU copies
- * its state in every step, and compilers copy structures by memcpy. This function copies the same
- * bytes in a fifteenth of the instructions if both addresses are aligned to words. */
+ * The memcpy of a board's C library (picolibc, compiled for small size) needs five instructions per
+ * byte. An FMU copies its state in every step, and compilers copy structures by memcpy. This
+ * function needs a fifteenth of these instructions if both addresses are aligned to words. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stddef.h>
 #include <stdint.h>

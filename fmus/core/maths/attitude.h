@@ -78,8 +78,8 @@ static inline mat3 dcm_of_mrp(vec3 s)
         vec(b * s.x * s.z + a * s.y, b * s.y * s.z - a * s.x, 1 - b * (s.x * s.x + s.y * s.y)));
 }
 
-/* (3) of docs/models.md A.1: G(s) w = (1-s.s) w + 2 s x w + 2 s (s.w), the same with the transpose
- * of G, and ds/dt = G(s) w / 4 */
+/* (3) of docs/models.md A.1: mrp_G: G(s) w = (1-s.s) w + 2 s x w + 2 s (s.w); mrp_G_transposed:
+ * G(s)^T w; mrp_rate: ds/dt = G(s) w / 4 */
 static inline vec3 mrp_G(vec3 s, vec3 w)
 {
     return sum3(scale(1 - dot(s, s), w), scale(2, cross(s, w)), scale(2 * dot(s, w), s));

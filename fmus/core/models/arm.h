@@ -89,8 +89,8 @@ static inline Wrench gyroscopic_wrench(const Composite *b, vec3 w)
  * not turn */
 typedef struct {
     int joints;
-    vec3 shoulder;             /* first joint from S */
-    vec3s axis, reach, centre; /* reach: from joint to next joint, for the last link to E */
+    vec3 shoulder;             /* vector from S to the first joint */
+    vec3s axis, reach, centre; /* reach: from the joint to the next joint; last link: to E */
     sym3s inertia;
     double mass[COLUMNS], rotor[COLUMNS];
 } Chain;
@@ -104,7 +104,7 @@ typedef struct {
 /* positions and inertias of the links at an instant, base axes */
 typedef struct {
     mat3s R;        /* link axes to base axes */
-    vec3s o, reach; /* joint of the link; from there to the next, for the last link to E */
+    vec3s o, reach; /* o: position of the joint; reach: as in Chain */
     Composites own; /* set by set_link_inertias() */
 } Links;
 

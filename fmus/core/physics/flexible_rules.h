@@ -80,7 +80,8 @@ static inline double substeps(const FlexibleParameters *p, const Vehicle *v)
 }
 
 /* rejects a hub without positive mass, or with an impossible inertia about its own centre of
- * mass, I_hc = I_h0 - (h.h 1 - h h^T)/m_h with locked wheels, or I_hc - A_w without wheels */
+ * mass, I_hc = I_h0 - (h.h 1 - h h^T)/m_h with locked wheels, or I_hc - A_w without wheels; m_h, h,
+ * I_h0: mass of the hub, its first moment and inertia about S */
 static inline void check_hub(const FlexibleParameters *p, Problems *problems)
 {
     Vehicle v = vehicle(p);

@@ -54,13 +54,14 @@ typedef struct {
     ROW_AS(PARAMETER_ROW, p, #member, base.member, 3, "kg.m2", text, ANY_VALUE)
 #define BASE_PARAMETERS                                                                            \
     ORBIT_ROWS(base.orbit),                                                                        \
-        PARAMETER_AS("r_0_N", base.r_0_N, "m", "start position in N axes, used when a = 0"),       \
-        PARAMETER_AS("v_0_N", base.v_0_N, "m/s", "start velocity in N axes, used when a = 0"),     \
+        PARAMETER_AS("r_0_N", base.r_0_N, "m", "start position, N axes; used if parameter a = 0"), \
+        PARAMETER_AS("v_0_N", base.v_0_N, "m/s",                                                   \
+                     "start velocity, N axes; used if parameter a = 0"),                           \
         PARAMETER_AS("rho_0_H", base.rho_0_H, "m",                                                 \
-                     "start position relative to the target, Hill axes, used when a > 0"),         \
+                     "start position relative to the target, Hill axes; used if parameter a > 0"), \
         PARAMETER_AS("drho_0_H", base.drho_0_H, "m/s",                                             \
-                     "start velocity relative to the target as seen in the Hill frame, used when " \
-                     "a > 0"),                                                                     \
+                     "start velocity relative to the target as seen in the Hill frame; used if "   \
+                     "parameter a > 0"),                                                           \
         POSITIVE_AS("mass_0", base.mass_0, "kg", "start mass"),                                    \
         BASE_MATRIX(J_S, "inertia of the whole servicer about its centre of mass, wheels locked, " \
                          "body axes"),                                                             \
@@ -80,7 +81,7 @@ typedef struct {
                        "largest wheel speed, per wheel; 0 = no limit"),                            \
         SINUSOID_ROWS_AS("M_dist_S", base.M_dist_S, "N.m", "disturbance torque, body axes"),       \
         SINUSOID_ROWS_AS("a_dist", base.a_dist, "m/s2",                                            \
-                         "disturbance acceleration, axes by a_dist_axes"),                         \
+                         "disturbance acceleration in the axes given by a_dist_axes"),             \
         BASE_SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the own orbit"),        \
         BASE_SWITCH(velocity_follows_attitude,                                                     \
                     "1: the velocity turns with the body; unphysical, only to reproduce Kozlova "  \
