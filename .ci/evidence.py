@@ -72,7 +72,7 @@ MORE = """
 * Random inputs: libFuzzer with the address and undefined behaviour sanitizers: seconds, steps,
   edges of the code that were reached, findings. `make fuzz` repeats it, `make fuzz SECONDS=60` for
   a night.
-* Processors: emulated processors on which the default run has equal bits
+* Processors: emulated processors on which the default run has the same bits as in the simulation
   ([measured](processor_figures.md)). `older code`: some of these runs were measured before
   their page recorded a digest of the code. An empty cell: not measured.
 * Systems: number of systems that contain the component. The tests of executors, of fused systems
@@ -85,8 +85,8 @@ SECOND = (
 )  # fmt: skip
 MISRA = """
 ## MISRA C:2012
-Rules that the addon of cppcheck {version} finds in the components and their headers, each with the
-reason of the deviation (`make misra`). It finds no other rule.
+Rules that the components and their headers violate, as the addon of cppcheck {version} reports,
+each with the reason of the deviation (`make misra`). It reports no violation of another rule.
 
 | rule | places | reason |
 |---|---|---|

@@ -51,8 +51,8 @@ void {symbol}_step(const void *p, const void *u, void *x, void *y, double t, dou
 
 
 class NotFusibleError(Exception):
-    """Error: the sources of an FMU cannot be part of a system; str() names the FMU with the reason,
-    or with every line of the compiler.
+    """Error: the sources of an FMU cannot be part of a system. Each line of the message begins with
+    the name of the FMU, followed by the reason or by a line that the compiler has printed.
     """
 
 

@@ -108,7 +108,7 @@ typedef struct {
     Composites own; /* set by set_link_inertias() */
 } Links;
 
-/* kinematic tree of base and arm at an instant, base axes; consists of doubles only */
+/* kinematic tree of base and arm at an instant, base axes; doubles only, as part of a State */
 typedef struct {
     double joints, rotor[COLUMNS];
     vec3s a, oa; /* axis of each joint and o x a: the twist at unit rate is [o x a; a] */

@@ -79,8 +79,8 @@ static inline Acceleration acceleration(const EffectiveInertia *x, vec3 force, v
 }
 
 /* ---- (10) ---- */
-/* tidal field of the planet: acceleration g (3 n (n.x) - x) at x from the centre of mass; g = 0:
- * no field */
+/* tidal field of the planet: acceleration g (3 n (n.x) - x) at x from the centre of mass, with
+ * g = mu/r^3 and the unit vector n from the planet to the centre of mass; g = 0: no field */
 typedef struct {
     double g;
     vec3 n;

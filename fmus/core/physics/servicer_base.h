@@ -1,8 +1,8 @@
 /* servicer_base.h - base body of every plant of the servicer: parameters, ports, state, gravity and
  * disturbances, wheels within their limits, attitude frozen before t_att.
  *
- * Sensors, thrusters and wheels are fixed to the base body, so these rows have the same meaning in
- * every plant. Equations: docs/models.md A.3. */
+ * Sensors, thrusters and wheels are fixed to the base body, so these parameters and ports have the
+ * same meaning in every plant. Equations: docs/models.md A.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SERVICER_BASE_H
 #define SERVICER_BASE_H
