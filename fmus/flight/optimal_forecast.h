@@ -68,7 +68,7 @@ typedef struct {
     Disturbance d;
 } OptimalState;
 
-/* range at the end of a goal and time from the begin of the goal to its arrival: the input if it
+/* range at the end of a goal and time from the start of the goal to the arrival: the input if it
  * is > 0, else the parameter; the range is at least keep_out (goals 1 and 2) */
 static inline double range_of(const OptimalParameters *p, const OptimalInput *u, int goal)
 {

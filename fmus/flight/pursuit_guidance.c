@@ -115,7 +115,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(range, "m", "distance between the centres of mass"),
     OUTPUT(q_DS, "1",
            "transition quaternion from the present to the required attitude, scalar first"),
-    OUTPUT(e_v_N, "m/s", "required less present velocity, N axes"),
+    OUTPUT(e_v_N, "m/s", "required minus present velocity, N axes"),
     OUTPUT(v_req, "m/s", "required speed: along X (scalar law), of closing (vector law)"),
     ANGLE_OUTPUT(pointing_angle,
                  "angle between the X axis of the servicer and the direction to the target"),

@@ -94,8 +94,8 @@ static const Variable variables[] = {
     FLAG(translation_firing, "1: main engine or brakes are commanded"),
     OUTPUT(sigma_w, "1", "switching functions of rotation, body axes"),
     OUTPUT(sigma_v, "m/s", "switching function of translation"),
-    OUTPUT(domega_S, "rad/s", "required less present angular velocity, servicer axes"),
-    OUTPUT(e_v, "m/s", "required less present velocity along X"),
+    OUTPUT(domega_S, "rad/s", "required minus present angular velocity, servicer axes"),
+    OUTPUT(e_v, "m/s", "required minus present velocity along X"),
 };
 
 /* B.5-5 */

@@ -46,8 +46,8 @@ static const Model start = {
 
 static const Variable variables[] = {
     ORBIT_ROWS(orbit),
-    PARAMETER(r_0_N, "m", "start position in N axes, used when a = 0"),
-    PARAMETER(v_0_N, "m/s", "start velocity in N axes, used when a = 0"),
+    PARAMETER(r_0_N, "m", "start position, N axes; used if parameter a = 0"),
+    PARAMETER(v_0_N, "m/s", "start velocity, N axes; used if parameter a = 0"),
     POSITIVE(mass, "kg", "mass, needed for contact forces only"),
     MATRIX(J_T, "kg.m2", "inertia about the centre of mass, body axes"),
     PARAMETER(sigma_TN_0, "1", "start attitude relative to N, modified Rodrigues parameters"),
@@ -55,7 +55,7 @@ static const Variable variables[] = {
     SWITCH(use_J2, "1: oblateness of the planet acts on the orbit"),
     SWITCH(use_gravity_gradient, "1: gravity gradient acts on the attitude"),
     SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque, body axes"),
-    SINUSOID_ROWS(a_dist, "m/s2", "disturbance acceleration, axes by a_dist_axes"),
+    SINUSOID_ROWS(a_dist, "m/s2", "disturbance acceleration in the axes given by a_dist_axes"),
     SINUSOID_ROWS(a_manoeuvre_N, "m/s2",
                   "acceleration of a manoeuvre unknown to the servicer, N axes"),
     SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the own orbit"),

@@ -168,7 +168,7 @@ class Panel(Checked):
                 yield float(result.time[self.rows(result)][k]), float(values[k])
 
     def rows(self, result: Result) -> slice:
-        """Return the rows to draw: rows from the begin of the time axis on, or all rows if the run
+        """Return the rows to draw: rows from the start of the time axis on, or all rows if the run
         ends before this time.
         """
         start = self.after(result) if callable(self.after) else self.after

@@ -5,6 +5,7 @@ of thrusters in the synchronised approach.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -54,14 +55,15 @@ def leg_speed(result: Any) -> float:
 
 def pointed(result: Any) -> float:
     """Return the first time at which axis X of the servicer points to the target within 2 deg [s];
-    the time of the first row if it never does.
+    NaN if it never does.
     """
     from harness.results.histories import turned
 
     axis = turned(result["servicer.q_SN"], np.tile([1.0, 0.0, 0.0], (len(result.time), 1)))
     to_target = result["target.r_TN_N"] - result["servicer.r_SN_N"]
     cosine = np.sum(axis * to_target, axis=1) / np.linalg.norm(to_target, axis=1)
-    return float(result.time[(np.degrees(np.arccos(np.minimum(cosine, 1.0))) < 2.0).argmax()])
+    within = np.degrees(np.arccos(np.minimum(cosine, 1.0))) < 2.0
+    return float(result.time[within.argmax()]) if within.any() else math.nan
 
 
 def impulses(result: Any) -> tuple[float, float]:
