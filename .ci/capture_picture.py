@@ -36,9 +36,9 @@ def shares(data: Any) -> list[tuple[float, int, int]]:
 
 
 def limits() -> dict[str, float]:
-    """Return the largest tumble rates [rad/s] that the servicer can follow with its wheels and with
-    its force, by their texts in the legend of the picture. Above the rate of the text that ends
-    with "retreat", the manager orders a retreat.
+    """Return largest tumble rates [rad/s] that the servicer can follow, by their texts in the
+    legend of the picture: two that its wheels limit, then two that its force limits. Above the rate
+    "force within the budget: retreat", the mission manager orders a retreat.
     """
     result = run(SYSTEM, stop=0.1)
     names: tuple[str, ...] = ("budget", "F_axis", "R_around", "steer_least", "J_S", "A_w")
@@ -71,7 +71,7 @@ def main(dataset: str, picture: str) -> None:
     for k, (name, w) in enumerate(limits().items()):
         axes.axvline(w / NOMINAL, color=f"C{k + 1}", linestyle="--", label=name)
     axes.set(xlim=(0, 4.2), ylim=(0, 1.05), xlabel=f"tumble rate / {NOMINAL:.4f} rad/s",
-             ylabel="share captured, 95 %")  # fmt: skip
+             ylabel="share captured, 95 % interval")  # fmt: skip
     axes.legend(loc="lower left", fontsize=8)
     figure.savefig(picture)
 

@@ -5,8 +5,9 @@
 
 Eva follows all values at once: every parameter and input that the table of variables of a component
 allows, at any time, for any number of steps. It reports an alarm where it cannot exclude an index
-outside its array, an integer overflow, an undefined shift, a conversion of a number that does not
-fit, or a read of memory without a value. Infinite numbers and NaN are allowed values, no alarms.
+outside its array, an integer overflow, an undefined shift, a conversion of a number to a type that
+cannot hold it, or a read of uninitialized memory. Infinite numbers and NaN are allowed values, no
+alarms.
 
 Parameters of SPLIT are followed one value after the other, all others at once. Options differ by
 component only in the number of states that Eva follows separately (MORE): a smaller number can add

@@ -24,7 +24,7 @@ from harness.ssp.writer import write_ssp
 from harness.system.model import System
 from harness.system.values import base
 
-sys.path.insert(0, str(Path(__file__).parent))  # scripts, not a package
+sys.path.insert(0, str(Path(__file__).parent))  # for the import of specimens
 
 import specimens
 
@@ -36,7 +36,7 @@ DIGITS = 1e-11
 """Tolerance of a vector, as a share of the largest absolute value of its elements in the trace."""
 REASONS = {
     True: "bits should be equal at every instant; wide enough for a CSV file of twelve digits",
-    False: "the trace is zero at every instant, and no other value is right",
+    False: "the trace is zero at every instant, so only zero is right",
 }
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)
 README = """Reference systems of servicing-fmus
@@ -118,7 +118,9 @@ def contents(folder: Path, fmus: Path) -> dict[str, bytes]:
 
 
 def specimen_files(folder: Path) -> dict[str, bytes]:
-    """Return specimens from the FMUs of a folder, with sources, traces and tolerances."""
+    """Return the contents of the files of the specimens, by path in the archive: the FMUs of a
+    folder, with sources, traces and tolerances.
+    """
     limits: list[tuple[object, ...]] = [("trace", "variable", "tolerance", "reason")]
     paths = (*folder.glob("*.fmu"), *specimens.SOURCES.glob("*.[ch]"))
     files = {path.name: path.read_bytes() for path in paths}

@@ -20,7 +20,7 @@ import fmpy
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ROOT / "examples" / "specimens"
-sys.path.insert(0, str(ROOT / "fmus" / "core" / "build"))  # scripts, not a package
+sys.path.insert(0, str(ROOT / "fmus" / "core" / "build"))  # for the imports below
 
 import cross_compile  # noqa: E402
 from package_fmi3 import PLATFORMS, build_description  # noqa: E402
@@ -47,20 +47,20 @@ def event() -> Rows:
 
 
 def clock() -> Rows:
-    """Return the trace of `clock`: rows of time, ramp, held, ticks and sum, with the values after
-    the events at this time.
+    """Return the trace of `clock`: rows of time, ramp, held, ticks (of the clock `sample`) and sum,
+    with the values after the events at this time.
     """
     every, rows = Fraction(1, 2), []
     for k in range(17):
         t, ticks = k * STEP, k // 2 + 1
-        third = ticks // 3 * 3 - 1  # index, from 0, of the last tick of the clock `third`
+        third = ticks // 3 * 3 - 1  # last tick of `sample`, from 0, at which `third` ticked
         total = sum(every * n for n in (third - 2, third - 1, third)) if third > 0 else 0
         rows.append((t, t, every * (ticks - 1), ticks, Fraction(total)))
     return rows
 
 
 def table() -> Rows:
-    """Return the trace of `table`: rows of time, the vector r, and the matrix pair row by row."""
+    """Return the trace of `table`: rows of time, vector `r`, and matrix `pair` row by row."""
     vectors = [[0, "0.5", -1], [1, 2, 4], [-2, 8, "0.25"], [3, -1, 6]]
     values = [[Fraction(x) for x in vector] for vector in vectors]
     rows: Rows = []

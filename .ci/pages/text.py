@@ -51,10 +51,10 @@ def relinked(text: str, source: str, page: str, homes: Mapping[str, str]) -> str
             return found[0]
         path = os.path.normpath(PurePosixPath(source).parent / target).replace(os.sep, "/")
         if path not in homes and path.startswith("docs/"):
-            return found[0]  # perhaps a generated page: mkdocs reports it if it is missing
+            return found[0]  # may be generated later: if not, mkdocs reports it
         if path not in homes:
             raise ValueError(f"{source}: the site has no page for the link to {target}")
         return f"{opening}{between(page, homes[path])}{place}{closing}"
 
-    parts = FENCE.split(text)  # code is at the odd indices
+    parts = FENCE.split(text)  # parts at odd indices are code and stay unchanged
     return "".join(part if i % 2 else LINK.sub(new, part) for i, part in enumerate(parts))

@@ -3,19 +3,19 @@
  *
  * One sample, in this order, with at most one change of phase:
  *   1 the last valid relative state is stored
- *   2 timers of "too far off the axis" (near the target) and "too fast" (before capture)
+ *   2 the timers of "too far off the axis" (near the target) and of "too fast" (before capture) are
+ *     updated
  *   3 abort of the monitor -> ABORTED; else, before capture, the first reason to retreat -> RETREAT
  *   4 else the condition of the phase: if it has held for dwell -> next phase
  *   5 outputs of the resulting phase
  *
- * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|: on and off the grasp
- * axis. Speeds in conditions of phases are as seen in H up to hold 2, as seen in T from the
- * fly-around to mating; "too fast" is for the speed as seen in H. Inputs of ground are
- * levels: a level that is no longer set has no effect. Phases 8 to 10 are not left by a retreat.
- * With budget > 0 the estimated tumble rate decides at hold 2 whether the target can be captured,
- * and how: range and steering of the fly-around, wheel speeds before it (mission_budget.h). After a
- * time-out of FINAL or HOLD_3 the servicer backs off to the range of the fly-around while attempts
- * are left.
+ * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|; l, d: distances along
+ * and from the grasp axis. Speeds in conditions of phases are as seen in H up to hold 2, as seen in
+ * T from the fly-around to mating; "too fast" is for the speed as seen in H. An input from the
+ * ground has an effect only while it is > 0. No retreat begins in phases 8 to 10. With budget > 0
+ * the estimated tumble rate decides at hold 2 whether the target can be captured, and how: range
+ * and steering of the fly-around, wheel speeds before it (mission_budget.h). After a time-out of
+ * FINAL or HOLD_3 the servicer backs off to the range of the fly-around while attempts are left.
  * With by_arm the arm mates from L_3: the servicer stays there and does not push. Equations,
  * numbers: docs/models.md J. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -40,7 +40,7 @@ typedef struct {
     Timer good, touched, error, fast, doomed;
     Profile profile;
     double spins;  /* 1: the servicer turns with the target */
-    Budget budget; /* by the estimate in phases 0 to 3; later only `bias` changes */
+    Budget budget; /* updated in phases 0 to 3; later only `bias` changes */
     Aim aim;
     vec3 dv_N;
     double planned, clearance; /* 1: a retreat was planned; least range of its drift */
@@ -96,8 +96,9 @@ static const struct {
 
 static int phase_of(const State *x) { return (int)x->phase; }
 
-/* law that commands the torque. The fuel-optimal law in the far phases needs no thrust axis: the
- * attitude law of the closing then points the servicer at the target. */
+/* law that commands the torque. In the far phases FAR_LAW turns the thrust axis along its force.
+ * The fuel-optimal force needs no thrust axis, so with it CLOSE_LAW points the servicer at the
+ * target. */
 static int torque_law(const Parameters *p, int phase)
 {
     int law = phases[phase].torque;
@@ -273,8 +274,9 @@ static const Variable variables[] = {
     OUTPUT(L_ref, "m", "reference distance on the grasp axis"),
     OUTPUT(dL_ref, "m/s", "rate of L_ref"),
     OUTPUT(ddL_ref, "m/s2", "acceleration of L_ref"),
-    OUTPUT(q_VN, "1", "attitude of the virtual target relative to N, scalar first"),
-    OUTPUT(omega_VN_V, "rad/s", "angular velocity of the virtual target relative to N, V axes"),
+    OUTPUT(q_VN, "1",
+           "attitude of V, a virtual target for the closing, relative to N, scalar first"),
+    OUTPUT(omega_VN_V, "rad/s", "angular velocity of V relative to N, V axes"),
     FLAG(approaching, "1: phases 5 to 11, in which the keep-out zone does not apply"),
     FLAG(monitor_valid, "1: the safety monitor may use the relative state"),
     FLAG(latch_enable, "1: the latch is armed"),
@@ -287,14 +289,15 @@ static const Variable variables[] = {
     OUTPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
     OUTPUT(dv_left_N, "m/s", "velocity increment of the retreat that remains, N axes"),
     OUTPUT(clearance, "m", "least range of the drift after the retreat, as planned; -1: none yet"),
-    MODE(verdict, "yes, or reason against a capture; yes if budget = 0; fixed after hold 2",
+    MODE(verdict,
+         "whether capture is possible, else the reason; yes if budget = 0; fixed after hold 2",
          "yes|force|momentum|propellant ahead|only by arm"),
     NONNEGATIVE_OUTPUT(dv_ahead, "m/s",
                        "velocity increment for turning with the target in fly-around, final "
                        "approach and mating"),
     NONNEGATIVE_OUTPUT(
         steer_max, "rad/s",
-        "largest steering rate in target axes that the force permits at the present range"),
+        "largest rate of motion about the target in its axes that the force permits at this range"),
     FLAG(prepare, "1: the wheels are brought to wheel_bias, from the closing to the fly-around"),
     FLAG(spin, "1: the servicer may turn with the target; 0: it still waits in the fly-around"),
     OUTPUT(wheel_bias, "rad/s",
@@ -302,8 +305,9 @@ static const Variable variables[] = {
     MODE(goal, "goal of the fuel-optimal law; 0 if use_optimal = 0",
          "inactive|point on the line of holds|grasp axis at constant range|along the grasp axis"),
     OUTPUT(L_goal, "m",
-           "range at the end of the goal; 0 after hold 1: L_end of the fuel-optimal law"),
-    OUTPUT(T_goal, "s", "duration of the goal; 0 after hold 1: duration of the fuel-optimal law"),
+           "range at the end of the goal; 0 (after hold 1): the fuel-optimal law uses its L_end"),
+    OUTPUT(T_goal, "s",
+           "duration of the goal; 0 (after hold 1): the fuel-optimal law uses its duration"),
 };
 
 /* J.1-12 */
@@ -387,7 +391,7 @@ static void enter_phase(const Parameters *p, State *x, const Geometry *g, double
     x->planned = 1;
 }
 
-/* step 3: number of the first reason to retreat that applies, 0: none */
+/* step 3 of a sample (head of this file): first reason to retreat that applies, or NO_REASON */
 /* J.1-3, J.1-5 */
 static int reason_to_retreat(const Parameters *p, const Input *u, const State *x, double t)
 {
@@ -410,7 +414,7 @@ static int reason_to_retreat(const Parameters *p, const Input *u, const State *x
 }
 
 /* true if, after a time-out of FINAL or HOLD_3, the final approach may be repeated from the range
- * of the fly-around; not while HOLD_3 waits for the ground or for the momentum of both bodies */
+ * of the fly-around; not while HOLD_3 waits for go_3, or for a momentum below its limit */
 /* J.1-7 */
 static int may_begin_anew(const Parameters *p, const Input *u, const State *x, const Geometry *g)
 {
@@ -516,8 +520,8 @@ static void publish_selection(const Parameters *p, const State *x, Output *y)
 
 /* The keep-out zone does not apply while `approaching` is 1. During a retreat within R_2
  * monitor_valid is 0: otherwise the monitor would report the position as an entry into the zone.
- * After capture monitor_valid is 1, or 0 without monitor_stack: the force of an abort would turn
- * the stack. */
+ * After capture monitor_valid has the value of monitor_stack; 0 prevents an abort, whose force
+ * would turn the stack. */
 /* J.1-9, J.1-13 */
 static void publish_switches(const Parameters *p, const Input *u, const State *x, const Geometry *g,
                              Output *y)
@@ -545,7 +549,8 @@ static void publish_budget(const Parameters *p, const Input *u, const State *x, 
     y->wheel_bias = prepares ? wheels_with(p, x->budget.bias, u->S.omega) : vec(0, 0, 0);
 }
 
-/* frame V of a closing that aims along the tangent or turns to the hold (mission_aim.h) */
+/* frame V of the closing if aim_radius > 0: for the tangent, then during the turn to the hold
+ * (mission_aim.h) */
 static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, double t)
 {
     AimFrame V = {identity(1), vec(0, 0, 0)};

@@ -71,7 +71,8 @@ static void check(const Parameters *p, Problems *problems)
         check_frequency(p, "force_frequency", i, p->force_frequency[i], problems);
         snprintf(name, sizeof name, "width[%d]", i + 1);
         if (p->frequency[i] + p->force_frequency[i] > 0 && p->width[i] == 0)
-            reject(problems, name, 0, "must be > 0 where there is a notch");
+            reject(problems, name, 0,
+                   "must be > 0 if frequency or force_frequency of this notch is > 0");
     }
 }
 

@@ -3,8 +3,8 @@
  *
  *   (21) rho += v s + f s^2/2,  v += f s,  f = F/m + d_hat + tide      over each second s
  *
- * s: one second, F: force of the mode: of the plan, of the last feasible plan, of braking, or none.
- * Equations: docs/models.md N. */
+ * s: one second; F: force that the mode determines, by the plan, the last feasible plan or braking,
+ * or 0. Equations: docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_FORECAST_H
 #define OPTIMAL_FORECAST_H
@@ -14,7 +14,7 @@
 #include "optimal_motion.h"
 #include "time_grid.h"
 
-enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples a second; most seconds a first plan takes */
+enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples per second; longest first solve [s] */
 #define LONGEST_DURATION 1200.0 /* s: 60 nodes of 20 s, each of four steps of 5 s (tumble_step) */
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
@@ -68,8 +68,9 @@ typedef struct {
     Disturbance d;
 } OptimalState;
 
-/* range at the end of a goal and time from the start of the goal to the arrival: the input if it
- * is > 0, else the parameter; the range is at least keep_out (goals 1 and 2) */
+/* range at the end of a goal, and (duration_of) time from the start of the goal to the arrival at
+ * its end: the input if it is > 0, else the parameter; the range is at least keep_out in goals 1
+ * and 2 */
 static inline double range_of(const OptimalParameters *p, const OptimalInput *u, int goal)
 {
     double L = u->L_goal > 0 ? u->L_goal : p->L_end[goal - 1];

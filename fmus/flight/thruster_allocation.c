@@ -69,7 +69,7 @@ static const Variable variables[] = {
     SWITCH(pulsed, "0: continuous throttles, 1: pulse-width modulation"),
     POSITIVE(pulse_period, "s", "period of the pulses, a multiple of sample_period"),
     NONNEGATIVE(min_on_time, "s", "shortest pulse"),
-    SAMPLE_PERIOD_AS(sample_period, "at every call (not with pulses)"),
+    SAMPLE_PERIOD_AS(sample_period, "at every call (if pulsed = 0)"),
     SWITCH(lost, "1: known to have failed, not used from lost_from on; per thruster"),
     PARAMETER(lost_from, "s", "thrusters with lost = 1 are not used from this time on"),
 

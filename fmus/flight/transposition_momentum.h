@@ -1,13 +1,14 @@
 /* transposition_momentum.h - momentum of the gyros along an attitude history, and its derivatives
- * with respect to eps at the nodes. From the balance of momentum in N, by the trapezoidal rule with
- * four steps per node interval:
+ * with respect to eps at the nodes. It follows from the balance of momentum in N, by the
+ * trapezoidal rule with four steps per node interval:
  *
  *   H_N(t) = H_N(0) + integral(C_NS tau),   h_cmg = C_SN H_N - (J_A omega_0 + h_m)
  *
- * J_A, h_m, tau: assembly.h. The matrix J contains the derivatives of h = h_cmg with respect to eps
- * at the nodes, by the chain rule: central differences give the derivatives of h with respect to
- * eps and eps' and of C_NS tau with respect to eps at one instant; these are multiplied by the
- * linear maps from eps at the nodes to eps and eps' of the spline. Source: docs/models.md E.4. */
+ * eps: vector part of the quaternion relative to the flight attitude; J_A, h_m, tau: assembly.h.
+ * The matrix J contains the derivatives of h = h_cmg with respect to eps at the nodes, by the chain
+ * rule: central differences give the derivatives of h with respect to eps and eps' and of C_NS tau
+ * with respect to eps at one instant; these are multiplied by the linear maps from eps at the nodes
+ * to eps and eps' of the spline. Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_MOMENTUM_H
 #define TRANSPOSITION_MOMENTUM_H
@@ -27,7 +28,7 @@ typedef struct {
     const Swing *swing;
     vec3 h_0_S;
     double limit, rotation_max;   /* N m s, rad */
-    double alpha, lambda, weight; /* weight: exponent p of (|h|/max)^p in W */
+    double alpha, lambda, weight; /* weight: exponent p of (|h|/max)^p, the weights W */
     int max_iterations;
     Scheme scheme;
 } Task;

@@ -84,8 +84,8 @@ class Compared:
     patience: PatienceOption = None
 
     def how(self) -> dict[str, Any]:
-        """Return the keyword arguments of compare() that state recorded rows, patience and
-        executor.
+        """Return keyword arguments of compare(): `every`, `patience` (largest duration of an FMI
+        call [s]) and `executor`.
         """
         from harness.master.isolated import PATIENCE
 
@@ -165,7 +165,7 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
 def bound_command(  # noqa: PLR0913 - one argument per option or group of them
     *,
     system: SystemArgument,
-    output: Annotated[Path | None, output("File for the run of the optimal force")] = None,
+    output: Annotated[Path | None, output("File for the run with the optimal force")] = None,
     cost: Annotated[str, option("--cost sum|norm", "Count force per axis, or its length")] = "sum",
     grid: Annotated[float | None, option("", "Solve on a grid of this step [s]")] = None,
     without: Annotated[Texts, option("--without NAME", "Leave this constraint out")] = None,
@@ -210,7 +210,7 @@ class Campaign:
         ),
     ] = None
     strict: Annotated[
-        bool, option("--strict", "Exit with 1 unless [expected] holds (default: all runs succeed)")
+        bool, option("--strict", "Exit with 1 unless [expected] holds (if missing: all succeed)")
     ] = False
     figures: Annotated[
         bool, option("--figures/--no-figures", "Draw figures, as `harness plot OUT.zarr` does")
@@ -238,7 +238,7 @@ class Campaign:
                     progress=show,
                     notify=lambda text: None if how.quiet else typer.echo(text, err=True),
                 )
-            except RequirementError as error:  # the dataset is complete: raised below
+            except RequirementError as error:  # raised below; the dataset is complete
                 found, problem = error.partial, error
         drawn = ""
         if self.figures:

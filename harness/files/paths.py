@@ -29,8 +29,8 @@ def is_file(path: str | Path) -> bool:
 
 
 def contents(path: Path, most: int) -> bytes:
-    """Return the bytes of a file; raise OSError if there are more than `most`, as in an endless
-    device.
+    """Return the bytes of a file; raise OSError if there are more than `most`, as from a device
+    that never ends, such as /dev/zero.
     """
     with path.open("rb") as file:
         data = file.read(most + 1)

@@ -79,7 +79,8 @@ class Metric(BaseMetric):
         return found if isinstance(found, str) else ""
 
     def __call__(self, result: Result, *limits: Limits) -> float:
-        """Return the value; NaN if the result does not contain what the metric needs.
+        """Return the value; NaN if the result does not contain what the metric needs. limits: the
+        further argument of `compute`, one Limits, if `compute` is a function.
 
         Raises HarnessError if the function returns neither a number nor an expression.
         """

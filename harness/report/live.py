@@ -132,9 +132,10 @@ def programs(result: Result, canvas: Canvas, lesson: Lesson | None = None) -> Da
     """Return the instructions with which the page computes requirements, exercises, curves and
     arrays of the replay from the rows of another run.
 
-    The entry `samples` describes each array of the replay by an instruction, a reduction (see
-    arrays.Sample), and an index in the entry `rows`. The element of `rows` with this index is the
-    list of the rows at the instants of the array; arrays with equal lists share one element.
+    The entry `samples` describes each array of the replay by the number of an instruction, the
+    reduction of the rows from an instant up to the next ("row": none; "mean", "least", "largest"),
+    and an index in the entry `rows`. The element of `rows` with this index is the list of the rows
+    at the instants of the array; arrays with equal lists share one element.
     """
     known, arrays, lists = result.provenance, canvas.arrays, dict[tuple[int, ...], int]()
     wanted = known.requirements if known else ()

@@ -128,8 +128,8 @@ class Provenance:
 
 
 def run_provenance(system: System, executor: str, every: int) -> Provenance:
-    """Return the provenance of a run of a system that begins or ends now. every: macro steps per
-    recorded row.
+    """Return the provenance of a run of a system, with the present time as its date. every: macro
+    steps per recorded row.
     """
     origin, experiment = system.origin, system.experiment
     given = {

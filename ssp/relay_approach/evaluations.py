@@ -136,7 +136,7 @@ def heading(result: Result) -> tuple[float, ...]:
 
 def rate_error(result: Result) -> tuple[float, ...]:
     """Return the root mean square and the maximum of the difference between required and actual
-    angular rate after 2000 s [mrad/s].
+    angular rate after 2000 s [mrad/s]; raise NotExercisedError if the run ends before 3000 s.
     """
     if result.time[-1] < ALIGNED + CAPTURE:
         raise NotExercisedError(

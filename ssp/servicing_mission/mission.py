@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: servicing mission."""
+"""Mission: servicing mission, from 500 m to a stack of servicer and target at rest."""
 
 from __future__ import annotations
 

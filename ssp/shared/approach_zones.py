@@ -34,8 +34,9 @@ PLUS_X = np.array([[1.0, 0.0, 0.0]])
 def zones(
     result: Result, rows: Rows, arrays: Arrays, orbit: bool, checked: bool = True
 ) -> list[Scene]:
-    """Return zones, corridor, fields of view, grasp axis and reference position of a run; checked:
-    whether zones show the state of their safety rule.
+    """Return zones, corridor, fields of view, grasp axis and reference position of a run; orbit:
+    whether the target is in orbit, so that positions are relative to it; checked: whether zones
+    show the state of their safety rule.
     """
     states = _states(result, rows, arrays) if checked else {}
     found = [*_zones(result, states), *_corridor(result, states), *_views(result)]

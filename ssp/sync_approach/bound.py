@@ -27,7 +27,7 @@ def problem(result: Result, grid: float) -> Problem:
     found = bounds.problem(result, grid, np.asarray(result.parameter(BOX)))
     time, sample = found.time, result.time[1] - result.time[0]
     axis = bounds.target_axis(result, time, np.asarray(result.parameter(AXIS)))
-    centre = bounds.at(result, REFERENCE, time + sample)  # + sample: published one sample late
+    centre = bounds.at(result, REFERENCE, time + sample)  # the guidance publishes one sample late
     later, half_angle = time > 0, float(result.parameter(HALF_ANGLE))
     cones = (
         bounds.about("corridor", later, axis, half_angle),

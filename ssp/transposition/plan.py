@@ -24,14 +24,14 @@ PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation
 """Outputs that every guidance with a plan has; the names lack the prefix `guidance.`."""
 
 STATUS = "guidance.status"
-ADVICE = {2: "; more steps (iterations_max), a longer window, or a larger momentum_share"}
+ADVICE = {2: "; more iterations (iterations_max), a longer window, or a larger momentum_share"}
 """Advice on parameters to change, by the status of a plan; it ends the text of the outcome."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Outputs of the guidance over its window, with the plan (`after`) and without a plan, at the
-    nominal attitude (`before`).
+    """Outputs of the guidance over its window, with the plan (`after`) and without a plan, which
+    means at rest in the flight attitude, pointing to the Earth (`before`).
     """
 
     after: Result
@@ -62,7 +62,7 @@ class Plan:
         first = {name: self.after[f"guidance.{name}"][0] for name in PLANNED}
         saturation = float(self.after.parameter("guidance.H_sat"))
         limit = saturation * float(self.after.parameter("guidance.momentum_share"))
-        yield "step   largest momentum [N m s]   of saturation   largest rotation [deg]"
+        yield "iter   largest momentum [N m s]   of saturation   largest rotation [deg]"
         for k in range(int(first["iterations"]) + 1):
             peak, rotation = first["peak"][k], np.degrees(first["rotation"][k])
             yield f"{k:4}   {peak:24.1f}   {peak / saturation:13.3f}   {rotation:22.2f}"

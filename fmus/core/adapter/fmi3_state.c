@@ -49,7 +49,8 @@ fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte by
     if (!state || !bytes)
         return failure(instance, "fmi3SerializeFMUState", "the state or an array argument is NULL");
     if (size < snapshot_size())
-        return failure(instance, "fmi3SerializeFMUState", "the array is too small");
+        return failure(instance, "fmi3SerializeFMUState",
+                       "the array is smaller than the size from fmi3SerializedFMUStateSize");
     write_snapshot(state, bytes);
     return fmi3OK;
 }
@@ -101,7 +102,8 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
     if ((unknowns && !unknown) || (knowns && !known))
         return failure(instance, function, "an array argument is NULL");
     if (elements_of(unknown, unknowns) != sensitivities || elements_of(known, knowns) != seeds)
-        return failure(instance, function, "wrong number of elements in seed or sensitivity");
+        return failure(instance, function,
+                       "seed and sensitivity need as many elements as the knowns and unknowns");
     unsigned *element = allocate(instance, (sensitivities + seeds + 1) * sizeof *element);
     if (!element) return failure(instance, function, "out of memory");
     list_elements(unknown, unknowns, element);

@@ -161,13 +161,13 @@ typedef struct {
     void (*initialize)(void *model, double t);
     void (*step)(void *model, double t, double h);
     /* for a system as one model (fused.h), else NULL and 0: */
-    double (*macro_step)(const void *model); /* s; every communication step is a multiple */
+    double (*macro_step)(const void *model); /* [s]; divides every communication step */
     const char *structure;   /* digest of connections and schedule; guid and states depend on it */
-    const Variable *checked; /* further rows whose rules every result must satisfy */
+    const Variable *checked; /* connected inputs, whose rules are checked with the outputs */
     size_t checked_count;
 } ModelInterface;
 
-#ifndef FMU_MODEL_SYMBOL /* several models in one program: -DFMU_MODEL_SYMBOL=target_model */
+#ifndef FMU_MODEL_SYMBOL /* for several models in one program: -DFMU_MODEL_SYMBOL=NAME */
 #define FMU_MODEL_SYMBOL fmu_model
 #endif
 

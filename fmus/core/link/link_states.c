@@ -80,7 +80,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
 {
     if (!state || !bytes || size < saved_size(state))
         return failure(component, "fmi2SerializeFMUstate",
-                       "the state or the array is NULL, or the array is too small");
+                       "the state or the array is NULL, or the array is smaller than the size "
+                       "from fmi2SerializedFMUstateSize");
     memcpy(bytes, state, saved_size(state));
     return fmi2OK;
 }

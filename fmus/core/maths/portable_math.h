@@ -189,7 +189,7 @@ static inline double logarithm_at_edge(double x)
 }
 
 #define SMALLEST_NORMAL (UINT64_C(1) << 52)     /* bits of 2^-1022 */
-#define ALL_NORMAL      (UINT64_C(0x7FE) << 52) /* bits of infinity minus SMALLEST_NORMAL */
+#define ALL_NORMAL      (UINT64_C(0x7FE) << 52) /* number of normal doubles above 0 */
 
 /* ln x: x = 2^n z, ln z = ln c + ln(1 + r), r = z/c - 1. A table contains ln c, and 1/c in 20 bits,
  * for a number c near z; so r is exact in two parts (after Tang 1990) */

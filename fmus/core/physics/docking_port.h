@@ -2,8 +2,8 @@
  * latch in six degrees of freedom, separation spring.
  *
  * P: probe port on S, Q: drogue port on T, e: tip of the probe in Q. Forces and couples act on S
- * and are in Q axes; the force acts at the tip. Hunt & Crossley 1975 with regularised Coulomb
- * friction. Equations: docs/models.md I.1 to I.3 */
+ * and are in Q axes; the force acts at the tip. The contact force is by Hunt & Crossley 1975, with
+ * regularised Coulomb friction. Equations: docs/models.md I.1 to I.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DOCKING_PORT_H
 #define DOCKING_PORT_H

@@ -48,9 +48,9 @@
         NONNEGATIVE_AS("box_1", member.surfaces.box_1, "m",                                      \
                        "edges of the box around the centre of mass of the module; 0 = none"),    \
         NONNEGATIVE_AS("panel_area", member.surfaces.panel_area, "m2",                           \
-                       "area of the two-sided panels; 0 = none"),                                \
+                       "area of one side of each two-sided panel; 0 = none"),                    \
         ROW_AS(PARAMETER_ROW, p, "panel_body", member.surfaces.panel_body, 1, "1",               \
-               "body that carries the panel: 0 base, 1 module", SWITCH_VALUE),                   \
+               "body that carries the panel, per panel: 0 base, 1 module", SWITCH_VALUE),        \
         ASSEMBLY_MATRIX(                                                                         \
             "panel_position", member.surfaces.panel_position, 3, "m",                            \
             "centres of the panels from the centre of mass of their body, axes of that body"),   \
@@ -84,8 +84,8 @@ typedef struct {
 
 #define ATTITUDE_REFERENCE_ROWS(causality, part, member)                                         \
     ATTITUDE_REFERENCE_ROW(causality, part, "q_DH", member.q, "1",                               \
-                           "reference attitude relative to H, scalar first; (1,-1,-1,1)/2 is "   \
-                           "the flight attitude"),                                               \
+                           "reference attitude relative to H, scalar first; (1,-1,-1,1)/2 = "    \
+                           "flight attitude, Z to Earth"),                                       \
         ATTITUDE_REFERENCE_ROW(causality, part, "omega_DN_D", member.omega, "rad/s",             \
                                "reference angular velocity relative to N, reference body axes"), \
         ATTITUDE_REFERENCE_ROW(causality, part, "alpha_DN_D", member.alpha, "rad/s2",            \

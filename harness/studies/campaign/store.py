@@ -54,8 +54,9 @@ class About(Struct, frozen=True):
 
     definition: table of the campaign as JSON; folder: folder of the files that the table names;
     system: name of the system; block: number of runs that are written together; repeat: command
-    that repeats a run; sources: see Plan; schema: see SCHEMA; decided: the stopping rule has ended
-    the campaign before all planned runs, so the dataset is complete.
+    that repeats a run; sources: files and packages that influence the results of the runs, by name;
+    schema: see SCHEMA; decided: the stopping rule has ended the campaign before all planned runs,
+    so the dataset is complete.
     """
 
     definition: str
@@ -85,7 +86,7 @@ class Store:
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
-        self._seen: dict[str, Any] = {}  # open arrays: opening takes as long as writing
+        self._seen: dict[str, Any] = {}  # arrays, opened once: opening takes as long as writing
 
     # ---- create and open
 
