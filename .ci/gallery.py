@@ -71,8 +71,8 @@ SCENES = (
         "harness compare sync_approach --swap controller=adaptive_controller,pid_controller,"
         "ppc_controller,theta_d_controller",
         {
-            "compared_errors": "Distance and angle from the reference; the attitude is released "
-            "at 1200 s."
+            "compared_errors": "Distance and angle from the reference; the servicer is free to "
+            "turn from 1200 s on."
         },
         swaps(
             "controller", "adaptive_controller", "pid_controller", "ppc_controller",
@@ -84,7 +84,8 @@ SCENES = (
         "Sixteen on-off thrusters",
         "sync_approach_thrusters",
         "harness run sync_approach_thrusters --params pulsed",
-        {"firing": "Pulse-width modulation, thrusters with the direction they push to."},
+        {"firing": "Pulse-width modulation; each thruster has its number and the direction of its "
+         "force."},
         {"": {"params": "pulsed"}},
     ),
     Scene(
@@ -122,8 +123,8 @@ SCENES = (
         "sync_approach_thrusters_filtered",
         "harness compare sync_approach_thrusters_filtered --set guidance.rho_M=0.5 --set "
         "guidance.beta=0.05 --vary filter.filter=0,1,2,3",
-        {"filtered_paths": "Paths in target axes: without a filter through the sphere, with the "
-         "switching filters and the least change along it."},
+        {"filtered_paths": "Paths in target axes: through the keep-out sphere without a filter, "
+         "along it with the switching filters and with the least change."},
         {
             word: {"set": {"guidance.rho_M": 0.5, "guidance.beta": 0.05, "filter.filter": k}}
             for k, word in enumerate(("none", "explicit", "implicit", "least change"))
