@@ -49,7 +49,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
     if (!state || !bytes)
         return failure(instance, "fmi2SerializeFMUstate", "the state or an array argument is NULL");
     if (size < snapshot_size())
-        return failure(instance, "fmi2SerializeFMUstate", "the array is too small");
+        return failure(instance, "fmi2SerializeFMUstate",
+                       "the array is smaller than the size from fmi2SerializedFMUstateSize");
     write_snapshot(state, bytes);
     return fmi2OK;
 }
