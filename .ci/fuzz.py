@@ -3,12 +3,13 @@
 
     python .ci/fuzz.py FOLDER FILE [--seconds N] [COMPONENT...]                       (make fuzz)
 
-A run takes its values from the bytes that libFuzzer generates: parameters near their start values,
-inputs anywhere in the range that the table of variables allows, for up to 32 steps. The address
-and undefined behaviour sanitizers end a run at an index outside an array, an overflow of an
-integer, a conversion of a number that does not fit, or a read outside of an object; such an end is
-a finding. The corpus remains in FOLDER and grows with later runs. FILE receives a line of JSON per
-component.
+A run simulates a component for up to 32 steps and takes its values from the bytes that libFuzzer
+generates: parameters near their start values, inputs anywhere in the range that the component's
+table of variables allows. The address and undefined behaviour sanitizers end a run at an index
+outside an array, an overflow of an integer, a conversion of a number that does not fit, or a read
+outside of an object; such an end is a finding. The corpus (the bytes from which libFuzzer
+generates further ones) remains in FOLDER and grows with later runs. FILE receives a line of JSON
+per component. Without COMPONENT all flight software is run.
 """
 
 from __future__ import annotations
@@ -120,8 +121,8 @@ def program(source: Path, model: proofs.Model) -> str:
 
 def fuzz(source: Path, model: proofs.Model, folder: Path, seconds: int) -> dict[str, object]:
     """Run a component under libFuzzer for some seconds and return its line of FILE: among others,
-    steps, edges of the code that were reached, and findings (0 or 1). The corpus and the inputs
-    that caused a finding remain in folder/COMPONENT.
+    the number of steps, the number of control-flow edges that were reached, and the number of
+    findings (0 or 1). The corpus and the bytes that caused a finding remain in folder/COMPONENT.
     """
     place = folder / source.stem
     (place / "corpus").mkdir(parents=True, exist_ok=True)

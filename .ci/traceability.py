@@ -7,10 +7,10 @@ python .ci/traceability.py build -o build/traceability.zip      # make traceabil
 The folder has FMUs in fmus/ and fmus3/ and systems in ssp/. The file of an FMU states the equations
 and their source, the hash of its sources, the options of its compiler and the results of the cases
 of `harness validate`. The file of a parameter set states the verdicts of requirements and claims in
-its run. A system with FMUs of the other FMI version is not run again if the first macro steps of
-both systems have the same bits: its file names the system that was run. An entry whose value is not
-known is omitted. The same build gives the same bytes: the files contain no date and no name of a
-person.
+its run. If the build contains a system twice, with FMUs of FMI 2.0 and of FMI 3.0, and the first
+macro steps of the two have the same bits, only one of the two is run, and the file of the other
+names it. An entry whose value is not known is omitted. The same build gives the same bytes: the
+files contain no date and no name of a person.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ BEGIN = 100
 """Number of first macro steps in which two systems must have the same bits to share a run."""
 
 Entry = tuple[str, str]
-"""Keyword and its value."""
+"""Keyword and value of an entry of a .srmd file."""
 
 
 def srmd(name: str, data: str, content: bytes, kind: str, entries: Iterable[Entry]) -> bytes:

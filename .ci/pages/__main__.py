@@ -41,7 +41,7 @@ FILES = {
 
 
 def homes() -> dict[str, str]:
-    """Return the path of the page in the site, by path of the file in the repository it shows."""
+    """Return the paths of pages in the site, by path of the file that each page shows."""
     docs = (p for p in (ROOT / "docs").rglob("*") if p.is_file())
     found = {f"docs/{p}": str(p) for p in (d.relative_to(ROOT / "docs") for d in docs)}
     found |= dict(missions.equations().values())
@@ -55,7 +55,7 @@ def scripts() -> list[Path]:
 
 
 def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
-    """Yield all pages and pictures of the site, from the repository and generated."""
+    """Yield path and content of every page and picture of the site, copied or generated."""
     known = homes()
     for source, page in known.items():
         path = ROOT / source

@@ -13,7 +13,7 @@ from harness.cli.app import group
 
 
 def commands() -> Mapping[str, Any]:
-    """Return the commands by name, as typer passes them to click."""
+    """Return the commands by name, as the click objects that typer builds."""
     return dict(sorted(group().commands.items()))
 
 

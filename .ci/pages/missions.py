@@ -238,7 +238,9 @@ def claims(facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def claiming() -> list[str]:
-    """Return the missions of which a paper has a case whose system is in the mission's folder."""
+    """Return the missions whose folder contains the system of the first case of one of their
+    papers.
+    """
     return [name for name in names() if any(c.system in _own(name) for c in _papers(name))]
 
 

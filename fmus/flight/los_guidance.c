@@ -73,7 +73,8 @@ static const Variable variables[] = {
     POSITIVE(force_scale, "kg", "mass by which F_cmd_S is divided to predict the acceleration"),
     PARAMETER(up_axis, "1", UP_AXIS_TEXT),
     POSITIVE(guard_angle, "rad",
-             "the panel axis is held with the line of sight this close to the Sun or its opposite"),
+             "panel axis is held if the line of sight is within this angle of the Sun or its "
+             "opposite"),
     POSITIVE(elevation_limit, "rad", "los_guard = 1 above this elevation, actual or desired"),
     NONNEGATIVE(range_limit, "m", "los_guard = 1 below this range"),
     SAMPLE_PERIOD,
@@ -151,7 +152,7 @@ static vec3 some_normal(vec3 x)
     return unit(cross(x, least));
 }
 
-/* C.3: y normal to Sun and line of sight */
+/* C.3: panel axis y, normal to the line of sight x, and to the Sun except inside the guard */
 /* C.3-2 */
 static Motion panel_axis(const Parameters *p, Motion x, State *held, double *guarded)
 {

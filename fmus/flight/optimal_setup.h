@@ -11,8 +11,9 @@
 
 typedef struct {
     int goal;
-    double L; /* range at the end */
-    /* range, along, across: |rho| and distances along and off the grasp axis at the plan's start */
+    double L; /* range of the goal from the target */
+    /* t_arrival: time at which the goal must be reached [s]; range, along, across: |rho| and
+     * distances along and off the grasp axis at the plan's start */
     double t_arrival, range, along, across;
     Grid grid;
     Carried from;
@@ -71,7 +72,8 @@ static inline void set_end(const Task *task, Tumble last, Problem *b)
 }
 
 /* (4): sets position and velocity without force at the end of every node, scaled by the horizon T:
- * position/T^2, velocity/T; way: path of the previous solve at these times [m] */
+ * position/T^2, velocity/T; d_hat: estimated acceleration that is not modelled; way: path of the
+ * previous solve at these times [m] */
 static inline void set_free_motion(const Task *task, vec3 d_hat, const vec3 way[], Problem *b)
 {
     double T = task->grid.dt * NODES, h = 1.0 / NODES;

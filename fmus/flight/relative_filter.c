@@ -36,7 +36,8 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, index, anchor_index, late; /* index: last sample; late: unused poses */
+    /* index: number of the last sample; late: number of poses too old or from the future */
+    double started, index, anchor_index, late;
     Track pose;
     Servicer ring[HISTORY];
 } State;

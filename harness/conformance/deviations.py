@@ -160,13 +160,13 @@ def _difference(kind: str, expected: set[Declared], listed: set[Declared]) -> It
 
 
 def _aliases(d: Description) -> Iterator[str]:
-    """Check variables with equal value references: at most one of them can be set, either all or
-    none are constants, and all have the same unit.
+    """Check variables with equal value references: at most one of them may be settable, either
+    all or none must be constants, and all must have the same unit.
     """
     for group in d.aliases():
         free = [v for v in group if _settable(v)]
         if len(free) > 1:
-            yield f"{some(free)}: share a value reference, so only one of them can be set"
+            yield f"{some(free)}: share a value reference, so at most one of them may be settable"
         if len({v.variability == "constant" for v in group}) > 1:
             yield f"{some(group)}: share a value reference, so all or none must be constant"
         if len({v.all.get("unit") for v in group}) > 1:

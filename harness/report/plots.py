@@ -50,7 +50,7 @@ SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
 """Labels by which a time axis is recognised, with the length of the unit of the axis [s]."""
 NOTE = "axes fraction"
 """Coordinates in which figures place a note in a corner of the axes. painted() recognises notes by
-these coordinates, since other texts have other ones.
+these coordinates, since all other texts have other coordinates.
 """
 
 
@@ -72,7 +72,8 @@ def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
 def painted(canvas: Canvas, drawing: Any, result: Result | None = None) -> list[Plot]:
     """Return a plot for each two-dimensional axes of a matplotlib figure, from top to bottom.
 
-    drawing: the figure; result: the run that it shows (None: several runs).
+    canvas: store of the curves of the page; drawing: the figure; result: the run that the figure
+    shows (None: several runs).
     """
     return [_plot(canvas, axes, result) for axes in plane(drawing)]
 

@@ -255,8 +255,8 @@ class Node:
 
     @property
     def conditions(self) -> tuple[Node, ...]:
-        """Return the operands that are conditions: of `and`, `or`, `not`, implies() or a window; ()
-        for a comparison and any other node.
+        """Return the operands of `and`, `or`, `not`, implies() or a window, which are themselves
+        conditions; () for a comparison and any other node.
         """
         return self.parts if self.kind in ("not", "join", "window") else ()
 

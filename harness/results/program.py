@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Expressions as lists of instructions, which Python and the live page (in
-harness/report/page/program.js) interpret: metrics, requirements, curves and arrays of a replay.
+"""Expressions of metrics, requirements, curves and arrays of a replay as lists of instructions,
+which Python and the live page (in harness/report/page/program.js) interpret.
 
 An instruction takes the values of earlier instructions and gives one value: a number () or a vector
 (elements,), or a time series of these, (rows,) or (rows, elements). Conditions are compiled to
@@ -191,8 +191,8 @@ def _finite(constant: Any) -> Any:
 
 
 def _value(instruction: Instruction, given: list[tuple[Any, bool]], complete: bool) -> Any:
-    """Return the value of an instruction; given: values of its parts, each with whether it is a
-    time series; complete: whether the last row is the end of the run.
+    """Return the value of an instruction; given: pairs of the value of a part and whether this
+    value is a time series; complete: whether the last row is the end of the run.
     """
     operation, _, constant, _ = instruction
     values = [value for value, _ in given]
@@ -223,8 +223,8 @@ def _vector(value: Any, rows: bool) -> Any:
 
 def _aligned(given: list[tuple[Any, bool]]) -> list[Any]:
     """Return the values of operands in shapes that numpy combines element by element: if one
-    operand is a vector, a scalar time series gets an axis of one element. given: values, each with
-    whether it is a time series.
+    operand is a vector, a scalar time series gets an axis of one element. given: pairs of a
+    value and whether it is a time series.
     """
     if all(np.ndim(value) <= rows for value, rows in given):
         return [value for value, _ in given]

@@ -219,7 +219,7 @@ class _Differences:
         for name, value in state.items():
             if abs(again[name] - value) > 1e-9 * max(1.0, abs(again[name])):
                 raise self._no_model(
-                    "the FMU has another value of this state after a restart at its state", name
+                    "this state has another value after a restart at the operating point", name
                 )
         self.state = {name: value for name, value in state.items() if self._follows(name, state)}
         by_state = self._matrix(self.state, RELATIVE_STATE, True)

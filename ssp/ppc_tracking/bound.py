@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Convex problem of the tracking with prescribed performance, whose optimum is the least impulse.
 
-From the instant at which the run arrived, the servicer must stay within BAND of the hovering point.
-The closing speed must obey the speed law of the monitor at all times.
+From the instant of arrival() on, the servicer must stay within BAND of the hovering point. The
+closing speed must obey the speed law of the monitor at all times.
 """
 
 from __future__ import annotations

@@ -51,12 +51,13 @@ ADDED = tuple(
 )  # fmt: skip
 
 DELTA_V = "total(propulsion.impulse) / servicer.mass"
-# largest wheel acceleration [rad/s2]: torques of 0.2 to 0.3 N m, as in parameter sets `limited`
+# 0.02: largest wheel acceleration [rad/s2], as in the parameter sets `limited`, which gives torques
+# of 0.2 to 0.3 N m
 WHEELS = ("controller.wheel_accel_cmd", 0.02)
 FLAGS = tuple((f"controller.{name}", (0.0, 1.0)) for name in ("throttle", "translation_firing"))
 LIMITS = tuple((f"controller.{n}", x) for n, x in (("F_cmd_S", 1.0), ("M_cmd_S", 0.5)))
 STEERED = Steering(("controller",), every=10, cost=DELTA_V, bounds=(WHEELS, *FLAGS, *LIMITS))
 """Steering of an approach by an agent in place of the controller, with the cost delta-v [m/s].
-LIMITS are the bounds of its force and torque in systems in which an allocation is between
+LIMITS bound the commands of force [N] and torque [N m] in systems in which an allocation is between
 controller and thrusters; they suit the thrusters of 0.5 N of the synchronised approach.
 """

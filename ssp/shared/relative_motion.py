@@ -70,7 +70,7 @@ def position_error_H(result: Result) -> Array:
 
 def _relative_mrp(actual: Array, reference: Array) -> Array:
     """Return the modified Rodrigues parameters (rows, 3) of the rotation from `reference` to
-    `actual`, both quaternions (rows, 4), by the angle of at most 180 deg.
+    `actual`, both quaternions (rows, 4), with a rotation angle of at most 180 deg.
     """
     scalar = np.sum(actual * reference, axis=1)
     vector = reference[:, :1] * actual[:, 1:] - actual[:, :1] * reference[:, 1:]
@@ -134,16 +134,16 @@ def _relative(result: Result, rows: slice = ALL) -> Array:
 
 
 def _aligned(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return error(position, reference position) for these rows, (rows, ...), with the reference
-    that the guidance has computed for the position of a row.
+    """Return error(position, reference position) for these rows, (rows, ...). Each position is
+    compared with the reference that the guidance has computed at this position.
     """
     late = is_late(result, REFERENCE)
     return aligned(_relative(result, rows), result[REFERENCE][rows], error, late)
 
 
 def _turned_from(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return error(attitude, reference attitude) for these rows, (rows, ...), with the reference
-    that the guidance has computed for the attitude of a row.
+    """Return error(attitude, reference attitude) for these rows, (rows, ...). Each attitude is
+    compared with the reference that the guidance has computed at this attitude.
     """
     late = is_late(result, REFERENCE_ATTITUDE)
     return aligned(result[ATTITUDE][rows], result[REFERENCE_ATTITUDE][rows], error, late)

@@ -70,7 +70,7 @@ CRITICAL = Claim(
     where="section 3.1, (9)",
     needs=MOTION,
     compute=metrics.critical_rate,
-    value="agrees with (9) (1: yes): {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
+    value="agrees with (9) (1: yes): {0:.0f}; {1:.3f} of the critical rate, up to {2:.1f} deg",
     unit="",
     reproduced=at_least(1.0),
 )
@@ -91,7 +91,7 @@ ONE_POINT = Claim(
     where="section 3.2, figure 6 (a)",
     needs=MOTION,
     compute=metrics.strobe_spread,
-    value="the points of the Poincare section differ by {0:.2f} of the swing, {1:.0f} orbits",
+    value="the points of the Poincare section spread over {0:.2f} of the swing in {1:.0f} orbits",
     unit="",
     reproduced=at_most(0.01),
     partly=at_most(0.1),

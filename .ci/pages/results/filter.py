@@ -36,7 +36,9 @@ def _impulse(result: Any) -> float:
 
 
 def _arrival(result: Any) -> float:
-    """Return the first time within 10 cm of the keep-out sphere [s]; NaN if there is none."""
+    """Return the first time at which the servicer is within 10 cm of the keep-out sphere [s]; NaN
+    if it never is.
+    """
     from ssp.shared.relative_motion import range_
 
     near = range_(result) < SPHERE + 0.1

@@ -18,8 +18,9 @@ SCALES = (1e3, 1e3, 1.0, 1.0, 1.0)
 
 
 def errors(result: Any) -> tuple[float, ...]:
-    """Return the rms errors of the estimate from 600 s on: rho [mm], its rate [mm/s], attitude of
-    the target [deg], its rate [rad/s], attitude of the servicer [arcsec].
+    """Return the rms errors of the estimates from 600 s on: relative position rho [mm], its rate
+    [mm/s], attitude of the target [deg], its rate [rad/s], attitude of the servicer [arcsec]; only
+    one NaN for a run on truth.
     """
     case = of_the_tests("navigated_case")
     if "relative_filter.q_TN" not in result:
@@ -31,8 +32,8 @@ def errors(result: Any) -> tuple[float, ...]:
 
 
 def tracking(result: Any) -> float:
-    """Return the rms distance of the true position from the reference that the true states
-    would give, from 600 to 1800 s [mm].
+    """Return the rms distance of the true position from the reference position that the guidance
+    would compute from the true states, from 600 to 1800 s [mm].
     """
     case = of_the_tests("navigated_case")
     late = (result.time >= 600.0) & (result.time <= 1800.0)

@@ -87,10 +87,10 @@ class Part:
     """Component in the memory of the system.
 
     values: start values by element; driven: source of each connected input element, [index of part,
-    output element, factor, offset]; late: whether its outputs are published by a later action of
-    the plan than its step; head: place of its first parameter, which inputs follow; tail: place of
-    its first state, which outputs follow; published: place at which other components read each
-    output element.
+    output element, factor, offset]; late: whether its outputs are published not by its step but
+    by a later action of the plan, which is the schedule of a macro step; head: place of its first
+    parameter, which inputs follow; tail: place of its first state, which outputs follow; published:
+    place at which other components read each output element.
     """
 
     name: str

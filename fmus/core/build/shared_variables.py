@@ -58,7 +58,7 @@ def _own(preprocessed: str) -> str:
 
 def _shared(items: Items) -> Iterator[str]:
     """Yield the names of the variables that instances would share: all variables outside functions
-    and all static variables inside functions, except constants; items: parsed C text.
+    and all static variables inside functions, except constants; items: C text from parsed().
     """
     declaration: Items = []
     for item in items:
@@ -102,7 +102,7 @@ def _declared(items: Items) -> Iterator[str]:
     if not words or words[0] in WITHOUT_VARIABLE or constant:
         return
     if words[0] in TYPES and (is_block(items[-1]) or len(items) == 2):
-        return  # a type without a variable
+        return  # only a type is declared, no variable
     declarators: list[Items] = [[]]
     for item in items:
         if item == ",":
@@ -115,14 +115,16 @@ def _declared(items: Items) -> Iterator[str]:
 
 
 def _name(declarator: Items) -> Iterator[str]:
-    """Yield the name that a declarator without its initial value declares, unless of a function."""
+    """Yield the name of the variable that a declarator declares, nothing if it declares a function;
+    declarator: without the initial value.
+    """
     first = next((i for i, item in enumerate(declarator) if is_bracket(item, "(")), None)
     if first is None:
         yield _words(declarator)[-1]
-    elif declarator[first][1:2] == ["*"]:  # pointer to a function
+    elif declarator[first][1:2] == ["*"]:  # a pointer to a function is a variable
         yield _words(declarator[first])[-1]
 
 
 def _words(items: Items) -> list[str]:
-    """Return the items that are no brackets."""
+    """Return the items that are single tokens, not brackets with their content."""
     return [item for item in items if isinstance(item, str)]

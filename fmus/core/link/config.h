@@ -1,5 +1,5 @@
-/* config.h - configuration of a link FMU, resources/link.txt: lines `key=value`, and the arguments
- * of the emulator in their order. */
+/* config.h - configuration of a link FMU, resources/link.txt: lines `key=value`. Lines with the key
+ * `argument` give the command line of the emulator, one argument each, in this order. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CONFIG_H
 #define CONFIG_H
@@ -20,7 +20,8 @@ typedef struct {
     const char *guid, *target; /* guid of the component; name of the processor, "" for any */
     const char *host, *port;   /* tcp */
     const char *path;          /* unix: path of the socket; serial: path of the device */
-    const char *group; /* emulator: name of the group of links that share it; "": not shared */
+    /* emulator: name of the group of links that share the emulator; "": not shared */
+    const char *group;
     /* command line of the emulator, in which @ means the folder of the resources */
     const char *argument[MOST_ARGUMENTS + 1];
     size_t arguments;

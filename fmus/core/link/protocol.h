@@ -33,7 +33,7 @@ typedef enum {
     INITIALIZE,
     STEP,
     GET,
-    EXCHANGE, /* set, step, get */
+    EXCHANGE, /* SET, STEP and GET in one request */
     SAVE,
     RESTORE,
     TERMINATE,

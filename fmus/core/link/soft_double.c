@@ -85,9 +85,9 @@ static uint64_t normalised(uint32_t head, uint64_t m)
     return rounded(head - places * ONE, m << places, 0);
 }
 
-/* bits of m - n for m >= n. If the exponents of the numbers differ by two or more, the
- * difference is shifted to the left by at most one place; otherwise only the highest bit of n.rest
- * can be 1. Therefore normalised() never needs a bit of the rest. */
+/* bits of m - n for m >= n, where n is already shifted to the exponent of m. If the exponents
+ * differed by two or more, the difference is shifted to the left by at most one place; otherwise
+ * only the highest bit of n.rest can be 1. Therefore normalised() never needs a bit of the rest. */
 static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
 {
     m -= n.whole + (n.rest != 0);
@@ -145,8 +145,8 @@ static inline uint32_t reciprocal(uint32_t d)
     return r;
 }
 
-/* m / n to 54 bits and a sticky bit, as two digits of 27 bits; the leading one of m is bit 53,
- * of n bit 52 */
+/* m / n for n <= m < 2 n to 54 bits and a sticky bit, as two digits of 27 bits; the leading one of
+ * n is bit 52 */
 static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
 {
     /* - 2: r is never too large, although n is truncated */

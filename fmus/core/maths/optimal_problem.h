@@ -6,11 +6,12 @@
  *   ball |p - n| <= high,  speed |v - v_c| <= v_max,  end p = p_end, v = v_end by weights
  *
  * p_k, v_k: position and velocity at the end of node k; C_k: N axes to servicer axes; us: largest
- * force/mass; t, o: tangent of the cone's half angle, radius of the cone at p.a = 0. The end is not
- * a constraint: its deviations have quadratic weights. Time is counted in horizons T: positions
- * are p/T^2, velocities v/T, and the matrices depend on nothing but the number of nodes. The step
- * of the accelerations is a Riccati recursion with the same gains for the three axes; the
- * projections onto the constraints have closed forms. Equations (4) to (19): docs/models.md N. */
+ * force/mass; kappa us: threshold in (16); t, o: tangent of the cone's half angle, radius of the
+ * cone at p.a = 0. The end is not a constraint: its deviations have quadratic weights. Time is
+ * counted in horizons T: positions are p/T^2, velocities v/T, and the matrices depend on nothing
+ * but the number of nodes. The step of the accelerations is a Riccati recursion with the same gains
+ * for the three axes; the projections onto the constraints have closed forms. Equations (4) to
+ * (19): docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_PROBLEM_H
 #define OPTIMAL_PROBLEM_H
@@ -136,7 +137,8 @@ static inline int differ(vec3 a, vec3 b) { return a.x != b.x || a.y != b.y || a.
 /* ---- one iteration, (9) to (15) ---- */
 static inline double square(vec3 a) { return dot(a, a); }
 
-/* (12): x = 1.6 q - 0.6 z + y, the value that is then projected */
+/* (12): x = 1.6 q - 0.6 z + y, the value that is then projected; q: acceleration, position or
+ * velocity of this iteration */
 static inline vec3 relaxed(vec3 q, Split s)
 {
     return add(sub(scale(RELAXATION, q), scale(RELAXATION - 1, s.z)), s.y);
@@ -157,7 +159,8 @@ static inline vec3 velocity_pull(const Problem *b, const Iterates *it, int k)
     return scale(SPEED_WEIGHT, sub(sub(it->speed[k].z, it->speed[k].y), b->node[k].v_free));
 }
 
-/* (14): sets q of every node, backwards from the end */
+/* (14): sets q, from which (15) computes the accelerations, for all nodes, from the last to the
+ * first */
 static inline void sweep(const Problem *b, const Iterates *it, const Gains *g, int nodes, vec3 q[])
 {
     double h = 1.0 / nodes;
@@ -186,8 +189,8 @@ static inline void project_u(const Problem *b, int k, vec3 u, Split *s, Progress
     f->change_u = larger(f->change_u, square(sub(s->z, before)));
 }
 
-/* (12): stores the projection z of the relaxed value x of a position p; returns 1 if z differs
- * from x */
+/* (12): stores the projection z of the relaxed value x of a position p. f: progress to
+ * update, or NULL. Returns whether z differs from x, but always 0 if f is NULL */
 static inline int project_position(vec3 p, vec3 x, vec3 z, Split *s, Progress *f)
 {
     vec3 before = s->z;

@@ -13,7 +13,8 @@
 
 #include "exact.h"
 
-#define ROUNDED_OFF 1e-9 /* largest rounding error of a quotient of times that is a whole number */
+/* largest rounding error of a quotient of times whose exact value is a whole number */
+#define ROUNDED_OFF 1e-9
 
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
@@ -51,7 +52,7 @@ static inline GridTime grid_time(double t, double grid)
 
 static inline Substep substep_at(GridTime now, GridTime end, double grid)
 {
-    double h = end.t - now.t; /* if no grid point lies between now and end */
+    double h = end.t - now.t; /* the step if no grid point lies between now and end */
     if (now.before < end.before)
         h = now.t == now.before * grid ? grid : (now.before + 1) * grid - now.t;
     return (Substep){now.t, h, now.before, grid, end};

@@ -36,7 +36,7 @@ typedef struct {
     double mu, R_C, rho, C_D;
 } Assembly;
 
-/* ---- one position and rate of the module about the hinge, which is called the arm ---- */
+/* ---- quantities at one angle, rate and acceleration (Arm) of the module about the hinge ---- */
 typedef struct {
     mat3 J, dJ; /* J_A and its derivative */
     vec3 h, dh; /* h_m and its derivative */

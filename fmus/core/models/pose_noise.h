@@ -1,4 +1,5 @@
-/* pose_noise.h - noise of a camera that measures the pose of a target at range R.
+/* pose_noise.h - standard deviations of the noise of a camera that measures the pose of a target at
+ * range R.
  *
  *   along the boresight   sigma_range_0 + sigma_range_2 R^2
  *   across                sigma_bearing_0 + sigma_bearing_1 R

@@ -27,8 +27,8 @@ from .bodies import Bodies, sun_direction
 from .sources import State, source_of, state_of
 
 ATTITUDE = "attitude"
-"""Entry among the files that states the frame relative to which start attitudes do not change: H
-(default) or N.
+"""Key of `files` that is not a component: its value is the frame relative to which start attitudes
+do not change, H (default) or N.
 """
 SAME = 1e-9
 """Angle between the old and the new Hill frame [rad] up to which attitudes are not turned."""
