@@ -6,10 +6,10 @@
  * q_j: point j of the drift relative to the target, at the time j Delta after the end of the
  * sample, which lasts P seconds; Phi_rr, Phi_rv: parts of the transition matrix; x_1, v_1: position
  * and velocity at the end of the sample without force; a force u adds P^2/2 a to x_1 and P a to
- * v_1, a = C_HN C_SN^T u/m; n: orbital rate; m: mass. Chord j leads from q_j to q_(j+1); sag:
- * distance of the curved drift from a chord. The margin of a chord is its distance from the target
- * minus the larger sag at its ends, the radius of the sphere and passive_margin (19). Vectors are
- * in Hill axes. docs/models.md M.4 */
+ * v_1, a = C_HN C_SN^T u/m; n: orbital rate; m: mass. Chord j leads from q_j to q_(j+1); sag
+ * at point j: |q_(j-1) - 2 q_j + q_(j+1)|/8, by which the curved drift departs from a chord there.
+ * The margin of a chord is its distance from the target minus the larger sag of its two points, the
+ * radius of the sphere and passive_margin (19). Vectors are in Hill axes. docs/models.md M.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_DRIFT_H
 #define FILTER_DRIFT_H

@@ -146,7 +146,7 @@ static const Variable variables[] = {
                   "inactive|point on the line of holds|grasp axis at constant range|along the "
                   "grasp axis"),
     OPTIONAL_INPUT(L_goal, "m",
-                   "range at the end of the goal, a change restarts the goal; 0: L_end applies"),
+                   "range at which the goal ends; a new value starts it anew; 0: L_end applies"),
     OPTIONAL_INPUT(T_goal, "s", "as parameter duration, for the present goal; 0: duration applies"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),

@@ -93,10 +93,10 @@ static const Variable variables[] = {
     POSITIVE(omega_fire, "rad/s", "vector law: ignition below this angular rate"),
     NONNEGATIVE(t_burn_min, "s", "vector law: a burn lasts longer than this time"),
     POSITIVE(main_thrust, "N",
-             "vector law: nominal thrust along +X; above 1 % of this force the engine burns"),
+             "vector law: nominal thrust along +X; the engine burns if more than 1 % is required"),
     POSITIVE(brake_thrust, "N",
-             "vector law: nominal thrust of all brakes along -X; above 1 % of this force "
-             "they burn"),
+             "vector law: nominal thrust of all brakes along -X; they burn if more than 1 % is "
+             "required"),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
     NONNEGATIVE(frame_radius, "m",
                 "if mu > 0, the target's speed is relative to a point on a circular orbit "

@@ -102,8 +102,8 @@ static inline double add_arc(double base, double base_rest, double sign, double 
     return whole + (sign * tail + (base - whole + sign * arc[0] + base_rest));
 }
 
-/* atan2 where both arguments are zero or infinite, or one is not finite: directions at 0, 45, 90
- * .. degrees */
+/* atan2(y, x) where both are zero or one is not finite: a multiple of 45 degrees, or NaN; a: the
+ * larger of |x| and |y| */
 static inline double arc_at_edge(double y, double x, double a)
 {
     double half = a == 0 ? signbit(x) : x < 0, quarter = a > 0 && fabs(y) == a;

@@ -98,8 +98,10 @@ static inline vec3 tidal_torque(const TidalField *f, const Placement *at, const 
     return scale(3 * f->g, cross(f->n, sym_mul(I_C, f->n)));
 }
 
-/* Q_k/M_k: acceleration of the coordinate of one part by the tidal field. The gravity-gradient
- * torque on a panel adds the term with a.(n x I_i n) = (I3 - I1) (n.e)(n.t). */
+/* Q_k/M_k: acceleration of the coordinate of one part by the tidal field. For a panel with inertia
+ * I_i, diagonal in the axes e (along the panel), a (hinge) and t, the gravity-gradient torque about
+ * the hinge, 3 g a.(n x I_i n) = 3 g (I3 - I1) (n.e)(n.t), divided by M_k = I_h, is the second
+ * term; asymmetry = (I1 - I3)/I_h. */
 static inline double tidal_part_acceleration(const TidalField *f, const PlacedPart *x, vec3 c)
 {
     double pull = x->part->P_size * dot(x->t, tidal_acceleration(f, sub(x->r, c)));
