@@ -54,7 +54,7 @@ its runs. [Evidence](evidence.md) states what they mean and what is missing.
   variables allows
   ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it followed.
 * Sources: first digits of the SHA-256 of the C file and of all headers that it includes, without
-  comments.
+  comments, descriptions and messages.
 
 """
 COLUMNS = (
@@ -135,7 +135,7 @@ def includes(source: Path) -> tuple[str, ...]:
 
 def hash_of(source: Path) -> str:
     """Return the first digits of the hash of a C file and the headers that it includes, without
-    comments.
+    comments, descriptions and messages.
     """
     about = sha256()
     for name in includes(source):

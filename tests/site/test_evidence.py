@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.each import each
+
 ROOT = Path(__file__).resolve().parents[2]
 LINES = ["int f(int a, int b)", "{", "    if (a && b) return 1;", "    return 0;", "}"]
 SOURCE = "\n".join(LINES) + "\n"
@@ -92,6 +94,38 @@ def test_no_row_is_older_than_its_sources(tools):
     rows = dict(re.findall(r"^\| `(\w+)` \|.*\| ([0-9a-f]{12}) \|$", page, re.MULTILINE))
     sources = evidence.flight_rules.sources()
     assert rows == {source.stem: evidence.hash_of(source) for source in sources}
+
+
+MODEL = """#include "fmu.h"
+#define ROW(x) {x, "text"}
+static double f(double a) { return a - 2 * 1e-3; } /* remark */
+static const char *text = "one" "two";
+"""
+
+
+@each(
+    ("old", "new", "same"),
+    [
+        ("/* remark */", "// another\n", True),
+        ('"one" "two"', '"other"', True),
+        ('{x, "text"}', '\\\n    {            \\\n  x, "line"   }', True),
+        ("f(double a) {", "f(\n    double a)\n{", True),
+        ("a - 2", "a + 2", False),
+        ("a - 2", "a -- 2", False),
+        ("1e-3", "1e-4", False),
+        ("ROW(x)", "ROW (x)", False),
+        ('"fmu.h"\n', '"fmu.h"\n#define a 3\n', False),
+        ('"one" "two"', "0", False),
+    ],
+)
+def test_a_hash_changes_with_the_code_and_not_with_texts_or_layout(tools, tmp_path, old, new, same):
+    _, evidence = tools
+    assert old in MODEL
+    tokens = []
+    for text in (MODEL, MODEL.replace(old, new)):
+        (tmp_path / "model.c").write_text(text)
+        tokens.append(evidence.flight_rules.bare(tmp_path / "model.c"))
+    assert (tokens[0] == tokens[1]) == same
 
 
 def test_tests_of_equal_bits_exist():

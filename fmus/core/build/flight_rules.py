@@ -30,6 +30,14 @@ STEP, START = "step_model", "initialize_model"
 CALL = 8
 """Size of a return address [bytes]."""
 
+TOKEN = re.compile(
+    r'""|\d(?:[eEpP][+-]|[\w.])*|\.\d(?:[eE][+-]|\w)*|#\s*define\s+\w+\(|\w+|<<=|>>=|->'
+    r"|\+\+|--|<<|>>|&&|\|\||##|[-+*/%&|^=!<>]=|\S"
+)
+"""Token of a C source without comments; the name and the parenthesis of a macro with parameters are
+one token.
+"""
+
 LOOPS = (
     (r"< (before|number|rows->count);", "rows of the safety filter, at most 26"),
     (r"j <=? f(->|\.)count;|j < faces;",
@@ -201,10 +209,17 @@ def code(path: Path) -> str:
 
 
 def bare(path: Path) -> str:
-    """Return a source without comments, with single blanks in place of all white space."""
-    token = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
-    text = token.sub(lambda m: m[0] if m[0].startswith('"') else " ", path.read_text())
-    return " ".join(text.split())
+    """Return the tokens of a source, with one blank between two tokens, and each preprocessor
+    directive in a line of its own. Comments are left out, and `""` stands for every string literal,
+    also for several in a row: descriptions and messages do not change what a model computes.
+    """
+    comment = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"', re.DOTALL)
+    text = comment.sub(lambda m: '""' if m[0].startswith('"') else " ", path.read_text())
+    tokens: list[str] = []
+    for line in text.replace("\\\n", " ").splitlines():
+        found = TOKEN.findall(line)
+        tokens += ["\n", *found, "\n"] if line.lstrip().startswith("#") else found
+    return re.sub(r'""( "")+', '""', " ".join(tokens))
 
 
 def loops(path: Path) -> Iterator[tuple[int, str]]:
