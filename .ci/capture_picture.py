@@ -37,8 +37,12 @@ def shares(data: Any) -> list[tuple[float, int, int]]:
 
 def limits() -> dict[str, float]:
     """Return largest tumble rates [rad/s] that the servicer can follow, by their texts in the
-    legend of the picture: two that its wheels limit, then two that its force limits. Above the rate
-    "force within the budget: retreat", the mission manager orders a retreat.
+    legend of the picture: two that its wheels limit, then two that its force limits.
+
+    "all force": to turn with the target at the least range of the fly-around, R_around, needs the
+    full force F_axis. "force within the budget: retreat": it needs the share `budget` of F_axis,
+    which the mission manager permits, with steer_least left for steering about the target; above
+    this rate the manager orders a retreat.
     """
     result = run(SYSTEM, stop=0.1)
     names: tuple[str, ...] = ("budget", "F_axis", "R_around", "steer_least", "J_S", "A_w")

@@ -195,7 +195,9 @@ def build_recording(folder: Path) -> None:
 
 
 def replace_library(archive: Path, library: Path) -> None:
-    """Replace an archive that is a link to an FMU of the build by a copy with another library."""
+    """Replace `archive`, a link to an FMU of the build, by a copy of this FMU in which `library`
+    replaces the binary of the same file name.
+    """
     original = archive.resolve()
     archive.unlink()
     with zipfile.ZipFile(original) as old, zipfile.ZipFile(archive, "w") as new:

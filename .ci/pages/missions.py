@@ -89,7 +89,10 @@ def taught() -> dict[str, Path]:
 
 
 def lessons(runs: Mapping[str, Any]) -> str:
-    """Return the page that lists the lessons."""
+    """Return the page that lists the lessons (ssp/MISSION/lessons/*.toml). runs: by mission, the
+    records that facts() returns; the first record of a mission has the file name of the page that
+    runs its lesson, to which the list links ("": no link).
+    """
     lines = [LESSONS]
     for name in ORDER:
         found = tomllib.loads(taught()[name].read_text(encoding="utf-8"))

@@ -165,10 +165,12 @@ class Spaces:
         limits: Limits,
         scale: Mapping[str, float] | None,
     ) -> None:
-        """Look up the variables.
+        """Find the variables in the simulation. Raises UsageError.
 
-        names: variables to observe and outputs to set (empty: default); scale: number by which an
-        observation is divided, by variable (None: do not scale actions either). Raises UsageError.
+        names: variables to observe, and outputs to set. Without names of variables, all connected
+        inputs of the open components are observed; without names of outputs, all outputs of these
+        components that other components read are set. scale: number by which an observation is
+        divided, by variable (None: do not scale actions either).
         """
         seen, acted = _observed(simulation, names[0]), _acted(simulation, names[1], limits)
         self.observed = [f"{s.name} [{s.unit}]" for s in seen]

@@ -345,9 +345,9 @@ def _delayed(system: System, given: Given) -> System:
 
 
 def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> System:
-    """Return the system with further requirements: a mapping from name to text, or texts that are
-    also the names. Only the further requirements are checked, because requirements of the system
-    may need variables that a swap has removed.
+    """Return the system with further requirements. given: mapping from the name of a requirement to
+    its text, or texts alone, each of which is then also the name. Only these requirements are
+    checked, because requirements of the system may need variables that a swap has removed.
     """
     if not given:
         return system

@@ -119,8 +119,8 @@ def transfers(
     """Yield the transfers of an FMU, one per FMI type of its wires. In FMI 2.0, values whose unit
     is converted have a transfer of their own.
 
-    verb: Set or Get; held: by name, the values of unconnected inputs that differ from their start
-    values.
+    verb: Set or Get; held: values of unconnected inputs, by name, where they differ from the start
+    values. In FMI 3.0 a call transfers whole arrays: it sets unconnected elements to these values.
     """
 
     def row(variable: Variable) -> dict[str, Scalar]:

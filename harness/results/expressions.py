@@ -446,7 +446,10 @@ def _window(name: str, parts: Sequence[Node]) -> tuple[float, float]:
     head = f"{name}({', '.join(conditions)}, ...)"
     times = [_seconds(each, head) for each in parts[len(conditions) :]]
     if len(parts) < len(conditions) or len(times) > 2:
-        raise ValueError(f"{head}: expected {' and '.join(conditions)}, then at most two times")
+        raise ValueError(
+            f"{head}: expected {' and '.join(conditions)}, then at most two times "
+            "(begin and end of the window, or only the end)"
+        )
     begin, end = (0.0, *times)[-2:] if times else (0.0, math.inf)
     if not 0 <= begin <= end:
         raise ValueError(

@@ -28,9 +28,9 @@ ORDERS = ("<", "<=", ">", ">=")
 
 
 class Limits:
-    """Conditions on time, and negated premises `not x` of implies(x, y), which limit when a
-    requirement applies. In a row in which one of these conditions holds, the requirement holds
-    regardless of its other conditions.
+    """Conditions that limit when a requirement applies: conditions on time, such as `time < 60` in
+    `time < 60 or a.x < 5`, and negated premises `not x` of implies(x, y). In a row in which one of
+    these holds, the requirement holds regardless of its other conditions.
     """
 
     def __init__(self, parts: Sequence[Node]) -> None:
@@ -88,10 +88,12 @@ class Requirement:
     the comparison that determines the margin, and index of its unit in `units`; exercised: whether
     the requirement is exercised, as defined in _exercised().
 
-    A requirement with windows is evaluated in the first row (`at_start` is True). It has only truth
-    (1 or -1), margin, undecided (whether a condition in a window depends on NaN) and empty (by the
-    times of a window as text, `0 to 60 s`: whether the window of some row lies within the run and
-    contains no row).
+    A requirement with windows has a value in every row, for the windows that are relative to the
+    time of this row; the value in the first row decides (`at_start` is True). Of the attributes
+    above it has only truth and margin, both (rows, 1), and its truth is 1 where it holds, -1 where
+    it fails, NaN without evidence. Further attributes are undecided (whether one of its conditions
+    is NaN in any row) and empty: a mapping from each window, as text such as `0 to 60 s`, to
+    whether it lies within the run and yet contains no row, for the window of any row.
     """
 
     def __init__(self, tree: Node, unit: Callable[[str], str], program: Program) -> None:

@@ -327,7 +327,10 @@ SPECIAL: Mapping[str, Callable[..., Any]] = {
     "number": _number,
     "table": _table,
 }
-"""Operations that need the constant of the instruction, or whether a value is a time series."""
+"""Operations that are called with two arguments: the operands, as pairs of a value and whether the
+value is a time series (needed by `element` and `table`), and the constant of the instruction
+(needed by `element` and `number`).
+"""
 
 
 # ---- expressions over a result

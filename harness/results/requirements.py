@@ -286,7 +286,11 @@ def _ended_early(result: Result, found: Finding) -> Finding:
 def _evaluated_at_start(
     result: Result, found: Finding, required: Requirement, values: list[Any]
 ) -> Finding:
-    """Return the finding for a requirement with windows."""
+    """Return the finding for a requirement with always(), eventually() or until(), which are
+    conditions over windows of time: the first row, whose windows are relative to the start of the
+    run, decides. found: finding to which verdict, margin and reason are added; values: value of
+    each instruction of the requirement's program.
+    """
     margin, sign = (float(values[k][0, 0]) for k in (required.margin, required.truth))
     if values[required.undecided]:
         return replace(found, verdict=Verdict.NOT_MET, value=math.nan, margin=-math.inf)

@@ -92,7 +92,7 @@ def _composed(x: Array, y: Array, begin: Rows, length: Rows) -> tuple[Array, Arr
     for level in range(int(length.max(initial=0)).bit_length()):
         rows = np.flatnonzero((length > 0) & (length >> level & 1 == 1))
         block = table[0][place[rows]], table[1][place[rows]]
-        # append the next part, of 1, 2, 4, ... rows, to the rows joined so far
+        # append the next 2^level rows to each block with this power of 2 in its length
         least[rows], witness[rows] = _after(least[rows], witness[rows], *block)
         place[rows] += 1 << level
         size = 1 << level

@@ -350,8 +350,8 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     if system.without:
         left_out = ", ".join(system.without)
         line = (
-            f"{source.name}: components of the system are set to false ({left_out}), which this "
-            "program does not support; write the system with `harness export`"
+            f"{source.name}: [components] contains `= false` for {left_out}, but this program "
+            "cannot leave out components; write the system with `harness export`"
         )
         raise StructureError([line])
     write_ssp(system, output)

@@ -105,7 +105,7 @@ MAPPING = Part("application/x-ssp-parameter-mapping", xml.SSM_SCHEMA, "*")
 
 class Tree:
     """All elements of an .ssp: components, connectors, connections (`edges`) and parameters
-    (`given`); inside: names of the elements in every system.
+    (`given`); inside: by place of a system, the names of the elements directly in it.
 
     own: whether the file was written by this project; then a parameter that the FMU does not have
     is an error, otherwise it is ignored; problems: lines about content that cannot be read; notes:

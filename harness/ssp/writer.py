@@ -122,8 +122,9 @@ class _Writer:
     # ---- elements
 
     def _component(self, elements: XmlElement, component: Component, left: int) -> None:
-        """Write a component whose left edge in the block diagram is at x = `left`. Its annotation
-        with a step size is written only with `hints`, since OMSimulator rejects it.
+        """Write a component whose left edge in the block diagram is at x = `left`. The
+        annotation that suggests the step size of the component is written only with `hints`, since
+        OMSimulator rejects it.
         """
         name, source = component.name, quote(self.sources[component.name])
         element = child(elements, "ssd:Component", name=name, type=xml.FMU_TYPE, source=source)

@@ -125,7 +125,7 @@ def _scale(name: str, base: Base) -> _Exact:
 
 
 def _dimension(base: Base) -> dict[str, int]:
-    """Return the exponents, by SI unit, that are not zero."""
+    """Return the dimension of a unit as the exponents, by SI unit, that are not zero."""
     return {name: int(n) for name, n in base.items() if name not in ("factor", "offset") and n}
 
 

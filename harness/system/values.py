@@ -99,8 +99,8 @@ class Grid(NamedTuple):
 
 
 def grid(elements: Iterable[Index]) -> Grid | None:
-    """Return the grid that elements with these indices fill; None if elements are missing or differ
-    in dimension.
+    """Return the Grid of the vector or matrix whose elements have these indices. Return None if
+    elements are missing in it, or have different numbers of indices.
     """
     found = set(elements)
     if len({len(element) for element in found}) != 1:

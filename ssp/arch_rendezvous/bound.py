@@ -54,7 +54,8 @@ def problem(result: Result, grid: float) -> Problem:
 
 
 def speed(name: str, nodes: Rows, rate: Array, most: float) -> Cone:
-    """Return the constraint |v - rate x rho| <= most on the speed seen in a rotating frame.
+    """Return the constraint |v - rate x rho| <= most: the speed of the servicer relative to the
+    target, seen in a rotating frame, is at most `most`.
 
     name: name of the constraint; nodes: indices of the grid points at which the constraint applies;
     rate: angular velocity of the frame at all grid points, N axes, (n + 1, 3) [rad/s]; most:

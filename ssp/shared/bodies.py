@@ -26,8 +26,8 @@ from .scene import Part
 SLIMMEST = 0.15
 """Smallest ratio of the least to the largest edge of a box."""
 HULL = 0.6
-"""Ratio of the edges of a hull with panels to the edges of the box of uniform density that has the
-mass and the moments of inertia of the body.
+"""Ratio of the edges of a drawn hull to the edges of uniform_box(), the box with the mass and the
+moments of inertia of the body; the solar panels at the hull represent the rest of the inertia.
 """
 EDGE = 1.0
 """Edge of the cube that represents a body whose mass or inertia the result lacks [m]."""

@@ -116,8 +116,11 @@ def disturbance(result: Result, time: Array, hill_axes: Array) -> Array:
 
 
 def problem(result: Result, step: float, box: Array) -> Problem:
-    """Return the convex problem of a whole run without constraints on the path; step: time step
-    [s]; box: largest force along each axis of the servicer [N], 0: unlimited.
+    """Return the convex problem of the least impulse in the time span of a run, without constraints
+    on the path. Start, mass (of the first row), attitude of the servicer, gravity gradient along
+    the path of the target and disturbance are those in the run.
+
+    step: time step [s]; box: largest force along each axis of the servicer [N], 0: unlimited.
     """
     count = max(round((result.time[-1] - result.time[0]) / step), 1)
     time = np.linspace(result.time[0], result.time[-1], count + 1)

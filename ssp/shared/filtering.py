@@ -75,7 +75,9 @@ def episodes(result: Result) -> list[Episode]:
 
 
 def notes(result: Result) -> Iterator[str]:
-    """Yield notes for a report: how much the filter changed, and its largest episodes."""
+    """Yield notes for a report: how much the filter changed the commanded force, and the SHOWN
+    episodes with the largest impulse of the change.
+    """
     if not (result.holds(*NEEDS) and len(result.time)):
         return
     found = episodes(result)
@@ -105,11 +107,12 @@ def passed(result: Result) -> float:
 
 
 def findings(result: Result) -> Iterator[RuleFinding]:
-    """Yield the least barrier value of each rule that was in force.
+    """Yield a finding for each rule of the filter that has applied: the least barrier value (the
+    distance or speed that remains to the limit after braking) and the time of the first violation.
 
-    A negative barrier value is a violation. If the parameters of the filter state errors of the
-    estimated states or a delay, these alone can make the value negative; then a negative value is a
-    violation only where the filter has relaxed the rule.
+    A negative barrier value is a violation, with one exception: if the parameters of the filter
+    state errors of the estimated states or a delay, these alone can make the value negative, so
+    that it is a violation only in rows in which the filter has relaxed the rule.
     """
     if not (result.holds(*NEEDS, parameters=ERRORS) and len(result.time)):
         return

@@ -171,23 +171,23 @@ def _delta_v(result: Result, _: Limits) -> float:
 
 
 def _acting(result: Result) -> slice:
-    """Return the rows in which the attitude of the servicer is not frozen. Torques in earlier rows
-    do not turn the servicer.
+    """Return the rows from release_time() on. Torques in earlier rows do not turn the servicer,
+    because the plant holds its attitude.
     """
     return slice(int(np.searchsorted(result.time, release_time(result))), None)
 
 
 def _wheel_torque_steps(result: Result) -> Array:
-    """Return the change of the momentum of the wheels from row to row while the attitude
-    of the servicer is not frozen, (rows - 1, 3) [N m s].
+    """Return the change of the momentum of the wheels from row to row, (rows - 1, 3) [N m s], for
+    the rows from release_time() on. Before, the plant does not turn the servicer.
     """
     speed = result["servicer.wheel_speed"][_acting(result)]
     return np.asarray(np.diff(speed, axis=0) @ result.parameter("servicer.A_w").T)
 
 
 def _torque_impulse(result: Result, _: Limits) -> float:
-    """Return the integral of the torque of thrusters and wheels on the body while its attitude is
-    not frozen, summed over the axes [N m s].
+    """Return the integral of the torque of thrusters and wheels on the body of the servicer from
+    release_time() on, summed over the axes [N m s]. Before, the plant does not turn the servicer.
 
     The propulsion publishes the integral for thrusters; without that output it is computed from the
     recorded torques. The integral for wheels is computed from the recorded wheel speeds.
@@ -204,8 +204,9 @@ def _torque_impulse(result: Result, _: Limits) -> float:
 
 
 def _peak_torque(result: Result, _: Limits) -> float:
-    """Return the largest torque of thrusters and wheels on the body while its attitude is not
-    frozen [N m]; the torque of the wheels is the mean from row to row.
+    """Return the largest torque of thrusters and wheels on the body of the servicer from
+    release_time() on [N m]. Before, the plant does not turn the servicer. The torque of the wheels
+    is the mean from row to row.
     """
     acting = _acting(result)
     steps = np.diff(result.time[acting])[:, None]

@@ -134,16 +134,18 @@ def _relative(result: Result, rows: slice = ALL) -> Array:
 
 
 def _aligned(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return error(position, reference position) for these rows, (rows, ...). Each position is
-    compared with the reference that the guidance has computed at this position.
+    """Return error(position, reference position) for these rows, (rows, ...). The reference for
+    each row is the one that the guidance computed from the states of this row. It is taken from the
+    next row where the result contains it only there (is_late()).
     """
     late = is_late(result, REFERENCE)
     return aligned(_relative(result, rows), result[REFERENCE][rows], error, late)
 
 
 def _turned_from(result: Result, error: Callable[[Array, Array], Array], rows: slice) -> Array:
-    """Return error(attitude, reference attitude) for these rows, (rows, ...). Each attitude is
-    compared with the reference that the guidance has computed at this attitude.
+    """Return error(attitude, reference attitude) for these rows, (rows, ...). The reference for
+    each row is the one that the guidance computed from the states of this row. It is taken from the
+    next row where the result contains it only there (is_late()).
     """
     late = is_late(result, REFERENCE_ATTITUDE)
     return aligned(result[ATTITUDE][rows], result[REFERENCE_ATTITUDE][rows], error, late)

@@ -70,7 +70,8 @@ CRITICAL = Claim(
     where="section 3.1, (9)",
     needs=MOTION,
     compute=metrics.critical_rate,
-    value="agrees with (9) (1: yes): {0:.0f}; {1:.3f} of the critical rate, up to {2:.1f} deg",
+    value="agrees with (9) (1: yes): {0:.0f}; starts at {1:.3f} of the critical rate, turns up to "
+    "{2:.1f} deg from the equilibrium",
     unit="",
     reproduced=at_least(1.0),
 )

@@ -127,8 +127,9 @@ def last_peak(result: Result) -> tuple[float, ...]:
 
 
 def descent(result: Result) -> tuple[float, ...]:
-    """Return the largest ratio of the peak momentum after a planning step to the peak before it,
-    and the number of steps.
+    """Return the largest factor by which a planning step changes the peak, which is the largest
+    momentum that the planned attitude history needs; and the number of steps. A factor below 1
+    means that every step reduces the peak.
     """
     count = int(result[ITERATIONS][0])
     if count == 0:

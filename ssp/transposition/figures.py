@@ -197,7 +197,7 @@ def _planned_momentum(
 FIGURES: tuple[Figure | Drawing, ...] = (
     Drawing(
         "plan",
-        "Attitude histories of the planner; after 0 iterations: flight attitude all the time",
+        "Attitude history after each iteration of the planner; 0: constant flight attitude",
         (ITERATIONS, "guidance.peak", "guidance.rotation"),
         _iterations,
         shows=lambda result: bool(result["guidance.peak"].any()),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables of the servicing mission: events of the runs on estimates and by the arm, velocity
-increments, parameter sets, aborts. The events of the run on truth have no table, since they
-are claims of the mission.
+"""Tables of the servicing mission: events of two runs, velocity increments, parameter sets, aborts.
+In one run the flight software uses estimates, in the other the arm captures the target. The events
+of the run on truth have no table here, since the table of claims of the mission shows them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Write the archive of one FMU for FMI 2.0, FMI 3.0 or both: model description, binaries, sources,
-documentation, licence, image. The same inputs give the same bytes.
+"""Write one FMU as an archive for FMI 2.0, one for FMI 3.0, or both. An archive contains model
+description, binaries, sources, documentation, licence, and a picture of the model as a block with
+its ports. The same inputs give the same bytes.
 
 Usage: package_fmu.py [--fmi2 OUTPUT XML] [--fmi3 OUTPUT XML] --license FILE --binary
 PLATFORM=FILE... --source FILE... --include DIR... [--trace FILE] [--provenance FILE]. The first

@@ -245,8 +245,9 @@ class Reader:
         return self._applied(Node("operand", shown), name)
 
     def _symbol(self, name: str, short: re.Match[str] | None) -> Node:
-        """Read the subscripts, hat and tilde of a Latin or Greek letter, and return its node. A `d`
-        in front of the letter (differential) is upright.
+        """Return the node of a Latin or Greek letter with its subscripts, hat and tilde, which are
+        read from the line. A `d` in front of the letter, as in `dx`, is upright (differential).
+        short: match of `name` with CORE, None if it does not match.
         """
         if derivative := re.fullmatch(r"d(?:(\d)([A-Za-z])|([a-z])(\d))", name):  # d2L/dt2
             d, letter = "<mi mathvariant='normal'>d</mi>", derivative[2] or derivative[3]

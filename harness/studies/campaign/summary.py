@@ -335,7 +335,9 @@ def _why(store: Store, run: int, name: str) -> str:
 
 
 def _shares(store: Store) -> Iterator[str]:
-    """Yield the lines on success, the stopping rule and requirements."""
+    """Yield the lines on the stopping rule (`until`) of the campaign, and for `success` and each
+    requirement the share of runs that met it and the number of runs without a verdict.
+    """
     shares = {SUCCESS: success(store)}
     shares |= {f"requirement {name}": share for name, share in requirements(store).items()}
     rule = store.plan().table.until

@@ -19,8 +19,9 @@ from .start import start_values
 
 
 def orbits(names: Bodies) -> Exchange:
-    """Return the Exchange of a mission whose bodies have signals and parameters with the names
-    `names`: it writes .oem, .aem and .czml and reads start values.
+    """Return the Exchange of a mission: it writes results as .oem, .aem and .czml, reads start
+    values from orbit files, and reports eclipses. names: names of the variables and parameters of
+    the bodies of the mission.
     """
     writers = {".oem": write_oem, ".aem": write_aem, ".czml": write_czml}
     return Exchange(

@@ -64,7 +64,8 @@ def start_values(
     turned = _turned(parameters, states, names) if frame == "H" else {}
     if turned:
         axes.append(
-            f"turned with the Hill frame: {', '.join(turned)} (--start {ATTITUDE}=N: unchanged)"
+            "start attitudes turned to be the same in the new Hill frame of the target: "
+            f"{', '.join(turned)} (--start {ATTITUDE}=N: not turned)"
         )
     sun, known = _sun(parameters, names.sun, instant)
     return Start(values | turned | sun, (start_note(instant), *axes, *known), written(instant))
@@ -130,8 +131,8 @@ def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 
 def _target(parameters: Result, states: Mapping[str, State], names: Bodies) -> str | None:
-    """Return the first body with a file whose start is not given in the Hill frame of another body;
-    None if there is none.
+    """Return the target: the first body with an orbit file that has no parameters for a start in
+    the Hill frame of another body. Return None if there is none.
     """
     return next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
 
