@@ -9,7 +9,7 @@ import shutil
 import pytest
 
 from tests.mutation.reached import ROOT
-from tests.mutation.tests_of import PLACE, Map, _is_current, _records, record
+from tests.mutation.tests_of import PLACE, RUN_TIME, Map, _answer, _is_current, _records, record
 
 RATIO = '''"""Ratios."""
 import math
@@ -254,3 +254,19 @@ def test_a_second_record_repeats_what_edits_concern(edited, capsys, monkeypatch)
     assert recorded(edited, monkeypatch) == 0
     assert capsys.readouterr().out.startswith("1/1 tests/test_ratio.py: 8 tests, ")
     assert names(edited, "fmus/ratio.py", new, "return whole(1)") == {"test_new"}
+
+
+class Unreached:
+    """Map in which no test reaches a line."""
+
+    def tests_of(self, file, line):
+        return {}, []
+
+
+def test_code_that_is_compiled_while_tests_run_has_the_tests_that_compile_it(capsys):
+    for file, tests in RUN_TIME.items():
+        assert (ROOT / file).is_file()
+        assert _answer(Unreached(), file, "20") == 0
+        assert tuple(capsys.readouterr().out.split()) == tests
+        assert all((ROOT / test).is_file() for test in tests)
+    assert _answer(Unreached(), "fmus/core/adapter/state.c", "20") == 1

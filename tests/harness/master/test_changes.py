@@ -162,6 +162,7 @@ def test_an_ssv_file_of_parameters_overrides_what_it_names(system, tmp_path):
         ),
         ("x.toml", "k = 1\n", r"x\.toml: k: expected a table per component"),
         ("x.toml", "[third\n", "not a readable TOML file"),
+        ("x.toml", "parameters = 3\n", "x.toml: parameters: must be a table of tables, one per"),
         (
             "x.ssv",
             SSV.format(name="thrd.k", value=1, unit=""),
