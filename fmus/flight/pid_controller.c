@@ -1,5 +1,5 @@
-/* pid_controller.c - three-axis PID control of line of sight and attitude, the baseline without a
- * model.
+/* pid_controller.c - three-axis PID control of line of sight and attitude, a baseline that uses
+ * no model.
  *
  *   position, per LOS channel    u = -(Kp e + Ki I + Kd de/dt),   a_L = Sigma u,
  *                                F_cmd = force_scale C_SL a_L
@@ -47,7 +47,7 @@ static const Model start = {
         GAIN_ROW(member, Ki, i_unit, "integral gain" per), \
         GAIN_ROW(member, Kd, d_unit, "rate gain" per),     \
         GAIN_ROW(member, T_aw, "s",                        \
-                 "anti-windup time constant, while the command is limited; 0 = none")
+                 "time constant of anti-windup while the command is limited; 0 = none")
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),

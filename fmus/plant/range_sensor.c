@@ -2,10 +2,10 @@
  *
  *   R = |r_SN - r_TN|,   range_meas = R + b + (sigma_range_0 + sigma_range_1 R) z_0
  *
- * z: standard normal draws, u: uniform draws in (0, 1), new for each sample. The bias is b = bias_0
- * + sigma_bias_0 z_0, whose z_0 is drawn once per run. There is no measurement outside range_min to
- * range_max, during an outage or a drop-out (u_6 < p_drop). A sample is published after `latency`.
- * Equations: docs/models.md F.2. */
+ * z_i: standard normal draws, u_i: uniform draws in (0, 1), new for each sample. The bias is
+ * b = bias_0 + sigma_bias_0 z_0 with another z_0, drawn once per run. There is no measurement
+ * outside range_min to range_max, during an outage or a drop-out (u_6 < p_drop). A sample is
+ * published after `latency`. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 
@@ -35,8 +35,8 @@ static const Model start = {
 static const Variable variables[] = {
     SENSOR_PERIOD_ROW,
     RANDOM_ROWS(random),
-    NONNEGATIVE(sigma_range_0, "m", "noise of the range at range 0"),
-    NONNEGATIVE(sigma_range_1, "1", "increase of the noise with the range"),
+    NONNEGATIVE(sigma_range_0, "m", "standard deviation of the noise at range 0"),
+    NONNEGATIVE(sigma_range_1, "1", "increase of the noise's standard deviation with the range"),
     PARAMETER(bias_0, "m", "bias of the range"),
     NONNEGATIVE(sigma_bias_0, "m",
                 "standard deviation of the bias about bias_0, drawn once per seed"),

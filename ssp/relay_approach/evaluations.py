@@ -43,8 +43,8 @@ def speeds(result: Result) -> tuple[Array, Array]:
     servicer, target = (np.linalg.norm(result[name], axis=1) for name in VELOCITIES)
     if target.max() > IN_ORBIT:
         raise NotJudgedError(
-            "the paper's speeds refer to a frame that moves along the orbit of the target; the "
-            "result does not contain them"
+            "the target is on an orbit: the speeds of the paper refer to a frame that moves along "
+            "this orbit, and the result does not contain them"
         )
     return np.asarray(servicer), np.asarray(target)
 
@@ -55,7 +55,7 @@ def arrival_time(result: Result) -> float:
     """
     there = np.flatnonzero(result[RANGE] <= HOLD)
     if not len(there):
-        raise NotJudgedError(f"{HOLD:g} m are not reached by {result.time[-1]:g} s")
+        raise NotJudgedError(f"the range has not reached {HOLD:g} m by {result.time[-1]:g} s")
     return float(result.time[there[0]])
 
 
@@ -99,7 +99,7 @@ def speed_ripple(result: Result) -> tuple[float, ...]:
 
 def approach_speed(result: Result) -> tuple[float, ...]:
     """Return the mean speed of the servicer in the first leg, divided by twice the mean speed of
-    the target (the value in the paper), and the mean speed of the servicer [m/s].
+    the target (the speed that the paper states), and the mean speed of the servicer [m/s].
     """
     servicer, target = speeds(result)
     leg = servicer[first_leg(result)].mean()
@@ -107,8 +107,8 @@ def approach_speed(result: Result) -> tuple[float, ...]:
 
 
 def hold_error(result: Result) -> tuple[float, ...]:
-    """Return the largest difference between the range and HOLD while the servicer stays there, the
-    least and the largest range [m].
+    """Return the largest difference between the range and HOLD while the servicer stays there, and
+    the least and the largest range in this time [m].
     """
     distance = result[RANGE][hold(result)]
     return np.abs(distance - HOLD).max(), distance.min(), distance.max()
@@ -135,8 +135,9 @@ def heading(result: Result) -> tuple[float, ...]:
 
 
 def rate_error(result: Result) -> tuple[float, ...]:
-    """Return the root mean square and the maximum of the difference between required and actual
-    angular rate after 2000 s [mrad/s]; raise NotExercisedError if the run ends before 3000 s.
+    """Return the root mean square and the maximum of the difference between the required and
+    the actual angular rate of the servicer after 2000 s [mrad/s]; raise NotExercisedError if the
+    run ends before 3000 s.
     """
     if result.time[-1] < ALIGNED + CAPTURE:
         raise NotExercisedError(

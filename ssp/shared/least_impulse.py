@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Least impulse of a run, the answer to `harness bound`: definition by the mission, optimum of its
-convex problem, and simulation of the optimal force.
+"""Least impulse of a run, the answer to `harness bound`: class in which a mission defines its
+convex problem, optimum of this problem, and simulation with the optimal force.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ LATE = 2 / 3
 
 @dataclass(frozen=True)
 class Bound:
-    """Least possible impulse of a run, for results with these variables and parameters (`needs`,
-    `parameters`).
+    """Definition by a mission of the least possible impulse of a run, for systems that have the
+    variables `needs` and the parameters `parameters`.
 
     problem: function of a result and the step of the grid [s] that returns the convex problem;
     positions: variables with the positions of both bodies; attitude: variable with the attitude of
-    the body with thrusters; force, impulse ("": none): outputs of its actuator, in axes of that
-    body; follows: further outputs of the actuator, each with the command that it follows; grid:
-    default step of the grid [s]; every: macro steps per row; spent: function that returns the
-    impulse of a run [N s] (None: the impulse of all its force).
+    the body with thrusters; force, impulse ("": none): outputs of the actuator of this body, in its
+    axes; follows: pairs of a further output of the actuator and the command to which this output is
+    equal; grid: default step of the grid [s]; every: macro steps per row; spent: function that
+    returns the impulse of a run [N s] (None: the integral of `force` is the impulse).
     """
 
     needs: tuple[str, ...]
@@ -55,7 +55,7 @@ class Bound:
         """Run the system and return its least impulse, None if the system lacks a variable or a
         parameter.
 
-        cost: `sum` or `norm`; grid: step of the convex problem [s] (None: of this definition);
+        cost: `sum` or `norm`; grid: step of the convex problem [s] (None: `grid` of this object);
         without: names of constraints to leave out. Raises UsageError, RunError, and HarnessError if
         there is no optimum.
         """
@@ -73,8 +73,8 @@ class Bound:
 def simulated(
     system: System, needs: tuple[str, ...], parameters: tuple[str, ...], every: int
 ) -> Result | None:
-    """Simulate a system and return its result; None if the system lacks one of these variables or
-    parameters; every: macro steps per row. Raises UsageError and RunError.
+    """Simulate a system and return its result; None if the system lacks one of the variables
+    `needs` or of the `parameters`; every: macro steps per row. Raises UsageError and RunError.
     """
     with Simulation(system, every=every) as simulation:
         simulation.advance(0)
@@ -88,9 +88,9 @@ def simulated(
 class Answer:
     """Least impulse of a run.
 
-    offered: definition by the mission; run: result of the system; optimum: solution of the convex
-    problem; verified: result of a second simulation, in which the actuator gives the optimal force;
-    cost: `sum` or `norm`.
+    offered: definition of the bound by the mission; run: result of the system; optimum: solution of
+    the convex problem; verified: result of a second simulation, in which the actuator gives the
+    optimal force; cost: `sum` or `norm`.
     """
 
     offered: Bound
@@ -99,7 +99,7 @@ class Answer:
     verified: Result
     cost: str
     spent: float
-    """Impulse of the run by the same cost [N s]."""
+    """Impulse that the run has spent, by `cost` as the optimum [N s]."""
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the report: the impulse of the run divided by the least impulse; the

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Least impulses of the phases of a run, the answer to `harness bound`: definition by the mission,
-optima of the convex problems of the phases, and simulations of the optimal forces.
+"""Least impulses of the phases of a run, the answer to `harness bound`: class in which a mission
+defines a convex problem per phase, the optima of these problems, and simulations with the optimal
+forces.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ class Phase(NamedTuple):
 
 @dataclass(frozen=True)
 class PhaseBounds:
-    """Least possible impulses of the phases of a run, for results with these variables and
-    parameters (`needs`, `parameters`).
+    """Definition by a mission of the least possible impulses of the phases of a run, for systems
+    that have the variables `needs` and the parameters `parameters`.
 
     phases: function of a result and the step of the grids [s] (None: the step of the mission) that
     returns the phases by name; positions, velocities: variables of both bodies; attitude, force and
@@ -78,9 +79,10 @@ class PhaseBounds:
 class PhaseOptimum(NamedTuple):
     """Least impulse of a phase.
 
-    spent: impulse of the phase in the run [N s]; optimum: solution of its convex problem; mass: at
-    the beginning [kg]; miss: distances of position [m] and velocity [m/s] between a simulation of
-    the optimal force and the optimal path at the end of the phase.
+    spent: impulse of the phase in the run [N s]; optimum: solution of its convex problem; mass:
+    mass of the servicer at the beginning of the phase [kg]; miss: distances of position [m] and
+    velocity [m/s] between a simulation of the optimal force and the optimal path at the end of the
+    phase.
     """
 
     spent: float

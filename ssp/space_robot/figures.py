@@ -27,7 +27,7 @@ def _section_and_spectrum(canvas: Axes, result: Result) -> None:
     section.plot(np.degrees(pitch), rate, ".", markersize=4)
     section.set(
         xlabel="pitch [deg]",
-        ylabel="its derivative by the true anomaly",
+        ylabel="d pitch / d true anomaly",
         title=f"{len(pitch)} points",
     )
     frequency, amplitude = spectrum(result)
@@ -49,7 +49,7 @@ def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str,
         eccentricity = np.full_like(pitch, result.parameter(ECCENTRICITY))
         section.plot(np.degrees(pitch), rate, ".", markersize=2, color=colours[label], label=label)
         diagram.plot(eccentricity, np.degrees(pitch), ".", markersize=2, color=colours[label])
-    section.set(xlabel="pitch [deg]", ylabel="its derivative by the true anomaly")
+    section.set(xlabel="pitch [deg]", ylabel="d pitch / d true anomaly")
     diagram.set(xlabel="eccentricity", ylabel="pitch [deg]")
     if len(results) < MANY:
         legend_above(section)

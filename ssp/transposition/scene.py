@@ -18,14 +18,14 @@ NUMBERS = {
     "arm_angle": "angle of the hinge",
     "rotation": "rotation from the flight attitude",
     "h_cmg": "momentum of the gyros",
-    "momentum_share": "share of the largest momentum of the gyros",
+    "momentum_share": "momentum of the gyros as a share of the largest",
 }
 """Outputs of the assembly whose values the replay shows, with their labels."""
 
 
 def assembly(result: Result, arrays: Arrays) -> Scene:
-    """Return the scene of two docked bodies, whose origin is the centre of mass of the base. The
-    module swings about the hinge on the base.
+    """Return the scene of two docked bodies: the base, whose centre of mass is the origin, and the
+    module, which swings about the hinge on the base.
     """
     rows = instants(result, ASSEMBLY[1])
     attitude, relative, angle = ASSEMBLY

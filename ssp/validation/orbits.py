@@ -25,17 +25,24 @@ def angle_between(a: Array, b: Array) -> float:
 
 
 def eccentricity(mu: float, r: Array, v: Array) -> float:
-    """Return the eccentricity |v x (r x v)/mu - r/|r|| of an orbit."""
+    """Return the eccentricity |v x (r x v)/mu - r/|r|| of an orbit.
+
+    mu: gravitational parameter [m3/s2]; r, v: position [m] and velocity [m/s], (3,) each.
+    """
     return float(np.linalg.norm(eccentricity_vector(mu, r, v)))
 
 
 def eccentricity_vector(mu: float, r: Array, v: Array) -> Array:
-    """Return the eccentricity vector (3,), which points to the perigee."""
+    """Return the eccentricity vector (3,), which points to the perigee; arguments as of
+    `eccentricity`.
+    """
     return np.asarray(np.cross(v, np.cross(r, v)) / mu - r / np.linalg.norm(r))
 
 
 def node_and_perigee(mu: float, r: Array, v: Array) -> Array:
-    """Return the right ascension of the ascending node and argument of perigee [rad]."""
+    """Return the right ascension of the ascending node and the argument of perigee, (2,) [rad];
+    arguments as of `eccentricity`.
+    """
     h = np.cross(r, v)
     node = np.cross([0.0, 0.0, 1.0], h)
     e, across = eccentricity_vector(mu, r, v), np.cross(h / np.linalg.norm(h), node)

@@ -86,6 +86,7 @@ START_VALUES: dict[str, tuple[str, tuple[str, ...]]] = {
         ("nodes", "iterations_max", "sample_period"),
     ),
 }
-"""Component (SYSTEM.COMPONENT) whose parameters are the start values of an FMU, and names of the
-parameters that have another value in this component, by name of the FMU.
+"""Component (SYSTEM.COMPONENT) from whose parameters the start values of an FMU are taken, and
+names of the parameters whose start value differs from the value in this component, by name of the
+FMU.
 """

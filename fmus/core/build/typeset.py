@@ -9,7 +9,7 @@ operands is the vector product, `.` the scalar one, `[R]x` the matrix of a vecto
 is the Kronecker product or the product of quaternions, ` (o) ` the product element by element,
 ` * ` any other product.
 `|a|`, `sqrt(...)`, `sum_k`, `integral` become symbols. Names of three letters and more are upright:
-functions, parameters, words. Two or more blanks remain a gap, and a line remains a line.
+functions, parameters, words. Two or more blanks remain a gap, and line breaks remain.
 """
 
 import html
@@ -96,7 +96,7 @@ def _row(line: str) -> str:
 
 
 def math(line: str) -> str:
-    """Return the MathML of one line of equations; raise NotationError."""
+    """Return the MathML of one line; raise NotationError if the line is not in the notation."""
     nodes, end = Reader(line).sequence("")
     if end != len(line):
         raise NotationError(f"{line.strip()!r}: {line[end]!r} closes nothing")
@@ -132,7 +132,9 @@ class Reader:
         return _fractions(nodes), self.at
 
     def _opens(self, bar: str, before: list[Node]) -> bool:
-        """Return whether the next character, `bar`, begins a norm: `|` can begin or end one."""
+        """Return whether the next character, `bar`, is a `|` that begins and does not end a norm;
+        before: the nodes already read.
+        """
         if bar != "|":
             return False
         last = before[-1].kind if before else "operator"
@@ -247,7 +249,7 @@ class Reader:
     def _symbol(self, name: str, short: re.Match[str] | None) -> Node:
         """Return the node of a Latin or Greek letter with its subscripts, hat and tilde, which are
         read from the line. A `d` in front of the letter, as in `dx`, is upright (differential).
-        short: match of `name` with CORE, None if it does not match.
+        short: match of `name` with the expression CORE, None if it does not match.
         """
         if derivative := re.fullmatch(r"d(?:(\d)([A-Za-z])|([a-z])(\d))", name):  # d2L/dt2
             d, letter = "<mi mathvariant='normal'>d</mi>", derivative[2] or derivative[3]

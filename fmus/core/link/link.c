@@ -1,8 +1,9 @@
 /* link.c - FMU in place of a component that runs on a board: calls of FMI 2.0 become requests.
  *
  * A step needs one exchange with the board: the request contains the step and all values set since
- * the last step, the answer all variables that the master has ever read. The component therefore
- * checks set values only with the step. All other calls return what the component returns. */
+ * the last step, the answer all variables that the master has ever read. During stepping, a wrong
+ * value is therefore rejected by the call that sends it, usually the next step, and not by the call
+ * that sets it. All other calls return what the component returns. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 
@@ -138,7 +139,7 @@ fmi2Status fmi2Terminate(fmi2Component component)
 fmi2Status fmi2Reset(fmi2Component component)
 {
     Link *l = component;
-    l->client.outstanding = false; /* the answer to the last request is not needed */
+    l->client.outstanding = false; /* do not wait for the answer to the last request */
     l->stepping = false;
     l->start = l->stop = 0;
     l->late = 0;

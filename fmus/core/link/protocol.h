@@ -53,7 +53,7 @@ typedef enum { REAL_TYPE, INTEGER_TYPE, BOOLEAN_TYPE } ValueType;
 enum { TYPE_COUNT = BOOLEAN_TYPE + 1 };
 
 static const double probe_value =
-    -1.25e-3; /* sent in descriptions, to compare formats of doubles */
+    -1.25e-3; /* in descriptions: shows that both ends use the same format of doubles */
 static const unsigned char frame_magic[4] = {'S', 'L', 'N', 'K'};
 
 /* ---- CRC-32 of IEEE 802.3 (reflected, polynomial 0x04C11DB7), four bits per step */
@@ -155,7 +155,7 @@ static inline const char *take_text(Reader *r, char *buffer, size_t size)
     return buffer;
 }
 
-/* ---- runs: groups of neighbouring value references, given by type, number and first reference */
+/* ---- runs: groups of neighbouring value references, given by type, count and first reference */
 typedef struct {
     ValueType type;
     uint16_t count;

@@ -186,8 +186,8 @@ static inline mat6 refined(mat6 A, mat6 S, mat6 Q, mat6 X, LyapunovInverse *work
     return lyapunov(workspace, sum6(-1, Q, -1, product6(X, SX)));
 }
 
-/* stabilising solution X of the Riccati equation. workspace: 3.5 kB from the caller, which are
- * thus not on the stack */
+/* stabilising solution X of the Riccati equation. workspace: 3.5 kB, provided by the
+ * caller so that this function does not need them on the stack */
 static inline mat6 riccati(mat6 A, mat6 S, mat6 Q, LyapunovInverse *workspace)
 {
     Doubling d = doubling_start(A, S, Q);

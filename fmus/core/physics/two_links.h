@@ -77,8 +77,9 @@ static inline void refer_to_centre_of_mass(Robot *robot)
     }
 }
 
-/* Jw_k = [1, z (k >= 1), z (k = 2)],  Jv_k = [-rho_k~, D_k1, D_k2]; 1: unit matrix, rho~: matrix of
- * the vector product, D_kj: derivative of rho_k by the angle of joint j */
+/* Jw_k = [1, z (k >= 1), z (k = 2)],  Jv_k = [-rho_k~, D_k1, D_k2]; 1: unit matrix, z (..): z axis
+ * for these bodies k and 0 for the others, rho~: matrix of the vector product, D_kj: derivative of
+ * rho_k by the angle of joint j */
 static inline void partial_velocities(Part *b, int k)
 {
     vec3 z = vec(0, 0, 1), none = vec(0, 0, 0), axes[3] = {vec(1, 0, 0), vec(0, 1, 0), z};
