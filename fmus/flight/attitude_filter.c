@@ -142,7 +142,8 @@ static quat propagate(const Parameters *p, vec3 dtheta, Estimate *estimate)
 
 /* ---- star tracker ---- */
 
-/* covariance of an attitude measured n = `delay` samples ago:
+/* covariance of an attitude measured n = `delay` samples ago; D: the servicer's rotation
+ * since then, T: sample period, C_AS: servicer axes to axes of the star tracker:
  * R = C^T diag(sigma_A^2) C + n T sigma_v^2 I,   C = C_AS C(D)^T */
 static mat3 star_noise(const Parameters *p, quat D, double delay)
 {

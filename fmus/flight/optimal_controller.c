@@ -1,12 +1,12 @@
 /* optimal_controller.c - fuel-optimal translation with constraints by a fixed number of
  * iterations, and attitude by the law of adaptive_controller with constant estimates.
  *
- * Once a second (ten samples) a path of 60 nodes to the goal is improved by `iterations` steps of
- * ADMM (alternating direction method of multipliers, optimal_problem.h), spread over nine samples,
- * and becomes the plan in force if it is feasible. The model of prediction is a double integrator
- * in N axes with a known acceleration:
+ * Once a second (ten samples) a path to the goal, of 60 nodes (equal intervals of time), is
+ * improved by `iterations` steps of ADMM (alternating direction method of multipliers,
+ * optimal_problem.h), spread over nine samples, and becomes the plan in force if it is feasible.
+ * The model of prediction is a double integrator in N axes with a known acceleration:
  *
- *   (1) rho'' = u + d,   d = d_hat + tide(way)      u = F/m, held over a node; way: the last path
+ *   (1) rho'' = u + d,   d = d_hat + tide(way)      u = F/m, constant in a node; way: last path
  *   (3) d_hat += k_d (res - d_hat),   res = dv/dt - F/m - tide over the second before
  *
  * d_hat: estimated acceleration that is not modelled; tide: gravity at the servicer minus gravity
@@ -23,7 +23,7 @@
 #include "optimal_setup.h"
 #include "rigid_body.h"
 
-enum { SHOWN = 6 }; /* nodes of the plan that are outputs */
+enum { SHOWN = 6 }; /* number of nodes of the plan whose positions are outputs */
 
 typedef OptimalParameters Parameters;
 typedef OptimalInput Input;
@@ -121,7 +121,8 @@ static const Variable variables[] = {
                 "servicer rate below which the attitude is predicted as constant"),
     POSITIVE(relax_time, "s",
              "time in which a plan returns into constraints that the state violates"),
-    POSITIVE(arrive_radius, "m", "radius about the end point after arrival (goals 1 and 2)"),
+    POSITIVE(arrive_radius, "m",
+             "largest distance from the end point after arrival (goals 1 and 2)"),
     SWITCH(use_attitude, "1: the attitude law is used; 0: no torque is commanded"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
     PARAMETER(t_att, "s", "attitude control starts at this time"),
@@ -146,15 +147,17 @@ static const Variable variables[] = {
                   "inactive|point on the line of holds|grasp axis at constant range|along the "
                   "grasp axis"),
     OPTIONAL_INPUT(L_goal, "m",
-                   "range at which the goal ends; a new value starts it anew; 0: L_end applies"),
-    OPTIONAL_INPUT(T_goal, "s", "as parameter duration, for the present goal; 0: duration applies"),
+                   "range at the end of the goal; a new value restarts the goal; 0: L_end applies"),
+    OPTIONAL_INPUT(
+        T_goal, "s",
+        "time from start to arrival, for the present goal; 0: parameter duration applies"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
     OUTPUT(wheel_accel_cmd, "rad/s2",
            "commanded wheel acceleration relative to the body (0 without use_wheels)"),
-    MODE(mode, "origin of the force; an invalid goal and a mass of 0 are rejected",
-         "plan|last plan|brake and hold|first plan in work"),
+    MODE(mode, "origin of the force (-1: invalid goal or mass of 0, the step fails)",
+         "plan|last plan|brake and hold|first plan being computed"),
     FLAG(feasible, "1: the last solve gave a feasible plan"),
     ALARM(braking, "1: no plan, the servicer brakes and holds"),
     NONNEGATIVE_OUTPUT(dv_left, "m/s",
@@ -167,14 +170,16 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(change_p, "m", "largest change of a position by the last iteration"),
     NONNEGATIVE_OUTPUT(change_u, "m/s2", "largest change of an acceleration by the last iteration"),
     NONNEGATIVE_OUTPUT(miss, "m", "distance of the end of the path from the point of the goal"),
-    NONNEGATIVE_OUTPUT(count_box, "1", "nodes with a force at its limit"),
-    NONNEGATIVE_OUTPUT(count_cone, "1", "nodes at the cone"),
-    NONNEGATIVE_OUTPUT(count_slab, "1", "nodes at the edge of slab, keep_out or arrive_radius"),
+    NONNEGATIVE_OUTPUT(count_box, "1", "nodes in which a force is at its limit"),
+    NONNEGATIVE_OUTPUT(count_cone, "1", "nodes whose end is on the cone"),
+    NONNEGATIVE_OUTPUT(count_slab, "1",
+                       "nodes whose end is at the limit slab, keep_out or arrive_radius"),
     OUTPUT(plan_time, "s", "start of the plan in force"),
-    NONNEGATIVE_OUTPUT(plan_step, "s", "length of a node of the plan in force"),
-    ROW_AS(OUTPUT_ROW, y, "plan_rho_N", plan_rho_N, 3, "m",
-           "relative position at nodes 10, 20, .. 60 of the plan in force, N axes, a row each",
-           ANY_VALUE),
+    NONNEGATIVE_OUTPUT(plan_step, "s", "duration of a node (interval) of the plan in force"),
+    ROW_AS(
+        OUTPUT_ROW, y, "plan_rho_N", plan_rho_N, 3, "m",
+        "relative position at ends of nodes 10, 20, .. 60 of the plan in force, N axes, a row each",
+        ANY_VALUE),
     OUTPUT(d_hat_N, "m/s2", "estimated acceleration that is not modelled, N axes"),
 };
 
@@ -195,7 +200,7 @@ static void check_goals(const Parameters *p, Problems *problems)
     if (p->T_min < 20) reject(problems, "T_min", p->T_min, "must be >= 20");
     if (p->tumble_step < 5)
         reject(problems, "tumble_step", p->tumble_step,
-               "must be >= 5: a node of 20 s has at most four steps");
+               "must be >= 5 s, so that a node of 20 s has at most four steps");
     if (p->cone <= p->cone_hold) reject(problems, "cone", p->cone, "must be above cone_hold");
     if (p->cone >= 1.5) reject(problems, "cone", p->cone, "must be below 1.5 rad");
 }
@@ -334,7 +339,7 @@ static void begin_second(const Parameters *p, const Input *u, State *x, Output *
     set_up(p, u, x, t, seconds, first);
 }
 
-/* (20): does the iterations of this sample, at most seven */
+/* does the iterations (20) of this sample, at most seven */
 /* N.4-6 */
 static void improve(const Parameters *p, State *x)
 {

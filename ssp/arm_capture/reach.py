@@ -43,8 +43,9 @@ class Reach(NamedTuple):
     """Reach of an arm with n joints, one row per place for its end effector E.
 
     angle: joint angles (rows, n) [rad]; error: larger one of the errors of position [m] and
-    attitude [rad] (rows,); singular: singular values of J_m (rows, 6); worst: direction of the
-    velocity of E that needs the largest joint rates, unit vectors in base axes (rows, 3).
+    attitude [rad] (rows,); singular: singular values of J_m, the Jacobian of E (rows, 6); worst:
+    direction of the velocity of E that needs the largest joint rates, unit vectors in base axes
+    (rows, 3).
     """
 
     angle: Array
@@ -59,7 +60,7 @@ class Reach(NamedTuple):
 
     @property
     def manipulability(self) -> Array:
-        """Return the manipulability sqrt det J_m J_m^T (rows,)."""
+        """Return the manipulability sqrt det J_m J_m^T (rows,), with the Jacobian J_m of E."""
         return np.asarray(np.prod(self.singular, axis=1))
 
 
@@ -89,9 +90,9 @@ def reach(arm: Arm, limits: Limits, place: Array, outward: Array) -> Reach:
     """Return the reach of the arm for positions of the end effector (rows, 3) [m] with its X axis
     along unit vectors `outward` (rows, 3), both in base axes.
 
-    The attitude about the X axis is the one of the preferred posture after the smallest rotation
-    that turns its X axis to `outward`. The method is damped least squares from that posture, with
-    joint angles within their limits.
+    The attitude of E about its X axis is fixed too: the frame of E in the preferred posture is
+    turned by the smallest rotation that brings its X axis to `outward`. The method is damped least
+    squares from that posture, with joint angles within their limits.
     """
     q = np.tile(limits.posture, (len(place), 1))
     own = pose(arm, q[:1]).frame[0]
@@ -143,7 +144,8 @@ def clearance(arm: Arm, q: Array) -> tuple[float, tuple[int, int]]:
     """Return the least distance between the surfaces of two links at joint angles q (n,) [m],
     negative if they overlap, and the numbers of these links, counted from 1.
 
-    An arm with too few links to touch itself gives infinity and (0, 0).
+    If the arm has too few links for a pair to be checked (see APART), the result is infinity and
+    (0, 0).
     """
     at = pose(arm, q[None])
     points = [*at.joint[0], at.tip[0]]

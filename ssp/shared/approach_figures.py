@@ -43,7 +43,9 @@ BODY, WHEELS = "servicer.J_S", "servicer.A_w"
 FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
 TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 PURSUIT = "guidance.q_DS"
-"""Output of pursuit_guidance, which only systems with the thrusters of Kozlova & Fomichev have."""
+"""Output of pursuit_guidance. A result that contains this output is from a system with the
+thrusters of Kozlova & Fomichev.
+"""
 DIRECTION = "propulsion.thruster_direction"
 ENGINES = (*(f"P{i}" for i in range(1, 9)), *(f"P'{i}" for i in range(1, 6)))
 """Names of the thrusters in Kozlova & Fomichev 2023: attitude P1 to P8, brakes P'1 to P'4, main

@@ -17,7 +17,8 @@ from ..shared.metrics import SATURATED
 PITCH, RATE, ANOMALY = "robot.pitch", "robot.pitch_rate", "robot.true_anomaly"
 TURN = 2 * np.pi
 NEWTON_STEPS = 6
-"""Number of Newton steps after a linear interpolation; each doubles the number of correct digits.
+"""Number of Newton steps by which the interpolated times of strobe points are refined; each step
+doubles the number of correct digits.
 """
 
 
@@ -30,9 +31,9 @@ def strobe(result: Result) -> tuple[Array, Array]:
     """Return the pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit
     whenever the true anomaly has its start value.
 
-    Between rows both are interpolated by cubic polynomials, the pitch with its published rate. The
-    error falls with the fourth power of the distance of rows; it is 1e-7 rad with 100 rows per
-    orbit.
+    Between rows the pitch and its rate are interpolated by cubic polynomials, the pitch with its
+    rate from the result. The error falls with the fourth power of the time between rows; it is
+    1e-7 rad with 100 rows per orbit.
     """
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
@@ -44,7 +45,9 @@ def strobe(result: Result) -> tuple[Array, Array]:
 
 
 def _crossings(result: Result, course: Callable[..., Array]) -> Array:
-    """Return the times at which the true anomaly equals its start value, by Newton's method [s]."""
+    """Return the times [s] at which the true anomaly equals its start value, by Newton's method;
+    course: true anomaly as a function of time and order of derivative.
+    """
     anomaly = result[ANOMALY]
     wanted = anomaly[0] + TURN * np.arange(np.floor(orbits(result) + 1e-9) + 1)
     times: Array = np.interp(wanted, anomaly, result.time)

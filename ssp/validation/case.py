@@ -22,11 +22,11 @@ class Case:
     """Case of cases/*.json.
 
     id: name of the case; tests: the property of the FMU that the case tests; source: name, place in
-    the publication and licence of the values; fmu: the simulated FMU; rows: `t` [s] and expected
-    outputs; tolerance, units: largest permitted difference and unit of each output; why: reason for
-    the tolerance; wrong: deliberately wrong models, each with a description `what` and the `change`
-    of the setup that makes the model wrong; setup: all other entries, for the function that
-    simulates the case.
+    the publication and licence of the values; fmu: the simulated FMU; rows: for each compared
+    instant, the time `t` [s] and the expected values by output; tolerance, units: largest permitted
+    difference and unit of each output; why: reason for the tolerance; wrong: deliberately wrong
+    models, each with a description `what` and the `change` of the setup that makes the model wrong;
+    setup: all other entries, for the function that simulates the case.
     """
 
     id: str

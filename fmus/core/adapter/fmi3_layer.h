@@ -1,5 +1,5 @@
-/* fmi3_layer.h - declarations shared by the files of FMI 3.0; call of the logger, and status that
- * a rejected call returns. */
+/* fmi3_layer.h - shared by the files that implement FMI 3.0: the function that calls the importer's
+ * logger, and the function that rejects a call with the status fmi3Error. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMI3_LAYER_H
 #define FMI3_LAYER_H

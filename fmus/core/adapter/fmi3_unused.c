@@ -1,7 +1,8 @@
 /* fmi3_unused.c - functions of the FMI 3.0 interface that these FMUs do not support.
  *
- * All variables are Float64; there are no clocks, no events, no structural parameters; inputs are
- * held over a step, and a step is complete when fmi3DoStep returns. */
+ * The functions are not needed: all variables are Float64; there are no clocks, no events, no
+ * structural parameters; inputs are held over a step, and a step is complete when fmi3DoStep
+ * returns. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi3_layer.h"
 
@@ -18,7 +19,7 @@ enum {
 };
 static const char *const only_float64 = "this FMU has Float64 variables only";
 
-/* ---- variables of other types ---- */
+/* ---- variables of types other than Float64 ---- */
 #define OTHER_TYPE(Type)                                                                  \
     fmi3Status fmi3Get##Type(fmi3Instance c, const fmi3ValueReference vr[], size_t count, \
                              fmi3##Type value[], size_t values)                           \
@@ -128,7 +129,7 @@ fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clock, 
     return reject_unless_empty(c, "fmi3ActivateModelPartition", ANY_PHASE, 1, no_clocks);
 }
 
-/* ---- modes of other kinds of FMUs ---- */
+/* ---- event mode and configuration mode ---- */
 static const char *const no_mode = "this FMU has no event mode and no configuration mode";
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance c)

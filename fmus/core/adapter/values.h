@@ -10,8 +10,8 @@ typedef struct {
     bool rows; /* a value reference names a whole row (FMI 3.0), not one element (2.0) */
 } Access;
 
-/* value reference of time, the independent variable, which FMI 3.0 requires as a variable and no
- * model has */
+/* value reference of time: FMI 3.0 requires the independent variable among the variables of an FMU,
+ * but the tables of the models do not contain it */
 static inline unsigned time_reference(void)
 {
     return (unsigned)(VR_STRIDE * fmu_model.variable_count);
@@ -95,9 +95,9 @@ static inline bool acceptable(const Instance *instance, const Access *a, const u
     return true;
 }
 
-/* while stepping, sets the values if a call with the same references is stored (known_calls.h) and
- * the values satisfy their rules; the other checks of acceptable() are not needed, because stored
- * calls set inputs only. False: nothing was set */
+/* sets the values, if the instance is stepping, the cache (known_calls.h) contains an earlier call
+ * with the same references, and the values satisfy their rules; false: nothing was set. The other
+ * checks of acceptable() are not needed, because the cached calls set inputs only */
 static inline bool set_known(Instance *instance, const unsigned vr[], size_t count,
                              const double value[], size_t values)
 {

@@ -65,7 +65,7 @@ static int parse_unit(const char *text, Dimension *d)
 }
 
 /* ---- printing ---- */
-static void print_text(const char *text) /* as value of an XML attribute */
+static void print_text(const char *text) /* escaped, as value of an XML attribute */
 {
     for (; *text; text++)
         if (*text == '<') fputs("&lt;", stdout);
@@ -137,8 +137,8 @@ static void print_units(bool seconds) /* seconds: print the unit s even if no ro
 
 #define ROOT_10 3.1622776601683795
 
-/* nominal value: the power of ten nearest to the largest initial value of a row; 1 if this power is
- * 0.1, 1 or 10 */
+/* nominal value: the power of ten nearest to the largest absolute initial value of a row. Powers
+ * 0.1 and 10 are replaced by 1, the default of FMI, so that no attribute is printed */
 static double nominal(const Variable *v, const double *values)
 {
     double largest = 0;
@@ -149,7 +149,7 @@ static double nominal(const Variable *v, const double *values)
     return up > 10 || down > 10 ? up / down : 1;
 }
 
-/* ---- modes: variables whose values 0, 1, .. have names, which `names` separates by | ---- */
+/* ---- modes: variables whose values 0, 1, .. have names, separated by | in `names` ---- */
 static int last_mode(const char *names)
 {
     int count = 0;
@@ -227,7 +227,7 @@ static void print_annotations(const Variable *v, const char *begin, const char *
 /* data of the build: attributes of the root element and list of sources */
 typedef struct {
     const char *version, *date;
-    const char *licenses; /* "" or "documentation/": folder that contains licenses/ */
+    const char *licenses; /* folder of licenses/: "" in FMI 2.0, "documentation/" in 3.0 */
     int sources;
     char **source;
 } Build;

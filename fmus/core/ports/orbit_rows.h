@@ -8,7 +8,7 @@
 #include "fmu.h"
 #include "orbit.h"
 
-/* rows of all orbital elements except the semi-major axis, and of mu */
+/* rows of mu and of all orbital elements except the semi-major axis */
 #define ELLIPSE_ROWS(orbit)                                                               \
     NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                           \
         PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                             \

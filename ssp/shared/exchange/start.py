@@ -41,10 +41,12 @@ def start_values(
     epoch: str | None = None,
     **changes: Any,
 ) -> Start:
-    """Return the start values that follow from OEM files or two-line elements, with notes and the
-    epoch; see harness.mission.exchange. files: by component; epoch: UTC at t = 0 (None: of the
-    system or of the files). Parameters for the direction of the Sun get this direction at the
-    epoch.
+    """Return the start values that follow from OEM files or two-line elements, with notes on the
+    assumptions and the epoch; see harness.mission.mission.Start.
+
+    files: file of each component, and ATTITUDE; epoch: UTC at t = 0 (None: of the system or of the
+    files); changes: options of the simulation of the system, such as `set`. Parameters for the
+    direction of the Sun get this direction at the epoch.
     """
     from harness.master.simulation import Simulation
 
@@ -86,8 +88,8 @@ def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
 
 
 def _sun(parameters: Result, name: str, instant: np.datetime64) -> tuple[dict[str, Any], list[str]]:
-    """Return the direction to the Sun for all parameters COMPONENT.`name`, and a note about them;
-    instant: UTC at t = 0.
+    """Return the parameters COMPONENT.`name` of all components that have a parameter `name`, set to
+    the direction to the Sun at `instant` (UTC at t = 0), and a list with a note about them.
     """
     needing = [n for n in parameters.vectors if name and n.endswith(f".{name}")]
     if not needing:
