@@ -9,15 +9,16 @@
  *   4 else the condition of the phase: if it has held for dwell -> next phase
  *   5 outputs of the resulting phase
  *
- * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|; l, d: distances along
- * and from the grasp axis. Speeds in conditions of phases are as seen in H up to hold 2, as seen in
- * T from the fly-around to mating; "too fast" is for the speed as seen in H. An input from the
- * ground has an effect only while it is > 0. No retreat begins in phases 8 to 10. With budget > 0
- * the estimated tumble rate decides at hold 2 whether the target can be captured, and how: range
- * and steering of the fly-around, wheel speeds before it (mission_budget.h). After a time-out of
- * FINAL or HOLD_3 the servicer backs off to the range of the fly-around while attempts are left.
- * With by_arm the arm mates from L_3: the servicer stays there and does not push. Equations,
- * numbers: docs/models.md J. */
+ * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|; p_T: parameter, the
+ * grasp axis in target axes; l, d: distances along and from the grasp axis. Speeds in conditions of
+ * phases are as seen in H up to hold 2, as seen in T from the fly-around to mating; "too fast" is
+ * for the speed as seen in H. An input from the ground has an effect only while it is > 0. No
+ * retreat begins in RIGIDISE, DETUMBLE and STACK. With budget > 0 the estimated tumble rate decides
+ * at hold 2 whether the target can be captured, and how: range of the fly-around, rate of motion
+ * about the target as seen in T, wheel speeds before the fly-around (mission_budget.h). After a
+ * time-out of FINAL or HOLD_3 the servicer backs off to the range of the fly-around while attempts
+ * are left. With by_arm the arm mates from L_3: the servicer stays there and does not push.
+ * Equations, numbers: section J of docs/models.md. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
 #include "mission_aim.h"
@@ -40,10 +41,10 @@ typedef struct {
     Timer good, touched, error, fast, doomed;
     Profile profile;
     double spins;  /* 1: the servicer turns with the target */
-    Budget budget; /* updated in phases 0 to 3; later only `bias` changes */
+    Budget budget; /* updated up to HOLD_2; later only its wheel speeds `bias` */
     Aim aim;
     vec3 dv_N;
-    double planned, clearance; /* 1: a retreat was planned; least range of its drift */
+    double planned, clearance; /* 1: a retreat was planned; least range of the drift after it */
 } State;
 typedef struct {
     double phase, t_phase, reason, attempt;
@@ -64,7 +65,8 @@ MODEL_STRUCT;
 enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, OPTIMAL_LAW, AS_BEFORE };
 enum { NO_GOAL, TO_POINT, TO_AXIS, ALONG_AXIS }; /* goals of the fuel-optimal law */
 enum { STOW, DEPLOY, GRASP, REST };              /* commands to the arm */
-/* reasons to leave a phase; ATTEMPTS + verdict: verdict against a capture (mission_budget.h) */
+/* reasons to leave a phase; a verdict against a capture (mission_budget.h, 1 to 4) is the reason
+ * ATTEMPTS + verdict */
 enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
 
 static const struct {
@@ -72,7 +74,7 @@ static const struct {
     int near; /* 1: on the grasp axis: errors are monitored, nav_near applies in place of nav_far */
     int before;  /* 1: before capture, a retreat is possible */
     int profile; /* 1: a range profile begins with this phase */
-    int arm;     /* command to the arm, with by_arm */
+    int arm;     /* command to the arm if by_arm = 1 */
 } phases[PHASES] = {
     /* clang-format off */
     /*             force      torque     to         near before profile arm */
@@ -105,7 +107,8 @@ static int torque_law(const Parameters *p, int phase)
     return law == FAR_LAW && p->use_optimal ? CLOSE_LAW : law;
 }
 
-/* true if the angular momentum of both bodies, which the stack will have, is below its limit */
+/* true if the angular momentum of both bodies, which the stack will have, does not exceed
+ * momentum_max, or if momentum_max is 0 */
 /* J.1-10 */
 static int may_grasp(const Parameters *p, const Geometry *g)
 {
@@ -277,11 +280,12 @@ static const Variable variables[] = {
     OUTPUT(q_VN, "1",
            "attitude of V, a virtual target for the closing, relative to N, scalar first"),
     OUTPUT(omega_VN_V, "rad/s", "angular velocity of V relative to N, V axes"),
-    FLAG(approaching, "1: phases 5 to 11, in which the keep-out zone does not apply"),
+    FLAG(approaching,
+         "1: phases from final to back-off, in which the keep-out zone does not apply"),
     FLAG(monitor_valid, "1: the safety monitor may use the relative state"),
     FLAG(latch_enable, "1: the latch is armed"),
     FLAG(release, "1: the latch releases"),
-    FLAG(push, "1: the servicer pushes, after contact in phase 7"),
+    FLAG(push, "1: the servicer pushes, during mating after contact"),
     MODE(arm_mode_cmd, "commanded mode of the arm; 0 if by_arm = 0", "stow|deploy|grasp|rest"),
     NONNEGATIVE_OUTPUT(momentum, "N.m.s",
                        "angular momentum of servicer and target about their common centre of mass, "
@@ -297,7 +301,7 @@ static const Variable variables[] = {
                        "approach and mating"),
     NONNEGATIVE_OUTPUT(
         steer_max, "rad/s",
-        "largest rate of motion about the target in its axes that the force permits at this range"),
+        "largest rate of motion about the target, seen in T, that the force permits at this range"),
     FLAG(prepare, "1: the wheels are brought to wheel_bias, from the closing to the fly-around"),
     FLAG(spin, "1: the servicer may turn with the target; 0: it still waits in the fly-around"),
     OUTPUT(wheel_bias, "rad/s",
@@ -549,8 +553,9 @@ static void publish_budget(const Parameters *p, const Input *u, const State *x, 
     y->wheel_bias = prepares ? wheels_with(p, x->budget.bias, u->S.omega) : vec(0, 0, 0);
 }
 
-/* frame V of the closing if aim_radius > 0: for the tangent, then during the turn to the hold
- * (mission_aim.h) */
+/* frame V of the closing if aim_radius > 0: the frame for the path along the tangent, or, near the
+ * hold, the frame that turns towards the hold (mission_aim.h). Begins the turn when the servicer
+ * comes near the hold */
 static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, double t)
 {
     AimFrame V = {identity(1), vec(0, 0, 0)};
@@ -566,7 +571,7 @@ static AimFrame aim_frame(const Parameters *p, State *x, const Geometry *g, doub
 }
 
 /* publishes frame V: the Hill frame rotated to the line of the hold points, C_VN = Rz(psi) C_HN,
- * or, with aim_radius, the frame of the closing */
+ * or, in the closing with aim_radius > 0, the frame from aim_frame() */
 static void publish_virtual_target(const Parameters *p, State *x, const Geometry *g, Output *y,
                                    double t)
 {

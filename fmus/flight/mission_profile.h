@@ -5,10 +5,10 @@
  *   FINAL            L = a + (L_3 - a) s(tau/T),  T = 1.875 |a - L_3|/v: peak speed v
  *   BACKOFF          the same as FINAL, to L_3 or to R_f, but T is at least 1 s
  *   MATING           dL = -v s(tau/T), then -v, until L_end; with by_arm: at rest at L_3
- * L: reference distance from the target; tau: time since the start of the phase; a: distance along
- * the grasp axis at this start; T in FLYAROUND: as in FINAL; T in MATING: ramp_mate. v: v_back in
- * FLYAROUND and on the way back to L_3, v_final in FINAL and on the way back to R_f, v_mate in
- * MATING. */
+ * R_2, L_3, L_end: parameters; L: reference distance from the target; tau: time since the start of
+ * the phase; a: distance along the grasp axis at this start; T in FLYAROUND: as in FINAL; T in
+ * MATING: ramp_mate. v: v_back in FLYAROUND and on the way back to L_3, v_final in FINAL and on the
+ * way back to R_f, v_mate in MATING. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_PROFILE_H
 #define MISSION_PROFILE_H
@@ -17,7 +17,7 @@
 
 typedef struct {
     double phase, t, from, to;
-} Profile; /* phase, its start time t, distance L at its start (from) and end (to) */
+} Profile; /* phase; t: its start time; from, to: distance L at start and end of the profile */
 typedef struct { double L, d, dd; } Distance;
 
 static inline Distance constant_distance(double L) { return (Distance){L, 0, 0}; }

@@ -47,7 +47,7 @@ typedef struct {
     Tree tree;
     Composite base;
     mat3 C_SN;
-    Speeds u; /* motion relative to S, so that u.v = 0 */
+    Speeds u; /* velocities relative to the point S, so that u.v = 0 */
     Wrench momentum;
     vec3 c;   /* centre of mass of base and arm, from S, base axes */
     PosVel C; /* motion of the centre of mass, N axes */

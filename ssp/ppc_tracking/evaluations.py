@@ -94,8 +94,8 @@ def steady_attitude_error(result: Result) -> tuple[float, ...]:
 
 
 def overshoot(result: Result) -> tuple[float, ...]:
-    """Return the overshoot of the elevation [deg], the largest error with the sign opposite to the
-    first error, and the minimum range [m].
+    """Return the overshoot of the elevation [deg] and the minimum range [m]. The overshoot is the
+    largest error whose sign is opposite to the sign of the first error, 0 if there is none.
     """
     error = np.degrees(result[ELEVATION])
     between(result, 0.0, LATE)
@@ -105,16 +105,16 @@ def overshoot(result: Result) -> tuple[float, ...]:
 
 def barrier(result: Result) -> tuple[float, ...]:
     """Return the largest barrier variable kappa of the controller, which must stay below 1, and the
-    largest |theta|, the ratio of a generalised state to its bound.
+    largest |theta|, the ratio of a generalised state to its bound, each of position and attitude.
     """
     kappa = max(result[name].max() for name in FUNNEL[:2])
     return kappa, max(np.abs(result[name]).max() for name in FUNNEL[2:])
 
 
 def chatter(result: Result) -> tuple[float, ...]:
-    """Return the total variation of the commanded acceleration after 60 s divided by its span, and
-    the total variation [m/s2], each for the axis with the largest value. A sinusoid gives a ratio
-    of 2 per period.
+    """Return the total variation of the commanded acceleration after 60 s, divided by its
+    maximum minus its minimum, and the total variation [m/s2], each for the axis with the largest
+    value. The first value is 2 per period for a sinusoid.
     """
     command = result[COMMAND][since(result, SETTLED, 2 * LATE)]
     variation, span = np.abs(np.diff(command, axis=0)).sum(axis=0), np.ptp(command, axis=0)

@@ -25,7 +25,7 @@ from ..shared.relative_motion import (
 
 QUATERNION = "Actual and desired attitude relative to N: vector part q1, q2, q3 of the quaternion"
 LOS = ("guidance.los.elevation",)
-"""Variable that only the line-of-sight guidance publishes."""
+"""Variable of the line-of-sight guidance alone; figures that need it are drawn for no other run."""
 CHANNELS = (("range", "m"), ("elevation", "rad"), ("azimuth", "rad"))
 
 
@@ -69,7 +69,9 @@ def _widest(alpha: Array) -> Array:
 
 
 def _funnel(name: str, unit: str, z: str, alpha: str) -> Panel:
-    """Return a panel with generalised states `z` between plus and minus their bound `alpha`."""
+    """Return a panel with the variable `z` (generalised states) between plus and minus its bound,
+    the variable `alpha`.
+    """
     bounds = (
         Curve(alpha, "bound", _widest, style="k--"),
         Curve(alpha, "", lambda x: -_widest(x), style="k--"),

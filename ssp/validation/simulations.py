@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Simulations of published cases, and the differences between simulated and published values. Each
-function of SIMULATIONS takes a case and returns, for each of its rows, the simulated values of the
-quantities that the row names.
+"""Simulations of published cases (cases/*.json), and the differences between simulated and
+published values. Each function of SIMULATIONS takes a case and returns one dictionary for each row
+of the case: the simulated values of the quantities that the row names.
 """
 
 from __future__ import annotations
@@ -84,19 +84,19 @@ def held(case: Case, time: float) -> dict[str, Any]:
 
 
 def body(unit: Instance) -> str:
-    """Return the letter of the body whose state an FMU publishes."""
+    """Return the letter of the body whose state an FMU publishes, T (target) or S (servicer)."""
     return "T" if "r_TN_N" in unit.ports else "S"
 
 
 def quantity(unit: Instance, name: str) -> Array:
-    """Return an output by name as a vector; the name C gives the direction cosine matrix of the
-    body, row by row (9,).
+    """Return the output `name` of an FMU as a vector; for the name C, return the direction cosine
+    matrix from N to body axes, row by row (9,).
     """
     return dcm(unit.get(f"q_{body(unit)}N")).ravel() if name == "C" else unit.get(name)
 
 
 def expected(row: Mapping[str, Any]) -> list[str]:
-    """Return the names of the quantities of a row."""
+    """Return the names of the quantities of a row: all its keys except the time `t`."""
     return [name for name in row if name != "t"]
 
 
@@ -171,8 +171,8 @@ def _state(name: str, letter: str, given: Mapping[str, Any], library: Library) -
 
 def formation(case: Case, library: Library) -> list[Quantities]:
     """Return the relative state in the Hill frame that flight software computes for simulated
-    target and servicer. Their distance is `scale` times the published one, and the returned values
-    are divided by `scale`.
+    target and servicer. The simulated distance is the published one times `scale`, an entry of the
+    case, and the returned values are divided by `scale`.
     """
     scale, answer = case.setup["scale"], []
     small = {name: scale * np.array(case.setup["start"][name]) for name in ("rho_0_H", "drho_0_H")}

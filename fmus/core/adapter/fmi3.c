@@ -33,7 +33,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     union {
         fmi3String read;
         char *own;
-    } text = {name}; /* new_instance() copies the name and does not write to own */
+    } text = {name}; /* casts const away; new_instance() only copies the name */
     caller.name = text.own;
     if (!has_name_and_guid(&caller, function, "instantiation token", token)) return NULL;
     const char *rule = why_no_instance(event_mode, intermediates);

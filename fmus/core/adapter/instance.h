@@ -3,9 +3,9 @@
  * It is independent of the version of FMI: each version has files of its own (fmi2*.c, fmi3*.c),
  * which use this one, life.h, values.h and state.h.
  *
- * States and outputs are stored before a step and restored if one of its results is rejected, so
- * that after an error the instance has its last valid state; parameters and inputs are constant in
- * a step. There are no global variables, so that instances are independent. */
+ * States and outputs are stored before a step and restored if a result of the step is
+ * rejected, so that after an error the instance has its last valid state; parameters and inputs are
+ * constant in a step. There are no global variables, so that instances are independent. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef INSTANCE_H
 #define INSTANCE_H
@@ -52,8 +52,8 @@ struct Instance {
     Progress now;
     void *model;                     /* memory_of(&fmu_model) bytes */
     void *last_good;                 /* states and outputs before the step: tail_size() bytes */
-    Run *ruled;                      /* outputs whose rule rejects some finite values */
-    size_t ruled_count, alarm_count; /* alarms come first in `ruled` */
+    Run *ruled;                      /* groups of outputs whose rule rejects some finite values */
+    size_t ruled_count, alarm_count; /* `ruled` begins with the alarms */
     KnownCalls written, read;
 };
 
@@ -80,7 +80,8 @@ bool initialize_checked(const Instance *instance, const char *function, void *mo
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
 /* fills `ruled` with one entry for each group of neighbouring outputs that have the same rule;
- * `ruled` needs memory for one entry per row in `variables` and `checked` of the model */
+ * `ruled` needs memory for as many entries as the tables `variables` and `checked` of the model
+ * have rows */
 void list_ruled_outputs(Instance *instance);
 
 /* logs a warning for every alarm that has changed to 1 since the last valid state */

@@ -1,4 +1,4 @@
-/* client.h - the simulation's end of the protocol: one request at a time, repeated if necessary. */
+/* client.h - the protocol in the simulation: sends one request at a time, repeated if necessary. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CLIENT_H
 #define CLIENT_H
@@ -25,16 +25,17 @@ typedef struct {
     char message[MESSAGE_SIZE]; /* message of the component, or why there is no answer */
 } Client;
 
-/* connects to the board and finds the component; false: `message` contains the reason */
+/* connects to the board that link.txt in the folder `resources` names, and finds the component;
+ * false: `message` contains the reason */
 bool open_client(Client *c, const char *resources);
 void close_client(Client *c);
 
 /* writer for the payload of a new request; then call send_request() and wait_for_answer() */
 Writer new_request(Client *c);
 bool send_request(Client *c, Code code, const Writer *payload);
-unsigned wait_for_answer(Client *c); /* fmi2Status; repeats the request as often as configured */
+unsigned wait_for_answer(Client *c); /* returns fmi2Status; repeats up to `retries` times */
 unsigned request_and_wait(Client *c, Code code,
-                          const Writer *payload); /* send_request() and wait_for_answer() */
+                          const Writer *payload); /* calls the two functions above */
 
 typedef enum { ARRIVED, TOO_LATE, BROKEN } Outcome;
 Outcome wait_until(Client *c, double until, unsigned *status);

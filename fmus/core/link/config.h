@@ -20,7 +20,7 @@ typedef struct {
     const char *guid, *target; /* guid of the component; name of the processor, "" for any */
     const char *host, *port;   /* tcp */
     const char *path;          /* unix: path of the socket; serial: path of the device */
-    /* emulator: name of the group of links that share the emulator; "": not shared */
+    /* emulator: links with the same name here share one emulator; "": not shared */
     const char *group;
     /* command line of the emulator, in which @ means the folder of the resources */
     const char *argument[MOST_ARGUMENTS + 1];

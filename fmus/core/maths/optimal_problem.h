@@ -5,13 +5,14 @@
  *   box |(C_k u_k)_i| <= most_i,  cone |p - (p.a) a| <= t (p.a) + o,  slab low <= n.p <= high or
  *   ball |p - n| <= high,  speed |v - v_c| <= v_max,  end p = p_end, v = v_end by weights
  *
- * p_k, v_k: position and velocity at the end of node k; C_k: N axes to servicer axes; us: largest
- * force/mass; kappa us: threshold in (16); t, o: tangent of the cone's half angle, radius of the
- * cone at p.a = 0. The end is not a constraint: its deviations have quadratic weights. Time is
- * counted in horizons T: positions are p/T^2, velocities v/T, and the matrices depend on nothing
- * but the number of nodes. The step of the accelerations is a Riccati recursion with the same gains
- * for the three axes; the projections onto the constraints have closed forms. Equations (4) to
- * (19): docs/models.md N. */
+ * Node k is the interval k of `nodes` equal intervals of the horizon T, the time to the end of the
+ * path. p_k, v_k: position and velocity at the end of this interval; C_k: N axes to servicer axes;
+ * us: largest force/mass; kappa us: threshold in (16); t, o: tangent of the cone's half angle,
+ * radius of the cone at p.a = 0. The end is not a constraint: its deviations have quadratic weights.
+ * The unit of time is T: positions are stored as p/T^2, velocities as v/T, and the matrices depend on
+ * nothing but the number of nodes. The step of the accelerations is a Riccati recursion with the
+ * same gains for the three axes; the projections onto the constraints have closed forms. Equations
+ * (4) to (19): section N of docs/models.md. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_PROBLEM_H
 #define OPTIMAL_PROBLEM_H
@@ -20,7 +21,7 @@
 
 enum { NODES = 60 };
 
-#define RELAXATION      1.6 /* over-relaxation of an iteration */
+#define RELAXATION      1.6 /* factor of over-relaxation, the 1.6 in (12) */
 #define POSITION_WEIGHT 480.0
 #define SPEED_WEIGHT    30.0
 #define END_FACTOR      3e3 /* weight of the end state divided by the weight of a node */
@@ -33,10 +34,10 @@ typedef struct {
     vec3 n;            /* normal of the slab, or centre of the ball */
     double low, high;  /* bounds of the slab; high: also radius of the ball */
     double has_ball;   /* 1: ball, 0: slab */
-    vec3 place;        /* position of the goal at the end of the node */
+    vec3 place;        /* position of the goal at the end of the interval */
     vec3 v_centre;     /* v_c: velocity relative to which v_max limits the speed */
     double v_max;
-    vec3 p_free, v_free; /* motion without force, at the end of the node */
+    vec3 p_free, v_free; /* of the motion without force, at the end of the interval */
 } Node;                  /* data of one node; positions p/T^2, velocities v/T */
 
 typedef struct {
@@ -55,8 +56,9 @@ typedef struct {
     vec3 p[NODES]; /* path of the last iteration */
 } Iterates;
 
-/* progress in the last iteration: squares of the largest residuals and of the largest changes;
- * numbers of nodes where box, cone or slab limit the path */
+/* progress in the last iteration. residual: square of the largest |path - z| of positions p and
+ * accelerations u; change: square of the largest change of z; count: number of nodes where box,
+ * cone or slab (or ball) limits the path */
 typedef struct {
     double residual_p, residual_u, change_p, change_u;
     double count_box, count_cone, count_slab;
@@ -66,7 +68,8 @@ typedef struct {
 typedef struct { double p, v, R_inverse; } NodeGains;
 typedef struct { NodeGains node[NODES]; } Gains;
 
-/* (13): gains of all nodes, backwards: P <- A^T (P - b b^T/R) A + Q with A = [1 h; 0 1] */
+/* (13): gains of all nodes, from the last to the first:
+ * P <- A^T (P - b b^T/R) A + Q with A = [1 h; 0 1] */
 static inline void set_gains(Gains *g, int nodes, int has_speed_limit)
 {
     double h = 1.0 / nodes, Q_p = 2 * POSITION_WEIGHT, Q_v = has_speed_limit ? SPEED_WEIGHT : 0;
@@ -145,8 +148,8 @@ static inline vec3 relaxed(vec3 q, Split s)
 }
 static inline void replace_split(Split *s, vec3 x, vec3 z) { *s = (Split){z, sub(x, z)}; }
 
-/* (9): gradient by which the position constraints of node k act on the accelerations;
- * velocity_pull(): gradient by which the speed constraint acts */
+/* (9): tp_k, the weighted sum of the vectors from the free motion to the points z - y of cone and
+ * slab at node k; velocity_pull(): tv_k, the same for the velocity and the speed constraint */
 static inline vec3 position_pull(const Problem *b, const Iterates *it, int k)
 {
     vec3 p = b->node[k].p_free;
@@ -159,8 +162,7 @@ static inline vec3 velocity_pull(const Problem *b, const Iterates *it, int k)
     return scale(SPEED_WEIGHT, sub(sub(it->speed[k].z, it->speed[k].y), b->node[k].v_free));
 }
 
-/* (14): sets q, from which (15) computes the accelerations, for all nodes, from the last to the
- * first */
+/* (14): sets q of all nodes, from the last to the first; (15) computes the accelerations from q */
 static inline void sweep(const Problem *b, const Iterates *it, const Gains *g, int nodes, vec3 q[])
 {
     double h = 1.0 / nodes;

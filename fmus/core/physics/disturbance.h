@@ -7,8 +7,8 @@
 #include "orbit.h"
 #include "sinusoid.h"
 
-/* disturbance acceleration in N axes; step_start: start time of the internal step, as for
- * sinusoid() */
+/* disturbance acceleration at time t, N axes; step_start: start time of the internal step that
+ * contains t, from which sinusoid() decides whether the disturbance has begun */
 static inline vec3 disturbance_N(const Sinusoid *d, double in_hill_axes, double mu, const vec3 *r,
                                  const vec3 *v, double step_start, double t)
 {
