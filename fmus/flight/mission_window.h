@@ -1,12 +1,14 @@
 /* mission_window.h - time to begin to turn with the target: its grasp axis moves, and the
- * fly-around is short if the servicer begins when the axis is about to pass it.
+ * fly-around is short if the servicer begins when this axis is about to pass the servicer.
  *
  *   T_s    = max(spin_time, 1.875 w/spin_accel), w = |w_T|: duration of the change to the rate w_T
  *   a_s    = a turned by w T_s/2 about w_T, the angle by which the servicer lags during this change
  *   off    = angle(a_s, rho)
  *   least  = |angle(w_T, rho) - angle(w_T, a)|: least value of `off` in a turn of the target
  *   open:    off <= least + await_axis, or the servicer has waited for 2 pi/w
- * a: grasp axis, rho: position of the servicer from the target. docs/models.md J.14 */
+ * open: condition under which the servicer may begin; a_s: grasp axis turned by the angle by which
+ * the servicer lags; a: grasp axis, rho: position of the servicer from the target; spin_time,
+ * spin_accel, await_axis: parameters of the mission. docs/models.md J.14 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_WINDOW_H
 #define MISSION_WINDOW_H

@@ -3,8 +3,10 @@
  *
  *   (21) rho += v s + f s^2/2,  v += f s,  f = F/m + d_hat + tide      over each second s
  *
- * s: one second; F: force that the mode determines, by the plan, the last feasible plan or braking,
- * or 0. Equations: docs/models.md N. */
+ * rho, v: position and velocity of the servicer from the target; s: one second; F: force of the
+ * plan (mode 0), the last feasible plan (1) or braking (2), and 0 before the first plan (3); m:
+ * mass; d_hat: estimated acceleration that is not modelled; tide: gravity at the servicer minus
+ * gravity at the target, to first order. Equations: docs/models.md N. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef OPTIMAL_FORECAST_H
 #define OPTIMAL_FORECAST_H
@@ -14,8 +16,10 @@
 #include "optimal_motion.h"
 #include "time_grid.h"
 
-enum { SAMPLES = 10, MOST_SECONDS = 20 }; /* samples per second; longest first solve [s] */
-#define LONGEST_DURATION 1200.0 /* s: 60 nodes of 20 s, each of four steps of 5 s (tumble_step) */
+/* samples in a second; longest time to compute the first plan to a goal [s] */
+enum { SAMPLES = 10, MOST_SECONDS = 20 };
+/* longest duration of a path [s]: 60 nodes of 20 s, each of four tumble steps of at least 5 s */
+#define LONGEST_DURATION 1200.0
 
 enum { INACTIVE, TO_POINT, TO_AXIS, ALONG_AXIS, GOALS };
 enum { PLAN, LAST_PLAN, BRAKE, FIRST_PLAN };
@@ -47,7 +51,8 @@ typedef struct {
     vec3 u[NODES];
 } Plan; /* u: accelerations [m/s2] */
 typedef struct {
-    /* estimate of d, state at the start of this second, sum of F since then */
+    /* d_hat: estimated acceleration that is not modelled; rho, v: state at the start of this
+     * second; F_sum: sum of the forces commanded at the samples since then; N axes */
     vec3 d_hat, rho, v, F_sum;
     double known; /* 1: rho, v and F_sum are set */
 } Disturbance;
@@ -60,7 +65,7 @@ typedef struct {
     double goal, L_goal, t_goal, sample, seconds, has_iterates, bad, has_plan, mode;
     Problem problem;
     Iterates it;
-    Grid grid; /* time grid of the solve that the iterations improve */
+    Grid grid; /* time grid of the path that the iterations improve */
     Progress progress;
     double range; /* range at the start of the path that the solve computes [m] */
     Plan plan;
@@ -68,9 +73,10 @@ typedef struct {
     Disturbance d;
 } OptimalState;
 
-/* range at the end of a goal, and (duration_of) time from the start of the goal to the arrival at
- * its end: the input if it is > 0, else the parameter; the range is at least keep_out in goals 1
- * and 2 */
+/* range_of: range at which the goal (1, 2 or 3) is reached: the input L_goal if it is > 0, else the
+ * parameter L_end; at least keep_out for goals 1 and 2. duration_of: time from the start of the
+ * goal until it is reached: the input T_goal, up to LONGEST_DURATION, if it is > 0, else the
+ * parameter duration. */
 static inline double range_of(const OptimalParameters *p, const OptimalInput *u, int goal)
 {
     double L = u->L_goal > 0 ? u->L_goal : p->L_end[goal - 1];

@@ -106,12 +106,14 @@ typedef struct {
         NONNEGATIVE(e_r, "m", "largest error of the relative position, per axis"),                 \
         NONNEGATIVE(e_v, "m/s", "largest error of the relative velocity, per axis"),               \
         NONNEGATIVE(k_p, "1",                                                                      \
-                    "largest error of the burn along its increment, as a share of the increment"), \
+                    "largest error of the abort burn along its velocity increment, relative to "   \
+                    "the increment"),                                                              \
         NONNEGATIVE(k_n, "1",                                                                      \
-                    "largest error of the burn normal to its increment, as a share of the "        \
-                    "increment"),                                                                  \
+                    "largest error of the abort burn normal to its velocity increment, relative "  \
+                    "to the increment"),                                                           \
         NONNEGATIVE(r_max, "m",                                                                    \
-                    "range up to which rule escape bounds the path between two instants"),         \
+                    "largest range at which rule escape bounds the path between two instants of "  \
+                    "the prediction"),                                                             \
         NONNEGATIVE(e_model, "m/s2", "largest acceleration that the equations of drift neglect"),  \
         SAMPLE_PERIOD,                                                                             \
         SWITCH(use_range,                                                                          \

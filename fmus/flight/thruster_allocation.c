@@ -4,13 +4,14 @@
  *           a_i = W [P R; (L - D_cm) x P R]
  *
  * x_i: throttle of thruster i, P: its nominal thrust, R: direction, L: position; D_cm: centre of
- * mass; W: weights weight_F and weight_M. The second term chooses among the many x that give the
- * same wrench. With it the solution is unique and continuous in the command, and no thrusters work
- * against each other, because less thrust of both would give the same wrench. The weight |a_i|
- * makes the choice independent of the strength of a thruster. With eps = 1e-10 the wrench is wrong
- * by about eps/sigma^2 < 1e-6 of its length; sigma: smallest singular value of the columns
- * a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS); it releases at most 100 throttles
- * from their bounds.
+ * mass; A: matrix of the columns a_i; F, M: commanded force and torque; W: weights weight_F and
+ * weight_M. The second term chooses among the many x that give the same wrench. With it the
+ * solution is unique and continuous in the command, and no thrusters work against each other,
+ * because less thrust of both would give the same wrench. The weight |a_i| makes the choice
+ * independent of the strength of a thruster. With eps = 1e-10 the wrench is wrong by about
+ * eps/sigma^2 < 1e-6 of its length; sigma: smallest singular value of the columns a_i/|a_i|.
+ * Active-set solver after Stark & Parker 1995 (BVLS); it releases at most 100 throttles from their
+ * bounds.
  *
  * A command that is not attainable is scaled to s w with the largest attainable s, which is found
  * by decreasing s from 1. The attainable wrenches are a convex set that contains 0. If s w is
@@ -40,7 +41,7 @@ typedef struct {
 typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
 typedef struct {
     double on[THRUSTERS], carry[THRUSTERS];
-} State; /* on-time in this period, and on-time left for later ones, in samples */
+} State; /* on: on-time in this period; carry: on-time added to the next period; in samples */
 typedef struct {
     double throttle[THRUSTERS], infeasible, scale;
     vec3 F_alloc_S, M_alloc_S;
@@ -170,8 +171,8 @@ typedef struct {
 } Iterate;
 
 /* decomposition Q R of the columns of the free thrusters; who: number of the thruster of each
- * column, n: number of columns that are valid. Column k of Q has its damping value in row 6 + k,
- * not 6 + who[k], and is 0 below this row. */
+ * column, n: number of columns that are valid; c: see free_step(). Column k of Q has its damping
+ * value in row 6 + k, not 6 + who[k], and is 0 below this row. */
 typedef struct {
     Column Q[THRUSTERS];
     double R[THRUSTERS][THRUSTERS], c[THRUSTERS];

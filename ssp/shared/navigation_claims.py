@@ -46,7 +46,7 @@ def _late(result: Result, count: int) -> slice:
 
 def within_bands(result: Result) -> tuple[float, ...]:
     """Return the share of the rows in which all errors are within 3 standard deviations on all axes
-    [%], then this share for each kind of error alone.
+    [%], then this share for each error alone: of position, velocity, attitude and rate.
     """
     found = []
     for part in errors(result):
@@ -56,29 +56,30 @@ def within_bands(result: Result) -> tuple[float, ...]:
 
 
 def mean_innovation(result: Result) -> tuple[float, ...]:
-    """Return the mean normalised innovation squared of poses, stars and fixes, each divided by its
-    degrees of freedom; in front of these three the one that is farthest from 1.
+    """Return the mean normalised innovation squared divided by its degrees of freedom: first the
+    value that is farthest from 1, then the values of the pose sensor (poses), the star tracker
+    (stars) and the orbit sensor (fixes).
     """
     means = []
     for _, filter_, name, stamp, degrees in KINDS:
         time, nis = innovations(result, filter_, name, stamp)
         late = nis[time > SETTLED]
         if not len(late):
-            raise NotJudgedError(f"there is no {name} after {SETTLED:g} s")
+            raise NotJudgedError(f"the filter used no {name} measurement after {SETTLED:g} s")
         means.append(float(np.mean(late)) / degrees)
     return max(means, key=lambda mean: abs(mean - 1)), *means
 
 
 def inside_bounds(result: Result) -> tuple[float, ...]:
-    """Return the share of the poses whose normalised innovation squared is within the chi-square
-    bounds of 95 % [%].
+    """Return the share of the poses whose normalised innovation squared is within the bounds that
+    chi-square values with six degrees of freedom meet with a probability of 95 % [%].
     """
     _, filter_, name, stamp, degrees = KINDS[0]
     time, nis = innovations(result, filter_, name, stamp)
     low, high = bounds(degrees)
     late = nis[time > SETTLED]
     if not len(late):
-        raise NotJudgedError(f"there is no pose after {SETTLED:g} s")
+        raise NotJudgedError(f"the filter used no pose measurement after {SETTLED:g} s")
     return (100 * float(np.mean((low <= late) & (late <= high))),)
 
 
@@ -89,8 +90,8 @@ def least_available(result: Result) -> tuple[float, ...]:
 
 
 def tracking_in_truth(result: Result) -> tuple[float, ...]:
-    """Return the ratio of the true to the estimated tracking error (root mean squares), and both
-    [mm].
+    """Return the ratio of the true to the estimated tracking error, then the true and the estimated
+    error [mm]; each error is a root mean square over the rows after SETTLED.
     """
     true, estimate = tracking(result)
     late = _late(result, len(true))

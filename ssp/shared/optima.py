@@ -129,8 +129,8 @@ def _position(result: Result) -> Array:
 
 
 def _impulse(result: Result) -> Array:
-    """Return the optimal cumulative impulse (rows,) [N s], NaN where none is stored. Each phase
-    begins with the cumulative impulse of the run.
+    """Return the optimal cumulative impulse (rows,) [N s], NaN where none is stored. The
+    optimum of each phase begins at the cumulative impulse that the run has at this time.
     """
     found, spent = np.full(len(result.time), np.nan), total(result[IMPULSE])
     for each, rows in _parts(result):

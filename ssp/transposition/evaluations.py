@@ -42,7 +42,7 @@ def size(rows: Array) -> Array:
 
 
 def window(result: Result) -> float:
-    """Return the time at which the window of the transposition ends [s]."""
+    """Return the time at which the time span that the plan covers (window) ends [s]."""
     return scalar(result, "guidance.window_start") + scalar(result, "guidance.window")
 
 
@@ -56,7 +56,7 @@ def tracking(result: Result) -> Array:
     which the result contains in the next row [deg].
     """
     if len(result.time) < 2:
-        raise NotJudgedError("nothing was recorded after the start")
+        raise NotJudgedError("the result has one row; the tracking error needs two or more")
     return np.asarray(np.degrees(rotation_angle(result[ATTITUDE][:-1], result[REFERENCE][1:])))
 
 
@@ -110,7 +110,9 @@ def first_peak(result: Result) -> tuple[float, ...]:
     """
     first = result[PEAK][0, 0]
     if first == 0:
-        raise NotJudgedError("nothing was planned in this run")
+        raise NotJudgedError(
+            "guidance.peak is 0: nothing was planned (needs guidance.use_plan = 1)"
+        )
     return first / saturation(result), first
 
 
@@ -120,7 +122,9 @@ def last_peak(result: Result) -> tuple[float, ...]:
     one [N m s].
     """
     if result[STATUS][0] == 1:
-        raise NotJudgedError("nothing was planned in this run")
+        raise NotJudgedError(
+            "guidance.status is 1: nothing was planned (needs guidance.use_plan = 1)"
+        )
     count = int(result[ITERATIONS][0])
     peaks = result[PEAK][0, : count + 1]
     return peaks[-1] / saturation(result), count, peaks[0], peaks[-1]
@@ -167,15 +171,16 @@ def prediction_error(result: Result) -> tuple[float, ...]:
 
 
 def balance_error(result: Result) -> tuple[float, ...]:
-    """Return the largest difference between the change of the total momentum and the integral of
-    the external torques, in parts per million of saturation, and the final value of this integral
-    [N m s], computed by Simpson's rule over pairs of rows.
+    """Return two magnitudes: the largest difference between the change of the total momentum since
+    the start and the integral of the external torques, in parts per million of saturation
+    (H_sat); and this integral at the end [N m s]. The integral is computed by Simpson's rule, every
+    second row.
     """
     since(result, 0.0, window(result))
     torque = to_inertial(result[INERTIAL], result[GRAVITY] + result[AIR])
     step = np.diff(result.time)
     if not np.allclose(step, step[0], rtol=1e-6):
-        raise NotJudgedError("the rows are not equally spaced")
+        raise NotJudgedError("the rows are not equally spaced in time, which Simpson's rule needs")
     pairs = (torque[:-2:2] + 4 * torque[1:-1:2] + torque[2::2]) * step[0] / 3
     gained = np.cumsum(pairs, axis=0)
     total = result[TOTAL][2::2][: len(gained)] - result[TOTAL][0]
@@ -184,11 +189,11 @@ def balance_error(result: Result) -> tuple[float, ...]:
 
 def printed_equation_error(result: Result) -> tuple[float, ...]:
     """Return the largest momentum error of the equation as printed in the patent, in percent of
-    saturation, and the largest torque of this error [N m].
+    saturation, and the largest torque error [N m].
 
-    The momentum error is the integral of the difference between the printed term 2 m_r R x (R' x
-    omega) and the correct term m_r R x V'. R, V = R' and V': results of module_motion(), m_r:
-    reduced mass, omega: angular velocity of the base.
+    The momentum error is the integral of the torque error, which is the difference between the
+    printed term 2 m_r R x (R' x omega) and the correct term m_r R x V'. R, V = R' and V': results
+    of module_motion(), m_r: reduced mass, omega: angular velocity of the base.
     """
     since(result, 0.0, window(result))
     m0, m1 = (scalar(result, name) for name in MASSES)

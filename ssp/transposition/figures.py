@@ -157,7 +157,7 @@ def _length(name: str) -> Curve:
 
 def _iterations(canvas: Axes, result: Result) -> None:
     """Draw the largest momentum and the largest rotation of every attitude history that the planner
-    tried, by the number of its iterations.
+    tried, over the number of iterations after which the planner had this history.
     """
     count = int(result[ITERATIONS][0]) + 1
     left, right = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)

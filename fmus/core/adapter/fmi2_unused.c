@@ -1,7 +1,7 @@
 /* fmi2_unused.c - functions of the FMI 2.0 co-simulation interface that these FMUs do not support.
  *
- * All variables are Real; inputs are held over a step (no input derivatives); a step is complete
- * when fmi2DoStep returns. */
+ * The reasons: all variables are Real; inputs are held over a step (no input derivatives); a step
+ * is complete when fmi2DoStep returns; there is no model exchange. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi2_layer.h"
 

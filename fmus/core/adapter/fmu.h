@@ -8,7 +8,7 @@
  *     check(p, problems) reject parameter values, all problems at once
  *     initialize(p, u, x, y, t)  states and first outputs at start time t
  *     step(p, u, x, y, t, h)     from t to t + h with the inputs held, outputs latched at the end
- * The last line of the file, FMU_MODEL(...), passes them to the adapter. */
+ * The last line of the file, FMU_MODEL(...), passes all these to the adapter. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMU_H
 #define FMU_H
@@ -40,7 +40,7 @@ typedef enum {
 typedef struct {
     Causality causality;
     const char *name;
-    size_t offset;  /* of the first element in Model, bytes */
+    size_t offset;  /* bytes from the start of Model to the first element */
     size_t size;    /* elements */
     size_t columns; /* 3 for a matrix, else 1 */
     const char *unit;
@@ -90,7 +90,7 @@ typedef struct {
 #define MATRIX(member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, #member, member, 3, unit, text, ANY_VALUE)
 /* row of an internal step or sample period; the adapter uses it to limit the number of internal
- * steps in a step */
+ * steps in a communication step */
 #define GRID_OF(name, member, text, rule) \
     ROW(PARAMETER_ROW, p, name, member, 1, "s", text, rule, GRID_ROW)
 #define GRID_AS(name, member, text) GRID_OF(name, member, text, POSITIVE_VALUE)
@@ -117,14 +117,14 @@ typedef struct {
 /* row of an output 0 or 1 whose change from 0 to 1 is logged as a warning */
 #define ALARM(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, ALARM_VALUE)
 /* row of an output with the number of a mode. In the model description, the build appends numbers
- * and names of the modes to `text`, and writes the limits; a number that does not occur has an
- * empty name. */
+ * and names of the modes to `text`, and writes the smallest and the largest number as min and max.
+ * A number that does not occur has an empty name in `names`. */
 #define MODE(member, text, names) \
     ROW_OF(OUTPUT_ROW, y, #member, member, 1, "1", text, NONNEGATIVE_VALUE, PLAIN_ROW, names)
 #define MODE_INPUT(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, PLAIN_ROW, names)
-/* row of an input that has the number of a mode and may stay unconnected; -1 may mean that nothing
- * is commanded */
+/* row of an input that has the number of a mode and may stay unconnected; `text` states the
+ * meaning of -1 if this value is not a mode but has a meaning */
 #define OPTIONAL_MODE(member, text, names) \
     ROW_OF(INPUT_ROW, u, #member, member, 1, "1", text, ANY_VALUE, OPTIONAL_ROW, names)
 #define ANGLE_OUTPUT(member, text) \
@@ -138,7 +138,7 @@ static inline double readable(double value) { return isnan(value) ? NOT_NUMBER :
 typedef struct {
     char text[4000]; /* space for about fifty problems; further ones are only counted */
     size_t count;
-    const char *part; /* "component." of a model that is part of a system, else "" */
+    const char *part; /* prefix of names: "component." if the model is part of a system, else "" */
 } Problems;
 
 static inline void reject(Problems *all, const char *name, double value, const char *rule)
@@ -152,18 +152,18 @@ static inline void reject(Problems *all, const char *name, double value, const c
 /* ---- interface of a model to adapter and tools ---- */
 typedef struct {
     const char *name, *text;
-    size_t size, state_offset, state_count; /* bytes, bytes, doubles */
+    size_t size, state_offset, state_count; /* size and offset: bytes; count: doubles */
     size_t scratch; /* bytes of workspace behind the model, for initialize; not part of the state */
     const void *start;
     const Variable *variables;
     size_t variable_count;
-    void (*check)(void *model, Problems *problems); /* may use the workspace too */
+    void (*check)(void *model, Problems *problems); /* may use that workspace too */
     void (*initialize)(void *model, double t);
     void (*step)(void *model, double t, double h);
     /* for a system as one model (fused.h), else NULL and 0: */
-    double (*macro_step)(const void *model); /* [s]; divides every communication step */
+    double (*macro_step)(const void *model); /* [s]; communication steps are multiples */
     const char *structure;   /* digest of connections and schedule; guid and states depend on it */
-    const Variable *checked; /* connected inputs, whose rules are checked with the outputs */
+    const Variable *checked; /* connected inputs: checked by their rules, as outputs are */
     size_t checked_count;
 } ModelInterface;
 

@@ -2,7 +2,7 @@
  * component.
  *
  * In a loop over the pair, compilers then process both bodies at once; the results have the same
- * bits as without this. */
+ * bits as if each body was processed alone. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PAIRS_H
 #define PAIRS_H

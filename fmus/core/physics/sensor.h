@@ -1,8 +1,8 @@
 /* sensor.h - conditions under which a sensor has no measurement (outage, drop-out, Sun near the
  * boresight), and latency.
  *
- * Sensors sample at n sample_period; a sample uses the inputs of the macro step that contains
- * it. Equations: docs/models.md F.2. */
+ * Sensors sample at the instants n sample_period, n whole; a sample uses the inputs of the macro
+ * step that contains it. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SENSOR_H
 #define SENSOR_H
@@ -28,8 +28,8 @@ enum { RING = 8 };
 
 #define LATENCY_ROW NONNEGATIVE(latency, "s", "delay from measurement to output, up to 7 periods")
 
-/* defines the ring buffer of late samples, the types Slot and State; filled: 1 if the slot contains
- * a sample; index: number of this sample */
+/* defines the types Slot and State, a ring buffer of samples that are not yet published; filled: 1
+ * if the slot contains a sample; index: number of this sample */
 #define LATE_STATE            \
     typedef struct {          \
         double filled, index; \
