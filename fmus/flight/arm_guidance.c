@@ -1,21 +1,23 @@
-/* arm_guidance.c - guidance of an arm: stowed, deploy, align with the grapple fixture of a tumbling
- * target, close, rest, fold; conditions under which the gripper closes.
+/* arm_guidance.c - guidance of an arm that grasps the grapple fixture of a tumbling target: modes
+ * STOWED, DEPLOY, ALIGN, CLOSE, REST and FOLD; conditions under which the gripper closes.
  *
- *   e = C_QN (r_E - r_Q),   u = C_QN (v_E - v_T - w_T x (r_E - r_T))          tip in Q, seen in Q
+ *   e = C_QN (r_E - r_Q),   u = C_QN (v_E - v_T - w_T x (r_E - r_T))
  *   DEPLOY, FOLD   q_ref = q_a + S (goal - q_a)                  S(x) = 10 x^3 - 15 x^4 + 6 x^5
  *   ALIGN, CLOSE   e_r = e_0 + S (goal - e_0),   phi = (1 - S) phi_0
  *                  x_r = r_T + C_TN^T p_QT_T + C_QN^T e_r,   q_r = q_QN q_m rotq(phi)
  *                  xd = C_SN [v_r - v_S + K_E[1] (x_r - r_E); w_r + K_E[2] rotvec(q_r q_EN*)]
  *   REST           the measured joint rates decrease linearly to zero over T_rest
  *
- * E: end effector, Q: grapple fixture on T; tip: origin of E. S rises from 0 to 1 over the duration
- * of the mode. In DEPLOY and FOLD the goal is the deployed or stowed arm, q_a are the reference
- * angles at the start of the mode. In ALIGN the goal is the standoff, e_0 is e at the start of the
- * mode; in CLOSE the goal is the seat, e_0 the standoff. q_m: attitude relative to Q in which X_E =
- * -X_Q, with the roll angle of E at the start of ALIGN; phi_0: rotation vector from q_m to the
- * attitude of E at that time, 0 in CLOSE. x_r, q_r: reference of position and attitude of E; v_r,
- * w_r: velocity and rate of this reference, the motion of T at x_r plus the derivatives of e_r and
- * phi. Joint rates follow from xd by resolved_rate.h; q_ref is integrated from the previous
+ * E: end effector, Q: grapple fixture on T; tip: origin of E; e, u: position and velocity of the
+ * tip as seen in Q, Q axes. S rises from 0 to 1 over the duration of the mode, x is the elapsed
+ * share of this duration. In DEPLOY and FOLD the goal is the deployed or stowed arm, q_a are the
+ * reference angles at the start of the mode. In ALIGN the goal is the standoff, e_0 is e at the
+ * start of the mode; in CLOSE the goal is the seat, e_0 the standoff. q_m: attitude relative to Q
+ * in which X_E = -X_Q, with the roll angle of E at the start of ALIGN; phi_0: rotation vector from
+ * q_m to the attitude of E at that time, 0 in CLOSE. x_r, q_r: reference of position and attitude
+ * of E; v_r, w_r: velocity and rate of this reference, the motion of T at x_r plus the derivatives
+ * of e_r and phi; xd: commanded velocity of E relative to S and angular velocity of E relative to
+ * N, S axes. Joint rates follow from xd by resolved_rate.h; q_ref is integrated from the previous
  * reference, not from the measured angle. Sampled. Equations: docs/models.md K.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_rows.h"

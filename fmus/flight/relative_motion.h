@@ -1,15 +1,16 @@
 /* relative_motion.h - model of a free target seen from the servicer: position and velocity in N
  * axes, attitude and rate of the target, ratios of its inertias, and their covariance.
  *
- *   rho' = v,   v' = g(r_S) - g(r_S - rho) + a_thrust + a,    r_S = r_j + s v_j,
- *           s from sample j on
+ *   rho' = v,   v' = g(r_S) - g(r_S - rho) + a_thrust + a,    r_S = r_j + s v_j
  *   q' = q [0, w]/2,   B w' = -w x B w + 3 mu/r^3 e x B e,    B = J/J11, e: direction of the
  *                                                             target from the planet, T axes
  *
- * r_j, v_j: servicer at sample j, s: time since sample j, kappa: ratios of inertia, d: p_GT_T,
- * a: unmodelled acceleration. Errors are truth minus estimate, in the order rho, v, theta, w,
- * kappa, d, a; the attitude error theta is defined by q_TN = q_hat rot(theta). A part with neither
- * start covariance nor noise is not estimated: its rows of P stay 0. docs/models.md F.6. */
+ * g: gravity of the planet, r_j, v_j: servicer at sample j, s: time since sample j, r: distance of
+ * the target from the planet, kappa: ratios of inertia, d: p_GT_T, position of the tracked point
+ * from the target's centre of mass, a: unmodelled acceleration. P is the covariance of the errors,
+ * truth minus estimate, in the order rho, v, theta, w, kappa, d, a; the attitude error theta is
+ * defined by q_TN = q_hat rot(theta). A quantity with neither start covariance nor noise is not
+ * estimated: its rows of P stay 0. docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RELATIVE_MOTION_H
 #define RELATIVE_MOTION_H
@@ -130,7 +131,7 @@ typedef struct {
 } Rotation;
 
 /* A_th,th = -w~,   A_w,th = B^-1 tide (e~ B - (B e)~) e~,   A_w,w = B^-1 ((B w)~ - w~ B);
- * tide = 3 mu/r^3 */
+ * tide = 3 mu/r^3; v~: matrix of the vector product v x */
 static inline Rotation rotation_of(const MotionModel *model, const Estimate *x, vec3 r_T)
 {
     mat3 B = inertia_of_ratios(1, x->kappa);

@@ -1,13 +1,13 @@
-/* transposition_patent.h - the patent's own discretisation: differences of the nodes, explicit
- * Euler steps for the momentum.
+/* transposition_patent.h - momentum of the gyros along an attitude history, discretised as in the
+ * patent: differences of eps between nodes, explicit Euler steps for the momentum.
  *
  *   eps'  = (e_{k+1} - e_k)/dt
- *   eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2,   printed (e_{k+1} + 2 e_k - e_{k-1})/dt^2
+ *   eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2,   as printed: (e_{k+1} + 2 e_k - e_{k-1})/dt^2
  *   h_{k+1} = h_k + dt h'(e_{k-1}, e_k, e_{k+1}, h_k)
  *
- * e_k: eps at node k, dt: time between nodes, h: momentum of the gyros. Scheme 1 uses the first
- * form of eps'', scheme 2 the form that the patent prints. Source: patent CN106020225A;
- * docs/models.md E.4. */
+ * eps: vector part of the quaternion relative to the flight attitude, e_k: eps at node k, dt: time
+ * between nodes, h: momentum of the gyros. Scheme 1 uses the first form of eps'', scheme 2 the form
+ * that the patent prints. Source: patent CN106020225A; docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_PATENT_H
 #define TRANSPOSITION_PATENT_H
@@ -70,7 +70,7 @@ static inline void patent_jacobian(const Task *task, const History *y, Workspace
         mat3 turn = minus(diagonal(1, 1, 1), scaled(y->dt, spin));
         for (int j = 0; j < unknown_nodes; j++) w->sum[j] = matmul(turn, w->sum[j]);
         for (int i = 0; i < 3; i++) {
-            int j = k + i - 2; /* index of the unknown at node k + i - 1 */
+            int j = k + i - 2; /* index of node k + i - 1 among the unknown nodes */
             if (j < 0 || j >= unknown_nodes) continue;
             mat3 by = patent_rate_by(task, c, y->dt, i, e, w->h[FINE * k]);
             w->sum[j] = plus(w->sum[j], scaled(y->dt, by));

@@ -57,8 +57,8 @@ static const Variable variables[] = {
     INPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
 
     OUTPUT(dtheta_S, "rad", "measured rotation vector over the last period, body axes"),
-    OUTPUT(gyro_time, "s", "time at which the increment ends; -1 = none yet"),
-    FLAG(gyro_valid, "1: an increment ends at gyro_time"),
+    OUTPUT(gyro_time, "s", "time of the last sample, where the increment ends; -1 = no sample yet"),
+    FLAG(gyro_valid, "1: dtheta_S is a measured increment; 0: none yet"),
     OUTPUT(bias_S, "rad/s", "true bias, body axes"),
 };
 

@@ -22,7 +22,7 @@ CELL = 0.15
 
 def map_around(result: Result, up: int) -> tuple[Array, Array, Reach]:
     """Return the edges of the cells of a map along x and along base axis `up` (1: y, 2: z) [m], and
-    the reach of the arm for the middles of the cells.
+    the reach of the arm with its end effector at the middle of each cell, one row per cell.
 
     The plane of the map contains the first planned position; the end effector points along x.
     """
@@ -48,8 +48,9 @@ def _line(arm: Arm, q: Array, up: int) -> tuple[Array, Array]:
 
 
 def _reach(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
-    """Draw a map of the least singular value of the Jacobian J_m for the places that the arm
-    reaches, the stowed arm, and the arm at its planned positions.
+    """Draw a map of the least singular value of the Jacobian J_m in the cells that the arm
+    reaches, the stowed arm, and for each result all planned positions of the end effector and the
+    arm at the first one.
     """
     first = next(iter(results.values()))
     arm = arm_of(first)
@@ -74,7 +75,7 @@ OVERLAYS: tuple[Figure | Overlay, ...] = (
             _reach, (11, 5), KNOWN),
     Figure(
         "planned_joints",
-        "Arm on the fixture from a base that is held",
+        "Planned poses of the arm on the fixture, base at its reference position",
         (
             Panel("joint angle [deg]", (Curve(f"degrees({ANGLE})", labels=JOINTS),)),
             Panel("least singular value", (Curve("plan.singular"),)),

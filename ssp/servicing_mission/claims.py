@@ -100,7 +100,7 @@ def rate_at_end(result: Result) -> tuple[float, ...]:
 
 
 def all_increments(result: Result) -> tuple[float, ...]:
-    """Return the velocity increments of the whole mission [m/s]."""
+    """Return the sum of the velocity increments of the mission, from the used propellant [m/s]."""
     return (float(increments(result)[-1]),)
 
 
@@ -110,8 +110,8 @@ def least_before_mating(result: Result) -> tuple[float, ...]:
 
 
 def least_margin(result: Result) -> tuple[float, ...]:
-    """Return the smallest of the least margins of the rules keep-out, corridor and speed, then each
-    of these three margins [m, m, m/s].
+    """Return the smallest of the three numbers that follow, whose sign decides the claim, then the
+    least margins of the rules keep-out [m], corridor [m] and speed [m/s].
     """
     margins = result[LEAST][-1, :3]
     return (float(margins.min()), *map(float, margins))
@@ -134,7 +134,9 @@ def claim(  # noqa: PLR0913, PLR0917 - the columns of the table
 
 
 def after(phase: str, before: str, there: str, low: float, high: float) -> Claim:
-    """Return the claim that a phase begins `low` to `high` seconds after the phase `before`."""
+    """Return the claim that a phase begins `low` to `high` seconds after the beginning of the phase
+    `before`; there: value in the independent simulation, as text.
+    """
     return claim(phase, there, reached(phase, before), f"{{0:.0f}} s after {before}", "s",
                  Band(low, high))  # fmt: skip
 

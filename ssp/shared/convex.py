@@ -156,5 +156,5 @@ def check(without: Collection[str], problems: Sequence[Problem]) -> None:
 
 
 def reduced(problem: Problem, without: Collection[str]) -> Problem:
-    """Return the problem without the constraints of these names."""
+    """Return the problem without the constraints whose names are in `without`."""
     return replace(problem, cones=tuple(c for c in problem.cones if c.name not in without))

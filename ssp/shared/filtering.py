@@ -29,8 +29,8 @@ RESTING = 1e9
 RULES = (("keep-out", "m"), ("corridor", "m"), ("speed", "m/s"), ("drift", "m"))
 """Rules with a barrier value that must not be negative, and the unit of this value."""
 WORDS = ("stop", *(name for name, _ in RULES), "plume", "box")
-"""Names of the rules by the value of filter.active; 0 (stop): a filter of kind simplex brakes to
-a stop.
+"""Names by the value of filter.active, the rule that determines the force. 0 with a changed
+force is a stop: a filter of kind simplex brakes although no rule is broken.
 """
 SHOWN = 4
 """Number of episodes that the notes list, chosen by their impulse."""
@@ -110,9 +110,9 @@ def findings(result: Result) -> Iterator[RuleFinding]:
     """Yield a finding for each rule of the filter that has applied: the least barrier value (the
     distance or speed that remains to the limit after braking) and the time of the first violation.
 
-    A negative barrier value is a violation, with one exception: if the parameters of the filter
-    state errors of the estimated states or a delay, these alone can make the value negative, so
-    that it is a violation only in rows in which the filter has relaxed the rule.
+    A negative barrier value is a violation, with one exception: if one of the parameters ERRORS
+    (errors of the estimates, reaction time) is not 0, these alone can make the value negative, and
+    it is a violation only in rows in which the filter has relaxed the rule.
     """
     if not (result.holds(*NEEDS, parameters=ERRORS) and len(result.time)):
         return
@@ -176,8 +176,8 @@ SEEN = (SERVICER, TARGET, "target.q_TN", MODE)
 
 
 def beside_axis(result: Result) -> tuple[Array, Array]:
-    """Return the coordinate of the servicer along the axis of the corridor, and its distance from
-    that axis, (rows,) each [m].
+    """Return the coordinate of the servicer along the axis of the corridor, measured from the
+    target, and its distance from that axis, (rows,) each [m].
     """
     back = result["target.q_TN"] * (1, -1, -1, -1)
     rho = turned(back, minus(result[SERVICER], result[TARGET]))

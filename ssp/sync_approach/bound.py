@@ -22,12 +22,14 @@ TRACKED, POINTED = 1200.0, 600.0
 
 def problem(result: Result, grid: float) -> Problem:
     """Return the convex problem of a run; grid: time step [s]. The requirement on the range is
-    replaced by a stricter one: on the distance along the grasp axis, which is never larger.
+    replaced by a stricter one: the distance along the grasp axis, which is never larger than the
+    range, must not be below the limit of the range.
     """
     found = bounds.problem(result, grid, np.asarray(result.parameter(BOX)))
     time, sample = found.time, result.time[1] - result.time[0]
     axis = bounds.target_axis(result, time, np.asarray(result.parameter(AXIS)))
-    centre = bounds.at(result, REFERENCE, time + sample)  # the guidance publishes one sample late
+    # the guidance publishes one sample late: the reference of time t is in the row of t + sample
+    centre = bounds.at(result, REFERENCE, time + sample)
     later, half_angle = time > 0, float(result.parameter(HALF_ANGLE))
     cones = (
         bounds.about("corridor", later, axis, half_angle),

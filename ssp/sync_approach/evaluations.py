@@ -87,8 +87,8 @@ def attitude_start(result: Result) -> float:
 
 
 def arrival(result: Result) -> tuple[float, ...]:
-    """Return the largest difference between range and rho_M after 20 min [m], then the range at the
-    start, after 10 min, after 20 min and at the end [m].
+    """Return the largest difference between range and safe distance rho_M after 20 min [m], then
+    the range at the start, after 10 min, after 20 min and at the end [m].
     """
     distance = result[RANGE]
     off = np.abs(distance - safe_distance(result))[since(result, ARM, ARM)]
@@ -102,8 +102,8 @@ def arrival(result: Result) -> tuple[float, ...]:
 
 
 def shortfall(result: Result) -> tuple[float, ...]:
-    """Return the amount by which the minimum range is below rho_M (0 if it is not) [mm], the
-    minimum range [m] and its time [s].
+    """Return the amount by which the minimum range is below the safe distance rho_M (0 if it is
+    not) [mm], the minimum range [m] and its time [s].
     """
     least = result[RANGE].argmin()
     distance = result[RANGE][least]
@@ -212,10 +212,10 @@ def inertia_offset(result: Result) -> tuple[float, ...]:
 
 def grasp_share(result: Result) -> tuple[float, ...]:
     """Return the share of the last 200 s in which the target can be grasped [%], and the largest
-    beta_p in this time [deg].
+    angle beta_p between the arm and the direction to the target in these 200 s [deg].
 
-    It can be grasped if the range is within 5 cm of rho_M, the relative position within 1 deg of
-    the grasp axis (beta_t), and the arm within 5 deg of the direction to the target (beta_p).
+    The target can be grasped if the range is within 5 cm of the safe distance rho_M, the relative
+    position within 1 deg of the grasp axis (angle beta_t), and beta_p is at most 5 deg.
     """
     last = final(result, 200.0, attitude_start(result) + SLEW)
     near = np.abs(result[RANGE] - safe_distance(result)) <= 0.05

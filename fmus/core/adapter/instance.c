@@ -1,4 +1,4 @@
-/* instance.c - memory, log and guarded evaluation of one instance. */
+/* instance.c - memory and log of one instance; initialization and steps with checked results. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "instance.h"
 
@@ -67,10 +67,10 @@ void release(const Instance *instance, void *memory)
     else instance->call.release(memory);
 }
 
-enum { FINDING_SIZE = NAME_SIZE + 400 }; /* name, value, rule and description of an output */
+enum { FINDING_SIZE = NAME_SIZE + 400 }; /* text: name, value, rule, description of an output */
 
-/* returns row i of the table of variables, followed by the further rows that are checked; NULL if i
- * is beyond the last row */
+/* returns row i of the variables of the model, followed by its connected inputs (`checked`), whose
+ * rules are checked with the outputs; NULL if i is beyond the last row */
 static const Variable *checked_row(size_t i)
 {
     const size_t beyond = i - fmu_model.variable_count;
@@ -137,8 +137,8 @@ static bool lacks_value(const Variable *v, const void *model)
            !is_zero(values_from(fmu_model.start, first), v->size);
 }
 
-/* the first vector input that lacks a value, or else the first such scalar; NULL: all inputs
- * have values */
+/* returns the first vector input that lacks a value; if there is none, the first scalar input that
+ * lacks a value; NULL if all inputs have values */
 static const Variable *first_lacking_input(const void *model)
 {
     const Variable *end = fmu_model.variables + fmu_model.variable_count, *scalar = NULL;
@@ -187,10 +187,10 @@ static void evaluate_first_outputs(const Instance *instance, void *model)
     fmu_model.initialize(model, instance->now.start);
 }
 
-/* initializes a model for a master that begins with zeros for all inputs, if zeros give no valid
- * outputs: computes the first outputs with the start values of the inputs that are zero. Before the
- * first step the master must set these inputs. False: no input lacks a value, or the outputs are
- * not valid with start values either. */
+/* computes the first outputs of a model whose inputs the master has set to zero, for models that
+ * have no valid outputs with these zeros: each input that lacks a value is replaced by its start
+ * value for this computation, then it is zero again, and the master must set it before the first
+ * step. False: no input lacks a value, or the outputs are not valid with start values either. */
 RARE static bool initialize_without_inputs(const Instance *instance, void *model)
 {
     char text[NAME_SIZE + 120];

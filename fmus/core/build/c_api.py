@@ -6,8 +6,8 @@ Usage: c_api.py SPEC.json -o FOLDER [--cc COMMAND] [--flight]
 SPEC.json: a list of {"name", "sources": [C files of the unpacked FMU, the file of the model first],
 "tables": [{"label", "text", "values": {element: value}}], "runs": [{"table": label, "text", "step",
 "names": [element], "rows": [[t, value, ...]]}]}. A row contains the time at which a step begins
-[s], then the values of the named elements: inputs in this step, outputs at its end; the first row
-contains the outputs after initialization.
+[s], then the values of the named elements: inputs in this step, outputs at its end. The first row
+is not a step: it contains the start time, then inputs and outputs after initialization.
 
 The C file of the model and its headers are copied unedited. --flight writes only flight software:
 it leaves out models that integrate (parameter `max_step`) or include headers of the physics. The
@@ -248,7 +248,7 @@ def vectors(component: dict[str, Any], model: Model) -> str:
 
 
 def write(component: dict[str, Any], model: Model, folder: Path) -> None:
-    """Write all files of the C interface of one component into a folder."""
+    """Write all files of the C interface of one component, an entry of SPEC.json, into a folder."""
     name, scratch = component["name"], model.scratch > 0
     head, source = tables(component, model)
     about = component["text"]

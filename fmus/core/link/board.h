@@ -42,7 +42,7 @@ typedef struct {
 
 typedef struct {
     fmi2Component instance;
-    uint32_t first, last; /* first and latest sequence number of this session */
+    uint32_t first, last; /* sequence numbers of the first and the latest request of this session */
     bool described;
     uint32_t memory; /* bytes that the instance has allocated */
     Cost cost;
@@ -51,7 +51,7 @@ typedef struct {
 typedef struct {
     const char *target; /* name of the processor, for example "cortex-m7" */
     const Software *software;
-    Slot *slot; /* one per FMU */
+    Slot *slot; /* instance and session of each FMU of `software` */
     size_t count;
     size_t (*read)(void *port, void *bytes,
                    size_t most); /* returns the bytes read, at least 1; 0: end of the stream */
@@ -59,7 +59,7 @@ typedef struct {
     void *port;
     uint64_t (*counter)(void);       /* number of instructions so far; NULL: not counted */
     void (*paint_stack)(void);       /* begins to measure the stack; NULL: not measured */
-    uint32_t (*measure_stack)(void); /* bytes used since paint_stack() */
+    uint32_t (*measure_stack)(void); /* bytes of stack used since paint_stack() */
 } Board;
 
 /* answers requests until the stream ends */

@@ -46,8 +46,8 @@ typedef struct {
     double asymmetry; /* (I1 - I3)/I_h */
     double gyroscopic_t, gyroscopic_e; /* I1 + I2 - I3, I1 - I2 - I3 */
     vec3 I_axis;                       /* I2 a */
-    double stiffness, damping;         /* of the coordinate, divided by M: w^2, 2 z w */
-    double draw;                       /* share of the propellant consumption from this mass */
+    double stiffness, damping;         /* of its coordinate, both over M: w^2, 2 z w */
+    double draw;                       /* slosh mass: its share of the propellant consumption */
 } Part;
 /* sums of p p^T/M, p l^T/M and l l^T/M over parts, as in (7) */
 typedef struct {
@@ -61,7 +61,7 @@ typedef struct {
     vec3 first_moment;   /* h of (3): first moment of the hub about S */
     sym3 inertia;        /* I_h0 of (3): inertia of the hub about S, wheels locked */
     sym3 I_fixed;        /* terms of the inertia I about S that do not depend on the coordinates */
-    Coupling sloshes;    /* sums over the slosh masses at the start; no coordinate changes them */
+    Coupling sloshes;    /* sums over the slosh masses at the start, constant for all q */
     Coupling drawn;      /* decrease of `sloshes` per kilogram of propellant consumed */
     double draw;         /* D: share of the consumption that comes from the slosh masses */
 } Vehicle;
@@ -125,8 +125,8 @@ static inline sym3 fixed_inertia(vec3 I, vec3 axis)
     return sym_add(sym_diagonal(I.z, I.z, I.z), dyad(I.y - I.z, axis));
 }
 
-/* (3): constants of the vehicle; the hub has mass and inertia of the vehicle minus the
- * undeformed parts */
+/* (3): constants of the vehicle; mass and inertia of the hub: mass and inertia of the vehicle less
+ * the mass and inertia of the undeformed parts */
 static inline Vehicle vehicle_of(double mass_0, mat3 J_S, const Panels *panels,
                                  const Sloshes *sloshes)
 {
@@ -159,7 +159,7 @@ static inline Vehicle vehicle_of(double mass_0, mat3 J_S, const Panels *panels,
 typedef struct {
     const Part *part;
     int k;                   /* index of the coordinate q_k of the part */
-    double q, rate, mass, M; /* q: q_k; rate: q_k'; mass: at this instant; M by (5) */
+    double q, rate, mass, M; /* q_k; q_k'; mass at this instant; generalised mass by (5) */
     double md;               /* factor in p = md t */
     /* r: centre of mass from S; t: unit vector of its velocity relative to the hub, r' = d q' t;
      * L: l/M by (5) */
@@ -168,7 +168,7 @@ typedef struct {
 } PlacedPart;
 typedef struct {
     double m, used, hub_mass; /* mass of the vehicle; consumed propellant U; mass of the hub */
-    vec3 s, c, dc;            /* first moment about S; centre of mass; its derivative in S axes */
+    vec3 s, c, dc;            /* first moment about S; centre of mass; derivative of c in S axes */
     int count;
     PlacedPart part[PARTS]; /* the parts that exist */
 } Placement;
