@@ -1,13 +1,14 @@
-/* filter_geometry.h - relative motion at a sample of the safety filter, and the acceleration
- * needed at a distance (gap) from the edge of a rule to brake, constant for a sample period.
+/* filter_geometry.h - relative motion at a sample of the safety filter, and the acceleration that
+ * is needed, constant over a sample period, to brake at a distance (gap) from the edge of a rule.
  *
  *   rho = r_S - r_T,   v = v_S - v_T,   g = gravity(r_S) - gravity(r_T)                        (1)
  *   W = C_TN^T omega_TN_T,   v_T = v - W x rho,   a_T = g - 2 W x v_T - W x (W x rho)          (2)
  *   the same as seen in the Hill frame of rate w_H = r_T x v_TN_N / |r_T|^2: v_H, a_H          (3)
  *   a_F = |F_max| / (m (1 - mass_error)),   e_p' = e_p + a_F T_r^2/2,   e_v' = e_v + a_F T_r   (4)
  * W: angular velocity of the target; v_T, a_T: velocity and free acceleration as seen from the
- * target; m: mass; T_r, e_p, e_v: reaction, position_error, velocity_error; a_F: largest
- * acceleration by the force. Vectors are in N axes. docs/models.md M.1 */
+ * target; m: mass; T_r, e_p, e_v: parameters reaction, position_error, velocity_error; e_p', e_v':
+ * these errors enlarged by the motion in the time T_r; a_F: largest acceleration by the force.
+ * Vectors are in N axes. docs/models.md M.1 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_GEOMETRY_H
 #define FILTER_GEOMETRY_H
@@ -73,8 +74,8 @@ static inline Geometry geometry(const FilterParameters *p, const FilterInput *u,
     return g;
 }
 
-/* ---- one gap: distance d from the edge of a rule, with d' = w, under an acceleration that is held
- * for a period P; a_b: deceleration for braking; e_p, e_v: errors of d and w ---- */
+/* ---- one gap: distance d from the edge of a rule and its rate of change w, under an acceleration
+ * that is held for a period P; a_b: deceleration for braking; e_p, e_v: errors of d and w ---- */
 typedef struct { double d, w, a_b, e_p, e_v; } Gap;
 
 /* (6): gap that remains to the edge of the rule when the servicer has braked to rest */
@@ -84,7 +85,8 @@ static inline double barrier_of(const Gap *x)
 }
 
 /* (7): least acceleration away from the edge with which the gap is >= 0 during the period and the
- * barrier of (6) is >= 0 at its end */
+ * barrier of (6) is >= 0 at its end. If d <= 0: acceleration that brings w to recover_speed in the
+ * period, but at most a_b more than the acceleration that stops a decrease of d in the period. */
 static inline double least_acceleration(const Gap *x, double P, double recover_speed)
 {
     double r = 2 * x->d + P * x->w, half = x->a_b * P / 2;

@@ -1,13 +1,13 @@
 /* mission_aim.h - aim of the phase CLOSING if aim_radius > 0: first along a line that is tangent to
- * a sphere about the target, then at the second hold point (below: the hold).
+ * a sphere of radius R_t about the target, then at the second hold point (below: the hold).
  *
  *   R_t: aim_radius,  R_0, d_0: range and direction from the target at the start
  *   phi(R) = acos(R_t/R),   theta = phi(R_0) - phi(R),   theta' = -R_t R'/(R sqrt(R^2 - R_t^2))
  *   V: the frame of the start, X along d_0, turned by theta about n = d_0 x (direction of the hold)
  * theta is the angle that a servicer on the tangent has moved about the target when its range is
  * R. The tangent passes the target on the side of the hold. At the range R_2 + NEAR_HOLD, V
- * begins to turn until X points to the hold. The angle of this turn is a fifth-order step over
- * time, with the peak rate 2 v_2/R_2; R_2, v_2: parameters. docs/models.md J.12 */
+ * begins to turn until X points to the hold. The angle of this turn is a fifth-order polynomial
+ * of time, with the peak rate 2 v_2/R_2; R_2, v_2: parameters. docs/models.md J.12 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_AIM_H
 #define MISSION_AIM_H

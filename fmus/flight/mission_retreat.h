@@ -5,8 +5,8 @@
  *
  * The sign with the larger least distance of the drift from the target is chosen, by the
  * equations of Clohessy and Wiltshire (hill_drift.h), n = |w_H|. The retreat is planned from the
- * last valid state. With abort_relative this state is first propagated to the present time, and
- * near the target the direction outwards is the grasp axis.
+ * last valid state. If the parameter abort_relative is 1, this state is first propagated to the
+ * present time, and near the target the direction outwards is the grasp axis.
  *
  * With a purely outward velocity the servicer returns after an orbit. A component along the track
  * causes a permanent drift of 3 |v_y| per unit of time. */
@@ -17,11 +17,11 @@
 #include "hill_drift.h"
 #include "mission_ports.h"
 
-#define ROUNDED_DOWN 1e-12 /* bound of the relative rounding error of a number of steps */
+#define ROUNDED_DOWN 1e-12 /* largest relative rounding error of drift_time / drift_step */
 #define SPENT        1e-12 /* m/s: a smaller remaining increment counts as 0 */
 
-/* least distance of the drift from the target at the times drift_step, 2 drift_step, .. up to
- * drift_time, or the present distance if drift_time is shorter; v: velocity at the start */
+/* least distance from the target during the drift, at the times drift_step, 2 drift_step, .. up to
+ * drift_time, or the present distance if drift_time < drift_step; v: velocity at the start */
 static inline double least_distance(const MissionParameters *p, const RelativeState *from, vec3 v)
 {
     double steps = floor_of(p->drift_time / p->drift_step * (1 + ROUNDED_DOWN)),
@@ -40,8 +40,8 @@ typedef struct {
     double clearance;
 } Escape;
 
-/* velocity increment of the retreat and least distance of the drift after it; axis_H: axis along
- * which the servicer leaves near the target, 0: none */
+/* velocity increment of the retreat, and least distance from the target during the drift after it;
+ * axis_H: axis along which the servicer leaves near the target, 0: none */
 /* J.3-1 */
 static inline Escape plan_escape(const MissionParameters *p, const RelativeState *from, vec3 axis_H)
 {

@@ -6,8 +6,9 @@
  * A pose belongs to the sample of its time stamp. Two estimates are stored: the anchor at the last
  * pose, or at the oldest stored sample if that is later; and the head at the present sample. A
  * pose moves the anchor to its sample. If the pose is used, the head is propagated again from the
- * anchor, over at most 16 stored samples of the servicer. So delayed poses in the order of their
- * stamps are filtered exactly. Equations: docs/models.md F.6. */
+ * anchor, over at most 16 stored samples of the servicer. So poses that arrive late, but in the
+ * order of their stamps, have the same effect as without delay. A pose older than the anchor is not
+ * used. Equations: docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "earth.h"
@@ -108,7 +109,7 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("sigma_att_0", sigma_0.att, "rad",
                    "standard deviation of the attitude at the start, per axis"),
     NONNEGATIVE_AS("sigma_omega_0", sigma_0.omega, "rad/s",
-                   "standard deviation of the rate at the start, per axis"),
+                   "standard deviation of the angular velocity at the start, per axis"),
     NONNEGATIVE_AS("sigma_inertia_0", sigma_0.inertia, "1",
                    "standard deviation of J22, J33, J12, J13, J23 over J11 at "
                    "the start; 0 = not estimated"),
@@ -160,14 +161,16 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(sigma_rho_N, "m", "standard deviation of the relative position, N axes"),
     NONNEGATIVE_OUTPUT(sigma_drho_N, "m/s", "standard deviation of the relative velocity, N axes"),
     NONNEGATIVE_OUTPUT(sigma_theta_T, "rad", "standard deviation of the attitude, target axes"),
-    NONNEGATIVE_OUTPUT(sigma_omega_T, "rad/s", "standard deviation of the rate, target axes"),
-    NONNEGATIVE_OUTPUT(sigma_inertia, "1", "standard deviation of inertia_hat"),
-    NONNEGATIVE_OUTPUT(sigma_p_T, "m", "standard deviation of p_GT_T_hat"),
-    NONNEGATIVE_OUTPUT(sigma_acc_N, "m/s2", "standard deviation of a_hat_N"),
+    NONNEGATIVE_OUTPUT(sigma_omega_T, "rad/s",
+                       "standard deviation of the angular velocity, target axes"),
+    NONNEGATIVE_OUTPUT(sigma_inertia, "1", "standard deviation of each element of inertia_hat"),
+    NONNEGATIVE_OUTPUT(sigma_p_T, "m", "standard deviation of p_GT_T_hat, per axis"),
+    NONNEGATIVE_OUTPUT(sigma_acc_N, "m/s2", "standard deviation of a_hat_N, per axis"),
     NONNEGATIVE_OUTPUT(pose_nis, "1", "normalised innovation squared of the last pose"),
-    NONNEGATIVE_OUTPUT(pose_rejected, "1", "poses rejected since the start"),
-    NONNEGATIVE_OUTPUT(pose_late, "1", "poses too old or from the future, not used"),
-    OUTPUT(pose_age, "s", "time since the last pose used"),
+    NONNEGATIVE_OUTPUT(pose_rejected, "1", "poses outside the innovation gate since the start"),
+    NONNEGATIVE_OUTPUT(pose_late, "1",
+                       "poses not used since the start, because too old or from the future"),
+    OUTPUT(pose_age, "s", "time since pose_time of the last pose used"),
     FLAG(relative_valid, "1: acquired, and pose_age is at most age_max"),
 };
 
@@ -272,7 +275,7 @@ static Servicer coasted(Servicer s, double T)
 
 /* propagates the head to sample k. Before a new sample overwrites the oldest in the ring buffer, an
  * anchor at the oldest moves to the next one. A sample skipped because the master rounds time is
- * stored as the sample before it, moved on by its velocity. */
+ * stored as a copy of the sample before it, with the position propagated by the velocity. */
 /* F.6-5 */
 static void advance(const Parameters *p, const Input *u, State *x, double k)
 {

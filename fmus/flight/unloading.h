@@ -1,11 +1,11 @@
-/* unloading.h - unloading of wheel momentum by thrusters, with a hysteresis in wheel speed, a rate
- * and a largest torque.
+/* unloading.h - unloading of wheel momentum by thrusters, switched by the wheel speed with a
+ * hysteresis, with a torque proportional to the momentum up to a limit.
  *
  *   X = max_i |Omega_i - ref_i| / speed_max:   on from X >= `on` to X <= `off`
  *   M = -k A_w (Omega - ref), each axis at most `most`
  *
- * Omega: wheel speeds, ref: their reference, A_w: wheel inertia matrix, k: rate [1/s]. M is a
- * torque of thrusters, which starts at X >= `on` and ends at X <= `off`. The wheels produce the
+ * Omega: wheel speeds, ref: their reference, A_w: wheel inertia matrix, k: rate [1/s]. M is the
+ * torque of the thrusters, which starts at X >= `on` and ends at X <= `off`. The wheels produce the
  * opposite torque, A_w dOmega = M, so that no torque acts on the body: (Omega - ref) decreases with
  * exp(-k t), or more slowly where an axis is limited to `most`. */
 /* SPDX-License-Identifier: BSD-2-Clause */

@@ -91,7 +91,7 @@ static const Variable variables[] = {
                        "elastic energy of contact, latch and spring at the end of the step"),
     OUTPUT(energy_dissipated, "J", "energy dissipated since the start, at the end of the step"),
     OUTPUT(energy_drive, "J",
-           "energy put in by drive and latches since the start, at the end of the step"),
+           "energy put in by latches and retraction drive since the start, at the end of the step"),
 };
 
 static void check(const Parameters *p, Problems *problems) { check_docking(problems, p); }
@@ -334,7 +334,7 @@ static int is_far(const Parameters *p, const State *x, const PortState *s, doubl
 static double exact_step(double h, double max_step)
 {
     double whole = grid_number(h, max_step);
-    return whole > 0 ? whole * max_step : h; /* not on the grid: NaN > 0 is false */
+    return whole > 0 ? whole * max_step : h; /* NaN, for an h off the grid, is not > 0 */
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)

@@ -58,7 +58,7 @@ static const Variable variables[] = {
     SINUSOID_ROWS(a_dist, "m/s2", "disturbance acceleration in the axes given by a_dist_axes"),
     SINUSOID_ROWS(a_manoeuvre_N, "m/s2",
                   "acceleration of a manoeuvre unknown to the servicer, N axes"),
-    SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the own orbit"),
+    SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the target's orbit"),
     GRID(max_step, "internal integration step"),
 
     INPUT(F_T, "N", "contact or servicing force, body axes"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: rendezvous benchmark SPRE of ARCH-COMP."""
+"""Mission: spacecraft rendezvous, benchmark SPRE of the verification competition ARCH-COMP."""
 
 from __future__ import annotations
 

@@ -19,9 +19,9 @@ DOCKING, MASS, MISSED = "mechanism.phase", "servicer.mass", "mechanism.missed"
 NEEDS = (PHASE, REASON, BEGUN, DOCKING, MASS, SERVICER, TARGET)
 ISP, G_0 = "propulsion.Isp", 9.80665
 TOUCHING, BESIDE = 1.5, 2.0
-"""Range below which the bodies have collided [m]: the range is 1.58 m after docking, and 1.55 m
-with an oblique probe in the cone. Range below which a probe that misses the drogue hits the target
-beside it [m], which the model of the mechanism does not notice.
+"""Two ranges [m]. Below TOUCHING, the bodies have collided: the range is 1.58 m after docking, and
+1.55 m with an oblique probe in the cone. Below BESIDE, a probe that misses the drogue hits the
+target beside the drogue, which the model of the mechanism does not notice.
 """
 
 

@@ -35,8 +35,9 @@ def at_samples(result: Result, name: str, error: str) -> str:
     """Return the expression `error` with the outputs of a sampled component aligned to the states
     of the plants (ssp/shared/samples.py).
 
-    name: an output of that component; error: text of the expression with {} in front of states of
-    plants, which becomes `previous` or nothing.
+    name: an output of that component; error: text of the expression, with {} in front of states of
+    plants. {} is replaced by `previous` if the outputs for a state are in the next row of the
+    result, else by nothing.
     """
     late = is_late(result, name)
     return f"next({error.format('previous')})" if late else error.format("")
@@ -76,7 +77,7 @@ def first_time(condition: str) -> str:
     return f"min({since}) + first(time) - 1 s"
 
 
-# ---- from release_time() on; before, the attitude of the servicer is frozen
+# ---- attitude from release_time() on; before that time, the attitude of the servicer is frozen
 
 
 def released(result: Result) -> str:

@@ -15,7 +15,7 @@ PLANNERS = ("controller", "optimal")
 
 
 def _is_planned(planner: str, result: Result) -> bool:
-    """Return whether the component `planner` followed its present plan in any row (mode 0)."""
+    """Return whether the component `planner` followed its present plan in any row (`mode` 0)."""
     return bool((result[f"{planner}.mode"] == 0).any())
 
 

@@ -46,8 +46,8 @@ class Body(NamedTuple):
     """Body of a scene.
 
     r, q: names of the arrays of its positions (instants, 3) and attitudes (instants, 4); parts: its
-    shapes; colour: index of the palette; radius: of the sphere around its hull [m]; links: parts
-    that turn on joints, see joint(); trail: whether its path is drawn.
+    shapes; colour: index in the palette of the page; radius: radius of the sphere around its hull
+    [m]; links: parts that turn on joints, see joint(); trail: whether its path is drawn.
     """
 
     name: str
@@ -59,11 +59,13 @@ class Body(NamedTuple):
     links: tuple[dict[str, Any], ...] = ()
     trail: bool = True
     reach: float = 0.0
-    """Distance of its farthest part from its origin [m], 0 if no part is outside the radius."""
+    """Distance of the farthest part from the body's origin [m], 0 if all are inside `radius`."""
 
 
 def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: Any) -> Scene:
-    """Return a scene with bodies at the instants `time` [s]; origin: name of the point that is the
+    """Return a scene with the bodies `found` at the instants `time` [s].
+
+    arrays: arrays of the page, among which `time` is stored; origin: name of the point that is the
     origin of all positions; about: further entries of the scene.
     """
     shown = [body._asdict() | {"links": list(body.links)} for body in found]
@@ -89,7 +91,8 @@ def number(  # noqa: PLR0913, PLR0917 - the value and its presentation
     """Return the entry of a scene for a variable whose value the replay shows as a number, angles
     in degrees.
 
-    rows: instants of the replay; words: texts to show in place of the values 0, 1, ...; text: label
+    arrays: arrays of the page, among which the values are stored; rows: rows of the result at the
+    instants of the replay; words: texts to show in place of the values 0, 1, ...; text: label
     (default: the name of the variable with spaces).
     """
     angle = result.unit(name) == "rad"
@@ -103,8 +106,8 @@ def number(  # noqa: PLR0913, PLR0917 - the value and its presentation
 
 
 def runs_of(values: Array, time: Array, words: tuple[str, ...]) -> list[Scene]:
-    """Return the time spans in which a variable is constant, each with begin and end [s] and the
-    text of its value.
+    """Return the time spans in which a variable is constant, each with `begin` and `end` [s] and
+    the `text` of its value.
 
     values: whole numbers (rows,); time: of the rows [s]; words: texts of the values 0, 1, ...
     """

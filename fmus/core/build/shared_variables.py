@@ -16,9 +16,9 @@ from typing import Any
 from lanes_source import Items, is_block, parsed
 
 MARKER = re.compile(r'# \d+ "(?P<file>[^\n]*)"(?P<flags>[ \d]*)')
-"""Regular expression for a preprocessor line that names the file of the next lines, with flags."""
+"""Regular expression for a line marker of the preprocessor: file of the next lines, and flags."""
 SYSTEM_HEADER = "3"
-"""Flag in such a line: the file belongs to the compiler or to the C library."""
+"""Flag of a line marker: the file is a header of the compiler or of the C library."""
 CORE = Path(__file__).resolve().parents[1]
 """Folder of the headers that all models include; these headers define no shared variable."""
 WITHOUT_VARIABLE = {"typedef", "extern", "_Static_assert"}
@@ -58,7 +58,8 @@ def _own(preprocessed: str) -> str:
 
 def _shared(items: Items) -> Iterator[str]:
     """Yield the names of the variables that instances would share: all variables outside functions
-    and all static variables inside functions, except constants; items: C text from parsed().
+    and all static variables inside functions, except constants; items: C text as tokens, and
+    brackets with their content, from parsed().
     """
     declaration: Items = []
     for item in items:
@@ -78,7 +79,7 @@ def _is_function(items: Items) -> bool:
 
 
 def is_bracket(item: Any, opening: str) -> bool:
-    """Return whether an item is a pair of brackets with its content that begins with `opening`."""
+    """Return whether an item is a pair of brackets with its content, opened by `opening`."""
     return isinstance(item, list) and item[0] == opening
 
 

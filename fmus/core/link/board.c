@@ -22,7 +22,7 @@ static union {
 static fmi2ValueReference references[PAYLOAD_LIMIT / 8];
 static char message[TEXT_SIZE]; /* last message of the FMU that is called */
 static size_t answer_size;      /* size of the last answer, which is in `outgoing` */
-static size_t answered;         /* slot of the last answer */
+static size_t answered;         /* index of the FMU that gave the last answer */
 
 /* ---- callbacks for the FMUs */
 static void store_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
@@ -95,7 +95,7 @@ static unsigned initialize(const Board *board, size_t slot, Reader *in, Writer *
     (void)in, (void)out;
     unsigned status =
         (unsigned)board->software[slot].exit_initialization(board->slot[slot].instance);
-    if (board->paint_stack) board->paint_stack(); /* from here on: the stack of steps only */
+    if (board->paint_stack) board->paint_stack(); /* the stack is measured in steps only */
     return status;
 }
 
@@ -116,7 +116,7 @@ static fmi2Status set_run(const Software *s, fmi2Component c, RunOf run, Reader 
     for (size_t i = 0; i < run.count && !in->truncated; i++)
         if (run.type == REAL_TYPE) values.real[i] = take_double(in);
         else values.integer[i] = (fmi2Integer)(int32_t)take_number(in, 4);
-    if (in->truncated) return fmi2OK; /* set() rejects a truncated request */
+    if (in->truncated) return fmi2OK; /* the caller set() then returns MALFORMED */
     list_references(run);
     if (run.type == REAL_TYPE) return s->set_real(c, references, run.count, values.real);
     if (run.type == INTEGER_TYPE) return s->set_integer(c, references, run.count, values.integer);

@@ -32,7 +32,7 @@ static inline quat canonical(quat q)
     return (quat){k * q.w, k * q.x, k * q.y, k * q.z};
 }
 
-/* C = I - 2 q_0 q~ + 2 q~^2 for a unit quaternion */
+/* C = I - 2 q_0 q~ + 2 q~^2 for a unit quaternion; q~: cross-product matrix of its vector part */
 static inline mat3 dcm_of_quat(quat q)
 {
     double w = q.w, x = q.x, y = q.y, z = q.z;

@@ -1,5 +1,6 @@
-/* surfaces.h - outer surfaces of the assembly: a box around the centre of mass of each body, with
- * six one-sided faces, and flat two-sided panels on either body. */
+/* surfaces.h - outer surfaces of the assembly of two bodies, base 0 and module 1: a box around the
+ * centre of mass of each body, with six one-sided faces, and flat two-sided panels, each on one of
+ * the bodies. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SURFACES_H
 #define SURFACES_H
