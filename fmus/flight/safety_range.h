@@ -8,8 +8,8 @@
  *   most = range_at_zero + range_slope range_meas
  *
  * t_m: time of the measurement. The first range sets D; single outliers hardly change it. An error
- * b of the velocity along the line of sight shows in both cases: where the estimated position is
- * integrated from the velocity, off grows with b t; where it is not, drift tends to b range_tau.
+ * b of the velocity along the line of sight shows in off or in drift: if the estimated position is
+ * integrated from the velocity, off grows with b t; if it is not, drift tends to b range_tau.
  * The estimate is distrusted when |off| or |drift| (before it is limited) has exceeded most at
  * every range for the time range_patience, until a range agrees. Without a new range nothing
  * changes. docs/models.md G.8 */
@@ -22,11 +22,12 @@
 #define NOT_YET (-1) /* time of an event that has not happened */
 
 /* start values of the parameters of the range check. The allowed disagreement is ten times the
- * noise that range_sensor has by its start values. */
+ * noise of a range_sensor with its own start values. */
 #define RANGE_CHECK .range_at_zero = 1, .range_slope = 0.01, .range_patience = 5, .range_tau = 10
 
 typedef struct {
-    double begun, t, rate, reckoned; /* 1: D is set; t, R' and D (`reckoned`) of the last sample */
+    /* begun: 1 if D is set; t, rate, reckoned: time, R' and D of the last sample */
+    double begun, t, rate, reckoned;
     double stamp,
         since; /* times of the last range and of the first of consecutive ranges that disagree */
     double distrusted;

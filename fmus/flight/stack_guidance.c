@@ -102,9 +102,9 @@ static vec3 momentum(const Parameters *p, vec3 w, vec3 wheel_speed)
 }
 
 /* ---- profile ---- */
-/* duration for one axis; `spin`, `gyroscopic`, A: its elements of J w_0, of w_0 x (J w_0 + A_w
- * Omega) and of the diagonal of A_w. The torque 1.875 J w_0/T peaks in the middle and the
- * gyroscopic torque at the start: the sum of both peaks bounds the torque. */
+/* duration for one axis; `spin`, `gyroscopic`, A: elements for this axis of J w_0, of w_0 x
+ * (J w_0 + A_w Omega) and of the diagonal of A_w. The torque 1.875 J w_0/T peaks in the
+ * middle and the gyroscopic torque at the start: the sum of both peaks bounds the torque. */
 static double duration_of_axis(const Parameters *p, double spin, double gyroscopic, double A)
 {
     double lim = p->torque_share * p->wheel_accel_max * A;

@@ -78,7 +78,7 @@ static const Variable variables[] = {
     PARAMETER(p_T, "1", "unit vector from the target to the grasp point, target axes"),
     POSITIVE(rho_M, "m", "final distance on the grasp axis"),
     POSITIVE(rho_0, "m", "distance at t = 0"),
-    NONNEGATIVE(beta, "1/s", "rate of approach"),
+    NONNEGATIVE(beta, "1/s", "rate of the exponential approach"),
     SWITCH(know_M_dist, "1: the disturbance torque M_dist_T on the target is known"),
     SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
     POSITIVE(
@@ -93,7 +93,8 @@ static const Variable variables[] = {
     SAMPLE_PERIOD,
     SWITCH(range_input,
            "1: the distance on the grasp axis is L_ref, 0: it follows from rho_0, rho_M and beta"),
-    SWITCH(frame, "1: carried frame, for a fly-around (needs range_input = 1), 0: D of the paper"),
+    SWITCH(frame,
+           "1: D is a carried frame for a fly-around (needs range_input = 1), 0: D of the paper"),
     POSITIVE_AS(
         "spin_time", steering.spin_time, "s",
         "carried frame: duration of the change from turning with H to turning with the target"),
@@ -168,7 +169,8 @@ static mat3 known_inertia(const Parameters *p, const Input *u)
     return rows(vec(1, k[2], k[3]), vec(k[2], k[0], k[4]), vec(k[3], k[4], k[1]));
 }
 
-/* A.4.3: dw_T, angular acceleration of the target by the model of the software, T axes */
+/* docs/models.md A.4.3: dw_T, angular acceleration of the target by the model of the software, T
+ * axes */
 static vec3 acceleration_of_target(const Parameters *p, const Input *u, mat3 C_TN, vec3 torque)
 {
     const Body *T = &u->T;
@@ -177,7 +179,8 @@ static vec3 acceleration_of_target(const Parameters *p, const Input *u, mat3 C_T
     return solve(J, sub(torque, cross(T->omega, mul(J, T->omega))));
 }
 
-/* A.4.3: grasp axis in H from the model of the target, with derivatives as seen in H */
+/* docs/models.md A.4.3: grasp axis in H from the model of the target, with derivatives as seen in
+ * H */
 static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H, double t)
 {
     const Body *T = &u->T;
@@ -193,7 +196,8 @@ static Motion grasp_axis(const Parameters *p, const Input *u, const HillFrame *H
                     tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
-/* (10): L(t) and its derivatives; with range_input the inputs L_ref, dL_ref, ddL_ref */
+/* L(t) by (10) of the paper and its derivatives; with range_input = 1 the inputs L_ref, dL_ref,
+ * ddL_ref */
 /* A.4-5 */
 static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {
@@ -202,21 +206,22 @@ static Radius reference_radius(const Parameters *p, const Input *u, double t)
     return (Radius){p->rho_M - decay, L1, -p->beta * L1};
 }
 
-/* (10): reference position and its derivatives as seen in H */
+/* reference position by (10) of the paper and its derivatives as seen in H */
 static Motion reference_position(Radius r, Motion axis)
 {
     return (Motion){scale(r.L, axis.x), add(scale(r.d, axis.x), scale(r.L, axis.d)),
                     sum3(scale(r.dd, axis.x), scale(2 * r.d, axis.d), scale(r.L, axis.dd))};
 }
 
-/* (6): u = i x z_H */
+/* (6) of the paper: u = i x z_H */
 static Motion roll_vector(Motion i)
 {
     vec3 z = vec(0, 0, 1);
     return (Motion){cross(i.x, z), cross(i.d, z), cross(i.dd, z)};
 }
 
-/* A.4.5: attitude, rate and acceleration of D relative to N from its axes i, j, k in H */
+/* docs/models.md A.4.5: attitude, rate and acceleration of D relative to N, from its axes
+ * i, j, k in H */
 static void publish_attitude(const HillFrame *H, Motion i, Motion j, Motion k, Reference *ref)
 {
     mat3 C_DH = rows(i.x, j.x, k.x);
@@ -227,7 +232,8 @@ static void publish_attitude(const HillFrame *H, Motion i, Motion j, Motion k, R
     ref->alpha = sub(add(frame_acceleration(i, j, k), mul(C_DH, H->dw_H)), cross(w_DH, wH_D));
 }
 
-/* A.4.5: in the guard u = k_held - (k_held.i) i, k_held constant in H */
+/* docs/models.md A.4.5: within guard_angle of the orbit normal u = k_held - (k_held.i) i, with
+ * k_held (`held`) constant in H */
 /* A.4-2 */
 static void reference_attitude(const Parameters *p, const HillFrame *H, Motion axis, vec3 *held,
                                Output *y)
@@ -240,16 +246,17 @@ static void reference_attitude(const Parameters *p, const HillFrame *H, Motion a
     if (!y->attitude_guard) *held = k.x;
 }
 
-/* a vector given in H with derivatives as seen in H: the same vector in N axes, with derivatives
- * as seen in N */
+/* converts a vector in H axes with derivatives as seen in H to N axes, with derivatives as seen in
+ * N */
 static Motion in_N(const HillFrame *H, Motion a)
 {
     return (Motion){tmul(H->C_HN, a.x), tmul(H->C_HN, rate_in_N(H, a.x, a.d)),
                     tmul(H->C_HN, add(a.dd, transport(H, a.x, a.d)))};
 }
 
-/* A.4.6: with a limited roll the reference attitude is the frame D of limited_roll.h. Its angular
- * velocity is w = i x i' + r i, in D axes, with the roll rate r about i. */
+/* docs/models.md A.4.6: with a limited roll the reference attitude is the frame D of
+ * limited_roll.h. Its angular velocity is w = i x i' + r i, in D axes, with the roll rate r about
+ * i. */
 /* A.4-3 */
 static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, RollState *x,
                        Output *y, double t, double period)
@@ -267,7 +274,8 @@ static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, Rol
                        D.rate * dot(i.d, D.k) + dot(i.dd, j));
 }
 
-/* A.4.1, A.4.2: derivatives as seen in H become derivatives as seen in N, all in N axes */
+/* docs/models.md A.4.1, A.4.2: publishes the reference position in N axes, with derivatives as seen
+ * in N instead of H */
 /* A.4-1 */
 static void publish_position(const HillFrame *H, Motion ref, Output *y)
 {

@@ -8,11 +8,11 @@
  *   eps <- eps - alpha (J^T W J + lambda S)^-1 J^T W h,   J = dh/deps,
  *   S = D2^T D2 (x) 1_3/dt^4,   D2: second difference
  *
- * eps: attitude relative to the flight attitude, vector part of the quaternion; h: momentum of the
- * gyros at the nodes; W: diagonal matrix of the weights (|h|/max |h|)^weight of the nodes; (x):
- * Kronecker product. h and J are computed by spline and balance of momentum
- * (transposition_momentum.h) or by the patent's own differences (transposition_patent.h). Source:
- * docs/models.md E.4. */
+ * eps: attitude relative to the flight attitude (X along the velocity, Z to the Earth), vector part
+ * of the quaternion; h: momentum of the gyros at the nodes; W: diagonal matrix of the weights
+ * (|h|/max |h|)^weight of the nodes; (x): Kronecker product. h and J are computed by spline and
+ * balance of momentum (transposition_momentum.h) or by the differences of patent CN106020225A
+ * (transposition_patent.h). Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_PLAN_H
 #define TRANSPOSITION_PLAN_H
@@ -41,8 +41,8 @@ static inline double largest_momentum(const Task *task, const History *y, const 
     return largest;
 }
 
-/* adds strength times D2^T D2, a band matrix with 6 on the diagonal (5 at the first and the last
- * node), -4 and 1 beside it */
+/* adds strength D2^T D2 (x) 1_3 to the lower triangle of w->normal. D2^T D2 has 6 on the diagonal
+ * (5 at the first and the last node), -4 between adjacent nodes and 1 between nodes two apart. */
 static inline void add_smoothing(Workspace *w, int nodes, double strength)
 {
     for (int j = 0; j < nodes; j++)

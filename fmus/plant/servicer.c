@@ -7,13 +7,14 @@
  *                   + M_dist
  *   dOmega/dt = commanded wheel acceleration, within the limits
  *
- * J_S: inertia of the whole servicer with wheels locked; A_w: inertia matrix of the wheels; Omega:
- * wheel speeds relative to the body; the angular momentum is J_S omega + A_w Omega. The force is
- * constant in body axes: thrusters turn with the body. Before the time t_att the attitude is
- * frozen: sigma has its start value, the published rate is zero, the wheels do not accelerate. With
- * the switch velocity_follows_attitude the velocity turns with the body although no force acts:
- * dv/dt += omega x v, so that d(C_SN v)/dt = F_S / m, the kinematics of Kozlova & Fomichev 2023
- * (docs/models.md B.2). Source: Zhu & Yang 2009, equations (9), (15), (17). Classical
+ * sigma: modified Rodrigues parameters of the attitude; F_S, M_S: force and torque of the
+ * actuators; J_S: inertia of the whole servicer with wheels locked; A_w: inertia matrix of the
+ * wheels; Omega: wheel speeds relative to the body; the angular momentum is J_S omega + A_w Omega.
+ * The force is constant in body axes: thrusters turn with the body. Before the time t_att the
+ * attitude is frozen: sigma has its start value, the published rate is zero, the wheels do not
+ * accelerate. With the switch velocity_follows_attitude the velocity turns with the body although
+ * no force acts: dv/dt += omega x v, so that d(C_SN v)/dt = F_S / m, the kinematics of Kozlova &
+ * Fomichev 2023 (docs/models.md B.2). Source: Zhu & Yang 2009, equations (9), (15), (17). Classical
  * Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "rk4.h"
@@ -56,7 +57,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         const Interval constant = interval(base, &u->base, &x->base, &s);
         integrate(&constant, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
-        /* the FMI adapter rejects a negative output rate_margin, and the step fails */
+        /* ends the step, which fails: the FMI adapter rejects a negative output rate_margin */
         if (rate_margin(base, &x->base, s.t + s.h) < 0) break;
     }
     publish_base(base, &x->base, &y->base, t + h);

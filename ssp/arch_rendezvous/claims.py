@@ -35,8 +35,8 @@ def unsafe(result: Result) -> bool:
 
 
 def box(result: Result) -> tuple[float, ...]:
-    """Return the least distance to the box about the target [m], negative inside, and the abort
-    time [min].
+    """Return the least distance to the box |x|, |y| <= 0.2 m about the target [m], negative inside,
+    and the time from which there is no thrust: abort or end of the run [min].
     """
     return _least(result, 0), min(abort_time(result), STOP) / 60
 
@@ -106,7 +106,7 @@ UNSAFE = Claim(
     where="SRU01, SRU02, abort at 260 min",
     needs=(LEAST,),
     compute=box,
-    value="least margin {0:.3g} m; no thrust from {1:.0f} min on",
+    value="least distance to the box {0:.3g} m (negative inside); no thrust from {1:.0f} min on",
     unit="m",
     reproduced=Band(high=-1e-9),
     interval=STOP,
@@ -125,12 +125,12 @@ def outside_start_box(result: Result) -> Iterator[str]:
     """
     off = np.abs(parameter(result, "servicer.rho_0_H") - (-900, -400, 0)) - (25, 25, 0)
     if (distance := float(np.max(off))) > 0:
-        yield f"start outside the box by {distance:.6g} m instead of 0 m"
+        yield f"start outside the start box of the benchmark by {distance:.6g} m instead of 0 m"
 
 
 CASES = (Case("arch_rendezvous", free=("servicer.rho_0_H", ABORT)),)
-"""Start position and abort time may differ from the system, since they distinguish the instances of
-the benchmark.
+"""Start position and abort time may differ from the values in the system, since they
+distinguish the instances of the benchmark.
 """
 
 PAPERS = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: relay approach."""
+"""Mission: approach to a drifting target with relay control of on-off thrusters."""
 
 from __future__ import annotations
 

@@ -3,11 +3,13 @@
 impulses.
 
 Each problem begins at the state at which the run began the phase, and ends at the position and
-velocity at which the run left it, within the tolerances of the mission manager. In a hold the
-servicer must be at the hold point all the time. The constraint on the least range, which applies in
-phases before the final approach, is not convex. It is replaced by a stricter convex one: the
-coordinate along the direction from the target to the position on a known path must exceed the least
-range. In the first solution that path is the path of the run, in later ones the last optimum.
+velocity at which the run left it, within the tolerances of the mission manager. In "hold 1" the
+range must remain near R_1 of the manager, in the other holds the servicer must remain near the hold
+point, within the tolerances. In all phases before the final approach except "hold 2", the range
+must not fall below a least range, which is not a convex constraint. A stricter convex one replaces
+it: the coordinate along the direction from the target to the position on a known path must exceed
+the least range. In the first solution this path is the path of the run, in later ones the last
+optimum.
 """
 
 from __future__ import annotations
@@ -64,7 +66,9 @@ def phases(result: Result, grid: float | None) -> Mapping[str, Phase]:
 
 
 def phase(result: Result, name: str, grid: float) -> Phase:
-    """Return the convex problem of one phase of a run, and the impulse that the run spent in it."""
+    """Return a phase of a run, with its convex problem and the impulse [N s] that the run spent in
+    it; grid: time step of the problem [s].
+    """
     cut = rows(result, name)
     part = replace(result, time=result.time[cut], values=result.values[cut])
     spent = part[bounds.IMPULSE][-1] - part[bounds.IMPULSE][0]
@@ -90,8 +94,8 @@ def start(part: Result) -> Mapping[str, Any]:
 
 
 def problem(part: Result, phase: str, grid: float) -> Problem:
-    """Return the convex problem of a phase; part: rows of the run in this phase; grid: time step
-    [s].
+    """Return the convex problem of a phase, with all its constraints; part: rows of the run in this
+    phase; grid: time step [s].
     """
     found = bounds.problem(part, grid, BOX)
     return replace(found, cones=(*way(part, found.time, phase), *_ends(part, found.time, phase)))
@@ -121,7 +125,7 @@ def way(part: Result, time: Array, phase: str) -> Iterator[Cone]:
 
 
 def _line(part: Result, time: Array) -> Array:
-    """Return the direction from the target along the line on which the hold points lie, in N axes,
+    """Return unit vectors from the target along the line on which "hold 2" lies, in N axes
     (n + 1, 3).
     """
     psi = float(part.parameter("manager.line_angle"))
@@ -130,9 +134,9 @@ def _line(part: Result, time: Array) -> Array:
 
 
 def along(problem: Problem, way: Array) -> Problem:
-    """Return the problem with its constraint on the least range stated along the directions from
-    the target to the positions of another path; way: these positions relative to the target
-    (n + 1, 3) [m].
+    """Return the problem with a new constraint on the least range, for the directions from the
+    target to the positions of another path; way: these positions relative to the target (n + 1, 3)
+    [m].
     """
     inside = np.arange(len(problem.time)) > 0
     name, least = problem.cones[0].name, -float(problem.cones[0].limit[0])

@@ -131,7 +131,7 @@ def _panels(result: Result, rows: Any, arrays: Arrays) -> Iterator[Link]:
     for k in np.flatnonzero(mass > 0):
         along, about = (v[k] / np.linalg.norm(v[k]) for v in (arm, axis))
         across = np.cross(along, about)
-        # edges of the plate of uniform density with these moments of inertia
+        # edges of a plate of uniform density with the moments of inertia inertia[k]
         squares = 6 * (inertia[k].sum() - 2 * inertia[k]) / mass[k]
         edges = np.sqrt(np.maximum(squares, THIN**2))
         frame = np.column_stack((along, about, across))

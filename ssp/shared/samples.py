@@ -42,8 +42,9 @@ def is_late(result: Result, name: str) -> bool:
 def aligned(
     actual: Array, reference: Array, error: Callable[[Array, Array], Array], late: bool
 ) -> Array:
-    """Return error(actual, reference) for every row, with the reference of the next row if `late`.
-    The last row, which has no next row, then repeats the error of the row before.
+    """Return error(actual, reference) for every row; actual: states of the plants; reference:
+    outputs of a sampled component, taken from the next row if `late`. The last row, which has no
+    next row, then repeats the error of the row before.
     """
     if not late or len(actual) < 2:
         return error(actual, reference)

@@ -11,7 +11,7 @@
 
 #include "interface.h"
 
-#ifndef LONGEST_CALL /* most references of a stored call; firmware sets a lower limit */
+#ifndef LONGEST_CALL /* largest number of references of a stored call, smaller in firmware */
 #define LONGEST_CALL 1024
 #endif
 enum { KNOWN_CALLS = 2, MOST_RUNS = LONGEST_CALL < 256 ? 16 : 64 };
@@ -22,7 +22,7 @@ typedef struct {
 } Run;
 
 typedef struct {
-    size_t count, values, runs; /* numbers of references (0: no call), of their elements, of runs */
+    size_t count, values, runs; /* numbers of references (0: no call stored), elements and runs */
     unsigned reference[LONGEST_CALL];
     Run run[MOST_RUNS];
 } KnownCall;

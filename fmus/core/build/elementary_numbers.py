@@ -127,8 +127,8 @@ def polynomial(name: str, coefficients: list[mp.mpf], text: str) -> str:
 
 # ---- tables and coefficients of the functions ----
 def root(z: mp.mpf) -> mp.mpf:
-    """Return r = sqrt(z), for functions of r that are approximated by a polynomial in z = r^2. The
-    result is never 0, where quotients such as sin(r)/r are undefined.
+    """Return r = sqrt(z), for functions of r that are approximated by a polynomial in z = r^2. A z
+    below NEAR_0 is replaced by NEAR_0, because quotients such as sin(r)/r are undefined at r = 0.
     """
     return mp.sqrt(max(z, NEAR_0))
 
@@ -150,8 +150,8 @@ def angles() -> list[str]:
         constant("HALF_PI_1", first, "pi/2, first 33 bits"),
         constant("HALF_PI_2", second, "pi/2, next 33 bits"),
         constant("HALF_PI_3", third, "pi/2, the rest"),
-        f"#define HALF_PI_BITS UINT64_C(0x{int(mp.nint(mp.pi / 2 * 2**63)):016x}) /* pi/2 2^63 */",
-        "/* 2/pi in words of 32 bits, three zero words before the point */\n"
+        f"#define HALF_PI_BITS UINT64_C(0x{int(mp.nint(mp.pi / 2 * 2**63)):016x}) /* 2^63 pi/2 */",
+        "/* 2/pi in words of 32 bits: three words 0 before the binary point, then the fraction */\n"
         f"static const uint32_t two_over_pi[{len(words)}] = {{\n{lines}}};",
         polynomial(
             "sine_terms",
@@ -187,7 +187,7 @@ def arcs() -> list[str]:
         array(
             "arc_table",
             [parts(mp.atan(mp.mpf(k) / TANGENTS), -53) for k in (TANGENTS, *range(1, TANGENTS))],
-            "columns: two numbers whose sum is atan(k/64); row k = 1 to 63, row 0 for k = 64",
+            "columns: two numbers whose sum is atan(k/64) in row k = 1 to 63, atan(1) in row 0",
         ),
         polynomial(
             "arc_terms",

@@ -6,14 +6,14 @@ Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND] [--adapter FOL
 SYSTEM.json: {"name", "text", "start" [s], "stop" [s], "step" (macro step [s]), "parts": [{"name",
 "fmu" (path), "sources": [C files of the unpacked archive, the file of the model first], "values":
 {element: start value}, "driven": {connected input element: [part, output element, factor, offset]},
-"late": whether its outputs are published by a later action of the plan than its step}, ...],
+"late": true if its outputs are published not by its step but by a later action "get"}, ...],
 "plan": [[verb, part, every, phase], ...]}. A part is a component of the system; "driven" and "plan"
 contain its index. The plan is the schedule of a macro step: the action of a part (verb "set": set
 its inputs; "step"; "get": publish its late outputs) is performed in macro step k if k % every ==
 phase.
-Optional: "version" and "date" of the FMU; "provenance", which is written into its folder extra/;
-"scalars", true for an FMU without arrays. The program writes system.c, the model interface of the
-whole system (described in fused.h), and packs it as build_fmu.py packs a model.
+Optional: "version" and "date" of the FMU; "provenance", which is written into the folder extra/
+of the FMU; "scalars", true for an FMU without arrays. The program writes system.c, the model
+interface of the whole system (described in fused.h), and packs it as build_fmu.py packs a model.
 """
 
 import argparse

@@ -22,7 +22,7 @@ UNSETTLED = "initial values did not settle (an algebraic loop)"
 CLOCK = 3
 """Number of doubles that describe the progress of the system: start time, number of finished macro
 steps, and a flag that is 1 if the initial values did not settle. In memory they are followed by the
-times of slow parts, see lay_out().
+time that each slow part, which does not step at every macro step, has reached.
 """
 
 
@@ -31,8 +31,8 @@ class Row:
     """Variable in the table of a model (struct Variable).
 
     first: index of its first double in the model; size: number of doubles; columns: number of
-    columns of a matrix, 1 for other variables; rule, kind: indices of RULES and KINDS; names: names
-    of the values 0, 1, ... of a mode, separated by `|`.
+    columns of a matrix, 1 for other variables; rule, kind: indices of RULES and KINDS; names: if
+    the value is the number of a mode, names of the modes 0, 1, ..., separated by `|`, else "".
     """
 
     causality: int
@@ -47,7 +47,7 @@ class Row:
     names: str = ""
 
     def elements(self) -> Iterator[str]:
-        """Yield the names of the elements, as element_name() of interface.h forms them."""
+        """Yield the names of the elements: v, v[3] or v[2,3] (one-based, row major)."""
         for i in range(self.size):
             place = (
                 f"{i + 1}"
@@ -89,8 +89,9 @@ class Part:
     values: start values by element; driven: source of each connected input element, [index of part,
     output element, factor, offset]; late: whether its outputs are published not by its step but
     by a later action of the plan, which is the schedule of a macro step; head: place of its first
-    parameter, which inputs follow; tail: place of its first state, which outputs follow; published:
-    place at which other components read each output element.
+    parameter (parameters and inputs are stored together); tail: place of its first state (states
+    and outputs are stored together); published: place at which other components read each output
+    element.
     """
 
     name: str
@@ -130,8 +131,8 @@ class Whole:
 
     rows: variables of the FMU; checked: connected inputs whose values must be in a range; front:
     values at the start of the memory: macro step [s], then start values of the parameters and
-    inputs of all parts; times: place of the time that each slow part has reached, by index of the
-    part; size: number of doubles.
+    inputs of all parts; times: by index of each slow part, place of the time that the part has
+    reached; size: number of doubles.
     """
 
     parts: list[Part]
@@ -185,8 +186,8 @@ def _head(part: Part) -> list[float]:
 
 
 def _publish(part: Part, buffer: int | None) -> None:
-    """Set the places at which the outputs of a part are read: in its tail, or from the place
-    `buffer` on if its outputs are published late.
+    """Set the places at which other components read the outputs of a part: where the part writes
+    them, or, if they are published late, in the buffer that begins at the place `buffer`.
     """
     for row in _outputs(part):
         first = part.place(row, 0) if buffer is None else buffer

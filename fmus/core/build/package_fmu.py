@@ -78,7 +78,7 @@ def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
 
 
 def table(rows: list[dict[str, str]]) -> str:
-    """Return an HTML table of variables."""
+    """Return an HTML table of variables; rows: as read_rows() returns them."""
     titles = ("name", "size", "unit", "limits", "start", "description")
     head = "<tr>" + "".join(f"<th>{title}</th>" for title in titles) + "</tr>"
     cells = (
@@ -110,8 +110,8 @@ def opening_comment(source: str) -> str:
 
 
 def equations(comment: str) -> str:
-    """Return the HTML of an opening comment. Lines indented by three blanks are equations. If one
-    of them is not in the notation of typeset.py, the comment is shown as plain text.
+    """Return the HTML of the opening comment of a C file. Lines indented by three blanks are
+    equations. If one is not in the notation of typeset.py, the comment is shown as plain text.
     """
     try:
         return page(comment, indent=3)
@@ -239,7 +239,7 @@ class Files:
         ValueError if the C file has no opening comment.
         """
         description = ElementTree.parse(xml).getroot()
-        identifier = description.attrib["modelName"]  # equals modelIdentifier, see describe.c
+        identifier = description.attrib["modelName"]  # equals modelIdentifier
         others = tuple(f"fmi{number}" for number in "23" if number != fmi)
         sources = [path for path in self.sources if not path.stem.startswith(others)]
         png = picture(description)
@@ -277,7 +277,7 @@ def main() -> None:
     parser.add_argument("--source", type=Path, nargs="+", required=True)
     parser.add_argument("--include", type=Path, nargs="+", required=True)
     parser.add_argument("--provenance", type=Path, help="JSON file: provenance of a system")
-    parser.add_argument("--trace", type=Path, help="reference.csv of FMI-LS-REF")
+    parser.add_argument("--trace", type=Path, help="reference outputs, reference.csv of FMI-LS-REF")
     a = parser.parse_args()
     files = Files(a)
     try:

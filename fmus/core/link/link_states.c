@@ -4,8 +4,8 @@
 #include "link.h"
 
 typedef struct {
-    uint64_t guid; /* CRC of the guid: another FMU rejects the state */
-    uint64_t sum;  /* checksum of the following members and bytes */
+    uint64_t guid; /* CRC of the guid; an FMU with another guid rejects the state */
+    uint64_t sum;  /* checksum of the members from size to bytes */
     uint64_t size; /* bytes of the state of the component */
     uint64_t stepping, behind;
     double start, stop, time, bounded;

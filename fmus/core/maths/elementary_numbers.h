@@ -13,8 +13,8 @@
 #define HALF_PI_1 0x1.921fb54400000p+0 /* pi/2, first 33 bits */
 #define HALF_PI_2 0x1.0b4611a600000p-34 /* pi/2, next 33 bits */
 #define HALF_PI_3 0x1.3198a2e037073p-69 /* pi/2, the rest */
-#define HALF_PI_BITS UINT64_C(0xc90fdaa22168c235) /* pi/2 2^63 */
-/* 2/pi in words of 32 bits, three zero words before the point */
+#define HALF_PI_BITS UINT64_C(0xc90fdaa22168c235) /* 2^63 pi/2 */
+/* 2/pi in words of 32 bits: three words 0 before the binary point, then the fraction */
 static const uint32_t two_over_pi[43] = {
     0x00000000, 0x00000000, 0x00000000, 0xa2f9836e, 0x4e441529, 0xfc2757d1, 0xf534ddc0,
     0xdb629599, 0x3c439041, 0xfe5163ab, 0xdebbc561, 0xb7246e3a, 0x424dd2e0, 0x06492eea,
@@ -41,7 +41,7 @@ static const double cosine_terms[6] = {
     -0x1.8fa4999513039p-37};
 #define PI_1 0x1.921fb54442d18p+1 /* pi, the nearest multiple of 2^-51 */
 #define PI_2 0x1.1a62633145c07p-53 /* pi, the rest: PI_1 + PI_2 = pi */
-/* columns: two numbers whose sum is atan(k/64); row k = 1 to 63, row 0 for k = 64 */
+/* columns: two numbers whose sum is atan(k/64) in row k = 1 to 63, atan(1) in row 0 */
 static const double arc_table[64][2] = {
     {0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55},
     {0x1.fff555bbb7280p-7, 0x1.ab77cf18ac803p-55},

@@ -13,7 +13,7 @@
 #include "vec3.h"
 
 enum { MOST_ROWS = 26, ALL_SATISFIED = -1 };
-#define END_OF_LINE 1e30 /* limit of the parameter of a line that no half space bounds */
+#define END_OF_LINE 1e30 /* largest |s| on a line from + s along that nothing bounds */
 
 typedef struct {
     vec3 n; /* unit normal */
@@ -52,7 +52,8 @@ static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double
     *u = p;
     for (int j = 0; j < before; j++) {
         if (!excludes(&row[j], *u, tol)) continue;
-        vec3 h = sub(row[j].n, scale(dot(n, row[j].n), n)); /* in the plane, towards row j */
+        /* direction in the plane of row `before` towards the half space of row j */
+        vec3 h = sub(row[j].n, scale(dot(n, row[j].n), n));
         double square = dot(h, h);
         if (square < 1e-12) return 0;
         vec3 from = add(p, scale((row[j].c - dot(row[j].n, p)) / square, h));
@@ -63,7 +64,7 @@ static inline int nearest_on_plane(const Row row[], int before, vec3 u_0, double
 
 /* (21) of docs/models.md M.5: sets u to the point nearest to u_0 that satisfies the first `number`
  * rows. Returns ALL_SATISFIED, or the index of the first row that no point satisfies together with
- * the rows before it. */
+ * the rows before it. A row counts as satisfied if it is violated by at most tol. */
 static inline int nearest_point(const Row row[], int number, vec3 u_0, double tol, vec3 *u)
 {
     *u = u_0;

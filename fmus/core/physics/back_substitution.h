@@ -15,8 +15,8 @@
 #include "mat3.h"
 #include "moving_parts.h"
 
-/* inertia I of (4) about S. The parts as points give the sum of mass (r.r 1 - r r^T), which is
- * tr(Q) 1 - Q with Q = sum mass r r^T. */
+/* inertia I of the vehicle about S, (4) of docs/models.md L. Each part as a point mass at r adds
+ * mass (r.r 1 - r r^T); the sum over the parts is tr(Q) 1 - Q with Q = sum mass r r^T. */
 static inline sym3 inertia_about_S(const Vehicle *v, const Placement *at)
 {
     sym3 I = v->I_fixed, Q = sym_diagonal(0, 0, 0);
@@ -57,7 +57,7 @@ static inline void set_effective_inertia(EffectiveInertia *effective, const Vehi
     effective->I = I, effective->U = U, effective->V = V, effective->W = W;
 }
 
-/* V^T X, which is symmetric as X = K V with a symmetric K */
+/* V^T X for X = K V with a symmetric K, so that the product is symmetric */
 static inline sym3 congruence(mat3 V, mat3 X)
 {
     return sym_add(upper(V.row[0], X.row[0]),
@@ -65,7 +65,7 @@ static inline sym3 congruence(mat3 V, mat3 X)
 }
 
 /* acceleration A of the hub at S and alpha under a load: A = U^-1 (force - V alpha),
- * (W - V^T U^-1 V) alpha = moment - V^T U^-1 force; held = 1: alpha = 0 */
+ * (W - V^T U^-1 V) alpha = moment - V^T U^-1 force; held = 1: frozen attitude, alpha = 0 */
 static inline Acceleration acceleration(const EffectiveInertia *x, vec3 force, vec3 moment,
                                         int held)
 {
@@ -91,17 +91,19 @@ static inline vec3 tidal_acceleration(const TidalField *f, vec3 x)
     return scale(f->g, sub(scale(3 * dot(f->n, x), f->n), x));
 }
 
-/* gravity-gradient torque M_gg = 3 g n x (I_C n),   I_C = I - m (c.c 1 - c c^T) */
+/* gravity-gradient torque M_gg = 3 g n x (I_C n),   I_C = I - m (c.c 1 - c c^T)
+ * I, I_C: inertia about S and about the centre of mass c; m: mass of the vehicle */
 static inline vec3 tidal_torque(const TidalField *f, const Placement *at, const sym3 *I)
 {
     sym3 I_C = sym_sub(*I, point_inertia(at->m, at->c));
     return scale(3 * f->g, cross(f->n, sym_mul(I_C, f->n)));
 }
 
-/* Q_k/M_k: acceleration of the coordinate of one part by the tidal field. For a panel with inertia
- * I_i, diagonal in the axes e (along the panel), a (hinge) and t, the gravity-gradient torque about
- * the hinge, 3 g a.(n x I_i n) = 3 g (I3 - I1) (n.e)(n.t), divided by M_k = I_h, is the second
- * term; asymmetry = (I1 - I3)/I_h. */
+/* Q_k/M_k: acceleration of the coordinate of one part by the tidal field. `pull` is the effect of
+ * the field on the centre of mass of the part. A panel adds the gravity-gradient torque about its
+ * hinge, 3 g a.(n x I_i n) = 3 g (I3 - I1) (n.e)(n.t), divided by M_k = I_h. I_i: inertia of the
+ * panel, with the moments I1, I2, I3 along e (along the panel), a (hinge) and t = a x e;
+ * asymmetry = (I1 - I3)/I_h. */
 static inline double tidal_part_acceleration(const TidalField *f, const PlacedPart *x, vec3 c)
 {
     double pull = x->part->P_size * dot(x->t, tidal_acceleration(f, sub(x->r, c)));
@@ -112,13 +114,17 @@ static inline double tidal_part_acceleration(const TidalField *f, const PlacedPa
 /* ---- (6): loads and accelerations caused by velocities, springs, dampers and the tidal field, for
  * a hub that does not accelerate ---- */
 typedef struct {
-    vec3 F, M;       /* force and moment on the hub: N_F + sum g_k p_k, N_M + sum g_k l_k */
+    /* force N_F + sum g_k p_k and moment N_M + sum g_k l_k on the hub; N_F, N_M: terms of the
+     * rates q_k' */
+    vec3 F, M;
     double g[PARTS]; /* accelerations q_k'' of the parts if A = alpha = 0 */
 } BiasTerms;
 
-/* A part contributes the force b + g p = md (g t + 2 q' w x t - q'^2 e), at its position r, to F
- * and M. md: factor in p = md t, for a panel mu d: its mass mu times the distance d of its centre
- * of mass from the hinge. For a panel, as r = r_H + d e and I_i is diagonal in axes e, a, t,
+/* A part at r adds the force b + g p = md (g t + 2 q' w x t - q'^2 e) to F and its moment about S
+ * to M; the term with e is 0 for a slosh mass. md: factor in p = md t, for a panel mu d: its mass
+ * mu times the distance d of its centre of mass from the hinge at r_H. For a panel the code uses
+ * the right sides of these identities, which hold because r = r_H + d e and I_i is diagonal in the
+ * axes e, a, t:
  *   (I1 - I3 - mu d^2)(w.e)(w.t) - mu d t.(w x (w x r_H))
  *     = (I1 - I3)(w.e)(w.t) - mu d t.(w x (w x r)),
  *   I_i (w x a) + a x (I_i w) + I2 w x a = (I1 + I2 - I3)(w.t) e - (I2 + I3 - I1)(w.e) t */
