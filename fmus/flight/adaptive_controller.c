@@ -83,8 +83,8 @@ static const Variable variables[] = {
     NONNEGATIVE(Gamma_m, "kg.s2/m2", "adaptation gain of the mass estimate"),
     POSITIVE(m_hat_0, "kg", "start value of the mass estimate"),
     NONNEGATIVE(K_att, "N.m",
-                "attitude gain, per body axis; if equal, the Lyapunov function has no jump at MRP "
-                "switches"),
+                "attitude gain per body axis; if equal for all axes, the Lyapunov function has no "
+                "jump at MRP switches"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
     NONNEGATIVE(Gamma_eta, "kg.m2.s2",
                 "adaptation gains of the inertia estimates, order of eta_hat"),
@@ -101,7 +101,7 @@ static const Variable variables[] = {
                 "projection: largest change of the off-diagonal body inertia estimates"),
     NONNEGATIVE(A_offdiag_max, "kg.m2",
                 "projection: largest change of the off-diagonal wheel inertia estimates"),
-    SWITCH(damping_in_regressor, "1: P e2 is part of the regressor of the mass estimate"),
+    SWITCH(damping_in_regressor, "1: P_rho e2_H is part of the regressor of the mass estimate"),
     NONNEGATIVE(wheel_rest, "rad/s",
                 "the inertia estimates are constant while a wheel is at least this fast; 0: never"),
     SAMPLE_PERIOD,
@@ -196,8 +196,9 @@ static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gai
     for (int i = 0; i < 6; i++) estimate->v[i] += period * p->Gamma_scale * gain->v[i] * Wt_dw.v[i];
 }
 
-/* true if a wheel is at least wheel_rest fast, near its limit of speed: it may then not follow its
- * command, and the attitude error carries no information about the inertias */
+/* true if the speed of a wheel has reached wheel_rest, which is set near the speed limit of the
+ * wheels. A wheel at its limit may not follow its command, so that the attitude error carries no
+ * information about the inertias. */
 /* A.5-4 */
 static int is_at_limit(const Parameters *p, vec3 wheel_speed)
 {

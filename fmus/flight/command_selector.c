@@ -88,7 +88,7 @@ static const Variable variables[] = {
     POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     NONNEGATIVE_AS("unload_on", unload.on, "1",
                    "unloading begins at this share of wheel_speed_max off wheel_speed_ref "
-                   "(in law 1 needs far_wheels = 1)"),
+                   "(law 1: only if far_wheels = 1)"),
     NONNEGATIVE_AS("unload_off", unload.off, "1",
                    "unloading ends at this share of wheel_speed_max off wheel_speed_ref "
                    "(laws 1 to 3)"),
@@ -122,9 +122,9 @@ static const Variable variables[] = {
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
     OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),
     MODE(force_law,
-         "source of the commanded force, none in law 4 (stack); an invalid selection is rejected",
+         "source of the commanded force, none in law 4 (stack); error if select_force is invalid",
          "none|far|close|sync|none|retreat|optimal"),
-    MODE(torque_law, "source of the commanded torque; an invalid selection is rejected",
+    MODE(torque_law, "source of the commanded torque; error if select_torque is invalid",
          "none|far|close|sync|stack"),
     FLAG(wheels_unloading, "1: the wheels are unloaded in laws 1 to 3"),
 };
@@ -147,8 +147,8 @@ static vec3 relay_torque(const Parameters *p, const double th[])
     return times(p->relay_torque, engines);
 }
 
-/* number of the law nearest to the input value; -1: there is no such law, and the rule of the
- * output rejects -1 */
+/* number of the law nearest to the input value; -1 if there is no such law: -1 violates the range
+ * of the outputs force_law and torque_law, so that the step fails */
 /* J.5-6 */
 static int selection(double value, int count)
 {
@@ -168,10 +168,10 @@ static int may_unload(const Parameters *p, int torque)
     return torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
 }
 
-/* true if the wheels are to be unloaded, by the thresholds of their speed. While `prepare` is 1 the
- * result is false: afterwards unloading begins at unload_on only, and the wheels retain their bias.
- * In law 1 the wheels have no other task and are unloaded whenever they are above unload_off,
- * unless they turn the body (far_wheels). */
+/* true if the speeds of the wheels require unloading by the thresholds unload_on and unload_off.
+ * While `prepare` is 1, when the caller unloads anyway, the result is false: so the wheels retain
+ * their bias afterwards, until one exceeds unload_on. In law 1 the wheels have no other task and
+ * are unloaded whenever they are above unload_off, unless they turn the body (far_wheels). */
 /* J.5-4 */
 static double unloading_active(const Parameters *p, const Input *u, int torque, double before)
 {
@@ -196,7 +196,8 @@ static Command selected_command(const Parameters *p, const Input *u, int force, 
                      W[torque > 0 ? torque : NONE]};
 }
 
-/* adds opposite torques of thrusters and wheels, whose sum on the body is 0 */
+/* the command `now` plus, if `on`, the unloading: opposite torques of thrusters and wheels, whose
+ * sum on the body is 0 */
 /* J.5-5 */
 static Command with_unloading(const Parameters *p, const Input *u, double on, Command now)
 {

@@ -69,7 +69,7 @@ static const Model start = {
 
 static const Variable variables[] = {
     SWITCH(law, "speed law of the guidance: 0 scalar (Kd_v acts on the servicer speed), 1 "
-                "vector (on e_v)"),
+                "vector (Kd_v acts on e_v)"),
     NONNEGATIVE(Kp_v, "1", "gain of the speed error"),
     NONNEGATIVE(Kd_v, "s", "gain of the derivative of the speed error"),
     NONNEGATIVE(rho1, "m/s", "value of the switching function at which translation switches off"),

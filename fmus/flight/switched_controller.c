@@ -103,7 +103,7 @@ static const Variable variables[] = {
     OUTPUT(q_SD, "1", "attitude of the servicer relative to its reference, scalar first"),
     MODE(phase, "phase of the approach", "|thrust 1|thrust 2|thrust 3|passive"),
     FLAG(approaching,
-         "1: the phase is the last one with thrust (0: an earlier phase, passive, or not active)"),
+         "1: the last phase with thrust (0: an earlier phase, passive, or the input active is 0)"),
 };
 
 /* H.1-6 */

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: capture by arm, which is the Mission of an approach with additional figures, metrics,
-claims and a plan for the arm.
+"""Mission of a capture by arm: the Mission of an approach with additional figures, metrics, claims
+and a plan for the arm.
 """
 
 from __future__ import annotations

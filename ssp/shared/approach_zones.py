@@ -61,8 +61,8 @@ def zones(
 
 
 def _zones(result: Result, states: Scene) -> Iterator[Scene]:
-    """Yield the keep-out zone of the monitor; without a zone, a sphere with the distance at which
-    the guidance holds the servicer.
+    """Yield the keep-out zone of the monitor; without a zone, a sphere about the target, whose
+    radius is the distance at which the guidance holds the servicer, if this is not 0.
     """
     names = [f"monitor.{n}" for n in ("keep_out_shape", "keep_out_half", "keep_out_axes")]
     if result.holds(parameters=names) and result.parameter(names[0]) > 0:
@@ -110,8 +110,9 @@ def _corridor(result: Result, states: Scene) -> Iterator[Scene]:
 
 
 def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
-    """Return the name of the array with the state of a rule, which is the worst state (VIOLATED,
-    else HOLDS, else 0) from one instant of the replay to the next.
+    """Store an array with the state of a rule at the instants of the replay, and return the name of
+    the array. Each element is the worst state (VIOLATED, else HOLDS, else 0) from its instant until
+    before the next.
     """
     name = rule.history
     text = f"{VIOLATED} * ({name} < 0) + {HOLDS} * ({name} >= 0) * ({name} < {RESTING})"
@@ -120,7 +121,7 @@ def _state(result: Result, rule: Rule, rows: Rows, arrays: Arrays) -> str:
 
 def _states(result: Result, rows: Rows, arrays: Arrays) -> Scene:
     """Return, by the name of each rule of the monitor, a scene with the entry `state`: the name of
-    the array that contains the state of the rule in every row.
+    the array that contains the state of the rule at every instant of the replay.
     """
     known = (rule for rule in RULES if rule.history in result)
     return {rule.name: {"state": _state(result, rule, rows, arrays)} for rule in known}
@@ -152,7 +153,8 @@ def overall(label: str, result: Result, rows: Rows, arrays: Arrays) -> list[Scen
     """Return a list with one rule that represents all rules of a run, for a replay of several runs.
 
     The rule is violated where any rule is violated, and its text names the violated one. It does
-    not apply where no rule applies.
+    not apply where no rule applies. The list is [] if the run has no rules. label: label of the
+    run, which is the name of the returned rule.
     """
     if FIRST not in result:
         return []

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problems whose optimum is the least impulse of an approach, see least_impulse.
+"""Convex problems whose optimum is the least impulse of an approach (`harness bound`).
 
-Every constraint is linear or a cone, with data from the run: path and attitude of the target,
-attitude of the servicer with its thrusters. A requirement that is not convex is replaced by a
-stricter convex one.
+Every constraint is linear or a second-order cone, with data from the run: path and attitude of the
+target, attitude of the servicer with its thrusters. A requirement that is not convex is replaced by
+a stricter convex one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def bound(
     stated: Callable[[Result, float], Problem],
     grid: float = 2.0,
 ) -> Bound:
-    """Return the Bound, which computes least impulses, of an approach with ideal propulsion.
+    """Return the Bound of an approach with ideal propulsion: the definition of its least impulse.
 
     needs: variables of the problem besides BODIES and IMPULSE; parameters: parameters of the
     problem; stated: function of a result and a time step [s] that returns the convex problem of the
@@ -76,8 +76,8 @@ def axes(q: Array) -> Array:
 
 def gradient(result: Result, r: Array) -> Array:
     """Return the gradient (n, 3, 3) [1/s2] of the gravity of the plants (point mass and J2) at
-    positions r (n, 3), by central differences over 1 m. Their error is far below the error of the
-    linearized motion.
+    positions r (n, 3), by central differences with steps of 1 m. Their error is far below the
+    error of the linearized motion.
     """
     mu, R, J2 = (float(result.parameter(f"target.{name}")) for name in ("mu", "R_E", "J2"))
     J2 *= float(result.parameter("target.use_J2"))
@@ -102,8 +102,8 @@ def hill(r: Array, v: Array) -> tuple[Array, Array]:
 
 
 def disturbance(result: Result, time: Array, hill_axes: Array) -> Array:
-    """Return the disturbing acceleration that the parameters of the servicer state, in N axes (n,
-    3) [m/s2].
+    """Return the disturbing acceleration at instants `time` (n,), which the parameters `a_dist` of
+    the servicer define, in N axes (n, 3) [m/s2]; hill_axes: matrices C_NH (n, 3, 3).
     """
     bias, amplitude, frequency, phase = (
         np.asarray(result.parameter(f"servicer.a_dist.{name}"))
@@ -138,7 +138,8 @@ def problem(result: Result, step: float, box: Array) -> Problem:
     )
 
 
-# ---- constraints on the position rho from the target, at the grid points where `mask` is true
+# ---- constraints on the position rho from the target, at the grid points where `mask` is true.
+# The time grid of the problem has n + 1 points; name: name of the constraint.
 
 
 def _part(mask: Mask, *arrays: Array) -> tuple[Rows, list[Array]]:
@@ -147,8 +148,8 @@ def _part(mask: Mask, *arrays: Array) -> tuple[Rows, list[Array]]:
 
 
 def about(name: str, mask: Mask, axis: Array, half_angle: float) -> Cone:
-    """Return the constraint that rho is inside the cone with its apex at the target, unit axis (n +
-    1, 3) and half angle [rad].
+    """Return the constraint that rho is inside the cone with its apex at the target; axis: unit
+    vectors (n + 1, 3); half_angle: [rad].
     """
     nodes, (a,) = _part(mask, axis)
     across = EYE - a[:, :, None] * a[:, None, :]
@@ -175,7 +176,7 @@ def within(name: str, mask: Mask, centre: Array, radius: float) -> Cone:
 
 
 def beside(name: str, mask: Mask, axis: Array, most: float) -> Cone:
-    """Return the constraint that rho is at most `most` [m] from the axis through the target with
+    """Return the constraint that rho is at most `most` [m] from the axis through the target; axis:
     unit vectors (n + 1, 3).
     """
     nodes, (a,) = _part(mask, axis)
@@ -185,7 +186,7 @@ def beside(name: str, mask: Mask, axis: Array, most: float) -> Cone:
 
 
 def between(name: str, mask: Mask, axis: Array, least: float, most: float) -> Cone:
-    """Return the constraint least <= axis . rho <= most; axis: unit vectors (n + 1, 3)."""
+    """Return the constraint least <= axis . rho <= most [m]; axis: unit vectors (n + 1, 3)."""
     nodes, (a,) = _part(mask, axis)
     middle, half = (
         np.full((len(nodes), 1), (least + most) / 2),
@@ -196,7 +197,7 @@ def between(name: str, mask: Mask, axis: Array, least: float, most: float) -> Co
 
 
 def target_axis(result: Result, time: Array, axis: Array) -> Array:
-    """Return the directions in N axes (n + 1, 3), at the instants `time`, of the vector `axis` (3,)
-    that is fixed in the target.
+    """Return the directions in N axes (n, 3), at instants `time` (n,), of the vector `axis` (3,),
+    which is fixed in the target and given in target axes.
     """
     return np.asarray(axes(quaternions(result, BODIES[2], time)) @ axis)

@@ -92,7 +92,7 @@ class PhaseOptimum(NamedTuple):
 
 
 NOTHING = 1e-6
-"""Velocity increment below which an optimum counts as 0, far below the solver's accuracy [m/s]."""
+"""Velocity increment below which an optimum counts as 0 [m/s]."""
 
 
 @dataclass(frozen=True)

@@ -210,8 +210,8 @@ def code(path: Path) -> str:
 
 def bare(path: Path) -> str:
     """Return the tokens of a source, with one blank between two tokens, and each preprocessor
-    directive in a line of its own. Comments are left out, and `""` stands for every string literal,
-    also for several in a row: descriptions and messages do not change what a model computes.
+    directive in a line of its own. Comments are left out, and `""` replaces a string literal or
+    several in a row: descriptions and messages do not change what a model computes.
     """
     comment = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"', re.DOTALL)
     text = comment.sub(lambda m: '""' if m[0].startswith('"') else " ", path.read_text())

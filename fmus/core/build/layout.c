@@ -1,11 +1,12 @@
 /* layout.c - host tool: prints the memory layout and interface of the models that it is linked
- * with, for fuse.py.
+ * with, as text that fuse.py and c_api.py read.
  *
- * parts.inc lists the models as MODEL(symbol). A model gives one line with its symbol, number of
- * doubles of its memory and of its workspace, index of the first double of inputs, states, outputs;
- * then one line with the start values of its parameters and inputs, and one line per variable:
- * causality, index of the first double, size, columns, rule, kind, unit, name, text, names of the
- * values of a mode. Columns are separated by tabs. */
+ * parts.inc lists the models as MODEL(symbol). A model gives one line "model" with its symbol,
+ * number of doubles of its memory and of its workspace, index of the first double of inputs,
+ * states, outputs; then one line "start" with the start values of its parameters and inputs, and
+ * one line "row" per variable: causality, index of the first double, size, columns, rule, kind,
+ * unit, name, description, names of the values of a mode. Causality, rule and kind are numbers of
+ * the enumerations in fmu.h. Columns are separated by tabs. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 

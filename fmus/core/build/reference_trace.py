@@ -18,8 +18,8 @@ MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
 def reference_files(trace: bytes) -> dict[str, bytes]:
     """Return the files of the standard, as bytes by name, for a trace (CSV with the outputs).
 
-    An empty trace gives {}: with unconnected inputs, outputs of this FMU violate their declared
-    range, so that there is no trace to publish.
+    Return {} if the trace is empty. It is empty for an FMU whose outputs violate their declared
+    range with unconnected inputs, and without the option --trace of package_fmu.py.
     """
     if not trace:
         return {}

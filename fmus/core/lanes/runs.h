@@ -9,7 +9,7 @@
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
-#define STRETCH 64 /* most macro steps between two saves, repeated after a split */
+#define STRETCH 64 /* most macro steps between two saves of the memory, see performed() */
 
 using lanes::Mask;
 using lanes::Vector;
@@ -39,7 +39,7 @@ typedef struct {
     const unsigned *reference;       /* value references of the recorded outputs */
     scalar::Snapshot *const *states; /* state of each run: loaded by begin(), stored by end() */
     double *const *tables;           /* table of the recorded rows of each run */
-    int64_t done, lost;              /* macro steps completed; bits of the lost runs, see above */
+    int64_t done, lost;              /* macro steps completed; bit i is 1 if run i is lost */
     double now;                      /* s; time of all runs */
     Work *work;
 } Runs;
@@ -51,7 +51,7 @@ static Mask satisfying(const Ruled *r)
     return r->flag ? x == 0 || x == 1 : x >= r->low && x <= r->high;
 }
 
-/* bits of the runs in which a state or output is rejected */
+/* bits of the runs in which an output violates its rule, or a state or output is not finite */
 static int rejected(const Runs *r)
 {
     Mask valid(true);
@@ -85,11 +85,11 @@ static void list_ruled(Work *w, const scalar::Variable *rows, size_t count)
                     scalar::highest(v->rule), (bool)scalar::is_flag(v->rule)};
 }
 
-/* ---- functions of the library ---- */
+/* ---- exported functions ---- */
 EXPORT const int width = WIDTH;
 
-/* allocates the memory and loads the states of the runs, all after the same number of macro
- * steps; false: out of memory */
+/* allocates the memory and loads the states of the runs, which all have completed the same number
+ * of macro steps; false: out of memory */
 EXPORT bool begin(Runs *r)
 {
     Work *w = r->work = (Work *)aligned_alloc(alignof(Work), sizeof(Work));
@@ -152,8 +152,8 @@ static void perform(Runs *r, int64_t last)
     }
 }
 
-/* performs macro steps up to `last`; false: they have to be repeated, see step_in_lanes() in
- * lanes.h */
+/* performs macro steps up to `last`; false: the lanes differ in a decision of a component for the
+ * first time (lanes.h), so that the caller has to restore the saved memory and repeat the steps */
 __attribute__((OPAQUE)) static bool performed(Runs *r, int64_t last)
 {
     if (setjmp(lanes::again)) return false;

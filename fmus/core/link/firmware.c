@@ -36,7 +36,8 @@ static bool write_pipe(void *port, const void *bytes, size_t count)
     return true;
 }
 
-/* ---- instruction counter; in the emulator all instructions take the same time */
+/* ---- instruction counter; in the emulator all instructions take the same time, so that a timer
+ * counts them too */
 #if defined __riscv
 static uint64_t read_counter(
     void) /* instret, read as two halves on rv32 until no carry occurs between the readings */
@@ -56,7 +57,8 @@ static uint64_t read_counter(
 }
 static void start_counter(void) {}
 #else
-/* timer 0 of the MPS2 boards counts down at 25 MHz; an instruction takes 64 ns (-icount shift=6) */
+/* timer 0 of the MPS2 boards counts down at 25 MHz; with the option -icount shift=6 of QEMU an
+ * instruction takes 64 ns */
 typedef struct { volatile uint32_t control, value, reload; } Timer;
 static Timer *const timer = (Timer *)0x40000000;
 
