@@ -5,7 +5,8 @@
  *   beta = alpha + D - n.a                                                                      (9)
  * c: right-hand side; n: unit vector away from the edge of the rule; beta: acceleration that the
  * force must give along n; alpha: least total acceleration along n that the rule needs; a: known
- * acceleration; D: bound on the unknown acceleration; m: mass. docs/models.md M.3 */
+ * acceleration; D: bound on the unknown acceleration; m: mass. Equations (9) to (17):
+ * docs/models.md M.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_ROWS_H
 #define FILTER_ROWS_H
@@ -44,8 +45,8 @@ static inline void add_box(const FilterParameters *p, Rows *rows)
     }
 }
 
-/* (10), (11): adds the row of the keep-out sphere, replaced by its tangent plane in the direction
- * of the servicer; returns the barrier */
+/* (10), (11): adds the row of the keep-out sphere, for the plane that touches the sphere at the
+ * point nearest to the servicer; returns the barrier */
 static inline double add_keep_out(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
     double T_r = p->reaction, falling = dot(g->out, g->g), rate = dot(g->out, g->v);
@@ -62,9 +63,9 @@ static inline double speed_limit(const FilterParameters *p, double range)
     return smaller(p->speed_at_zero + p->speed_slope * range, p->speed_max);
 }
 
-/* (12), (13): speed limit at the range at the end of the sample period in which the force is held,
- * minus terms for velocity gained sideways in this period, for the error of the velocity and for
- * unknown accelerations */
+/* (12), (13): speed limit when the hold of the force ends, after `reaction` and one sample period:
+ * the limit at the least range predicted for this time, minus terms for the velocity gained
+ * sideways in the hold, for the error of the velocity and for unknown accelerations */
 static inline double limit_after_hold(const FilterParameters *p, const Geometry *g, double sideways)
 {
     double T = p->reaction + g->P, closing = smaller(0, dot(g->out, g->v));
@@ -74,8 +75,8 @@ static inline double limit_after_hold(const FilterParameters *p, const Geometry 
 }
 
 /* (14): because of velocity errors of at most g->e_v, a servicer below its speed limit may seem to
- * be 2 g->e_v above the limit. The deceleration for this part may use only the smallest element of
- * F_max divided by sqrt(3), which leaves as much for two other rules. */
+ * be 2 g->e_v above the limit. For such an excess alone the row requires at most `share`, the
+ * smallest element of F_max divided by sqrt(3), so that two other rules can each require as much */
 static inline double speed_force(const FilterParameters *p, const Geometry *g, double beta)
 {
     double share = smaller(p->F_max.x, smaller(p->F_max.y, p->F_max.z)) / sqrt(3.0);
@@ -166,8 +167,8 @@ static inline double add_corridor(const FilterParameters *p, const FilterInput *
     return least;
 }
 
-/* adds the row that limits a force away from the target, whose exhaust meets the target; returns
- * the barrier, which is negative within plume_range */
+/* within plume_range, adds the row that limits the force away from the target, because the exhaust
+ * of such a force meets the target; returns the barrier, which is negative within plume_range */
 static inline double add_plume(const FilterParameters *p, const Geometry *g, Rows *rows)
 {
     if (g->R < p->plume_range) add_row(rows, PLUME, neg(mul(g->C_SN, g->out)), -p->plume_force);

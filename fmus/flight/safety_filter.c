@@ -11,10 +11,12 @@
  * Where no force satisfies all rows, the first row that the rows of higher rank exclude is relaxed,
  * as little as these permit. Rows for the drift are added only where the force found would let the
  * servicer drift into the sphere, at most four times.
- * filter 1: F_cmd_S while it satisfies all rows and the servicer can stop after it, evaluated along
- * the line to the target; else the servicer brakes, until F_cmd_S has been safe for the time
- * `dwell`.
- * filter 2: the same, evaluated along the whole way to the stop.
+ * filter 1: F_cmd_S, cut to the box, while this force is safe: it satisfies all rows, the servicer
+ * can stop after it outside the sphere and inside the corridor, and a drift after it misses the
+ * sphere. Else the backup: the servicer brakes (force 0 if only the drift is unsafe), until F_cmd_S
+ * has been safe for the time `dwell`. For the stop outside the sphere, only the motion along the
+ * line to the target counts.
+ * filter 2: as filter 1, but the whole straight way to the stop must be outside the sphere.
  * filter 0: F_cmd_S unchanged; only the barriers are computed.
  *
  * A force that violates no row passes unchanged, to the last bit. Without a valid state F_cmd_S
@@ -35,7 +37,8 @@ typedef FilterInput Input;
 typedef struct {
     /* slope of the faces of a pyramid inscribed in the corridor: tan(half angle) cos(pi/8) */
     double slope;
-    /* filters 1 and 2: 1 while braking, time for which the command has been safe */
+    /* filters 1 and 2. backup: 1 during the backup; passed: time in the backup for which F_cmd_S
+     * has been safe without interruption [s] */
     double backup, passed;
     double least[BARRIERS];
 } State;
@@ -101,12 +104,12 @@ static int equal(vec3 a, vec3 b) /* equal to the last bit */
            bits_of(a.z) == bits_of(b.z);
 }
 
-/* numerical tolerance of a row */
+/* a row is satisfied if n.u is at least c minus this tolerance [N] */
 static double tolerance(const Parameters *p) { return 1e-9 * norm(p->F_max); }
 
 /* ---- filter 3: the nearest force ---- */
-/* relaxes row i to the largest value that the rows before it permit; a row that fails a second
- * time is dropped */
+/* relaxes row i: reduces its c to the largest n.u that the rows before it permit, less two
+ * tolerances; a row that fails a second time is dropped */
 /* M.5-3 */
 static void relax(const Parameters *p, Rows *rows, int i)
 {
@@ -198,7 +201,7 @@ static vec3 boxed(const Parameters *p, vec3 F)
  * with a corridor, else N; e: bound of the position error */
 typedef struct {
     vec3 x, v;
-    double e, brakes; /* brakes: half the time to the stop */
+    double e, brakes; /* brakes: half the time from v to the stop [s] */
 } Held;
 
 static Held after_hold(const Parameters *p, const Geometry *g, vec3 F)
@@ -245,7 +248,7 @@ static int can_stop(const Parameters *p, const Geometry *g, double slope, vec3 F
     return (!g->sphere || stops_outside(p, &h)) && (!g->corridor || stops_inside(p, g, slope, &h));
 }
 
-/* (25): force that brakes in one hold, scaled down into the box */
+/* (25): force that stops the servicer in one hold, scaled down into the box */
 static vec3 braking(const Parameters *p, const Geometry *g)
 {
     vec3 v = g->corridor ? g->v_T : g->v, a = g->corridor ? g->a_T : g->g, most = p->F_max;
@@ -341,9 +344,9 @@ static State initial_state(const Parameters *p)
     return x;
 }
 
-/* While the initial values of a system are computed, inputs may have any value: this call stores
- * nothing in the state. With sample_period 0 a hold lasts one step, whose length is not known here:
- * F_cmd_S passes unchanged. */
+/* While the initial values of a system are computed, inputs may have any value. Therefore sample()
+ * changes only the copy `first` of the initial state. With sample_period 0 a hold lasts one step,
+ * whose length is not known here: F_cmd_S passes unchanged. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = initial_state(p);

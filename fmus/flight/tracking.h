@@ -135,7 +135,7 @@ typedef struct {
     vec3 x1, x2;
     mat3 C_SN;
     quat q_SD;
-    vec3 wd, wdd, w; /* reference rate and acceleration, rate error; S axes */
+    vec3 wd, wdd, w; /* angular rate and acceleration of the reference, rate error; S axes */
 } TrackingError;
 
 static inline TrackingError tracking_error(double up, const TrackingInput *u)

@@ -6,7 +6,7 @@
  * only, in working memory of fixed size that is separate from the model and no part of its state.
  * The state contains the nodes of the history and the total momentum at the nodes. Published at a
  * sample: attitude, rate and acceleration of the history, the momentum h that the gyros will have,
- * and its mean rate over the coming sample,
+ * and its mean rate dh over the coming sample,
  *
  *   h = C_DN H_N - (J_A omega + h_m),   H_N = H_N(t_k) + integral(C_ND tau) from node t_k,
  *   dh = (h(t+T) - h(t))/T,
@@ -14,9 +14,10 @@
  * the integral by two-point Gauss quadrature with 16 steps per node interval, so that a controller
  * with the same model follows h within 1e-6 of the saturation momentum. D: reference axes of the
  * base; J_A, h_m, tau: assembly.h; T: sample period. Outside the time window of the plan the
- * reference is the flight attitude and h is constant. If no history satisfies the limits, the
- * reference is the flight attitude, with a status and an alarm. Source: patent CN106020225A,
- * corrected (docs/models.md E). */
+ * reference is the flight attitude and h is constant. Where the coming sample is not within the
+ * window, and with T = 0, dh is the rate of h that gives the base the acceleration of the reference
+ * at this instant. If no history satisfies the limits, the reference is the flight attitude, with a
+ * status and an alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"

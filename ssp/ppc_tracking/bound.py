@@ -19,8 +19,8 @@ from ..shared.convex import Cone, Problem
 BOX, AXIS, HOVER = "propulsion.F_max", "guidance.p_T", "guidance.rho_f"
 LAW = ("monitor.speed_at_zero", "monitor.speed_slope")
 BAND, LEAST = 0.5, 19.0
-"""Largest distance from the hovering point after the arrival, and least range [m], as in
-system.toml.
+"""Largest distance from the hovering point after the arrival, and least distance from the target
+after the start [m], as in the requirements of system.toml.
 """
 
 

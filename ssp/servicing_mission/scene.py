@@ -43,6 +43,8 @@ def _events(result: Result) -> list[dict[str, object]]:
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     """Return the parts and values that the replay adds to an approach: probe and drogue or the arm,
     phase, latch, contact force, events; None for a result of another mission.
+
+    rows: instants of the replay; arrays: arrays of the page, to which time series are added.
     """
     if not result.holds(*NEEDS, LOAD, parameters=(*DOCKING, ISP)):
         return None

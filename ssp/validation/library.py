@@ -127,7 +127,7 @@ class Library:
 
 def run_system(name: str, *, every: int = 1, **changes: Any) -> Result:
     """Simulate a system of the project and return the result; every: macro steps per row; changes:
-    as for run().
+    keys of harness.master.changes.Changes, such as params.
     """
     with load(name) as system:
         return simulate(apply(system, **changes), every=every)

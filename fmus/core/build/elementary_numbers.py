@@ -248,10 +248,11 @@ def logarithms() -> list[str]:
         rows.append([float(inverse), *parts(-mp.log(inverse), -42)])
     bound = 2.0**-8 + 2.0**-19
     return [
-        f"#define LEAST_Z UINT64_C(0x{LEAST_Z:016x}) /* bits of the least z in logarithm() */",
+        f"#define LEAST_Z UINT64_C(0x{LEAST_Z:016x}) "
+        "/* bits of the least z, x = 2^n z in logarithm() */",
         constant("LN_2_1", high, "ln 2, first 42 bits"),
         constant("LN_2_2", low, "ln 2, the rest: LN_2_1 + LN_2_2 = ln 2"),
-        array("log_table", rows, "columns: 1/c in 20 bits, then two numbers whose sum is ln c"),
+        array("log_table", rows, "columns: 1/c in 20 bits, ln c in two parts; c: see logarithm()"),
         polynomial(
             "log_terms",
             remez(

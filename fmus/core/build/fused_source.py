@@ -17,8 +17,8 @@ def number(value: float) -> str:
 
 
 def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
-    """Yield copies (place to copy from, place to copy to, count) that have the effect of the copies
-    `pairs` (from, to) of single doubles: neighbouring doubles are copied together.
+    """Yield copies (place to copy from, place to copy to, count) that replace the copies `pairs`
+    (from, to) of single doubles: neighbouring doubles are copied together.
     """
     last: list[int] = []
     for start, to in sorted(pairs, key=lambda pair: pair[1]):
@@ -33,7 +33,9 @@ def runs(pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int, int]]:
 
 
 Transfer = tuple[int, int, int, float, float]
-"""Copy of consecutive doubles: place to copy from, place to copy to, count, factor, offset."""
+"""Copy of consecutive doubles in the memory of the system: place to copy from, place to copy to,
+count, factor, offset. A place is the index of a double; a copied value is factor value + offset.
+"""
 
 
 def driven(whole: Whole, part: Part) -> list[Transfer]:
@@ -57,8 +59,8 @@ def driven(whole: Whole, part: Part) -> list[Transfer]:
 
 
 def late(part: Part) -> list[Transfer]:
-    """Return the copies that publish the outputs of a part if a later action of the schedule than
-    its step publishes these outputs; otherwise [].
+    """Return the copies that publish the outputs of a part if the schedule publishes them not in
+    the step of the part but in a later action; otherwise [].
     """
     if not part.late:
         return []

@@ -68,7 +68,7 @@ fmi2Status send_pending(Link *l)
 fmi2Status read_missing(Link *l)
 {
     if (l->client.outstanding && !any_entry(l, needs_value))
-        return fmi2OK; /* the master reads the old outputs until the late answer arrives */
+        return fmi2OK; /* no request: until the late answer arrives, the master reads old outputs */
     fmi2Status status = send_pending(l);
     if (status > fmi2Warning || !any_entry(l, needs_value)) return status;
     unsigned outcome = finish_late_answer(l);

@@ -76,7 +76,8 @@ static inline uint64_t sum(uint32_t head, uint64_t m, Significand n)
     return rounded(head, m >> 1, (uint32_t)m << 31 | n.rest >> 1 | (n.rest & 1));
 }
 
-/* bits of the double after m is shifted until its leading one is at bit 52, or until e = 1 */
+/* bits of the double with head and significand m, after m is shifted to the left until its leading
+ * one is at bit 52, or until the exponent e of the head is 1 */
 static uint64_t normalised(uint32_t head, uint64_t m)
 {
     if (m == 0) return 0;
@@ -99,7 +100,7 @@ static inline uint64_t difference(uint32_t head, uint64_t m, Significand n)
     return normalised(head - ONE, m);
 }
 
-/* sum if a number is NaN or infinite, or if the smaller number is zero; not inlined, because its
+/* bits of a + b with |a| >= |b| if a is NaN or infinite, or if b is zero; not inlined, because its
  * registers would cost time in all other cases */
 static __attribute__((noinline)) uint64_t special_sum(uint64_t a, uint64_t b)
 {
@@ -145,11 +146,11 @@ static inline uint32_t reciprocal(uint32_t d)
     return r;
 }
 
-/* m / n for n <= m < 2 n to 54 bits and a sticky bit, as two digits of 27 bits; the leading one of
- * n is bit 52 */
+/* the first 54 bits of m / n for n <= m < 2 n, computed as two digits of 27 bits; *sticky: whether
+ * a remainder is left; the leading one of n is bit 52 */
 static inline uint64_t digits(uint64_t m, uint64_t n, bool *sticky)
 {
-    /* - 2: r is never too large, although n is truncated */
+    /* - 2, so that r is never too large, although n is truncated */
     uint32_t r = reciprocal((uint32_t)(n >> 21)) - 2;
     uint32_t first = upper_product((uint32_t)(m >> 22), r) >> 4;
     m = (m << 26) - n * first;

@@ -272,10 +272,10 @@ static const double expm1_terms[9] = {
     0x1.71de3914c652fp-19,
     0x1.27fc39a266729p-22,
     0x1.ae86cf977fd7ep-26};
-#define LEAST_Z UINT64_C(0x3fe5f00000000000) /* bits of the least z in logarithm() */
+#define LEAST_Z UINT64_C(0x3fe5f00000000000) /* bits of the least z, x = 2^n z in logarithm() */
 #define LN_2_1 0x1.62e42fefa3800p-1 /* ln 2, first 42 bits */
 #define LN_2_2 0x1.ef35793c76730p-45 /* ln 2, the rest: LN_2_1 + LN_2_2 = ln 2 */
-/* columns: 1/c in 20 bits, then two numbers whose sum is ln c */
+/* columns: 1/c in 20 bits, ln c in two parts; c: see logarithm() */
 static const double log_table[128][3] = {
     {0x1.745d200000000p+0, -0x1.7fafbbbd81000p-2, -0x1.37dbf1fb69c39p-47},
     {0x1.7242800000000p+0, -0x1.79e25087cf000p-2, -0x1.dd63e60093582p-44},

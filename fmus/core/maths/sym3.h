@@ -1,5 +1,5 @@
-/* sym3.h - symmetric 3x3 matrices, stored as six elements: inertias, sums of a a^T, their
- * inverse. */
+/* sym3.h - symmetric 3x3 matrices, stored as six elements: sums, products, inverse, inertia of a
+ * point mass, sums of a a^T. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SYM3_H
 #define SYM3_H
@@ -41,7 +41,8 @@ static inline sym3 point_inertia(double mass, vec3 r)
     return sym_sub(sym_diagonal(size, size, size), dyad(mass, r));
 }
 
-static inline sym3 sym_inverted(sym3 m) /* by cofactors; m regular */
+/* inverse of the matrix m, which must be regular, by cofactors */
+static inline sym3 sym_inverted(sym3 m)
 {
     double xx = m.yy * m.zz - m.yz * m.yz, xy = m.xz * m.yz - m.xy * m.zz,
            xz = m.xy * m.yz - m.xz * m.yy, k = 1 / (m.xx * xx + m.xy * xy + m.xz * xz);
@@ -49,7 +50,7 @@ static inline sym3 sym_inverted(sym3 m) /* by cofactors; m regular */
                   k * xz, k * (m.xy * m.xz - m.xx * m.yz)};
 }
 
-/* elements of a matrix that is symmetric up to rounding errors; mat_of() is the inverse */
+/* elements of a matrix that is symmetric up to rounding errors; mat_of() converts them back */
 static inline sym3 sym_of(mat3 m)
 {
     return (sym3){m.row[0].x,

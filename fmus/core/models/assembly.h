@@ -157,8 +157,8 @@ typedef struct {
     vec3 omega, domega; /* relative to N, body axes */
 } BaseMotion;
 
-/* rate and acceleration of the base along eps(t): omega = C_So omega_orb + w, w = 2 (eta
- * eps' - eps x eps' - eta' eps), eta = sqrt(1 - eps.eps) */
+/* attitude, rate and acceleration of the base along eps(t): omega = C_So omega_orb + w, w = 2 (eta
+ * eps' - eps x eps' - eta' eps), eta = sqrt(1 - eps.eps); omega_orb: rate of the orbital frame o */
 static inline BaseMotion base_motion(const Assembly *a, Motion eps)
 {
     double eta = sqrt(1 - dot(eps.x, eps.x)), deta = -dot(eps.x, eps.d) / eta;

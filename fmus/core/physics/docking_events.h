@@ -52,8 +52,8 @@ static inline int in_latch_window(const DockingParameters *p, int armed, const P
            norm(s->w) <= p->latch_rate && !touch->too_deep;
 }
 
-/* updates the state of the latch window. Soft capture needs a normal force of trip_force in the
- * window: a probe that is too slow bounces off. */
+/* updates the state of the latch window. Soft capture needs a normal force of at least trip_force
+ * in the window: a probe that is too slow bounces off. armed: 0: the window stays closed */
 static inline void update_latch_window(const DockingParameters *p, int armed, MechanismState *x,
                                        const PortState *s, double t)
 {

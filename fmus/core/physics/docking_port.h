@@ -1,5 +1,6 @@
-/* docking_port.h - probe and drogue: relative motion of the ports, contact in a cone with a floor,
- * latch in six degrees of freedom, separation spring.
+/* docking_port.h - probe and drogue: relative motion of the ports, contact of the tip of the probe
+ * with the drogue (a cone with a flat floor), latch (spring and damper in six degrees of freedom),
+ * separation spring.
  *
  * P: probe port on S, Q: drogue port on T, e: tip of the probe in Q. Forces and couples act on S
  * and are in Q axes; the force acts at the tip. The contact force is by Hunt & Crossley 1975, with
@@ -20,9 +21,9 @@ typedef struct {
     double draw_delay, draw_time, k_sep, stroke_sep;
 } Port;
 
-/* relative motion of the ports. d: tip of the probe from each of the two centres of mass, N axes.
- * e, u: position and velocity of the tip, w: angular velocity of the probe; relative to Q, in Q
- * axes */
+/* relative motion of the ports. d: vectors from the centres of mass of the two bodies to the tip of
+ * the probe, N axes. e, u: position and velocity of the tip, w: angular velocity of the probe, all
+ * three relative to Q and in Q axes */
 typedef struct {
     vec3_pair d;
     vec3 e, u, w;
@@ -79,8 +80,9 @@ static inline void add_contact(const Port *p, double d, vec3 n, vec3 u, PortLoad
     y->touches = 1;
 }
 
-/* load of all contacts of the tip e. The material of the drogue is the disc r < face_radius, x <
- * 0, without the cone; the tip has at most one contact with wall or rim, and one with the floor. */
+/* load of all contacts of the tip at e = (x, y, z), r^2 = y^2 + z^2. The material of the drogue
+ * fills r < face_radius, x < 0, except for the cone; the tip has at most one contact with the wall
+ * of the cone or its rim, and one with the floor. */
 static inline PortLoad contact_load(const Port *p, vec3 e, vec3 u)
 {
     PortLoad y = {.U = 0};

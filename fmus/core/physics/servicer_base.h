@@ -137,8 +137,9 @@ static inline void check_rigid_base(Problems *problems, const BaseParameters *p)
 }
 
 /* ---- motion ---- */
-/* force and torque of actuators and contact together, body axes; the torque is about the point to
- * which the inputs M_S and M_contact_S refer */
+/* force and torque of actuators and contact together, body axes; the torque is about S: the centre
+ * of mass of a rigid servicer, of the base body (with an arm), of the undeformed servicer (with
+ * flexible parts) */
 static inline vec3 force_S(const BaseInput *u) { return add(u->F_S, u->F_contact_S); }
 static inline vec3 torque_S(const BaseInput *u) { return add(u->M_S, u->M_contact_S); }
 
