@@ -75,14 +75,14 @@ static const Variable variables[] = {
     NONNEGATIVE(omega_joint, "rad/s", "bandwidth of the joints"),
     NONNEGATIVE(omega_rest, "rad/s", "bandwidth of the joints in REST"),
     NONNEGATIVE(zeta, "1", "damping ratio of the joints"),
-    NONNEGATIVE(T_lock, "s", "REST: least time before the brakes close"),
+    NONNEGATIVE(T_lock, "s", "REST: least time from its start until the brakes close"),
     NONNEGATIVE(lock_rate, "rad/s", "REST: largest joint rate at which the brakes close"),
     SWITCH(compensate_torque, "1: feed-forward torque of the base against the arm's motion"),
     SWITCH(compensate_force, "1: feed-forward force of the base against the arm's motion"),
     NONNEGATIVE(M_ff_max, "N.m", "largest feed-forward torque, per axis; 0 = no limit"),
     SWITCH(use_wheels, "1: feed-forward torque by wheels, 0: by thrusters"),
-    SWITCH(base_rest, "1: the commands of the base are 0 in REST; 0: they pass, for systems with a "
-                      "command_selector"),
+    SWITCH(base_rest, "1: the commands of the base are 0 in REST; 0: unchanged, if a "
+                      "command_selector sets them"),
     SAMPLE_PERIOD,
 
     INPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),

@@ -55,8 +55,8 @@ static const Variable variables[] = {
     NONNEGATIVE(k2, "1/s2", "gain on the attitude, 2 omega_c^2 for the bandwidth omega_c"),
     NONNEGATIVE(k2_printed, "N.m",
                 "gain on the attitude in the law of the patent as printed (law = 0)"),
-    SWITCH(use_plan_rate, "1: feed-forward is the mean over the next period, from the plan; 0: the "
-                          "value at the sample, from the model"),
+    SWITCH(use_plan_rate, "feed-forward momentum rate; 1: planned mean over the next sample; 0: "
+                          "from the model, at this sample"),
     SAMPLE_PERIOD,
 
     INPUT(q_SH, "1", "attitude of the base relative to H, scalar first"),

@@ -3,13 +3,15 @@
  * keep-out sphere.
  *
  *   q_j = Phi_rr(j Delta) x_1 + Phi_rv(j Delta) v_1,   j = 0..K,   Delta = passive_time/K       (18)
- * q_j: point j of the drift relative to the target, at the time j Delta after the end of the
- * sample, which lasts P seconds; Phi_rr, Phi_rv: parts of the transition matrix; x_1, v_1: position
- * and velocity at the end of the sample without force; a force u adds P^2/2 a to x_1 and P a to
- * v_1, a = C_HN C_SN^T u/m; n: orbital rate; m: mass. Chord j leads from q_j to q_(j+1); sag
- * at point j: |q_(j-1) - 2 q_j + q_(j+1)|/8, by which the curved drift departs from a chord there.
+ * K: passive_points; q_j: point j of the drift relative to the target, at the time j Delta after
+ * the end of the sample, which lasts P seconds; Phi_rr, Phi_rv: parts of the transition matrix;
+ * x_1, v_1: position and velocity at the end of the sample without force; a force u adds P^2/2 a to
+ * x_1 and P a to v_1, a = C_HN C_SN^T u/m; n: orbital rate; m: mass. Chord j leads from q_j to
+ * q_(j+1); sag at point j: |q_(j-1) - 2 q_j + q_(j+1)|/8, the distance by which the curved drift
+ * departs from a chord there.
  * The margin of a chord is its distance from the target minus the larger sag of its two points, the
- * radius of the sphere and passive_margin (19). Vectors are in Hill axes. docs/models.md M.4 */
+ * radius of the sphere and passive_margin (19). Vectors are in Hill axes. Equation
+ * numbers: docs/models.md M.4 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FILTER_DRIFT_H
 #define FILTER_DRIFT_H
@@ -121,8 +123,8 @@ static inline Worst worst_chord(const DriftFan *f, const vec3 q[])
     return w;
 }
 
-/* the chord with the least margin after a force u, for the least and the largest possible mass of
- * the servicer */
+/* the chord with the least margin after a force u, among the drifts with the least and with the
+ * largest possible mass of the servicer */
 static inline Worst worst_drift(const FilterParameters *p, const DriftFan *f, vec3 u)
 {
     vec3 q[MOST_POINTS + 1];

@@ -1,9 +1,8 @@
-/* safety_escape.h - abort that leaves the target, and rule `escape`: if the abort were ordered now,
- * would the drift after it stay outside the zone for every state within the bounds of navigation
- * and burn?
+/* safety_escape.h - abort that leaves the target, and rule `escape`, which holds if the drift after
+ * an abort ordered now stays outside the zone for every error of navigation and burn within bounds.
  *
- *   u   = rho/|rho|, or the axis of the corridor near it
- *   dv  = abort_speed u - drho                          abort_relative
+ *   u   = rho/|rho|, or the axis of the corridor
+ *   dv  = abort_speed u - drho
  *   T_b = m |dv|/F,  r = rho + drho T_b/2,  v = drho + dv
  *   c_j = Phi_rr(tau_j) r + Phi_rv(tau_j) v             81 instants of escape_time
  *   n_j = c_j/|c_j|,  a_j = Phi_rr^T n_j,  b_j = Phi_rv^T n_j
@@ -17,8 +16,10 @@
  * the largest displacement towards the target by errors within e_r, e_v, k_p, k_n, e_model; s_j
  * the largest distance of a path from its chord; k = sqrt(2/(1 + n_j . n_j+1)) covers the
  * directions between n_j and n_j+1. u is the axis if the servicer is inside the corridor and within
- * axis_radius. Phi: transition matrices by the equations of Clohessy and Wiltshire, n =
- * sqrt(mu/a^3): no proof on an orbit with e > 0.01. docs/models.md G.10, G.11 */
+ * axis_radius. This dv is for abort_relative = 1; with 0, or with abort_dv_H, dv does not depend on
+ * drho. m: mass; F: abort_force; e_r, e_v, k_p, k_n, e_model, r_max: parameters, bounds of errors
+ * and range. Phi: transition matrices by the equations of Clohessy and Wiltshire, n = sqrt(mu/a^3):
+ * no proof on an orbit with e > 0.01. docs/models.md G.10, G.11 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_ESCAPE_H
 #define SAFETY_ESCAPE_H
@@ -66,7 +67,7 @@ static inline vec3 relative_increment(const SafetyParameters *p, const RelativeS
 
 /* ---- rule escape ---- */
 #define PARTS       2      /* parts of escape_time: its first sixth in 30 steps, the rest in 50 */
-#define LEAST_RANGE 1e-150 /* m: added to a range before a division by it */
+#define LEAST_RANGE 1e-150 /* m: added to a range, possibly 0, that divides */
 #define CURVED      1.25   /* largest ratio of the speed on an arc to that along its chord */
 
 static const int steps_of[PARTS] = {30, 50};
@@ -86,8 +87,8 @@ typedef struct {
     double range, square, h;
 } PathPoint;
 
-/* mean motion sqrt(mu/a^3) of the target, from its energy; if its orbit is no ellipse, `rate`: the
- * rate of H */
+/* mean motion sqrt(mu/a^3) of the target, from its energy; `rate`, the rate of H, if the orbit is
+ * no ellipse */
 static inline double mean_motion(double mu, const Body *T, double rate)
 {
     double R = norm(T->r), inverse = mu > 0 ? 2 / R - dot(T->v, T->v) / mu : 0;
@@ -143,8 +144,9 @@ static inline double least_of_burn(const SafetyParameters *p, const EscapePath *
     return (least - p->e_r * sum_of_sizes(e->rho)) / (sqrt(square) + LEAST_RANGE);
 }
 
-/* constants of all steps of length D, for a path that is nowhere faster than e->speed: sagitta,
- * G.11 (7), and square of the longest chord; sine and cosine of n D */
+/* constants of all steps of length D: sagitta, G.11 (7), of a path that is nowhere faster than
+ * e->speed; longest_2: square of the longest chord to which it applies; turn: sine and cosine of
+ * n D */
 typedef struct {
     double D, sagitta, longest_2;
     SineCosine turn;
@@ -163,8 +165,8 @@ static inline double fast_sagitta(const EscapePath *e, double D, double length_2
     return D * D / 8 * (2 * e->n * CURVED * sqrt(length_2) / D + e->bend);
 }
 
-/* G.11 (8) without R_k: lower bound of the range on the path from point a to point b, which becomes
- * `least` if it is less; tau: time at a */
+/* G.11 (8) without R_k: lower bound of the range on the path from point a to point b. Replaces
+ * `least` if the bound is less; tau: time at a */
 static inline void compare_path(const EscapePath *e, const Stride *s, const PathPoint *a,
                                 const PathPoint *b, double tau, EscapeBound *least)
 {
@@ -176,7 +178,8 @@ static inline void compare_path(const EscapePath *e, const Stride *s, const Path
         distance =
             toward < length_2 ? sqrt(fabs(a->square - toward * toward / length_2)) : b->range;
     double ahead = distance - arc - least->margin;
-    if (along > 0 && ahead >= 1.5 * h) return; /* k < 1.5, so the bound is not below `least` */
+    /* along > 0: k <= sqrt(2) < 1.5, so the bound is not below `least` */
+    if (along > 0 && ahead >= 1.5 * h) return;
     double ranges = a->range * b->range, cosine_2 = ranges > 0 ? 1 + along / ranges : 1;
     double between = sqrt(2 / larger(cosine_2, 1e-6));
     if (ahead >= between * h) return;

@@ -1,5 +1,6 @@
 /* theta_d_controller.c - theta-D control of line of sight and attitude: nonlinear optimal control
- * by an expansion around a linear quadratic regulator, the baseline with a full model.
+ * by an expansion around a linear quadratic regulator; baseline for comparisons, with a
+ * full model.
  *
  *   dx/dt = (A0 + A(x,t)) x + B v,     cost = integral of x^T Q x + v^T R v,     S = B R^-1 B^T,
  *           Ac = A0 - S T0
@@ -13,7 +14,7 @@
  *   u = g^-1 (v - f(0)), f(0): kinematics of the reference, differential gravity,
  *           minus the reference acceleration.
  * Attitude: x = (e, w), A0 = [0 I/2; 0 0], A = [0 (T(q_SD) - I)/2; 0 0], B = [0; J_hat^-1],
- *   M = -R^-1 B^T (..) x + omega x (J_hat omega + A_hat Omega) + J_hat (wdd - w x wd).
+ *   M = -R^-1 B^T (T0 + T1 + T2) x + omega x (J_hat omega + A_hat Omega) + J_hat (wdd - w x wd).
  * tracking.h defines Sigma, g, T(q), e, w and the reference rate wd with its derivative wdd.
  * The costs are squares of acceleration (position) and torque (attitude): so R of range and of
  * attitude has no unit. T0 and the inverse of the Lyapunov operator are computed from the weights
@@ -67,7 +68,7 @@ static const Model start = {
 
 #define WEIGHT_ROW(member, weight, unit, text)                            \
     ROW_AS(PARAMETER_ROW, p, #member "." #weight, member.weight, 1, unit, \
-           #member ": weight of " text, POSITIVE_VALUE)
+           #member ": weight in the cost of the square of " text, POSITIVE_VALUE)
 #define WEIGHT_ROWS(member, error_unit, rate_unit, R_unit, of)      \
     WEIGHT_ROW(member, Q_error, error_unit, "the error" of),        \
         WEIGHT_ROW(member, Q_rate, rate_unit, "the rate error" of), \
@@ -115,7 +116,7 @@ static void check(const Parameters *p, Problems *problems)
     check_part(problems, "k_att", p->k_att);
 }
 
-/* ---- position and attitude: chains dx1/dt = link x2, dx2/dt = input; link: 1 and 1/2 ---- */
+/* ---- chains dx1/dt = link x2, dx2/dt = input; link: 1 for position, 1/2 for attitude ---- */
 typedef struct { vec3 x1, x2; } Chain;
 
 static void set_block(mat6 *m, int row, int column, mat3 b)
@@ -276,7 +277,7 @@ static void control(const Parameters *p, const Input *u, const State *x, Output 
     control_attitude(p, &in, &e, &x->attitude, t, y);
 }
 
-/* sets the start time t of the terms eps_i */
+/* sets t_0 of the terms eps_i: t for position, the later of t and t_att for attitude */
 /* C.5-8 */
 static void begin(const Parameters *p, State *x, double t)
 {

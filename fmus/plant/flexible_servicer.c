@@ -12,7 +12,7 @@
  * a force through S turns a deformed vehicle. f: gravity and disturbance at C, the same for all
  * parts; the gravity gradient acts on every part. Before t_att the attitude of the hub is held,
  * while the coordinates move. Without panels and slosh the model equals `servicer`. Classical
- * Runge-Kutta on the grid k * max_step/n, n of (12) of docs/models.md L. */
+ * Runge-Kutta on the grid of max_step/n, n from (12). Equation numbers: docs/models.md L. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "flexible_rules.h"
 #include "rk4.h"
@@ -26,7 +26,7 @@ typedef struct {
 } Motion;
 typedef struct {
     Motion now;
-    /* constants of hub and parts; n of (12); both depend on parameters only */
+    /* vehicle: constants of hub and parts; substeps: n of (12); both from parameters only */
     Vehicle vehicle;
     double substeps;
 } State;
@@ -98,9 +98,9 @@ static const Variable variables[] = {
                  "displacements of the sloshing masses at the start"),
     PARAMETER_AS("slosh_rate_0", slosh.rate_0, "m/s", "rates of the sloshing masses at the start"),
     PARAMETER_AS("slosh_travel", slosh.travel, "m",
-                 "largest displacement that the tank allows, for the alarm; 0 = no limit"),
+                 "largest displacement in the tank, limit for slosh_beyond_travel; 0 = none"),
     PARAMETER_AS("slosh_draw", slosh.draw, "1",
-                 "share of the propellant consumption taken from a sloshing mass"),
+                 "share of the propellant consumption that each sloshing mass loses"),
 
     BASE_INPUTS,
 

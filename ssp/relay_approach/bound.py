@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Convex problem of the relay approach, whose optimum is the least impulse: only translation, from
-the start to a range of at most 60 m in the last 100 s, at rest at the end.
+"""Convex problem of the relay approach, whose optimum is the least impulse. The
+problem contains translation only and begins with the start of a run. The range must be at most 60 m
+in the last 100 s, and the servicer must be at rest relative to the target at the end.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from ..shared.convex import Cone, Problem
 from ..shared.least_impulse import Bound
 
 ENGINES = slice(8, 13)
-"""Indices of the thrusters for translation; the other thrusters turn the servicer."""
+"""Indices, from 0, of the thrusters for translation; the other thrusters turn the servicer."""
 ARRIVAL, RANGE, REST = 39_900.0, 60.0, 0.002
-"""Instant [s] and range [m] of the requirement `arrival`; speed that counts as rest [m/s]."""
+"""Instant [s] from which the requirement `arrival` limits the range, this limit [m], and the
+largest relative speed that counts as rest [m/s].
+"""
 
 
 def problem(result: Result, grid: float) -> Problem:
@@ -32,7 +35,7 @@ def problem(result: Result, grid: float) -> Problem:
 
 
 def spent(result: Result) -> float:
-    """Return the impulse of the engines of translation [N s]."""
+    """Return the impulse of the thrusters for translation in a run [N s]."""
     return float(result[bounds.IMPULSE][-1, ENGINES].sum())
 
 

@@ -88,8 +88,8 @@ def _rates(k: int) -> tuple[Curve, ...]:
 
 
 def _group(first: int, last: int, what: str, label: str) -> Curve:
-    """Return the curve of the sum of a variable `propulsion.WHAT` over the thrusters with indices
-    from `first` to last - 1.
+    """Return the curve of the sum of a variable `propulsion.WHAT` over the thrusters
+    `first` + 1 to `last`, numbered from 1.
     """
     engines = range(first + 1, last + 1)
     return Curve(" + ".join(f"propulsion.{what}[{k}]" for k in engines), label)

@@ -14,8 +14,8 @@ from harness.results.result import Result
 from .safety import FOUND, RESTING, RULES, Rule, findings
 
 LINEAR, DECADE = 0.1, 10.0
-"""Margin up to which a logarithmic axis is linear; a panel gets a logarithmic axis if its largest
-margin is more than DECADE times LINEAR.
+"""Absolute margin, in the unit of the panel, up to which a logarithmic axis is linear; a panel gets
+a logarithmic axis if a limit of its linear axis is beyond DECADE times LINEAR.
 """
 
 

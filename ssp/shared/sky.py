@@ -29,16 +29,17 @@ INERTIAL = {"key": "N", "name": "inertial axes", "axes": ["x N", "y N", "z N"]}
 
 
 def in_orbit(r: Array) -> bool:
-    """Return whether positions r (rows, 3) [m] about the origin of N are in an orbit."""
+    """Return whether the first of the positions r (rows, 3) [m] relative to N is in orbit."""
     return bool(np.linalg.norm(r[0]) > IN_ORBIT)
 
 
 def frames(result: Result, arrays: Arrays, rows: Rows, position: str, velocity: str) -> Scene:
-    """Return the frames between which the reader of the replay can choose (Hill and inertial axes
-    in orbit, inertial axes in deep space), and the attitude of the Hill frame.
+    """Return the entries of a scene for its frames: `frames`, those that the reader of the replay
+    can choose (Hill and inertial axes in orbit, inertial axes in deep space), and `hill`, the
+    attitude of the Hill frame.
 
-    In deep space this attitude is needed by parts that a mission draws. It is left out if position
-    and velocity do not define it.
+    position, velocity: variables that define the Hill frame. In deep space `hill` is present too,
+    for parts that a mission draws, unless position and velocity are parallel in a row.
     """
     r, v = result[position][rows], result[velocity][rows]
     found: Scene = {"frames": [HILL, INERTIAL] if in_orbit(r) else [INERTIAL]}
@@ -57,7 +58,7 @@ def sky(
 
     The direction of the Sun and the rotation of the Earth follow from the date of the run. Without
     a date the Sun is in the direction of a parameter of the run, if it has one, and the rotation
-    begins at an arbitrary angle, which the replay states. The coasts are drawn only on a body with
+    begins at an arbitrary angle; the replay states this. The coasts are drawn only on a body with
     the radius of the Earth. They are the coasts of Natural Earth at 1:110m, which is in the public
     domain, simplified (`page/coasts.json`).
     """
@@ -86,8 +87,8 @@ def _sun(arrays: Arrays, r: Array, towards: Array) -> Scene:
 
 
 def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
-    """Return the rotation angle of the Earth (rows,) [rad], and the direction of the Sun (rows, 3)
-    or None for a run without a date or without the library erfa.
+    """Return the rotation angle of the Earth (rows,) [rad], and the direction of the Sun (rows, 3).
+    Without a date or the library erfa, return RATE times time, and None as the direction.
     """
     epoch = result.provenance.epoch if result.provenance else ""
     if epoch:
@@ -101,7 +102,7 @@ def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
 
 
 def _fixed(result: Result) -> Array | None:
-    """Return the direction of the Sun that a parameter of the run states, None without one."""
+    """Return the unit vector to the Sun from a parameter of the run, None without such a one."""
     table = result.parameters
     for name in table.vectors if table else ():
         if name.rpartition(".")[2] == BODIES.sun:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Mission: space robot."""
+"""Mission: space robot, a free-floating robot with two links under gravity gradient."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MISSION = Mission(
         Phase(
             "Pitch",
             "pitch [deg]",
-            "its rate [deg/s]",
+            "pitch rate [deg/s]",
             (PITCH, RATE),
             f"degrees({PITCH})",
             f"degrees({RATE})",

@@ -61,8 +61,8 @@ const char *read_snapshot(const Instance *instance, const void *bytes, size_t si
 
 /* ---- directional derivatives ----
  * After initialization: derivatives of the outputs at the end of the next step with respect to the
- * inputs, which are constant over the step. The step has the size of the last one, 0.1 s before the
- * first; in a fused system it is a macro step.
+ * inputs, which are constant over the step. The next step is as long as the last one; before the
+ * first step, 0.1 s; in a fused system, one macro step.
  * In initialization mode: derivatives of the outputs at the start time with respect to parameters
  * and inputs.
  * The knowns move by a distance d along the seed (ahead) and against it (behind). Central
@@ -102,8 +102,10 @@ typedef struct {
     double rounding;       /* rounding error to expect in a slope: 64 units in the last place */
 } Slope;
 
-/* state of the search for the derivative of one unknown; best: the estimate that changed least
- * when the distance was halved */
+/* state of the search for the derivative of one unknown; value: the unknown at the operating point;
+ * first_bend: bend at the first distance; estimate: by Richardson extrapolation from the last two
+ * distances; best: the estimate to return, so far the one that changed least when the distance was
+ * halved; least_change: this change */
 typedef struct {
     double value, first_bend, estimate, best, least_change;
     Slope slope, wider; /* at the shortest distance and at twice this distance */
@@ -119,7 +121,7 @@ static double largest_slope(Scalar s, const void *plus, const void *minus, doubl
 }
 
 /* computes the slopes of all unknowns at a distance; magnitude: largest absolute value of a known,
- * for the rounding error; false: an evaluation is rejected */
+ * to which the rounding error is proportional; false: an evaluation is rejected */
 static bool measure_slopes(const Instance *instance, const Direction *d, double distance,
                            double magnitude, void *work, Derivative found[])
 {
@@ -151,8 +153,8 @@ static bool has_kink(const Derivative *f)
            fabs(f->slope.bend - f->wider.bend) < 0.25 * bend && bend < 2 * fabs(f->first_bend);
 }
 
-/* sets `settled` if the last halving of the distance changed the estimate by no more than the
- * tolerance and there is no kink */
+/* sets `settled` if the last halving of the distance changed the estimate by no more than
+ * `agreement` or the rounding error and there is no kink */
 static void settle(Derivative *f, int halvings)
 {
     const double before = f->estimate;
@@ -165,7 +167,7 @@ static void settle(Derivative *f, int halvings)
         f->best = f->estimate;
     }
     f->settled = change <= larger(agreement * f->slope.largest, f->slope.rounding) && !has_kink(f);
-    if (f->settled) f->best = before; /* rounding errors are smaller at the longer distance */
+    if (f->settled) f->best = before; /* from a longer distance: less rounding error */
 }
 
 RARE static void report_one_side(const Instance *instance, const Direction *d, size_t i)
@@ -187,8 +189,8 @@ static double largest_known(const Instance *instance, const Direction *d)
     return largest;
 }
 
-/* finds the derivatives of all unknowns; distance: the first along the seed; work: space for two
- * models; false: an evaluation is rejected */
+/* finds the derivatives of all unknowns; distance: first distance along the seed; work: space for
+ * two models; false: an evaluation is rejected */
 static bool find_derivatives(const Instance *instance, const Direction *d, double distance,
                              void *work, Derivative found[])
 {
@@ -214,8 +216,8 @@ static bool find_derivatives(const Instance *instance, const Direction *d, doubl
 }
 
 /* scale of a known (the first move is at most 1 % of the scale): absolute value of a parameter; for
- * an input, or a parameter with the value 0, one unit, but at least 1e-6 of the value, which is
- * more than one unit for a position in N */
+ * an input, or a parameter with the value 0, one unit, but at least 1e-6 of the value (more
+ * than one unit for a position in N, which is larger than 1e6 m in an orbit) */
 static double scale_of(Scalar s, double value)
 {
     if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);
@@ -251,7 +253,7 @@ static const char *why_no_derivative(const Instance *instance, const Direction *
                       (s.row->causality == PARAMETER_ROW && instance->now.phase == INITIALIZING));
         if (!known)
             return "a known is not an input (or, in initialization mode, a parameter) of this FMU";
-        if (!isfinite(d->seed[i])) return "the direction must be finite";
+        if (!isfinite(d->seed[i])) return "the seed of a known is not finite";
     }
     return NULL;
 }

@@ -30,7 +30,8 @@ typedef struct {
     bool log_warnings, log_statistics; /* log categories that are switched on */
     Entry *entry;
     size_t entries, capacity;
-    bool stepping, behind;    /* initialization has ended; steps after `time` are not sent yet */
+    /* stepping: initialization has ended; behind: steps after `time` are not sent yet */
+    bool stepping, behind;
     double start, stop, time; /* s; time: end of the last step sent to the board */
     fmi2Boolean bounded;
     size_t late;
@@ -46,15 +47,20 @@ void invalidate(Link *l,
                 bool pending); /* declares all values invalid; pending: also drops unsent values */
 bool any_entry(const Link *l, EntryFilter *filter);
 void put_list(Link *l, Writer *w, EntryFilter *filter, bool with_values);
-bool take_values(Link *l, EntryFilter *filter); /* stores the values of an answer */
+/* stores the values of an answer in the entries that pass the filter; false: the number of values
+ * is wrong */
+bool take_values(Link *l, EntryFilter *filter);
 
 /* ---- link_requests.c */
-fmi2Status failure(const Link *l, const char *function, const char *text); /* logs the text */
-fmi2Status report_answer(Link *l, unsigned status); /* logs the message of an answer */
+/* logs the text and returns fmi2Error */
+fmi2Status failure(const Link *l, const char *function, const char *text);
+/* logs the message of an answer that is a warning or an error, and returns `status` */
+fmi2Status report_answer(Link *l, unsigned status);
 void log_line(const Link *l, fmi2Status status, const char *category, const char *text);
 
 unsigned finish_exchange(Link *l, unsigned status);
-unsigned finish_late_answer(Link *l); /* receives the answer of an earlier step that was late */
+/* waits for the late answer of an earlier step, if there is one, and returns its status */
+unsigned finish_late_answer(Link *l);
 fmi2Status send_simple_request(Link *l, Code code); /* without payload */
 fmi2Status send_pending(Link *l);                   /* sends values that have been set */
 /* requests from the board all values that the master has read before and that are not valid in

@@ -1,5 +1,6 @@
-/* link_values.c - setting and getting: set values are sent with the next step, variables that have
- * been read once are part of every answer. */
+/* link_values.c - setting and getting: values that the master sets are sent with the next step,
+ * before the end of initialization at once; variables that it has read once are part of every
+ * answer. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "link.h"
 

@@ -10,8 +10,9 @@ typedef struct {
     mat3 axis;  /* rows: eigenvectors */
 } Eigen;
 
-/* Jacobi rotation of axes p and q after which M_pq = 0: tan 2 phi = 2 M_pq/(M_qq - M_pp), with
- * the smaller phi; V collects the rotations */
+/* turns axes p and q of the symmetric matrix M by the angle phi after which M_pq = 0 (Jacobi
+ * rotation): tan 2 phi = 2 M_pq/(M_qq - M_pp), with the smaller phi; V is the product of all
+ * rotations, its rows are the turned axes */
 static inline void rotate_away(double M[3][3], double V[3][3], int p, int q)
 {
     if (M[p][q] == 0) return;
@@ -32,7 +33,9 @@ static inline void rotate_away(double M[3][3], double V[3][3], int p, int q)
     }
 }
 
-static inline Eigen eigen(mat3 m) /* eight sweeps; five suffice, as convergence is quadratic */
+/* eigenvalues and eigenvectors of a symmetric matrix by eight sweeps of rotations, three more than
+ * needed, as convergence is quadratic */
+static inline Eigen eigen(mat3 m)
 {
     double M[3][3] = {{m.row[0].x, m.row[0].y, m.row[0].z},
                       {m.row[1].x, m.row[1].y, m.row[1].z},

@@ -10,7 +10,7 @@
 
 typedef struct {
     double a, e, inc, argp, raan, nu, mu, R_E, J2;
-} Orbit; /* osculating elements at the start; constants of the planet */
+} Orbit; /* osculating elements at the start; from mu on: constants of the planet */
 typedef struct { vec3 r, v; } PosVel; /* N axes */
 
 /* position and velocity for osculating elements: perifocal axes rotated by argp, inc, raan */

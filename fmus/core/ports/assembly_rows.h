@@ -1,5 +1,5 @@
-/* assembly_rows.h - parameters of the docked assembly with their rules, and its attitude reference
- * as ports. */
+/* assembly_rows.h - parameters of a docked assembly, which is a base and a module on a hinge, with
+ * their checks, and the attitude reference of the assembly as ports. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ASSEMBLY_ROWS_H
 #define ASSEMBLY_ROWS_H
@@ -84,8 +84,8 @@ typedef struct {
 
 #define ATTITUDE_REFERENCE_ROWS(causality, part, member)                                         \
     ATTITUDE_REFERENCE_ROW(causality, part, "q_DH", member.q, "1",                               \
-                           "reference attitude relative to H, scalar first; (1,-1,-1,1)/2 = "    \
-                           "flight attitude, Z to Earth"),                                       \
+                           "reference attitude relative to H, scalar first; (1,-1,-1,1)/2: "     \
+                           "X along track, Z to Earth"),                                         \
         ATTITUDE_REFERENCE_ROW(causality, part, "omega_DN_D", member.omega, "rad/s",             \
                                "reference angular velocity relative to N, reference body axes"), \
         ATTITUDE_REFERENCE_ROW(causality, part, "alpha_DN_D", member.alpha, "rad/s2",            \
@@ -95,7 +95,7 @@ typedef struct {
             "momentum of the gyros predicted by the guidance, reference body axes"),             \
         ATTITUDE_REFERENCE_ROW(                                                                  \
             causality, part, "dh_ref_D", member.dh, "N.m",                                       \
-            "mean rate of change of h_ref_D over the coming period, reference body "             \
-            "axes")
+            "mean rate of change of h_ref_D over the next sample of the guidance, "              \
+            "reference body axes")
 
 #endif
