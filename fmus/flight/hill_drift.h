@@ -74,9 +74,9 @@ static inline RelativeState drifted(const RelativeState *from, double t)
                            drift_velocity(n, nt, from->rho_H, from->drho_H)};
 }
 
-/* velocity of an abort: away from the target or, within axis_radius, along the axis
- * (axis 0: none), so that the servicer does not back off through the structure; 0 at zero range
- * without an axis */
+/* velocity of an abort relative to the target: away from the target or, at a range of at most
+ * axis_radius, along the axis (0: no axis), so that the servicer does not retreat through the
+ * structure of the target; 0 at zero range without an axis */
 static inline vec3 outward_velocity(double speed, vec3 rho, vec3 axis, double axis_radius)
 {
     double R = norm(rho);

@@ -42,7 +42,8 @@ static inline vec3 rotated_with_axis(vec3 k, vec3 a, vec3 b)
     return sub(k, scale(dot(k, b) / (1 + dot(a, b)), add(a, b)));
 }
 
-/* axes D and roll rate a time h later, with the new axis i */
+/* D after the time h: i as given, k carried along by the shortest rotation and rolled with the rate
+ * and acceleration of D; the roll rate includes this acceleration, the new acceleration is 0 */
 static inline Roll propagated_roll(Roll D, vec3 i, double h)
 {
     vec3 k = rotated_with_axis(D.k, D.i, i);

@@ -11,11 +11,12 @@
  *   wheels  = clip(A_w^-1 (h - J_S w_S), +-bias_max wheel_speed_max),  w_S: rate of the servicer
  * steering: motion about the target relative to its axes, on top of turning with it; h_T, J_T: its
  * angular momentum and inertia; J_S, A_w: inertias of servicer and wheels; names that are not
- * explained are parameters. max J_S: largest diagonal element; T_3: dwell of FINAL and HOLD_3 and
- * duration of the mating; T_5: duration of the final approach. h is the momentum of body and
- * wheels together from the closing to the fly-around. As h is parallel to w_m, it is constant in
- * body axes while the servicer turns with w_m. The wheels have h before the servicer turns and
- * h - J_S w_m afterwards: along w_m, half of J_S w_m with either sign. docs/models.md J.13 */
+ * explained are parameters. Pair: servicer and target; max J_S: largest diagonal element; T_3:
+ * dwell of FINAL and HOLD_3 and duration of the mating; T_5: duration of the final approach. h is
+ * the momentum of body and wheels together from the closing to the fly-around. As h is parallel to
+ * w_m, it is constant in body axes while the servicer turns with w_m. The wheels have h before the
+ * servicer turns and h - J_S w_m afterwards; along w_m, the first is half of J_S w_m, the second
+ * is minus this half. docs/models.md J.13 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_BUDGET_H
 #define MISSION_BUDGET_H
@@ -67,7 +68,8 @@ static inline vec3 wheel_bias(const MissionParameters *p, vec3 w_S)
 }
 
 /* wheel speeds with which body and wheels, at the servicer rate w_S, have the angular momentum that
- * they have with the speeds `bias` and the body at rest */
+ * they have with the speeds `bias` and the body at rest; each speed is limited to
+ * bias_max wheel_speed_max */
 static inline vec3 wheels_with(const MissionParameters *p, vec3 bias, vec3 w_S)
 {
     vec3 rest = sub(bias, solve(p->A_w, mul(p->J_S, w_S)));

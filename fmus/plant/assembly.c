@@ -64,9 +64,10 @@ static const Model start = {
 static const Variable variables[] = {
     ASSEMBLY_ROWS(assembly),
     SWING_ROWS(swing),
-    PARAMETER(eps_0, "1",
-              "attitude at the start relative to the flight attitude, vector part of the "
-              "quaternion"),
+    PARAMETER(
+        eps_0, "1",
+        "attitude at the start relative to the flight attitude (see q_SH), vector part of the "
+        "quaternion"),
     PARAMETER(omega_SH_S_0, "rad/s", "angular velocity relative to H at the start, body axes"),
     PARAMETER(h_0_S, "N.m.s", "momentum of the ideal device at the start, body axes"),
     SWITCH(use_cluster, "1: cluster of six gyros, driven by gimbal_rate_cmd; 0: ideal device, "
@@ -90,7 +91,8 @@ static const Variable variables[] = {
     OUTPUT(omega_SH_S, "rad/s", "angular velocity of the base relative to H, body axes"),
     OUTPUT(q_SN, "1", "attitude of the base relative to N, which is H at t = 0, scalar first"),
     OUTPUT(eps, "1", "attitude relative to the flight attitude, vector part of the quaternion"),
-    ANGLE_OUTPUT(rotation, "angle between attitude and flight attitude"),
+    ANGLE_OUTPUT(rotation,
+                 "angle between the attitude of the base and the flight attitude, see q_SH"),
     OUTPUT(h_cmg_S, "N.m.s", "momentum of the gyros, body axes"),
     NONNEGATIVE_OUTPUT(h_cmg, "N.m.s", "magnitude of the momentum of the gyros"),
     NONNEGATIVE_OUTPUT(
@@ -180,7 +182,7 @@ static void advance_gyros(const GyroMotion *d, double h, State *x)
 typedef struct {
     const Parameters *p;
     const GyroMotion *gyros;
-    double t_0, t_inside; /* start of the internal step, and an instant inside it */
+    double t_0, t_inside; /* start of the internal step; instant inside it: see arm_in_step() */
 } Context;
 
 typedef struct {

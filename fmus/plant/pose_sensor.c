@@ -106,7 +106,7 @@ static const Variable variables[] = {
     OUTPUT(pose_time, "s", "time of the measurement; -1 = none yet"),
     FLAG(pose_valid, "1: a measurement was taken at pose_time"),
     NONNEGATIVE_OUTPUT(pose_status, "1",
-                       "sum of 1 out of view, 2 out of range, 4 Sun, 8 outage, "
+                       "sum of 1 out of view, 2 out of range, 4 Sun in cone, 8 outage, "
                        "16 dropped, 32 outlier, 64 flip"),
 };
 

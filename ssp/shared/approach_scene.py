@@ -50,8 +50,8 @@ class Outfit(NamedTuple):
 
 
 Fit = Callable[[Result, Rows, Arrays], Outfit | None]
-"""Function of a result, the rows that the replay shows and the store of its arrays; it returns the
-Outfit, None if the result lacks data.
+"""Function of a result, the rows that the replay shows and the store of the arrays of the page; it
+returns the Outfit, or None if the result lacks data.
 """
 
 
@@ -217,9 +217,9 @@ def _target(  # noqa: PLR0913, PLR0917 - data and settings of the drawing
 
 
 def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Scene | None:
-    """Return the scene of the servicers of several runs, by label, about the target of the longest
-    run; None if no run is an approach. The servicer of a shorter run then stays at its last
-    position.
+    """Return the scene of several runs: the servicer of each run about the target of the longest
+    run; None if no run is an approach. After the end of a shorter run, its servicer stays at its
+    last position. results: results of the runs, by label.
     """
     moving = {n: r for n, r in results.items() if len(r.time) > 1 and r.holds(*PAIR)}
     if not moving:
@@ -275,7 +275,8 @@ def _planet(result: Result) -> float:
 def plans(result: Result, rows: Rows, arrays: Arrays, body: str = "servicer") -> list[Scene]:
     """Return an entry per planner with the names of two arrays: `points`, the positions of its plan
     relative to the target in N axes (rows, 3 columns per point), and `mode` (0: the force follows
-    the present plan, 1: an older plan, other values: no plan). body: the body that is to follow.
+    the present plan, 1: an older plan, other values: no plan). body: name of the body
+    that is to follow the plan.
     """
     return [
         {
@@ -296,8 +297,9 @@ FORCES = ("controller.F_cmd_S", "propulsion.F_S")
 
 def _plumes(result: Result, rows: Rows, arrays: Arrays, size: Array) -> list[Scene]:
     """Return the plumes of the replay: one per thruster with its command as share of the nominal
-    thrust; without thrusters, one per direction of the body axes with the commanded force as share
-    of its largest element.
+    thrust; without thrusters, one per direction of the body axes with the force in this direction
+    (commanded or, if the result has no command, applied) as share of the largest component of the
+    force in the run.
     """
     unit = thrusters(result)
     command = next((name for name in COMMANDS if name in result), None)

@@ -44,7 +44,9 @@ def probe(result: Result) -> list[Part]:
 
 
 def floor(result: Result) -> Array:
-    """Return the centre of the floor of the drogue, at which it is mounted, in target axes [m]."""
+    """Return the centre of the floor of the drogue in target axes [m]; at this point the drogue is
+    mounted on the target.
+    """
     mouth, q, depth = (result.parameter(DOCKING[k]) for k in (2, 3, 6))
     return np.asarray(mouth - float(depth) * outward(q))
 

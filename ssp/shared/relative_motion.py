@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motion of the servicer relative to the target and to its reference, computed from a result.
-ssp.shared.samples states which row of the reference belongs to a state.
+The reference that belongs to a state may be in the next row, as ssp.shared.samples explains.
 """
 
 from __future__ import annotations

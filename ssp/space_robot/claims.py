@@ -70,8 +70,8 @@ CRITICAL = Claim(
     where="section 3.1, (9)",
     needs=MOTION,
     compute=metrics.critical_rate,
-    value="agrees with (9) (1: yes): {0:.0f}; starts at {1:.3f} of the critical rate, turns up to "
-    "{2:.1f} deg from the equilibrium",
+    value="agreement with (9): {0:.0f} (1: yes, 0: no); starts at {1:.3f} of the critical rate, "
+    "turns up to {2:.1f} deg from the equilibrium",
     unit="",
     reproduced=at_least(1.0),
 )
@@ -81,7 +81,7 @@ CLOSED = Claim(
     where="section 3.1, (6), figure 2",
     needs=MOTION,
     compute=metrics.level_change,
-    value="the level changes by {0:.1g} of the depth of the well",
+    value="delta'^2 + kappa sin^2 delta changes by {0:.1g} of kappa",
     unit="",
     reproduced=at_most(1e-4),
     partly=at_most(1e-2),
@@ -107,8 +107,8 @@ FREE = (
     "robot.euler_0",
     "robot.deuler_0",
 )
-"""Parameters that may differ from the system: the paper states neither orbit nor start, and its
-sections consider different eccentricities.
+"""Parameters whose values may differ from the values in the system: the paper states neither orbit
+nor start, and its sections consider different eccentricities.
 """
 
 TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {

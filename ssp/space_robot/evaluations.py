@@ -49,8 +49,9 @@ def pitch_constants(result: Result) -> tuple[float, float]:
 
 
 def _bodies(result: Result, along: Array) -> Array:
-    """Return the sum of the second moments of the bodies about their own centres:
-    (Iyy + Izz - Ixx)/2 along x.
+    """Return the sum (2, 2) of the second moments of the bodies about their own centres, base
+    axes: for each body (Iyy + Izz - Ixx)/2 along its x axis, (Ixx + Izz - Iyy)/2 along its y axis.
+    along: x axes of the bodies (bodies, 2).
     """
     xx, yy, zz = (parameter(result, f"robot.{name}") for name in ("Ixx", "Iyy", "Izz"))
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)

@@ -18,8 +18,8 @@ LINKS = tuple(f"robot.{name}" for name in ("mass", "Ixx", "Iyy", "Izz", "l", "r"
 
 
 def robot(result: Result, arrays: Arrays) -> Scene:
-    """Return the scene of a base with two links, whose origin is the centre of mass of the base.
-    Every body is drawn as the box of uniform density with its mass and inertia.
+    """Return the scene of a base with two links. The origin of the scene is the centre of mass of
+    the base. Every body is drawn as the box of uniform density with its mass and inertia.
     """
     rows = instants(result, ROBOT[2])
     position, velocity, attitude, angles = ROBOT

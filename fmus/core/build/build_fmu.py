@@ -51,7 +51,9 @@ PLATFORM, LIBRARY = {"win32": ("win64", ".dll"), "darwin": ("darwin64", ".dylib"
 
 
 class SharedVariableError(Exception):
-    """Error: a model has variables that are not part of its state; str() has a line for each."""
+    """Error: the C file of a model has variables that all instances of the FMU would share; str()
+    has one line per variable.
+    """
 
 
 def compile_with(compiler: list[str]) -> list[str]:
@@ -77,8 +79,8 @@ def build(
     source: Path, output: Path, compiler: list[str], fmi: str, compiled: Path | None = None
 ) -> None:
     """Write the FMU of the C file `source` for FMI `fmi` ("2" or "3") to the path `output`. Raises
-    CalledProcessError if the compiler or the program that prints the description fails, after it
-    has printed the reason, and SharedVariableError.
+    CalledProcessError if the compiler or the program that prints the description fails (they
+    print the reason), and SharedVariableError if the file has variables that all instances share.
 
     compiled: folder with the compiled files of the adapter (None: compile them).
     """

@@ -35,7 +35,7 @@ CONDITION = {"&&", "||", "<", ">", "<=", ">=", "==", "!="}
 """Operators whose value is a condition."""
 
 TABLES = ("start", "variables")
-"""Names of the tables of a model that a step does not use, so that they are left out."""
+"""Names of the tables of a model that in_lanes() leaves out, because a step does not use them."""
 WORDS = {"class", "delete", "new", "operator", "private", "public", "template", "this", "typename"}
 """Keywords of C++ that may be names in C."""
 
@@ -46,10 +46,10 @@ bracket, item, ...].
 
 
 class Effects(NamedTuple):
-    """Names of functions and macros by effect.
+    """Functions and macros of C files, by whether they may write.
 
-    without: functions and macros that write nothing but their own variables; macros: macros that
-    may write.
+    without: names of the functions and macros that write nothing but their own variables; macros:
+    names of the macros that may write.
     """
 
     without: set[str]
@@ -113,7 +113,7 @@ def starts(item: Any) -> bool:
 
 
 def as_bool(items: Items) -> Items:
-    """Return items of C++ that convert the expression `items` to bool."""
+    """Return the parsed C++ expression `(bool)(items)`, which converts `items` to bool."""
     return [["(", "bool"], ["(", *items]]
 
 
@@ -194,7 +194,7 @@ def is_unknown_call(items: Items, i: int) -> bool:
 
 
 def ends(item: Any) -> bool:
-    """Return whether a statement ends with an item: a semicolon or a block in braces."""
+    """Return whether an item is the end of a statement: a semicolon or a block in braces."""
     return item == ";" or is_block(item)
 
 
@@ -377,7 +377,7 @@ def effects_of(files: Sequence[Items]) -> Effects:
         if match:
             macros[match[1]] = [*macros.get(match[1], []), *tokens(match[2])]
     found = Effects({name for name, _ in functions} - writing | WITHOUT_EFFECT, set(macros))
-    for _ in macros:  # repeated: a macro writes nothing only if no macro in it writes
+    for _ in macros:  # repeated: a macro is found harmless after all macros in it are
         harmless = {name for name in found.macros if not may_write(macros[name], found)}
         if not harmless:
             break
@@ -402,7 +402,7 @@ def holding(files: Sequence[Items]) -> Types:
     """Return the Types of parsed C files: names of the types that the files define."""
     defined = [each for items in files for each in type_definitions(items)]
     found = Types(set(), {name for name, _, function in defined if function})
-    for _ in defined:  # repeated: a type holds a pointer if the type of a member holds one
+    for _ in defined:  # repeated: a type is found after the type of its member that holds a pointer
         more = {n for n, parts, f in defined if any(holds(x, found, arrays=f) for x in parts)}
         if more <= found.holders:
             break

@@ -78,7 +78,7 @@ static inline Composite body_at_S(double m, mat3 J_S)
     return (Composite){m, vec(0, 0, 0), sym_of(J_S)};
 }
 
-/* wrench at S under which a body turns at the constant rate w about S */
+/* wrench at S that a body needs to turn at the constant rate w about S, which is at rest */
 static inline Wrench gyroscopic_wrench(const Composite *b, vec3 w)
 {
     return (Wrench){cross(w, cross(w, b->h)), cross(w, sym_mul(b->I, w))};
@@ -230,7 +230,7 @@ static inline void set_link_inertias(Links *restrict k, const Chain *restrict ar
     }
 }
 
-/* attitude of E relative to S */
+/* attitude of the end effector relative to the base */
 static inline quat tip_attitude(const Arm *arm, const Tree *t)
 {
     return product(quat_of_dcm(transpose(t->R_A)), arm->q_EA);
@@ -322,7 +322,7 @@ static inline Mobility mobility_of(const Composite *whole, int turns)
     return (Mobility){1 / whole->m, c, turns ? sym_inverted(I_C) : sym_diagonal(0, 0, 0)};
 }
 
-/* twist of the base H_00^-1 y:  w = I_C^-1 (M - c x F),  v = F/m - w x c */
+/* twist of the base H_00^-1 y, y = [F; M] a wrench:  w = I_C^-1 (M - c x F),  v = F/m - w x c */
 static inline Twist base_response(const Mobility *base, Wrench y)
 {
     vec3 w = sym_mul(base->inverse_inertia, sub(y.M, cross(base->c, y.F)));
