@@ -63,7 +63,8 @@ typedef struct {
         NONNEGATIVE(plume_range, "m", "range below which plume_force applies"),                  \
         NONNEGATIVE(plume_force, "N", "largest thrust away from the target within plume_range"), \
         POSITIVE(recover_speed, "m/s", "speed of return where a rule is violated"),              \
-        NONNEGATIVE(dwell, "s", "simplex: a command passes again once safe for this time"),      \
+        NONNEGATIVE(dwell, "s",                                                                  \
+                    "filter = 1, 2: a command passes again after it was safe for this time"),    \
         SAMPLE_PERIOD
 
 #define FILTER_INPUTS                                                 \

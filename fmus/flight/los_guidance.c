@@ -5,15 +5,16 @@
  *   D:  X = r/|r|,   Y = chi x X / |chi x X|,   Z = X x Y,
  *           r = r_TN - r_SN: actual line of sight, chi: to the Sun
  *
- * with first and second derivatives as seen in N. The target turns torque-free, or under gravity
- * gradient if use_gravity_gradient. alpha_DN_D follows from the relative acceleration, for which
- * the guidance uses differential gravity minus the last command: the servicer does not know
- * manoeuvres of the target. Y and q_DN never change sign from sample to sample. Where the Sun or
- * its opposite is within guard_angle of the line of sight, the Y of the last sample applies, made
- * normal to X. Flags: attitude_guard, where this applies; los_guard, where the elevation of the
- * line of sight is above elevation_limit, near the poles of its angles, or the range is below
- * range_limit. A range of zero is rejected. A sample with active = 0 resets the state; its flags
- * are 0. Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
+ * The first and second derivatives of rho_ref, X, Y and Z are derivatives as seen in N. The target
+ * turns torque-free, or under gravity gradient if use_gravity_gradient = 1. alpha_DN_D follows from
+ * r'', which is computed from differential gravity and the last commanded force: the servicer does
+ * not know manoeuvres of the target. q_DN never changes sign from sample to sample. Where the Sun
+ * or its opposite is within guard_angle of the line of sight, the last Y from outside this angle is
+ * held and made normal to X. Flags: attitude_guard = 1 where Y is held; los_guard = 1 where the
+ * elevation of the actual or desired line of sight is above elevation_limit, because azimuth is
+ * singular at 90 deg, or where the range is below range_limit. A range of zero violates the rule
+ * of the output `range`. A sample with active = 0 resets the state; its flags are 0. Source: Yin,
+ * Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "directions.h"
@@ -75,7 +76,7 @@ static const Variable variables[] = {
     POSITIVE(guard_angle, "rad",
              "panel axis is held if the line of sight is within this angle of the Sun or its "
              "opposite"),
-    POSITIVE(elevation_limit, "rad", "los_guard = 1 above this elevation, actual or desired"),
+    POSITIVE(elevation_limit, "rad", "actual or desired elevation above which los_guard = 1"),
     NONNEGATIVE(range_limit, "m", "los_guard = 1 below this range"),
     SAMPLE_PERIOD,
 
@@ -134,8 +135,8 @@ static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
                     neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
 }
 
-/* unit vector of r with derivatives. Divisors |r| are at least 0.1 m, so that outputs stay
- * finite at range 0, which is rejected anyway. */
+/* unit vector of r with derivatives. A range |r| below 0.1 m is replaced by 0.1 m, so that the
+ * derivatives stay finite near range 0; range 0 itself violates the rule of the output `range`. */
 /* C.3-5 */
 static Motion direction(Motion r)
 {
@@ -152,7 +153,8 @@ static vec3 some_normal(vec3 x)
     return unit(cross(x, least));
 }
 
-/* C.3: panel axis y, normal to the line of sight x, and to the Sun except inside the guard */
+/* C.3: panel axis y, normal to the line of sight x; outside the guard also normal to the direction
+ * of the Sun, inside the guard as near to the held y as possible */
 /* C.3-2 */
 static Motion panel_axis(const Parameters *p, Motion x, State *held, double *guarded)
 {

@@ -6,9 +6,9 @@
  *   y_2 = err(q_TN* q_SN q_KS q_TK),               H_2 = [0 0 I 0 0 0 0]
  *
  * h: predicted r_GK_K, d: p_GT_T, rho: r_S - r_T, y_2: rotation vector of the attitude residual;
- * H_1, H_2: derivatives by the errors of relative_motion.h; a~: matrix with a~ b = a x b.
- * The noise follows from the range that is predicted before the update. Equations: docs/models.md
- * F.6. */
+ * H_1, H_2: derivatives with respect to the errors of rho, velocity, attitude, rate, ratios of
+ * inertia, d, acceleration (relative_motion.h); a~: matrix with a~ b = a x b. The covariance of the
+ * noise is computed for the range predicted before the update. Equations: docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef POSE_UPDATE_H
 #define POSE_UPDATE_H
@@ -55,7 +55,9 @@ static inline vec3 position_predicted(const Pose *m, const Estimate *x)
 }
 
 /* covariance of a measured position, R_1 = diag(sigma_r^2) + sigma_mount^2 range^2 I, and of a
- * measured attitude, R_2 = (sigma_t^2 + sigma_mount^2) I */
+ * measured attitude, R_2 = (sigma_t^2 + sigma_mount^2) I; sigma_r, sigma_t: noise of position, per
+ * axis, and attitude at this range (pose_noise.h); sigma_mount: uncertainty of the attitude of the
+ * camera [rad] */
 static inline mat3 position_covariance(const PoseModel *p, double range)
 {
     vec3 s = position_noise(&p->noise, range);
@@ -82,7 +84,8 @@ static inline double update(Estimate *x, const Residual *m)
     return nis;
 }
 
-/* H_1 = [-C_KN, 0, -C_KN C_TN^T d~, 0, 0, C_KN C_TN^T, 0] */
+/* updates x by the measured position, with H_1 = [-C_KN, 0, -C_KN C_TN^T d~, 0, 0, C_KN C_TN^T, 0];
+ * returns the normalised innovation squared */
 static inline double update_position(Estimate *x, const Pose *m, mat3 R)
 {
     mat3 C_KT = matmul_t(m->C_KN, dcm_of_quat(x->q));
@@ -131,7 +134,8 @@ static inline void put_pair(double *P, size_t row, size_t column, mat3 block)
     put_block(P, ERRORS, column, row, transpose(block));
 }
 
-/* sets rho = C_TN^T d - C_KN^T r_GK_K - C_SN^T p_KS_S and q_TN, and the resulting covariance */
+/* sets rho = C_TN^T d - C_KN^T r_GK_K - C_SN^T p_KS_S, q_TN as measured, and the covariance P that
+ * results from the noise of the pose and the start covariance of the other states */
 static inline void acquire(const PoseModel *p, const StartSigmas *s, Estimate *x, const Pose *m)
 {
     mat3 R_1 = position_covariance(p, norm(m->r)), R_2 = attitude_covariance(p, norm(m->r));

@@ -7,9 +7,10 @@
  *   m = sqrt(det J J^T), 0 with fewer than six columns
  *
  * J_m, J_0: Jacobians of joints and base; H_00, H_0m: blocks of the inertia matrix for base and
- * joints. y: required twist of the end effector, without the part that the base contributes;
- * `ready`: joint angles of the posture. A joint must satisfy K_limit (min - q) <= dq <= K_limit
- * (max - q). All joints that violate it in one pass are fixed at their bounds, and the next pass
+ * joints. y: required twist of the end effector minus the twist that it would have with the joints
+ * at rest and the same momentum; m: manipulability; `ready`: joint angles of the posture. The rate
+ * of a joint must satisfy K_limit (min - q) <= dq <= K_limit (max - q), min and max: limits of its
+ * angle. All joints that violate this in one pass are fixed at their bounds, and the next pass
  * solves for the other joints. Then all rates are scaled by one factor so that none exceeds its
  * limit. Equations: docs/models.md K.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -70,7 +71,8 @@ static inline void set_jacobian(Jacobian *restrict J, const Tree *restrict t,
 }
 
 /* ---- one pass: the joints that are not fixed ---- */
-/* J J^T (6 x 6), of which only the upper triangle is set; column 6: the right-hand side, twist y */
+/* J J^T (6 x 6) of these joints, of which only the upper triangle is set; last column: the
+ * right-hand side, twist y */
 typedef struct { double at[6][UPPER]; } Gram;
 
 static inline Gram gram_of(const Jacobian *J, const JointRates *r, Twist y)
@@ -156,15 +158,16 @@ static inline void scale_rates(const RateLaw *law, int joints, JointRates *r)
     for (int i = 0; i < joints; i++) r->dq[i] *= r->rate_scale;
 }
 
-/* xd: required motion of E relative to the motion of S, base axes; w: rate of the base; q, dq:
- * present joint angles and rates */
+/* xd: required velocity of E relative to the velocity of S, and required angular velocity of E
+ * relative to N, base axes; w: angular velocity of the base; q, dq: present joint angles and
+ * rates */
 /* K.3-4 */
 static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, const double q[],
                                      const double dq[], Twist xd)
 {
     int joints = (int)t->joints;
     Jacobian J;
-    Twist base = {vec(0, 0, 0), w}; /* base motion with joints at rest, same momentum */
+    Twist base = {vec(0, 0, 0), w}; /* becomes its twist with joints at rest, same momentum */
     Reaction reaction = {.v = {{0}, {0}, {0}}};
     double z[ARM_JOINTS];
     if (law->base_floats && joints > 0) set_reaction(&reaction, t);

@@ -11,7 +11,7 @@
 #include "safety_ports.h"
 
 #define RESTING 1e9  /* margin of a rule that is off or does not apply */
-#define TINY    1e-9 /* m, m/s: least typical size, by which a margin is divided */
+#define TINY    1e-9 /* m, m/s: lower bound of a range or speed limit, so that no Size is 0 */
 
 /* ---- relative states and arcs ---- */
 static inline TwoOrbits two_orbits(const SafetyInput *u)
@@ -25,7 +25,8 @@ static inline Relative in_hill(const SafetyParameters *p, const SafetyInput *u)
     return relative_in_hill(p->mu, &x);
 }
 
-/* relative motion as seen in a body that rotates with omega: v = C drho_N - omega x p */
+/* position p and velocity v of S relative to T, as seen in body b, which rotates with omega:
+ * p = C rho_N, v = C drho_N - omega x p, C: rotation matrix from N to body axes */
 static inline Relative in_body(const SafetyInput *u, const Body *b)
 {
     mat3 C = dcm_of_quat(attitude_in(b->q));
@@ -110,8 +111,9 @@ static inline const Arc *corridor(const Interval *i, Setting *s)
     return p->use_corridor && i->from->approaching ? arc_in(i, p->corridor_axes) : NULL;
 }
 
-/* slope k of the speed limit; with speed_tumble the tumble rate is added, because near a tumbling
- * target the speed as seen in H contains |w_T| |rho| */
+/* slope of the speed limit over range; with speed_tumble = 1 the tumble rate of the target, up to
+ * tumble_max, is added, because the speed of a servicer that rotates with the target contains
+ * |w_T| |rho| as seen in H */
 static inline double speed_slope_at(const SafetyParameters *p, const SafetyInput *u)
 {
     double tumble = smaller(norm(u->T.omega), p->tumble_max);
@@ -159,8 +161,8 @@ static inline double plume_size(const SafetyParameters *p, double range)
 }
 
 /* functions of each rule. PASSIVE has no in_force, because it is evaluated on a predicted drift,
- * not on the arc between two samples. NAVIGATION, which counts time, and ESCAPE, which is a
- * prediction, are not in the table. */
+ * not on the arc between two samples. NAVIGATION, whose margin is a time, and ESCAPE, which
+ * is a prediction, are not in the table. */
 static const struct {
     InForce *in_force;
     MarginValue *value;
@@ -237,8 +239,8 @@ static inline double passive_violation(const SafetyParameters *p, const Course *
     return c->t + c->h * unsafe;
 }
 
-/* margin of the drift that begins at the end of c, and instant at which the rule was first
- * violated; *entry: time until the drift enters the zone. With known = 1, for a rule whose first
+/* margin of the drift that begins at the end of the course c, and instant at which the rule PASSIVE
+ * was first violated; *entry: time until the drift enters the zone. With known = 1, if the first
  * violation is stored already, no instant is computed. */
 static inline Finding passive_finding(const SafetyParameters *p, const Course *c, int known,
                                       double *entry)

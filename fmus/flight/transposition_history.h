@@ -12,12 +12,12 @@
 
 enum {
     MAX_NODES = SPLINE_MAX,
-    FINE = 4, /* steps of the momentum history per node interval */
+    FINE = 4, /* steps of the momentum history per node interval, between fine points */
     MAX_FINE = FINE * MAX_NODES
 };
 
 typedef struct {
-    double n, t_0, dt; /* n: number of intervals */
+    double n, t_0, dt; /* number of intervals, time of node 0 [s], interval [s] */
     vec3 eps[MAX_NODES + 1], curvature[MAX_NODES + 1];
 } History;
 

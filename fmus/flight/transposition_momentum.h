@@ -1,14 +1,16 @@
 /* transposition_momentum.h - momentum of the gyros along an attitude history, and its derivatives
- * with respect to eps at the nodes. It follows from the balance of momentum in N, by the
- * trapezoidal rule with four steps per node interval:
+ * with respect to eps at the nodes. The momentum follows from the balance of momentum in N, by the
+ * trapezoidal rule with four steps per node interval, which begin and end at fine points:
  *
  *   H_N(t) = H_N(0) + integral(C_NS tau),   h_cmg = C_SN H_N - (J_A omega_0 + h_m)
  *
- * eps: vector part of the quaternion relative to the flight attitude; J_A, h_m, tau: assembly.h.
- * The matrix J contains the derivatives of h = h_cmg with respect to eps at the nodes, by the chain
- * rule: central differences give the derivatives of h with respect to eps and eps' and of C_NS tau
- * with respect to eps at one instant; these are multiplied by the linear maps from eps at the nodes
- * to eps and eps' of the spline. Source: docs/models.md E.4. */
+ * eps: vector part of the quaternion relative to the flight attitude; H: total momentum; J_A:
+ * inertia of the assembly; h_m: momentum of the relative motion of its two bodies; omega_0: rate of
+ * the base; tau: torque of gravity gradient and drag (assembly.h). The matrix J contains the
+ * derivatives of h = h_cmg with respect to eps at the nodes, by the chain rule: central differences
+ * give the derivatives of h with respect to eps and eps' and of C_NS tau with respect to eps at one
+ * instant; these are multiplied by the linear maps from eps at the nodes to eps and eps' of the
+ * spline. Source: docs/models.md E.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_MOMENTUM_H
 #define TRANSPOSITION_MOMENTUM_H
@@ -28,7 +30,7 @@ typedef struct {
     const Swing *swing;
     vec3 h_0_S;
     double limit, rotation_max;   /* N m s, rad */
-    double alpha, lambda, weight; /* weight: exponent p of (|h|/max)^p, the weights W */
+    double alpha, lambda, weight; /* weight: p of the node weights (|h|/max |h|)^p */
     int max_iterations;
     Scheme scheme;
 } Task;
@@ -167,8 +169,8 @@ static inline void add_row(Workspace *w, int unknowns, const double *row, double
     }
 }
 
-/* adds the three rows of J for node k to the normal equations, so that J is never stored as a
- * whole */
+/* adds the three rows of J for node k, which w->jacobian contains, to the normal equations; only
+ * the rows of one node are stored at a time */
 static inline void add_node(const Task *task, const History *y, Workspace *w, int k)
 {
     vec3 h = w->h[FINE * k];
@@ -177,8 +179,9 @@ static inline void add_node(const Task *task, const History *y, Workspace *w, in
         add_row(w, 3 * (intervals(y) - 2), w->jacobian[r], weight, values[r]);
 }
 
-/* dh_k/deps_j = C_SN integral(d(C_NS tau)/deps deps/deps_j) + (dh/deps) delta_jk + (dh/deps')
- * deps'/deps_j */
+/* adds the rows of J for node k to the normal equations:
+ * dh_k/deps_j = C_SN integral(d(C_NS tau)/deps deps/deps_j) + (dh/deps) delta_jk
+ *               + (dh/deps') deps'/deps_j,   delta_jk: 1 if j = k, else 0 */
 static inline void add_momentum_of_node(const Task *task, const History *y, Workspace *w, int k)
 {
     Motion eps = fine_motion(y, FINE * k);

@@ -24,8 +24,8 @@ from . import relative_motion as derived
 from .relative_motion import DISTANCE, attitude_error, initial_range, release_time
 
 APART = 10.0
-"""Ratio of the peak forces, or peak torques, of two runs above which their controllers cannot have
-the same actuators.
+"""Ratio of the peak forces, or peak torques, of two runs above which a comparison warns that their
+controllers cannot have the same actuators.
 """
 BAND = 1e-3
 """Default band of the position error as a share of the largest initial range of all runs."""
@@ -58,16 +58,16 @@ ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
 
 
 def _controlled(result: Result) -> tuple[Array, Array]:
-    """Return times [s] and attitude errors [deg] of the rows in which the attitude of the servicer
-    is not frozen.
+    """Return times [s] and attitude errors [deg] of the rows from release_time() on. Before, the
+    plant holds the attitude of the servicer.
     """
     begun = result.time >= release_time(result)
     return result.time[begun], np.degrees(attitude_error(result)[begun])
 
 
 def _band(limits: Limits) -> str:
-    """Return the band of the position error as text for an expression; the default band for a
-    missing or infinite limit.
+    """Return the band of the position error as text for an expression. If `limits` has no position
+    band, or an infinite one, it is the default band.
     """
     band = limits.position
     return f"{BAND} * {live.FIRST_RANGE}" if band is None or not np.isfinite(band) else repr(band)
@@ -89,8 +89,8 @@ def _attitude_settles(result: Result, limits: Limits) -> float:
 def _steady(error: Callable[[Result, slice], Array], result: Result, begin: float) -> float:
     """Return the largest error in the last fifth of the time after `begin`; NaN without such rows.
 
-    `error` is called for these rows and the row before them: it may repeat, in the last row, the
-    error of the row before, which must then be among the rows.
+    `error` takes the result and a slice of rows. The slice also contains the row before these rows,
+    because an error that is unknown in the last row is replaced by the error of the row before.
     """
     time = result.time[result.time >= begin]
     if not len(time):
@@ -152,7 +152,7 @@ def _first_violation(result: Result, _: Limits) -> float:
 # ---- cost
 
 OFTEN = 20.0
-"""Share of rows at a limit [%] above which a comparison shows an actuator."""
+"""Share of rows at a limit [%] above which a comparison shows the metric of an actuator."""
 WHEEL_LIMIT, FULL = "servicer.wheel_speed_max", 1e-9
 """Parameter with the largest speed of a wheel; relative difference from it at which a wheel counts
 as being at this limit.
@@ -256,7 +256,9 @@ ACTUATORS = {
     "torque at limit": "propulsion.M_saturated",
     "thrusters at limit": "allocation.infeasible",
 }
-"""Flags of actuators that are 1 where a limit is reached, by the name of a metric."""
+"""Flags of actuators that are 1 where a limit is reached, by the name of the metric for the share
+of these rows.
+"""
 AT_LIMITS = (
     *(Metric(name, "%", (), _share(flag), above=OFTEN) for name, flag in ACTUATORS.items()),
     Metric(

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plan of the guidance of a transposition: its commands over the whole window, without a run of the
-rest of the system.
+"""Plan of the guidance of a transposition: its commands over the time span of the system, from a
+run of the guidance alone.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ ADVICE = {2: "; more iterations (iterations_max), a longer window, or a larger m
 
 @dataclass(frozen=True)
 class Plan:
-    """Outputs of the guidance over its window, with the plan (`after`) and without a plan, which
-    means at rest in the flight attitude, pointing to the Earth (`before`).
+    """Outputs of the guidance over the time span of the system: with the plan (`after`), and
+    without a plan (`before`), where the guidance commands rest in the flight attitude, pointing to
+    the Earth.
     """
 
     after: Result
@@ -51,7 +52,7 @@ class Plan:
 
     @property
     def good(self) -> bool:
-        """Return whether the planned momentum stays below its limit, or no plan was needed."""
+        """Return whether the planned momentum stays below its limit, or no plan was requested."""
         return self.status <= 1
 
     def text(self) -> str:
@@ -62,12 +63,12 @@ class Plan:
         first = {name: self.after[f"guidance.{name}"][0] for name in PLANNED}
         saturation = float(self.after.parameter("guidance.H_sat"))
         limit = saturation * float(self.after.parameter("guidance.momentum_share"))
-        yield "iter   largest momentum [N m s]   of saturation   largest rotation [deg]"
+        yield "iter   largest momentum [N m s]    / saturation   largest rotation [deg]"
         for k in range(int(first["iterations"]) + 1):
             peak, rotation = first["peak"][k], np.degrees(first["rotation"][k])
             yield f"{k:4}   {peak:24.1f}   {peak / saturation:13.3f}   {rotation:22.2f}"
         outcome = self.after.mode(STATUS, self.status) + ADVICE.get(self.status, "")
-        yield f"saturation {saturation:g} N m s, limit {limit:g} N m s: {outcome}"
+        yield f"saturation of the gyros {saturation:g} N m s, limit {limit:g} N m s: {outcome}"
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
@@ -89,7 +90,9 @@ def _guidance_alone(system: System) -> System:
     if interface is None or any(
         name not in {n.partition("[")[0] for n in interface.outputs()} for name in PLANNED
     ):
-        raise UsageError(f"{system.name}: the system has no guidance that plans; try transposition")
+        raise UsageError(
+            f"{system.name}: the system has no guidance that plans; use the system transposition"
+        )
     guidance = tuple(c for c in system.components if c.name == "guidance")
     return replace(
         system, components=guidance, connections=(), sets=(), alternatives=(), declared={}

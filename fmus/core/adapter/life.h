@@ -100,7 +100,8 @@ static inline void set_span(Instance *instance, double start, bool stop_defined,
 }
 
 /* evaluates the outputs for the values set so far in initialization mode; called when outputs
- * are read, so that masters can propagate start values. False: rejected */
+ * are read, so that masters can propagate start values. False: the model rejects these values or
+ * their outputs */
 static inline bool update_outputs(Instance *instance, const char *function)
 {
     if (!instance->now.stale) return true;
@@ -130,7 +131,7 @@ static inline bool leave_initialization(Instance *instance, const char *function
     instance->now.grid = finest_grid(instance->model);
     instance->now.phase = STEPPING;
     memcpy(instance->last_good, tail_const(fmu_model.start),
-           tail_size()); /* alarms are 0 in start values: all alarms of the first outputs are new */
+           tail_size()); /* alarms are 0 in start values, so each first alarm is reported as new */
     report_alarms(instance, instance->now.start);
     log_message(instance, STATUS_OK, LOG_EVENTS, "initialized");
     return true;
@@ -148,11 +149,12 @@ static inline const char *why_no_step(const Progress *now, double t, double h)
     if (h <= 0) return "the step size must be > 0";
     if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
     if (too_many_substeps(now, h))
-        return "the step would take more than 1e7 internal steps (of max_step, sample_period, T0)";
+        return "the step would take more than 1e7 internal steps of length max_step, sample_period "
+               "or T0";
     if (t + h == t) return "the step size is below the rounding error of the time";
     if (too_late(now, t + h))
-        return "the time is beyond 2^53 internal steps or samples (of max_step, sample_period, "
-               "T0), which cannot be counted";
+        return "the time is beyond 2^53 internal steps or samples of length max_step, "
+               "sample_period or T0, which cannot be counted";
     if (fabs(t - now->time) > time_tolerance(now->time, 1e-2 * h))
         return "the communication point is not the end of the last step";
     if (t + h > now->stop + time_tolerance(now->stop, 1e-2 * h))

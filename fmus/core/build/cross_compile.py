@@ -53,7 +53,8 @@ def compile_for(
     platform: str, folder: Path, sources: list[str], name: str, compiler: list[str]
 ) -> bytes:
     """Return the bytes of the shared library `name` for a platform of TARGETS; raise
-    CalledProcessError if the compiler fails. folder: contains the C files in sources/.
+    CalledProcessError if the compiler fails. folder: folder with the subfolder sources/; sources:
+    names of the C files in this subfolder.
     """
     target, ending, flags = TARGETS[platform]
     library = f"{name}{ending}"

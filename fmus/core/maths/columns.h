@@ -1,7 +1,8 @@
-/* columns.h - eight vectors, matrices or symmetric matrices, stored as one array per component.
+/* columns.h - eight vectors, matrices or symmetric matrices, stored as one array per element (x, y,
+ * z; xx, yy, ..).
  *
- * In a loop over all eight, compilers then process two at once; the results have the same bits as
- * if they were processed one by one. */
+ * Compilers therefore process two of the eight at once in a loop over all eight; the results have
+ * the same bits as if the loop processed one after the other. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef COLUMNS_H
 #define COLUMNS_H
@@ -24,8 +25,8 @@ static inline void put_vec(vec3s *a, int i, vec3 b)
     a->z[i] = b.z;
 }
 
-/* sets sum_i = from + step_0 + ... + step_(i-1) for i = 0 to 7; returns the sum with all eight
- * steps */
+/* sets sum_i = from + step_0 + ... + step_(i-1) for i = 0 to 7; returns from + step_0 + ...
+ * + step_7 */
 static inline vec3 partial_sums(vec3s *restrict sum, vec3 from, const vec3s *restrict step)
 {
     for (int i = 0; i < COLUMNS; i++) {

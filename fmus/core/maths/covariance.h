@@ -46,8 +46,9 @@ static inline void symmetrise(double *P, size_t n)
             P[i * n + j] = P[j * n + i] = (P[i * n + j] + P[j * n + i]) / 2;
 }
 
-/* the first `moving` rows of (I + F) M, in its first `columns` columns and in up to AT_ONCE - 1
- * more columns. M and the result have n columns; zeros of F are skipped. */
+/* sets the first `moving` rows and the first `columns` columns of the result to (I + F) M. As
+ * AT_ONCE columns are computed at once, up to AT_ONCE - 1 more columns are set. M and the result
+ * have n columns; zeros of F are skipped. */
 static inline void transition_times(const double *F, size_t moving, const double *M, size_t columns,
                                     double *result, size_t n)
 {
@@ -90,8 +91,9 @@ static inline void propagate_covariance(double *P, const double *F, size_t movin
         for (size_t j = moving; j < n; j++) P[i * n + j] = P[j * n + i] = half[i * n + j];
 }
 
-/* adds the covariance by white noise of density q in the acceleration of three position states
- * and three rate states over the time T: q [T^3/3, T^2/2; T^2/2, T] */
+/* adds to P the covariance q [T^3/3, T^2/2; T^2/2, T] of three position states and their three
+ * rates that white noise of density q in their acceleration causes over the time T; position, rate:
+ * index of the first of the three states */
 static inline void add_white_acceleration(double *P, size_t n, size_t position, size_t rate,
                                           double q, double T)
 {
@@ -101,7 +103,8 @@ static inline void add_white_acceleration(double *P, size_t n, size_t position, 
     add_block(P, n, rate, rate, identity(q * T));
 }
 
-/* measured residual y = H x + noise with covariance R; H is zero except for `count` 3x3 blocks */
+/* residual of a measurement, y = H dx + noise with covariance R, dx: errors of the states; H is
+ * zero except for `count` 3x3 blocks, each from column `at` on */
 typedef struct {
     vec3 y;
     mat3 R;
@@ -132,8 +135,8 @@ static inline mat3 innovation_covariance(const Residual *m, const vec3 *PHt)
     return S;
 }
 
-/* Joseph form of the updated P, in place, with rows of K and of P H^T: M = (I - K H) P, then M
- * (I - K H)^T + K R K^T */
+/* updates P in place by the Joseph form: M = (I - K H) P, then P = M (I - K H)^T + K R K^T; K, PHt:
+ * rows of the gain K and of P H^T */
 static inline void joseph_update(double *P, size_t n, const Residual *m, const vec3 *K,
                                  const vec3 *PHt)
 {
@@ -146,8 +149,8 @@ static inline void joseph_update(double *P, size_t n, const Residual *m, const v
     symmetrise(P, n);
 }
 
-/* updates P by a residual and sets dx: S = H P H^T + R, K = P H^T S^-1, dx = K y; returns y.S^-1
- * y */
+/* updates P by a residual and sets dx: S = H P H^T + R, K = P H^T S^-1, dx = K y; returns the
+ * normalised innovation squared y^T S^-1 y */
 static inline double update_covariance(double *P, size_t n, const Residual *m, double *dx)
 {
     vec3 PHt[MOST_STATES], K[MOST_STATES];

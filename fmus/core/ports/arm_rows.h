@@ -1,7 +1,7 @@
-/* arm_rows.h - parameters of an arm in the interface of plant and software: rows, default values,
- * rules.
+/* arm_rows.h - parameters of an arm, the same in the interfaces of plant and flight software:
+ * entries of the table of variables, default values, rules.
  *
- * Arrays have seven rows; rows beyond `joints` are not checked. */
+ * Parameters per joint have seven rows; rows beyond the number `joints` are not checked. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_ROWS_H
 #define ARM_ROWS_H
@@ -49,7 +49,8 @@
     ROW_AS(PARAMETER_ROW, p, name, arm.member, 3, unit, text, ANY_VALUE)
 #define ARM_PARAMETERS                                                                             \
     PARAMETER_AS("joints", arm.joints, "1", "number of joints, whole, 0 to 7"),                    \
-        ARM_MATRIX("joint_axis", axis, "1", "unit vector of the axis, per joint, zero pose"),      \
+        ARM_MATRIX("joint_axis", axis, "1",                                                        \
+                   "unit vector of the axis, per joint; zero pose, base axes"),                    \
         ARM_MATRIX("joint_offset", offset, "m",                                                    \
                    "position from the previous joint, the first from S; zero pose, base axes"),    \
         PARAMETER_AS("link_mass", arm.mass, "kg", "mass per link"),                                \
@@ -112,7 +113,8 @@ static inline void check_link(Problems *problems, const Arm *arm, int i)
     char text[32];
     double length = norm(arm->axis[i]);
     if (!(fabs(length - 1) <= 1e-9))
-        reject_row(problems, "joint_axis", i, length, "must be a unit vector");
+        reject_row(problems, "joint_axis", i, length,
+                   "must be a unit vector (the value is its norm)");
     if (!(arm->mass[i] > 0)) reject_row(problems, "link_mass", i, arm->mass[i], "must be > 0");
     check_inertia(problems, element_of(text, "link_inertia", i), mat_of(link_inertia(arm, i)));
 }
