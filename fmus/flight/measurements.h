@@ -12,7 +12,7 @@
 #include "portable_math.h"
 #include "time_grid.h"
 
-enum { HISTORY = 16 }; /* a measurement that is late by this number of samples is not used */
+enum { HISTORY = 16 }; /* a measurement late by this number of samples or more is not used */
 
 typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
 

@@ -6,11 +6,11 @@
  * w: frequency, z: depth, Z: width; T: sample period, 1/q: delay by one sample. Two notches in
  * series, the same on all axes, for torque and wheel acceleration, and two for the force, which
  * excites other modes: antisymmetric bending of the wings turns the hub, symmetric bending shifts
- * it. Bilinear (Tustin), prewarped so that a notch is at w exactly for any sample period T. The
- * gain is z/Z at w, 1 far from it, and exactly 1 for a constant command. A notch causes a phase lag
- * of about 2 Z u/(1 - u^2) rad at a frequency u w below w, so w should be above the bandwidth of
- * the loop. Frequency 0: no notch. The filter starts at rest. Sampled: a step reads the inputs once
- * and holds the outputs. Equations: docs/models.md L.7. */
+ * it. The discretisation is bilinear (Tustin), prewarped so that a notch is exactly at w for any
+ * T. The gain is z/Z at w, 1 far from it, and exactly 1 for a constant command. A notch causes a
+ * phase lag of about 2 Z u/(1 - u^2) rad at the frequency u w, u < 1, so w should be above the
+ * bandwidth of the loop. Frequency 0: no notch. The filter starts at rest. Sampled: a step reads
+ * the inputs once and holds the outputs. Equations: docs/models.md L.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "exact.h"
 #include "fmu.h"
@@ -24,7 +24,8 @@ typedef struct {
     double depth[NOTCHES], width[NOTCHES], sample_period;
 } Parameters;
 typedef struct { vec3 M_cmd_S, wheel_accel_cmd, F_cmd_S; } Input;
-typedef struct { vec3 one, two; } Memory; /* states of one notch, which is of second order */
+/* states of one notch: `one` is added to the next output, `two` to `one` at the next sample */
+typedef struct { vec3 one, two; } Memory;
 typedef struct { Memory torque[NOTCHES], wheels[NOTCHES], force[NOTCHES]; } State;
 typedef struct { vec3 M_notched_S, wheel_accel_notched, F_notched_S; } Output;
 MODEL_STRUCT;
@@ -76,7 +77,8 @@ static void check(const Parameters *p, Problems *problems)
     }
 }
 
-/* ---- one notch: y = b0 u + b1 (u_1 - y_1) + b2 u_2 - a2 y_2, index: number of samples ago ---- */
+/* ---- one notch: y = b0 u + b1 (u_1 - y_1) + b2 u_2 - a2 y_2 ----
+ * u, y: input and output of this sample; u_1, y_1, u_2, y_2: one and two samples before */
 typedef struct { double b0, b1, b2, a2; } Notch;
 
 /* L.7-2 */

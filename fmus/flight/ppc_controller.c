@@ -1,7 +1,7 @@
 /* ppc_controller.c - low-complexity prescribed performance control of line of sight and attitude,
  * without a model.
  *
- * The generalised state z of each channel i (range, elevation, azimuth; three of attitude) is held
+ * The generalised state z of each channel (range, elevation, azimuth; three of attitude) is held
  * inside a shrinking funnel:
  *   z = x1 + lambda x2,   L alpha < z < U alpha,
  *           alpha(t) = (alpha_0 - alpha_inf) exp(-beta (t - t_0)) + alpha_inf
@@ -9,13 +9,16 @@
  *   theta = z/alpha,   s = ln((theta - L)/(U - theta)),
  *           r = (U - L)/((theta - L)(U - theta) alpha) = ds/dz
  *   kappa = sum eta s^2,     u = -k p(r) eta s/(1 - kappa)
- *     law 0, as printed: p = r;   law 1: p = 1/r;
+ *     law 0, as in the source: p = r;   law 1: p = 1/r;
  *             law 2: p = (alpha (U - L)/4)^2 r, small-signal gain always k eta
  * Position:  x1, x2 in LOS coordinates, servicer acceleration a_L = Sigma u, F_cmd = force_scale
  * C_SL a_L
  * Attitude:  x1 = e, x2 = T(q_SD) w/2, torque M = T(q_SD)^T u; the proof needs equal constants on
  * all three channels
- * Sigma = diag(-1,-1,1); T(q) w = q_0 w + q_vec x w; rho, eps: range and elevation (tracking.h)
+ * t_0: first sample with control; lambda, alpha_0, alpha_inf, beta, delta, k, eta: parameters of
+ * the channel; kappa: sum over the three channels of position or of attitude; e: vector part of
+ * the attitude error q_SD, w: rate error; Sigma = diag(-1,-1,1); T(q) w = q_0 w + q_vec x w; rho,
+ * eps: range and elevation (tracking.h)
  *
  * Without saturation, in continuous time, with 0 < lambda beta < 1 and kappa(t_0) < 1, no channel
  * ever leaves its funnel and kappa stays below 1. Sampled or saturated control can violate both.
@@ -181,7 +184,7 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- one channel ---- */
 /* u = -gain s/(1 - kappa); margin: > 0 inside the funnel; unkept_s: s of theta before map() limits
- * it */
+ * theta */
 typedef struct { double theta, s, alpha, gain, margin, unkept_s; } Mapped;
 
 /* s of (15); 0 for a theta outside the funnel. The law uses a theta that map() limits to the

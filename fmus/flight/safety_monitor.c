@@ -3,31 +3,32 @@
  *
  *   1 keep-out    ellipsoid or box about the target, Hill or target axes
  *   2 corridor    cone about the direction of approach, Hill or target axes
- *   3 speed       |drho_H| <= v_0 + k |rho|;  with speed_tumble k + |w_T|
+ *   3 speed       |drho_H| <= v_0 + k |rho|;  with speed_tumble k + |w_T| replaces k
  *   4 passive     the drift without thrust for the next passive_time stays outside the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range a state
  *                 that disagrees with an independent range is invalid; with range_alone only
- *                 such states violate the rule
- *   7 escape      after an abort ordered now the drift stays outside escape_radius for escape_time,
- *                 for all states and burns within the bounds e_r, e_v, k_p, k_n
+ *                 states that disagree with the range violate the rule
+ *   7 escape      after an abort ordered now, the drift stays outside escape_radius for
+ *                 escape_time, for all errors of the state within the bounds e_r, e_v and of the
+ *                 burn within the bounds k_p, k_n
  *
  * Rules 1, 2, 3 and 5 are evaluated in continuous time: between two samples the servicer moves on
- * the cubic arc through both states, and the inputs approaching, F_cmd_S and omega_TN_T (rule 3) of
- * the first sample hold until the second. Published margins are the least since the last sample,
- * never above the true least of the arc and below it by no more than 1e-7; a rule that is off or
- * does not apply has margin 1e9. Rule 4 is evaluated at samples that are passive_period or more
- * apart, with passive_opens not while approaching; if it fails, the instant of the violation is
- * found by bisection of the arc. Rule 7 is evaluated at samples until the abort. It is violated as
- * soon as its margin is below escape_reserve, while the escape is still certain. The first
- * violation of each rule is stored with its time; `abort` is latched.
+ * the cubic arc through both states, and the inputs approaching, F_cmd_S and omega_TN_T (rule 3)
+ * of the first sample hold until the second. Published margins are the least since the last
+ * sample, never above the true least of the arc and below it by no more than 1e-7; a rule that is
+ * off or does not apply has margin 1e9. Rule 4 is evaluated at samples that are passive_period or
+ * more apart, and with passive_opens only while not approaching; if it fails, the instant of the
+ * violation is found by bisection of the arc. Rule 7 is evaluated at samples until the abort. It
+ * is violated as soon as its margin is below escape_reserve, while the escape is still certain.
+ * The first violation of each rule is stored with its time; `abort` is latched.
  *
  * F_safe_S is F_cmd_S at every call, between samples too; after the abort, with act = 1, it is the
  * abort manoeuvre: abort_force along a velocity increment, until the increment is spent. The
  * increment is abort_dv_H if that is not zero. Else, with abort_relative = 1, it changes the
  * velocity as seen in H to abort_speed away from the target; the last valid state, propagated
  * without thrust until now, gives the velocity before. With abort_relative = 0 it is abort_speed
- * along the corridor, with the axes at the last valid state. While there is no valid state, and
+ * along the corridor axis as directed at the last valid state. While there is no valid state, and
  * before t_armed (filters settle), rules 1 to 5 and 7 are not evaluated, margins retain their
  * values, and the next valid state begins a new arc. At zero range the zone is violated, and the
  * margins of corridor and plume are zero. The adapter rejects inputs that are not finite.
@@ -112,11 +113,12 @@ static const Variable variables[] = {
            "least margin of the keep-out zone during the drift, as predicted last"),
     MARGIN(PLUME, "plume", "m", "least margin of the plume since the last sample"),
     MARGIN(NAVIGATION, "navigation", "s", "time left until navigation is declared lost"),
-    MARGIN(ESCAPE, "escape", "m",
-           "least range less escape_radius after an abort ordered now, for all errors within the "
-           "bounds; a proof for linear relative motion, on orbits with e <= 0.01"),
+    MARGIN(
+        ESCAPE, "escape", "m",
+        "least range after an abort ordered now, minus escape_radius, for all errors within e_r, "
+        "e_v, k_p, k_n; a proof for linear relative motion, on orbits of eccentricity <= 0.01"),
     OUTPUT(least_margin, "1", "per rule: least margin since the start, in the unit of its margin"),
-    MODE(nearest, "rule with the least ratio of margin to typical size",
+    MODE(nearest, "rule whose margin, divided by a typical size, is smallest",
          "none|keep-out|corridor|speed|passive|plume"),
     OUTPUT(passive_entry, "s",
            "time until a drift without thrust enters the zone; -1: it does not"),
@@ -217,8 +219,9 @@ static int is_relative(const Parameters *p)
     return p->abort_relative && norm(p->abort_dv_H) == 0;
 }
 
-/* increment of an abort that does not depend on the velocity; u: inputs at the last valid state.
- * Before the first valid state the increment is 0, and the servicer drifts. */
+/* increment, in N axes, of an abort with abort_relative = 0 or a given abort_dv_H, which does not
+ * depend on the velocity of the servicer; u: inputs at the last valid state. Before the
+ * first valid state the increment is 0, and the servicer drifts. */
 static vec3 fixed_increment_N(const Parameters *p, const Input *u)
 {
     if (!u->relative_valid) return vec(0, 0, 0);
@@ -282,8 +285,8 @@ static void foresee_abort(const Parameters *p, const Input *u, State *x, Output 
     x->t_escape = t;
 }
 
-/* number of the rule with the least ratio of margin to typical size (1: keep-out, ...); 0: no
- * rule applies */
+/* number of the rule whose margin, divided by its typical size (safety_evaluation.h), is smallest
+ * (1: keep-out, ...); 0: no rule applies */
 /* G.2-6 */
 static double nearest_rule(const Parameters *p, const Input *u, const State *x)
 {

@@ -12,8 +12,8 @@
  * distance from the axis. The axis of the plume is the direction of the force: the exhaust leaves
  * against it, and the target is at -p. A margin is positive where the rule is satisfied, zero on
  * the edge, and changes by at most 1 m per metre of displacement: it is never more than the
- * distance to the edge. It equals this distance for sphere and cone, and for the box opposite the
- * two faces that belong to its smallest half axis.
+ * distance to the edge. It equals this distance for a sphere and a cone, and for a box in front of
+ * the two faces normal to its smallest half axis.
  *
  * Bounds on a part of an arc: a norm is bounded by the Bernstein coefficients of its square,
  * any other convex margin lies above its tangent plane at the middle, a concave one has its least

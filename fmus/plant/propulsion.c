@@ -3,7 +3,7 @@
  *
  *   command   P_nom throttle
  *   delay     a new command is adopted once it has been present for more than Tl/T0 calls
- *             (response: exactly Tl later)
+ *             (the thrust responds exactly Tl after the first of them)
  *   lag       P += k (delayed - P),   k = T0/T2 or 1 - exp(-T0/T2),
  *           T2 = T2up where delayed is not 0, else T2dn
  *   wrench    F = sum P R,   M = sum (L - D_cm) x (P R),   mdot = sum P / (Isp g_0)
@@ -53,7 +53,7 @@ static const Variable variables[] = {
     SWITCH(exact_lag,
            "lag: 0 Euler step, as the paper defines it, 1 exact for a command held over T0"),
     SWITCH(latch,
-           "1: delay counter as printed: always runs, adopts the command every Tl/T0 + 1 calls"),
+           "1: delay counter as in the paper: always runs, adopts a command every Tl/T0 + 1 calls"),
     NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),
     NONNEGATIVE(fault_kind, "1",
                 "fault, per thruster: 0 none, 1 stuck on, 2 stuck off, 3 reduced to fault_factor"),

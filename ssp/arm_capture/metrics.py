@@ -41,12 +41,12 @@ def rms(values: NDArray[np.float64]) -> float:
 
 
 def turned(result: Result) -> NDArray[np.float64]:
-    """Return the angle of the base from its reference attitude in every row (rows,) [rad]."""
+    """Return the angle of the base from the reference attitude of the controller (rows,) [rad]."""
     return np.asarray(4 * np.arctan(np.linalg.norm(result[ATTITUDE], axis=1)))
 
 
 def off(result: Result) -> NDArray[np.float64]:
-    """Return the distance of the base from its reference position in every row (rows,) [m]."""
+    """Return the distance of the base from the reference position of the controller (rows,) [m]."""
     return np.asarray(np.linalg.norm(result[PLACE], axis=1))
 
 

@@ -100,8 +100,8 @@ def drift(n: float, r: Array, v: Array, tau: Array) -> Array:
 
 
 def drawn(result: Result, e: Escape, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return `count` positions and velocities after the burn, (count, 3) each, with errors of
-    navigation and burn drawn within the bounds of the monitor.
+    """Return `count` positions [m] and velocities [m/s] after the burn, (count, 3) each, Hill axes,
+    with errors of navigation and burn drawn within e_r, e_v, k_p, k_n of the monitor.
     """
     e_r, e_v, k_p, k_n = (float(result.parameter(f"monitor.{name}")) for name in BOUNDS[:4])
     along = rng.uniform(-k_p, k_p, (count, 1)) * e.dv
@@ -112,8 +112,10 @@ def drawn(result: Result, e: Escape, count: int, rng: np.random.Generator) -> tu
 
 
 def support(result: Result, e: Escape, tau: Array) -> tuple[Array, Array]:
-    """Return the path without errors (times, 3) [m], and the largest displacement towards the
-    target that errors within the bounds of the monitor can cause (times,) [m].
+    """Return the path without errors, Hill axes, (times, 3) [m], and the largest displacement
+    towards the target by errors within e_r to e_model of the monitor, (times,) [m].
+
+    tau: times since the burn (times,) [s].
     """
     e_r, e_v, k_p, k_n, e_model = (float(result.parameter(f"monitor.{n}")) for n in BOUNDS)
     path = drift(e.n, e.r[None], e.v[None], tau)[:, 0]

@@ -25,8 +25,8 @@ WHEELS, RATE, MOMENTUM = "servicer.wheel_speed", "servicer.omega_SN_S", "stack_g
 CLOSE = 25.0
 """Range that the figure of the final approach shows [m]."""
 FAR_OFF, FANS, DRAWN = 60.0, 7, 12
-"""Range that the figure of escapes shows [m], number of positions from which escapes begin, number
-of drawn errors for each.
+"""Range that the figure of escapes shows [m], number of positions on the path from which escapes
+are drawn, number of escapes with drawn errors for each position.
 """
 
 
@@ -81,9 +81,9 @@ def _corridor(canvas: Axes, result: Result) -> None:
 
 
 def _escapes(canvas: Axes, result: Result) -> None:
-    """Draw the path before the fly-around in the plane of the orbit, the escape zone, and from FANS
-    positions the drifts after an abort: the tube that contains the drifts for all errors within
-    their bounds, and drifts for drawn errors.
+    """Draw the path before the fly-around in the plane of the orbit, the circle with the radius
+    escape_radius, and, for an abort at each of FANS positions of the path, the tube that contains
+    the drifts for all errors within their bounds, and DRAWN drifts with drawn errors.
     """
     axes = canvas.add_subplot()
     rho, drho, rate = escapes.hill_states(result)

@@ -27,13 +27,13 @@ SPEED_LIMIT, BOX = 3.3, 0.2
 
 
 def rendezvous(case: Case, library: Library) -> list[dict[str, Array]]:
-    """Return the values that each row of a case names: positions `xy` [m] and velocities `vxy`
-    [m/min] in the Hill frame, and extreme values of the run.
+    """Return a dict for each row of the case, with the values of this list that the row names.
 
-    los: least -x tan 30 deg - |y| in the attempt [m]; speed: largest speed in the attempt [m/min];
-    box: least max(|x|, |y|) after the abort [m].
+    xy, vxy: position [m] and velocity [m/min] in the Hill frame at the time of the row. Extreme
+    values of the run: los: least -x tan 30 deg - |y| in the attempt [m]; speed: largest speed in
+    the attempt [m/min]; box: least max(|x|, |y|) after the abort [m].
     """
-    del library  # unused, but an argument of all SIMULATIONS: the master loads the FMUs
+    del library  # argument of all SIMULATIONS, unused here because the master loads the FMUs
     stop = case.rows[-1]["t"]
     result = run_system(SYSTEM, stop=stop, every=EVERY, set=_changes(case))
     keep_out, corridor, speed = result["monitor.least_margin"][-1][:3]

@@ -8,7 +8,7 @@
 
 /* true if all of x[0 .. count-1] are finite. A sum is finite only if every term is finite, so
  * one test suffices; if the sum overflows, the terms are tested one by one. Two sums are formed,
- * which compilers compute at once. */
+ * which compilers compute in parallel. */
 static inline int all_finite(const double x[], size_t count)
 {
     double sum[2] = {0};

@@ -68,7 +68,8 @@ static inline Substep next_substep(Substep s)
 }
 
 /* ---- sample instants in [t, t+h) ----
- * for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) */
+ * for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s))
+ * s.t: time of the sample, s.index: its number, s.left: number of samples from this one on */
 typedef struct { double t, period, index, left; } Sample; /* period 0: one sample at every call */
 
 /* index of the first sample at or after t */

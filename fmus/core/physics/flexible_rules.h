@@ -1,5 +1,6 @@
-/* flexible_rules.h - parameters of a servicer with panels and slosh, the vehicle that they
- * describe, and the rules that they must satisfy for each part and for the remaining hub. */
+/* flexible_rules.h - parameters of a servicer with panels and slosh, the vehicle that these
+ * parameters describe, and the rules that they must satisfy for each panel, each slosh mass, and
+ * the hub, which is the servicer without panels and slosh masses. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FLEXIBLE_RULES_H
 #define FLEXIBLE_RULES_H
@@ -73,15 +74,16 @@ static inline Vehicle vehicle(const FlexibleParameters *p)
 }
 
 /* (12) of docs/models.md L: number n of substeps in an internal step, the smallest with
- * (max_step/n) omega_top <= 0.3 */
+ * (max_step/n) omega_top <= 0.3; omega_top: highest_mode() [rad/s] */
 static inline double substeps(const FlexibleParameters *p, const Vehicle *v)
 {
     return larger(1, ceiling_of(p->base.max_step * highest_mode(v) / 0.3 * (1 - 1e-12)));
 }
 
 /* rejects a hub without positive mass, or with an impossible inertia about its own centre of
- * mass, I_hc = I_h0 - (h.h 1 - h h^T)/m_h with locked wheels, or I_hc - A_w without wheels; m_h, h,
- * I_h0: mass of the hub, its first moment and inertia about S */
+ * mass: I_hc = I_h0 - (h.h 1 - h h^T)/m_h with locked wheels, or I_hc - A_w without the wheels;
+ * m_h, h, I_h0: mass of the hub, its first moment and its inertia about point S; A_w: matrix from
+ * wheel speeds to wheel momentum */
 static inline void check_hub(const FlexibleParameters *p, Problems *problems)
 {
     Vehicle v = vehicle(p);

@@ -4,8 +4,9 @@
  *   m_red rho'' = F_N,   J_S dw_S = C_SN (d_S x F_N + M_N) - w_S x J_S w_S
  *                        J_T dw_T = C_TN (-d_T x F_N - M_N) - w_T x J_T w_T,    dq = q [0, w]/2
  *
- * rho = r_S - r_T in N axes, m_red = m_S m_T/(m_S + m_T), rates w in body axes; d_S, d_T: from the
- * centres of mass to the common point. Equations: docs/models.md I.5 */
+ * rho = r_S - r_T in N axes, m_red = m_S m_T/(m_S + m_T), rates w in body axes; dw, dq: derivatives
+ * with respect to time; d_S, d_T: vectors from the centres of mass to the common point. Equations:
+ * docs/models.md I.5 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TWO_BODIES_H
 #define TWO_BODIES_H
