@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Collect the evidence for every component of flight software: structural coverage, absence of
-run-time errors, requirements, complexity, deliberate faults, random inputs, equal bits on emulated
-processors, MISRA C.
+run-time errors, requirements, complexity, deliberate faults (mutations of the code), random inputs
+(fuzzing), equal bits on emulated processors, MISRA C.
 
     python .ci/evidence.py build/mcdc build/evidence docs/evidence_figures.md      (make evidence)
 
@@ -45,14 +45,14 @@ HEAD = """# Evidence, measured
 its runs. [Evidence](evidence.md) states what they mean and what is missing.
 
 * Statements, branches, conditions: reached by the tests of the FMUs and of the core headers
-  (`tests/fmu`, `tests/unit`, without the long ones), counted by {clang}. In a decision with
+  (`tests/fmu`, `tests/unit`, without tests marked `long`), counted by {clang}. In a decision with
   several conditions, a condition is counted if it is shown to change the decision alone (MC/DC). A
   row counts the C file and the headers that only this component includes; `{shared}` counts the
   headers that several components include.
 * Reasoned: what the tests do not reach, each with a reason below.
 * Eva: alarms of {frama_c} for all parameters and inputs that a component's table of
   variables allows
-  ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it followed.
+  ([run-time errors](flight_code.md#run-time-errors)), functions and statements that it analysed.
 * Sources: first digits of the SHA-256 of the C file and of all headers that it includes, without
   comments, descriptions and messages.
 
@@ -101,12 +101,12 @@ LIST = """
 class Row(NamedTuple):
     """Evidence for a component, or for the headers that several components include.
 
-    files: files that are counted in this row; reached: pairs (number reached, number in all) of
-    statements, branches and conditions; missing: lines that are not reached; proof: outcome of Eva;
-    sources: hash of the sources of the component; requirements: ids of its requirements;
+    files: files that are counted in this row; reached: a pair (number reached, total number) each
+    for statements, branches and conditions; missing: lines that are not reached; proof: outcome of
+    Eva; sources: hash of the sources of the component; requirements: ids of its requirements;
     complexity: largest cyclomatic complexity of a function; faults: outcomes of deliberate faults;
-    fuzz: outcome of random inputs; processors: text of equal_on(); systems: systems that contain
-    the component.
+    fuzz: outcome of random inputs; processors: number of emulated processors with equal bits, as
+    the text that equal_on() returns; systems: systems that contain the component.
     """
 
     name: str
@@ -157,8 +157,8 @@ def owners() -> dict[str, tuple[str, ...]]:
 
 
 def lines_of(file: Path) -> dict[str, list[dict]]:
-    """Return the JSON objects in a file with one object per line, as a list by component; {} if the
-    file does not exist.
+    """Return, by component, a list of its JSON objects in a file with one object per line; {} if
+    the file does not exist.
     """
     found: dict[str, list[dict]] = {}
     for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
@@ -211,7 +211,9 @@ def required() -> dict[str, tuple[str, ...]]:
 
 
 def rows(found: Mapping[str, structure.Counters]) -> Iterator[Row]:
-    """Yield the evidence for all components and for the shared headers; found: counters by file."""
+    """Yield the evidence for all components and for the shared headers; found: counters of coverage
+    by file.
+    """
     sources = {source.stem: source for source in flight_rules.sources()}
     models, ids, used, on = proofs.models(), required(), systems(), equal_on()
     faults, fuzz = lines_of(FAULTS), lines_of(FUZZ)
@@ -254,7 +256,7 @@ def total(evidence: Iterable[Row]) -> Row:
 
 # ---- outputs ----
 def outcome(proof: proofs.Proof | None) -> tuple[str, str]:
-    """Return two cells: number of alarms of Eva; functions and statements that Eva followed."""
+    """Return two cells: number of alarms of Eva; functions and statements that Eva analysed."""
     if not proof:
         return "", ""
     if proof.error:

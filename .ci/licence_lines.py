@@ -14,7 +14,9 @@ LINE = "SPDX-License-Identifier: BSD-2-Clause"
 
 
 def with_line(text: str, ending: str) -> str:
-    """Return the text of a file with the licence line in its place."""
+    """Return the text of a C or Python file with the licence line, which is inserted at its
+    place if it is missing; ending: ending of the file's name, such as ".py".
+    """
     if LINE in text:
         return text
     if ending == ".py":

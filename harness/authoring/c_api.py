@@ -41,7 +41,8 @@ def write_components(
     """Write the C interface of FMUs, given by name or path, into a folder, and return their names.
 
     place: `SYSTEM.COMPONENT` in which the FMU runs for the reference vectors and whose parameter
-    sets are written (default: a system that has the FMU). Raises UsageError, FmuError, RunError.
+    sets are written (default: a system that has the FMU); compiler: command of a C compiler.
+    Raises UsageError, FmuError, RunError.
     """
     parts: list[_Part] = []
     for group in groups(fmus, place):
@@ -56,8 +57,8 @@ def write_system(
     system: str | Path | System, folder: Path, compiler: str = "cc", **changes: Unpack[Changes]
 ) -> list[str]:
     """Write the C interface of the flight software in a system to which the changes are applied,
-    and return the names of its FMUs. changes: as for run(). Raises the exceptions that run() raises
-    before the first step.
+    and return the names of its FMUs. compiler: command of a C compiler; changes: as for run().
+    Raises the exceptions that run() raises before the first step.
     """
     with load(system) as loaded:
         changed = apply(loaded, **changes)

@@ -46,7 +46,7 @@ def _new_folder(kind: str, name: str, folder: str | Path, taken: Collection[str]
             f"{name}: a {kind} is named by a letter, then letters, digits and _, as in my_{kind}"
         )
     if name in taken:
-        raise UsageError(f"{name}: the name is taken; choose another one")
+        raise UsageError(f"{name}: the name is taken by an FMU, system or mission; choose another")
     target = Path(folder) / name
     if target.exists() or target.is_symlink():
         raise UsageError(f"{target}: already exists; choose another name")
@@ -97,7 +97,10 @@ def _added(name: str, language: str, target: Path, example: Example) -> Created:
     contains it.
     """
     if language != "c":
-        raise UsageError(f"new {example.kind} --language {language}: needs --for SYSTEM.component")
+        raise UsageError(
+            f"new {example.kind} --language {language}: needs --for SYSTEM.component, "
+            "because the example is in C"
+        )
     source = target / f"{name}.c"
     _write(source, _example(name, ".c", example))
     _write(target / SYSTEM, _example(name, ".toml", example))

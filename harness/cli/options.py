@@ -145,10 +145,10 @@ class Drawing:
 
 
 class OnceCommand(TyperCommand):
-    """Command of typer that rejects an option with a single value that is given twice."""
+    """Command of typer that reports an error if an option that takes one value is repeated."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments; reject an option with a single value that is given twice."""
+        """Parse the arguments; exit with an error if an option that takes one value is repeated."""
         _, _, order = self.make_parser(ctx).parse_args(args=list(args))
         for parameter in order:
             single = parameter.param_type_name == "option" and not parameter.multiple

@@ -297,7 +297,7 @@ def _terminals(d: Description) -> Iterator[str]:
     names = {e.get("name") for e in (*d.every("ModelVariables/*"), *d.every(".//Alias"))}
     for e in d.terminals.iter("Terminals"):
         if not len(e):
-            yield f"{file}: Terminals is empty"
+            yield f"{file}: the element Terminals is empty; add a terminal"
     for e in d.terminals.iter("TerminalMemberVariable"):
         if e.get("variableName") not in names:
             yield f"{file}, line {e.sourceline}: variable {e.get('variableName')} does not exist"

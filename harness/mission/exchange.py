@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Exchange of files with other tools: results are written to such files, and start values are read
-from them. Only missions know the file formats; this module calls the functions of missions.
+"""Exchange of files with other tools: writes results to files that these tools read, and reads
+start values from files that they write. Only missions know the file formats, so this module calls
+functions of missions.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ def convert(
 ) -> Path:
     """Convert a results file to another file, whose ending selects the format, and return its path.
 
-    body: component whose motion is written (default: chosen by the format); epoch: t = 0 in UTC
-    (default: from the run, else J2000). Raises UsageError, ResultsError, and HarnessError if a
-    library is missing.
+    body: component whose motion is written (default: chosen by the format); epoch: UTC date of
+    t = 0, such as 2026-01-31T12:00:00 (default: from the run, else J2000). Raises UsageError,
+    ResultsError, and HarnessError if a library is missing.
     """
     from harness.results.files import FORMATS, read, save
 
@@ -58,9 +59,9 @@ def start_values(
     harness.master.changes.Changes).
 
     files: file by component, in addition to the files in the `[start]` of the system, which they
-    override; epoch: t = 0 in UTC (default: from the system, else the first instant that all files
-    cover). Raises UsageError (no such component, no such file, an epoch outside the files), and
-    HarnessError if a library is missing.
+    override; epoch: UTC date of t = 0, such as 2026-01-31T12:00:00 (default: from the system, else
+    the first instant that all files cover). Raises UsageError (no such component, no such file, an
+    epoch outside the files), and HarnessError if a library is missing.
     """
     own = mission(system.mission) if system.mission else None
     for each in _offered(own):
@@ -84,8 +85,8 @@ def of_system(system: System) -> Start:
 
 
 def remarks(result: Result) -> Iterator[str]:
-    """Yield the lines that `Exchange.remarks` of the mission of a result adds to its report page,
-    such as eclipses; the notes of the mission are not among these lines.
+    """Yield the lines, for example about eclipses, that the function `Exchange.remarks` of a
+    result's mission adds to the report page of the result; the mission's notes are not included.
     """
     for each in _offered(of_result(result)):
         if each.remarks is not None:

@@ -110,8 +110,9 @@ FLAGS = (
     "-DLONGEST_CALL=64",
 )
 """Flags of the compiler. The flags in the first line make results bit-identical on all machines.
-The second line lets the linker leave out unused functions. LONGEST_CALL limits each call that an
-instance stores to 64 bytes, so that an instance needs 2 kB for stored calls instead of 20 kB.
+The second line lets the linker leave out unused functions. An instance stores its last calls
+that get or set variables, each with up to LONGEST_CALL value references; with 64 instead of 1024
+references, the stored calls need 2 kB instead of 20 kB.
 """
 
 LIBRARY = f"--specs={SPECS}"

@@ -44,8 +44,8 @@ limit is long enough for this on a busy machine.
 
 
 class Place(NamedTuple):
-    """Place of an FMU in a system, as the component `component`; swapped: whether this component
-    has another FMU in the system, which the FMU replaces.
+    """Place of an FMU in a system, as the component `component`; swapped: whether the FMU
+    replaces another FMU, which the system has for this component.
     """
 
     system: str

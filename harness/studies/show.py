@@ -283,11 +283,11 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
     changes: as for run(). Raises UsageError if the mission has no plan, and the errors of run().
     """
     with load(system) as found:
-        own = mission(found.mission) if found.mission else everything()
+        own = mission(found.mission) if found.mission else everything()  # else: all missions
         planners = own.plans if own else ()
         if not planners:
             raise UsageError(f"{found.name}: its mission has no plan")
-        for planner in planners[:-1]:  # a system without a mission tries all missions' planners
+        for planner in planners[:-1]:  # ignore their errors, raise an error of the last
             with suppress(UsageError):
                 return planner(found, **changes)
         return planners[-1](found, **changes)

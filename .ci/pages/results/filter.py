@@ -15,7 +15,7 @@ FILTERS = ("none", "explicit simplex", "implicit simplex", "least change")
 CONTROLLERS = ("ppc_controller", "pid_controller", "theta_d_controller", "adaptive_controller")
 AIMING = "sync_approach_thrusters_filtered --set guidance.rho_M=0.5 --set guidance.beta=0.05"
 SPHERE = 3.9
-"""Radius of the keep-out sphere in the system of AIMING [m]."""
+"""Radius of the keep-out sphere in the system that AIMING runs [m]."""
 WORK = [
     Column("changed [%]", "filter changes", "{:.1f}"),
     Column("impulse of the change [N s]", "filter impulse", "{:.3g}"),

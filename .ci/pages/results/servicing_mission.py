@@ -32,7 +32,9 @@ PHASES = {
 
 
 def event(name: str) -> Column:
-    """Return the column with the value of an event; name: claim of the mission about the event."""
+    """Return the table column of an event, with the value in each run of the claim of the mission
+    about this event; name: name of the claim.
+    """
 
     def evaluate(result: Any) -> str:
         from ssp.servicing_mission.claims import CLAIMS
@@ -50,7 +52,7 @@ def events() -> str:
 
 
 def estimates() -> str:
-    """Return as text the rms error of the relative position [mm] in each of PHASES."""
+    """Return as text the rms error of the estimated relative position [mm] in each of PHASES."""
     from ssp.servicing_mission.events import stays
     from ssp.shared.estimates import errors, rows
 
@@ -68,8 +70,8 @@ def estimates() -> str:
 
 
 def ending(result: Any) -> str:
-    """Return as text the first LISTED phases back-off, retreat, safe, aborted or stack of a run,
-    each with its reason, start time and range, and then the outcome of the mission.
+    """Return as text the first LISTED phases of a run that are back-off, retreat, safe, aborted or
+    stack, each with its reason, start time and range, and then the outcome of the mission.
     """
     from ssp.servicing_mission.events import outcome, stays
     from ssp.shared.relative_motion import range_
@@ -136,16 +138,18 @@ def sets(system: str, names: Sequence[str]) -> Callable[[], str]:
 
 
 def shown(least: float, inside: float) -> str:
-    """Return as text the least range of drifts [m], and in parentheses the share of the drifts that
-    enter the keep-out zone; without the parentheses if none does. inside: this share, 0 to 1.
+    """Return as text the least range of drifts (motions without thrust) [m], and in parentheses the
+    share of the drifts that enter the keep-out zone; without the parentheses if none does. inside:
+    this share, 0 to 1.
     """
     return f"{least:.2f} m" + (f" ({100 * inside:.0f} % inside)" if inside else "")
 
 
 def instants() -> str:
-    """Return a table of the least range of drifts, with a row per phase. A drift begins every 10 s
-    of the mission on truth and lasts an hour. The columns are: drifts without a burn, and drifts
-    after the burn of an abort with the monitor's parameter `abort_relative` = 0, and with 1.
+    """Return a table of the least range of drifts, with a row per phase. A drift (motion without
+    thrust) begins every 10 s of the mission on truth and lasts an hour. The columns are: drifts
+    without a burn, and drifts after the burn of an abort with the monitor's parameter
+    `abort_relative` = 0, and with 1.
     """
     from ssp.servicing_mission import escapes
 
@@ -174,8 +178,8 @@ def instants() -> str:
 
 
 def of_arm(expression: str, show: str) -> Any:
-    """Return a function without arguments that returns the value of an expression in the run by the
-    arm as text; show: format of the value.
+    """Return a function without arguments that returns as text the value of an expression in the
+    run in which the arm captures the target; show: format of the value.
     """
     return lambda: cell(Column("", expression, show), result_of(RUNS["by arm"]))
 

@@ -2,7 +2,8 @@
 """Sensitivity of margins to factors: elementary effects (Morris 1991) and variance-based indices
 (Sobol 1993, Saltelli et al. 2010).
 
-A factor is a group of coordinates that move together, so that a vector or an inertia is one factor.
+A factor is drawn from a group of standard normal coordinates, which move together, so that a vector
+or an inertia is one factor.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ RESAMPLED = 200
 
 
 class Sensitivity(msgspec.Struct):
-    """Entries of the table [sensitivity]; of: names of requirements ("": all); runs: about how many
-    runs to perform.
+    """Entries of the table [sensitivity]; of: name or names of requirements ("": all); method:
+    morris or sobol; runs: about how many runs to perform.
     """
 
     of: Names = ""
@@ -159,7 +160,8 @@ def _indices(f_a: Array, f_b: Array, f_ab: Array) -> tuple[Array, Array]:
 
 
 def sensitivity(definition: Any, output: str | Path, **how: Any) -> Study:
-    """Estimate the effect of each factor of a campaign on the margin of each requirement.
+    """Estimate the effect of each factor of a campaign on the margin of each requirement, and
+    return the study with its runs and these effects.
 
     definition: path of a campaign TOML with a table [sensitivity], or the table itself; output:
     OUT.zarr; how: workers, lanes, resume, progress and notify as for campaign(). Raises UsageError,

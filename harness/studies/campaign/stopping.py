@@ -14,8 +14,8 @@ from msgspec import Meta, Struct
 from harness.system.tables import Count, Flag
 
 LEAST = 1e-6
-"""Smallest `success` and `confidence` that `until` accepts. The tests compute with 1 - p,
-where p is such a value; for a much smaller p it would be rounded to 1, as for p = 0.
+"""Smallest `success` and `confidence` that `until` accepts. Wilks and Wald compute with 1 - p,
+where p is one of the two; for a much smaller p, 1 - p would be rounded to 1, as for p = 0.
 """
 Share = Annotated[
     float, Meta(ge=LEAST, lt=1, description=f"a number between 0 and 1, at least {LEAST:g}")
@@ -56,9 +56,10 @@ def wald(failures: int, runs: int, probability: float, confidence: float) -> boo
 class Until(Struct, frozen=True):
     """Stopping rule of a campaign: `until = {success = 0.99, confidence = 0.95}`.
 
-    success: share of successful runs to prove; confidence: confidence of the proof; fixed: true:
-    perform as many runs as Wilks requires if none fails; false: stop when Wald's test is decided;
-    most: largest number of runs for Wald's test (0: twenty times the number of Wilks).
+    success: share of successful runs to prove; confidence: confidence of the proof; fixed: whether
+    to perform as many runs as Wilks requires if none fails, instead of stopping when Wald's test is
+    decided; most: largest number of runs for Wald's test (0: twenty times the number that Wilks
+    requires).
     """
 
     success: Share

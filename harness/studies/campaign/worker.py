@@ -70,11 +70,12 @@ class Task:
     """Data that all runs of a campaign share, which can be sent to workers, and the code that
     performs runs in a worker.
 
-    key: hash of the plan; folder: folder of the files that the table names; kinds: result without
-    meaningful values, for names, units and descriptions of variables and parameters; requirements:
-    texts by name; start, step: start time and macro step [s]; steps: macro steps of the longest
-    run; needed: variables that metrics and requirements read (None: unknown); lanes: whether a
-    worker may make several runs at once, which gives the same bits as single runs.
+    key: hash of the plan of the campaign; table: content of the campaign file; folder: folder of
+    the files that `table` names; kinds: result without meaningful values, for names, units and
+    descriptions of variables and parameters; requirements: texts by name; start, step: start time
+    and macro step [s]; steps: macro steps of the longest run; needed: variables that metrics and
+    requirements read (None: unknown); lanes: whether a worker may make several runs at once, which
+    gives the same bits as single runs.
     """
 
     key: str
@@ -98,8 +99,8 @@ class Task:
 
     @cached_property
     def metrics(self) -> tuple[str, ...]:
-        """Return the names of the metrics of every run, including `success` if the table or a
-        requirement defines it.
+        """Return the names of the metrics of every run, including `success` if the campaign file
+        defines this metric or there are requirements.
         """
         success = [SUCCESS] if self.requirements else []
         return tuple(dict.fromkeys((*self.table.texts, *success)))
@@ -118,8 +119,8 @@ class Task:
         lanes = wanted and self.table.executor == FUSED and width() > 1
         if lanes:
             notify(
-                f"every worker makes up to {width()} runs at once in lanes of vector registers, if "
-                "the library of lanes is compiled"
+                f"every worker makes up to {width()} runs at once in lanes of vector registers, as "
+                "soon as the library of lanes is compiled (campaigns of many steps compile it)"
             )
         return replace(self, lanes=lanes)
 
